@@ -1,0 +1,58 @@
+# Two commands need nothing but Python >= 3.11, cargo and make: `make demo` and `make test`.
+# Each prepares a virtual environment of its own under .venv; the second time that costs nothing.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+RUST_SOURCES := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name Cargo.toml)
+# The virtual environment is chosen here, whatever else is active in the shell.
+export VIRTUAL_ENV := $(abspath $(VENV))
+unexport CONDA_PREFIX
+
+.PHONY: demo test lint format bench clean
+
+demo: $(VENV)/.built
+	$(BIN)/mrwork identify synthetic:spencer1997 --model normalised_bouc_wen --seed 1 --out out/demo
+
+test: $(VENV)/.built $(VENV)/.dev
+	cargo test --quiet --release --workspace
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/.built $(VENV)/.dev
+	cargo fmt --check
+	cargo clippy --quiet --release --workspace --all-targets -- -D warnings
+	$(BIN)/ruff format --check
+	$(BIN)/ruff check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	cd python && MYPYPATH=. ../$(BIN)/stubtest mrwork._rust
+
+format: $(VENV)/.dev
+	cargo fmt
+	$(BIN)/ruff format
+	$(BIN)/ruff check --fix
+
+bench: $(VENV)/.built $(VENV)/.dev
+	$(BIN)/mrwork bench kernels
+
+clean:
+	rm -rf $(VENV) target out
+
+$(BIN)/python:
+	$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "mrwork needs Python >= 3.11; set PYTHON=")'
+	$(PYTHON) -m venv $(VENV)
+
+# The package in editable form: Python files are used where they lie, only Rust changes need a build.
+$(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
+	$(PIP) maturin
+	$(PIP) --no-build-isolation --editable .
+	touch $@
+
+$(VENV)/.built: $(VENV)/.installed $(RUST_SOURCES)
+	$(BIN)/maturin develop --quiet --release --skip-install
+	touch $@
+
+$(VENV)/.dev: pyproject.toml constraints.txt | $(VENV)/.installed
+	$(PIP) --no-build-isolation --editable '.[dev]'
+	touch $@

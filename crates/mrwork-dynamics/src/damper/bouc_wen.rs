@@ -1,0 +1,67 @@
+//! Bouc-Wen model in the form of Spencer et al. (1997).
+
+use super::normalised_bouc_wen::fastest_relaxation;
+use super::{DamperModel, DamperSpec, Motion, Severity};
+use crate::elementary::powf;
+use crate::parameters::parameters;
+use crate::real::Real;
+
+parameters! {
+    c0: "N s/m", Log, 1e-3 .. 1e9, nominal 5000.0, "viscous damping";
+    k0: "N/m", Linear, -1e9 .. 1e9, nominal 2500.0, "stiffness in parallel, of the accumulator";
+    x0: "m", Offset, -10.0 .. 10.0, nominal 0.038, "displacement at which the spring k0 is free";
+    alpha: "N/m", Log, 1e-3 .. 1e12, nominal 88e3, "force per hysteretic displacement z";
+    gamma: "m^-n", Log, 1e-3 .. 1e15, nominal 1e6, "rounds the loop and dissipates (multiplies |v| z |z|^(n-1))";
+    beta: "m^-n", Linear, -1e15 .. 1e15, nominal 1e6, "rounds the loop reversibly (multiplies v |z|^n); above -gamma";
+    A: "1", Log, 1e-3 .. 1e6, nominal 120.0, "initial slope of z over x";
+    n: "1", Linear, 1.0 .. 6.0, nominal 2.0, "sharpness of the knee";
+}
+
+/// The Bouc-Wen element in parallel with a spring and a dashpot.
+pub struct BoucWen;
+
+impl DamperModel for BoucWen {
+    const SPEC: DamperSpec = DamperSpec {
+        name: "bouc_wen",
+        title: "Bouc-Wen (Spencer form)",
+        equation: "f = c0 v + k0 (x - x0) + alpha z\n\
+                   z' = -gamma |v| z |z|^(n-1) - beta v |z|^n + A v",
+        description: "A smooth hysteresis loop between +-alpha z_max, z_max = (A/(beta+gamma))^(1/n). \
+                      Redundant: alpha, A, beta and gamma share one scaling freedom, so data fix only \
+                      three of them; use normalised_bouc_wen to identify. gamma and beta follow Spencer; \
+                      OpenSees swaps the two.",
+        source: "Spencer, Dyke, Sain, Carlson, J. Eng. Mech. 123(3), 1997, 230-238",
+        nominal_source: "Spencer et al. 1997, at 1.5 V (published, not independently verified)",
+        parameters: PARAMETERS,
+        n_states: 1,
+        odd: true,
+    };
+    type Parameters<R: Real> = Parameters<R>;
+    type State<R: Real> = [R; 1];
+
+    #[inline(always)]
+    fn rate<R: Real>(p: &Parameters<R>, [z]: [R; 1], motion: Motion<R>) -> [R; 1] {
+        let v = motion.velocity;
+        let power = powf(z.abs(), p.n);
+        // |v| z |z|^(n-1) is |v| sgn(z) |z|^n: one power serves both terms.
+        let dissipative = p.gamma * v.abs().copysign(z);
+        let rounding = p.beta.mul_add(v, dissipative);
+        [(-power).mul_add(rounding, p.A * v)]
+    }
+
+    #[inline(always)]
+    fn force<R: Real>(p: &Parameters<R>, [z]: [R; 1], motion: Motion<R>) -> R {
+        let elastic = p.k0.mul_add(motion.displacement - p.x0, p.alpha * z);
+        p.c0.mul_add(motion.velocity, elastic)
+    }
+
+    fn stiffness_bound(p: &Parameters<f64>, loading: Severity) -> f64 {
+        let sum = p.beta + p.gamma;
+        if sum <= 0.0 {
+            // The loop has no bound, and neither has its stiffness.
+            return f64::INFINITY;
+        }
+        let z_max = (p.A / sum).powf(1.0 / p.n);
+        fastest_relaxation(p.A / z_max, p.gamma / sum, p.n, loading)
+    }
+}

@@ -1,0 +1,138 @@
+//! Damper models: what an author writes, and the list of all that exist.
+
+mod bouc_wen;
+mod normalised_bouc_wen;
+mod static_hysteretic;
+
+use crate::parameters::{FromValues, ParamSpec};
+use crate::real::Real;
+use crate::simulate::Damper;
+
+/// Every damper model, by one line each.
+pub static REGISTRY: &[&dyn Damper] =
+    &[&bouc_wen::BoucWen, &normalised_bouc_wen::NormalisedBoucWen, &static_hysteretic::StaticHysteretic];
+
+/// The model of that name.
+#[must_use]
+pub fn find(name: &str) -> Option<&'static dyn Damper> {
+    REGISTRY.iter().copied().find(|damper| damper.spec().name == name)
+}
+
+/// What a model says of itself.
+#[derive(Clone, Copy, Debug)]
+pub struct DamperSpec {
+    /// Name in code and on the command line.
+    pub name: &'static str,
+    /// Name in prose.
+    pub title: &'static str,
+    /// Equations, in the letters of the parameters.
+    pub equation: &'static str,
+    /// What the model is good for, and its traps.
+    pub description: &'static str,
+    /// Where the equations come from.
+    pub source: &'static str,
+    /// Where the nominal parameter values come from, and whether they were verified.
+    pub nominal_source: &'static str,
+    /// Parameters, in order.
+    pub parameters: &'static [ParamSpec],
+    /// Internal states.
+    pub n_states: usize,
+    /// Whether `f(-x, -v) = -f(x, v)` once the offset parameters are zero.
+    pub odd: bool,
+}
+
+/// Elongation of the damper and its rate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion<R> {
+    /// Displacement [m].
+    pub displacement: R,
+    /// Velocity [m/s].
+    pub velocity: R,
+}
+
+/// How severe a loading is, as far as stiffness depends on it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Severity {
+    /// Largest speed [m/s].
+    pub peak_velocity: f64,
+    /// Largest acceleration with which the velocity changes sign [m/s^2].
+    pub reversal_acceleration: f64,
+}
+
+impl Motion<f64> {
+    /// The same motion in every lane.
+    #[inline(always)]
+    pub fn splat<R: Real>(self) -> Motion<R> {
+        Motion { displacement: R::splat(self.displacement), velocity: R::splat(self.velocity) }
+    }
+}
+
+/// The internal states of a model: an array, one entry per state.
+pub trait State<R: Real>: Copy {
+    /// All zero.
+    fn rest() -> Self;
+    /// `self + step * rate`.
+    fn advance(self, step: R, rate: Self) -> Self;
+    /// `self + step * (first + 2 second + 2 third + fourth)`, the sum of the classical Runge-Kutta step.
+    fn advance_weighted(self, step: R, rates: [Self; 4]) -> Self;
+    /// States from and to plain numbers, entry by entry.
+    fn from_fn(value: impl FnMut(usize) -> R) -> Self;
+    /// Hands every entry to `receive(index, value)`.
+    fn for_each(self, receive: impl FnMut(usize, R));
+}
+
+impl<R: Real, const N: usize> State<R> for [R; N] {
+    #[inline(always)]
+    fn rest() -> Self {
+        [R::splat(0.0); N]
+    }
+    #[inline(always)]
+    fn advance(self, step: R, rate: Self) -> Self {
+        let mut next = self;
+        for i in 0..N {
+            next[i] = step.mul_add(rate[i], self[i]);
+        }
+        next
+    }
+    #[inline(always)]
+    fn advance_weighted(self, step: R, [first, second, third, fourth]: [Self; 4]) -> Self {
+        let mut next = self;
+        for i in 0..N {
+            let sum = (second[i] + third[i]).mul_add(R::splat(2.0), first[i] + fourth[i]);
+            next[i] = step.mul_add(sum, self[i]);
+        }
+        next
+    }
+    #[inline(always)]
+    fn from_fn(value: impl FnMut(usize) -> R) -> Self {
+        core::array::from_fn(value)
+    }
+    #[inline(always)]
+    fn for_each(self, mut receive: impl FnMut(usize, R)) {
+        for (index, value) in self.into_iter().enumerate() {
+            receive(index, value);
+        }
+    }
+}
+
+/// A damper model: its equations, written once over `R: Real`.
+///
+/// All functions must be `#[inline(always)]`: they run inside a loop compiled for each instruction set.
+pub trait DamperModel: Sync {
+    /// Name, prose, parameters.
+    const SPEC: DamperSpec;
+    /// The struct that `parameters!` declares.
+    type Parameters<R: Real>: FromValues<R>;
+    /// `[R; n]` for a model with n states.
+    type State<R: Real>: State<R>;
+
+    /// Time derivative of the states.
+    fn rate<R: Real>(p: &Self::Parameters<R>, state: Self::State<R>, motion: Motion<R>) -> Self::State<R>;
+
+    /// Force with which the damper resists [N].
+    fn force<R: Real>(p: &Self::Parameters<R>, state: Self::State<R>, motion: Motion<R>) -> R;
+
+    /// Upper bound of the fastest relaxation of the states [1/s] under such a loading; 0 without states, not
+    /// a finite number where the states have no bound.
+    fn stiffness_bound(p: &Self::Parameters<f64>, loading: Severity) -> f64;
+}

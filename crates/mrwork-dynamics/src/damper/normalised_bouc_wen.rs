@@ -1,0 +1,74 @@
+//! Normalised Bouc-Wen model of Ikhouane and Rodellar.
+
+use super::{DamperModel, DamperSpec, Motion, Severity};
+use crate::elementary::powf;
+use crate::parameters::parameters;
+use crate::real::Real;
+
+/// z_max of the Spencer 1997 set: (120 / 2e6)^(1/2) m.
+const Z_MAX: f64 = 7.745_966_692_414_834e-3;
+
+parameters! {
+    c: "N s/m", Log, 1e-3 .. 1e9, nominal 5000.0, "viscous damping";
+    k: "N/m", Linear, -1e9 .. 1e9, nominal 2500.0, "stiffness in parallel, of the accumulator";
+    x0: "m", Offset, -10.0 .. 10.0, nominal 0.038, "displacement at which the spring k is free";
+    k_w: "N", Log, 1e-3 .. 1e9, nominal 88e3 * Z_MAX, "yield force: the loop lies between +-k_w";
+    rho: "1/m", Log, 1e-2 .. 1e7, nominal 120.0 / Z_MAX, "initial slope: the loop yields within about 1/rho of travel";
+    sigma: "1", Log, 0.5 .. 1e4, nominal 0.5, "unloading: the slope just after a reversal is 2 sigma rho";
+    n: "1", Linear, 1.0 .. 6.0, nominal 2.0, "sharpness of the knee";
+}
+
+/// The Bouc-Wen element with its redundancy taken out.
+pub struct NormalisedBoucWen;
+
+impl DamperModel for NormalisedBoucWen {
+    const SPEC: DamperSpec = DamperSpec {
+        name: "normalised_bouc_wen",
+        title: "Normalised Bouc-Wen",
+        equation: "f = c v + k (x - x0) + k_w w\n\
+                   w' = rho (v - sigma |v| |w|^(n-1) w + (sigma - 1) v |w|^n)",
+        description: "The Bouc-Wen loop scaled to |w| <= 1, so that every parameter can be seen in the data. \
+                      rho = A/z_max, sigma = gamma/(beta+gamma), k_w = alpha z_max. The default for identification.",
+        source: "Ikhouane, Rodellar, Systems with Hysteresis, Wiley, 2007",
+        nominal_source: "Spencer et al. 1997, at 1.5 V, converted (published, not independently verified)",
+        parameters: PARAMETERS,
+        n_states: 1,
+        odd: true,
+    };
+    type Parameters<R: Real> = Parameters<R>;
+    type State<R: Real> = [R; 1];
+
+    #[inline(always)]
+    fn rate<R: Real>(p: &Parameters<R>, [w]: [R; 1], motion: Motion<R>) -> [R; 1] {
+        let v = motion.velocity;
+        let power = powf(w.abs(), p.n);
+        // |w|^(n-1) w is sgn(w) |w|^n: one power serves both terms.
+        let dissipative = p.sigma * v.abs().copysign(w);
+        let rounding = (R::splat(1.0) - p.sigma).mul_add(v, dissipative);
+        [p.rho * (-power).mul_add(rounding, v)]
+    }
+
+    #[inline(always)]
+    fn force<R: Real>(p: &Parameters<R>, [w]: [R; 1], motion: Motion<R>) -> R {
+        let elastic = p.k.mul_add(motion.displacement - p.x0, p.k_w * w);
+        p.c.mul_add(motion.velocity, elastic)
+    }
+
+    fn stiffness_bound(p: &Parameters<f64>, loading: Severity) -> f64 {
+        fastest_relaxation(p.rho, p.sigma, p.n, loading)
+    }
+}
+
+/// Largest |d w'/d w| along a trajectory [1/s].
+///
+/// While the loop loads it is at most n rho |v|. While it unloads it is n rho e |w|^(n-1) |v|, e = 2 sigma - 1,
+/// which is large only just after a reversal, where v is small: with acceleration a the velocity after a travel s
+/// is (2 a s)^(1/2), and w falls by dw/ds = -rho (1 + e |w|^n). Their product is largest where w^(n-1) = 1/2,
+/// after s = 1/(4 (n-1) rho e) as far as it counts; for n near 1, at the end of unloading, s = ln(1+e)/(rho e).
+pub(super) fn fastest_relaxation(rho: f64, sigma: f64, n: f64, loading: Severity) -> f64 {
+    let Severity { peak_velocity, reversal_acceleration } = loading;
+    let excess = (2.0 * sigma - 1.0).abs();
+    let travel = (1.0 + excess).ln().min(0.25 / (n - 1.0)) / (excess * rho);
+    let unloading_velocity = peak_velocity.min((2.0 * reversal_acceleration * travel).sqrt());
+    n * rho * peak_velocity.max(excess * unloading_velocity)
+}

@@ -1,0 +1,68 @@
+//! What can go wrong, by name.
+
+use thiserror::Error;
+
+/// A call that could not be carried out.
+#[derive(Clone, Debug, Error, PartialEq)]
+pub enum DynamicsError {
+    /// Too few samples for a cubic spline.
+    #[error("a loading history has {found} samples, a cubic spline takes at least {needed}")]
+    TooShort {
+        /// Samples given.
+        found: usize,
+        /// Samples needed.
+        needed: usize,
+    },
+    /// Two arrays that belong together differ in length.
+    #[error("`{name}` has {found} samples, the loading history has {expected}")]
+    LengthMismatch {
+        /// The array that differs.
+        name: &'static str,
+        /// Its length.
+        found: usize,
+        /// The length it should have.
+        expected: usize,
+    },
+    /// A sampling step that is not a positive number.
+    #[error("the sampling step is {0} s, it must be positive and finite")]
+    Step(f64),
+    /// An infinite or undefined sample.
+    #[error("`{name}` is not finite at sample {sample}")]
+    NotFinite {
+        /// The array.
+        name: &'static str,
+        /// Index of the first such sample.
+        sample: usize,
+    },
+    /// A parameter array of the wrong width.
+    #[error("`theta` has {found} columns, `{model}` takes {expected}")]
+    ParameterCount {
+        /// The model.
+        model: &'static str,
+        /// Columns given.
+        found: usize,
+        /// Columns needed.
+        expected: usize,
+    },
+    /// A sub-step factor that is not a power of two.
+    #[error("the sub-step factor is {0}, it must be a power of two from 1 to 64")]
+    SubstepFactor(u32),
+    /// The caller asked to stop.
+    #[error("the simulation was cancelled")]
+    Cancelled,
+    /// No threads to run on.
+    #[error("the thread pool could not be started: {0}")]
+    Threads(String),
+}
+
+/// How one candidate's simulation ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Outcome {
+    /// It reached the end of the record.
+    Finished = 0,
+    /// Its state or force left the finite numbers.
+    Diverged = 1,
+    /// It would need more sub-steps than [`crate::integrate::MAX_SUBSTEPS`]; it was not simulated.
+    Unresolved = 2,
+}

@@ -1,0 +1,51 @@
+//! The one time-stepping rule: classical Runge-Kutta on the record's own grid, with as many equal
+//! sub-steps per sample as the candidate's stiffness asks for.
+
+use crate::damper::{DamperModel, Motion, Severity, State};
+use crate::parameters::FromValues;
+use crate::real::Real;
+
+/// Most sub-steps per sample interval, over all factors.
+pub const MAX_SUBSTEPS: u32 = 4096;
+
+/// Largest product of step and stiffness bound. Classical Runge-Kutta is stable to 2.78; on measured tests at
+/// 1.4 the fit differs from the resolved one by less than 0.01 points, at 2.8 by up to 0.15.
+const RESOLUTION: f64 = 1.4;
+
+/// Sub-steps per sample interval (a power of two, so that lanes group), times `factor`.
+///
+/// `None` where the candidate needs more than [`MAX_SUBSTEPS`], or where its bound is not a number.
+pub(crate) fn substeps<M: DamperModel>(
+    theta: &[f64],
+    dt: f64,
+    loading: Severity,
+    factor: u32,
+) -> Option<u32> {
+    let p = M::Parameters::from_values(|index| theta.get(index).copied().unwrap_or(f64::NAN));
+    let wanted = dt * M::stiffness_bound(&p, loading) / RESOLUTION;
+    let mut count = 1;
+    while f64::from(count) < wanted {
+        count *= 2;
+        if count > MAX_SUBSTEPS {
+            return None;
+        }
+    }
+    let count = count * factor;
+    (wanted.is_finite() && count <= MAX_SUBSTEPS).then_some(count)
+}
+
+/// One classical Runge-Kutta step of length `step` [s], motions given at its start, middle and end.
+#[inline(always)]
+pub(crate) fn advance<M: DamperModel, R: Real>(
+    p: &M::Parameters<R>,
+    state: M::State<R>,
+    [start, middle, end]: [Motion<f64>; 3],
+    step: f64,
+) -> M::State<R> {
+    let half = R::splat(0.5 * step);
+    let first = M::rate(p, state, start.splat());
+    let second = M::rate(p, state.advance(half, first), middle.splat());
+    let third = M::rate(p, state.advance(half, second), middle.splat());
+    let fourth = M::rate(p, state.advance(R::splat(step), third), end.splat());
+    state.advance_weighted(R::splat(step / 6.0), [first, second, third, fourth])
+}

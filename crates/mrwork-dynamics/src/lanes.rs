@@ -1,0 +1,154 @@
+//! Lanes: eight candidates in one vector, several vectors in one pack.
+
+use core::array;
+use core::ops::{Add, Div, Mul, Neg, Sub};
+
+use crate::real::Real;
+
+/// Candidates in one vector.
+pub const VECTOR_WIDTH: usize = 8;
+
+/// A real number with several lanes.
+pub trait Lanes: Real {
+    /// Number of lanes.
+    const WIDTH: usize;
+    /// Lane `i` holds `value(i)`.
+    fn from_fn(value: impl FnMut(usize) -> f64) -> Self;
+    /// Hands every lane to `receive(i, value)`, in order.
+    fn for_each(self, receive: impl FnMut(usize, f64));
+}
+
+impl Lanes for f64 {
+    const WIDTH: usize = 1;
+    #[inline(always)]
+    fn from_fn(mut value: impl FnMut(usize) -> f64) -> Self {
+        value(0)
+    }
+    #[inline(always)]
+    fn for_each(self, mut receive: impl FnMut(usize, f64)) {
+        receive(0, self);
+    }
+}
+
+/// `GROUPS` vectors side by side: independent chains of arithmetic that hide each other's latency.
+#[derive(Clone, Copy)]
+pub struct Pack<V, const GROUPS: usize>([V; GROUPS]);
+
+/// Applies an expression to every group `$g`. A loop rather than a closure: a closure is compiled without the
+/// caller's instruction set, and keeps the intrinsics inside it from being inlined.
+macro_rules! each_group {
+    ($g:ident => $value:expr, from $start:expr) => {{
+        let mut groups = $start;
+        let mut $g = 0;
+        while $g < GROUPS {
+            groups[$g] = $value;
+            $g += 1;
+        }
+        groups
+    }};
+}
+
+macro_rules! operator {
+    ($trait:ident $method:ident) => {
+        impl<V: Real, const GROUPS: usize> $trait for Pack<V, GROUPS> {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                Self(each_group!(g => self.0[g].$method(other.0[g]), from self.0))
+            }
+        }
+    };
+}
+operator!(Add add);
+operator!(Sub sub);
+operator!(Mul mul);
+operator!(Div div);
+
+impl<V: Real, const GROUPS: usize> Neg for Pack<V, GROUPS> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self(each_group!(g => -self.0[g], from self.0))
+    }
+}
+
+impl<V: Real, const GROUPS: usize> Real for Pack<V, GROUPS> {
+    type Mask = [V::Mask; GROUPS];
+
+    #[inline(always)]
+    fn splat(value: f64) -> Self {
+        Self([V::splat(value); GROUPS])
+    }
+    #[inline(always)]
+    fn mul_add(self, factor: Self, addend: Self) -> Self {
+        Self(each_group!(g => self.0[g].mul_add(factor.0[g], addend.0[g]), from self.0))
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self(each_group!(g => self.0[g].abs(), from self.0))
+    }
+    #[inline(always)]
+    fn copysign(self, sign: Self) -> Self {
+        Self(each_group!(g => self.0[g].copysign(sign.0[g]), from self.0))
+    }
+    #[inline(always)]
+    fn round_ties_even(self) -> Self {
+        Self(each_group!(g => self.0[g].round_ties_even(), from self.0))
+    }
+    #[inline(always)]
+    fn less(self, other: Self) -> Self::Mask {
+        each_group!(g => self.0[g].less(other.0[g]), from [self.0[0].less(other.0[0]); GROUPS])
+    }
+    #[inline(always)]
+    fn equal(self, other: Self) -> Self::Mask {
+        each_group!(g => self.0[g].equal(other.0[g]), from [self.0[0].equal(other.0[0]); GROUPS])
+    }
+    #[inline(always)]
+    fn select(mask: Self::Mask, yes: Self, no: Self) -> Self {
+        Self(each_group!(g => V::select(mask[g], yes.0[g], no.0[g]), from yes.0))
+    }
+    #[inline(always)]
+    fn all(mask: Self::Mask) -> bool {
+        let mut all = true;
+        for group in mask {
+            all &= V::all(group);
+        }
+        all
+    }
+    #[inline(always)]
+    fn any(mask: Self::Mask) -> bool {
+        let mut any = false;
+        for group in mask {
+            any |= V::any(group);
+        }
+        any
+    }
+    #[inline(always)]
+    fn exponent_and_mantissa(self) -> (Self, Self) {
+        (
+            Self(each_group!(g => self.0[g].exponent_and_mantissa().0, from self.0)),
+            Self(each_group!(g => self.0[g].exponent_and_mantissa().1, from self.0)),
+        )
+    }
+    #[inline(always)]
+    fn times_two_to(self, k: Self) -> Self {
+        Self(each_group!(g => self.0[g].times_two_to(k.0[g]), from self.0))
+    }
+}
+
+impl<V: Lanes, const GROUPS: usize> Lanes for Pack<V, GROUPS> {
+    const WIDTH: usize = V::WIDTH * GROUPS;
+    #[inline(always)]
+    fn from_fn(mut value: impl FnMut(usize) -> f64) -> Self {
+        Self(array::from_fn(|group| V::from_fn(|lane| value(group * V::WIDTH + lane))))
+    }
+    #[inline(always)]
+    fn for_each(self, mut receive: impl FnMut(usize, f64)) {
+        for (group, vector) in self.0.into_iter().enumerate() {
+            vector.for_each(|lane, value| receive(group * V::WIDTH + lane, value));
+        }
+    }
+}
+
+/// Eight lanes for any processor: plain arrays, which the compiler may or may not turn into vectors.
+pub type Plain = Pack<f64, VECTOR_WIDTH>;

@@ -1,0 +1,20 @@
+//! Magnetorheological damper models and their simulation in lanes.
+//!
+//! A model is written once over [`real::Real`] ([`damper`]); a batch of candidates runs through one loading
+//! history ([`loading`]) in lanes of eight or more ([`lanes`], [`dispatch`]), by one time-stepping rule
+//! ([`integrate`]), and leaves behind a misfit or a force history ([`simulate`]). No Python, no files, no
+//! randomness, no printing.
+
+pub mod damper;
+#[allow(unsafe_code)] // the one file that enters an instruction set
+pub mod dispatch;
+pub mod elementary;
+pub mod error;
+pub mod integrate;
+pub mod lanes;
+pub mod loading;
+mod misfit;
+pub mod parameters;
+pub mod peak;
+pub mod real;
+pub mod simulate;

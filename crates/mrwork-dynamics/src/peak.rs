@@ -1,0 +1,159 @@
+//! How fast the machine could be, and how much arithmetic a step is: for `mrwork bench kernels`.
+
+use core::cell::Cell;
+use core::hint::black_box;
+use core::ops::{Add, Div, Mul, Neg, Sub};
+use std::time::{Duration, Instant};
+
+use rayon::prelude::*;
+
+use crate::damper::{DamperModel, Motion, State};
+use crate::dispatch::{InstructionSet, LaneJob};
+use crate::error::DynamicsError;
+use crate::integrate::advance;
+use crate::lanes::Lanes;
+use crate::parameters::FromValues;
+use crate::real::Real;
+use crate::simulate::on_threads;
+
+/// Peak rate of fused multiply-adds [flop/s], measured on `threads` threads for about `seconds` each.
+///
+/// # Errors
+/// Where the threads cannot be started.
+pub fn fma_peak(set: InstructionSet, threads: usize, seconds: f64) -> Result<f64, DynamicsError> {
+    let span = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::ZERO);
+    on_threads(threads, || {
+        (0..rayon::current_num_threads())
+            .into_par_iter()
+            .with_max_len(1)
+            .map(|_| set.run(set.block_width(), FmaChains { span }))
+            .sum()
+    })
+}
+
+struct FmaChains {
+    span: Duration,
+}
+
+/// Packs in flight; with four vectors each they hide the latency of every current processor.
+const CHAINS: usize = 3;
+const ROUNDS: u32 = 100_000;
+
+impl LaneJob for FmaChains {
+    type Output = f64;
+    #[inline(always)]
+    #[allow(clippy::cast_precision_loss)] // operation counts stay far below 2^52
+    fn run<R: Lanes>(self) -> f64 {
+        let factor = R::splat(black_box(0.999_999));
+        let addend = R::splat(black_box(1e-6));
+        let mut chains = [R::splat(black_box(1.0)); CHAINS];
+        let start = Instant::now();
+        let mut flops = 0_u64;
+        while start.elapsed() < self.span {
+            for _ in 0..ROUNDS {
+                for chain in &mut chains {
+                    *chain = chain.mul_add(factor, addend);
+                }
+            }
+            flops += 2 * u64::from(ROUNDS) * (CHAINS * R::WIDTH) as u64;
+        }
+        let seconds = start.elapsed().as_secs_f64();
+        for chain in chains {
+            chain.for_each(|_, value| {
+                black_box(value);
+            });
+        }
+        flops as f64 / seconds
+    }
+}
+
+/// Arithmetic operations of one Runge-Kutta step and one residual, counted by running them.
+pub(crate) fn flops_per_step<M: DamperModel>(theta: &[f64]) -> u64 {
+    let p = M::Parameters::from_values(|index| Counted(theta.get(index).copied().unwrap_or(f64::NAN)));
+    let motion = Motion { displacement: 1e-3, velocity: 1e-2 };
+    FLOPS.set(0);
+    let mut state = M::State::<Counted>::from_fn(|_| Counted(0.5));
+    if M::SPEC.n_states > 0 {
+        state = advance::<M, Counted>(&p, state, [motion; 3], 1e-3);
+    }
+    let residual = M::force(&p, state, motion.splat()) - Counted(1.0);
+    let _squared = residual.mul_add(residual, Counted(0.0));
+    FLOPS.get()
+}
+
+thread_local! {
+    static FLOPS: Cell<u64> = const { Cell::new(0) };
+}
+
+fn count(flops: u64) {
+    FLOPS.set(FLOPS.get() + flops);
+}
+
+/// An `f64` that counts its additions, multiplications and divisions.
+#[derive(Clone, Copy)]
+struct Counted(f64);
+
+macro_rules! counted_operator {
+    ($trait:ident $method:ident) => {
+        impl $trait for Counted {
+            type Output = Self;
+            fn $method(self, other: Self) -> Self {
+                count(1);
+                Self($trait::$method(self.0, other.0))
+            }
+        }
+    };
+}
+counted_operator!(Add add);
+counted_operator!(Sub sub);
+counted_operator!(Mul mul);
+counted_operator!(Div div);
+
+impl Neg for Counted {
+    type Output = Self;
+    fn neg(self) -> Self {
+        Self(-self.0)
+    }
+}
+
+impl Real for Counted {
+    type Mask = bool;
+    fn splat(value: f64) -> Self {
+        Self(value)
+    }
+    fn mul_add(self, factor: Self, addend: Self) -> Self {
+        count(2);
+        Self(self.0.mul_add(factor.0, addend.0))
+    }
+    fn abs(self) -> Self {
+        Self(self.0.abs())
+    }
+    fn copysign(self, sign: Self) -> Self {
+        Self(self.0.copysign(sign.0))
+    }
+    fn round_ties_even(self) -> Self {
+        Self(self.0.round_ties_even())
+    }
+    fn less(self, other: Self) -> bool {
+        self.0 < other.0
+    }
+    fn equal(self, other: Self) -> bool {
+        self.0.equal(other.0)
+    }
+    fn select(mask: bool, yes: Self, no: Self) -> Self {
+        if mask { yes } else { no }
+    }
+    fn all(mask: bool) -> bool {
+        mask
+    }
+    fn any(mask: bool) -> bool {
+        mask
+    }
+    fn exponent_and_mantissa(self) -> (Self, Self) {
+        let (exponent, mantissa) = self.0.exponent_and_mantissa();
+        (Self(exponent), Self(mantissa))
+    }
+    fn times_two_to(self, k: Self) -> Self {
+        Self(self.0.times_two_to(k.0))
+    }
+}

@@ -1,0 +1,182 @@
+//! Damper models as Python sees them: specs, batches, single evaluations.
+
+use mrwork_dynamics::damper::{DamperSpec, Motion, REGISTRY, find};
+use mrwork_dynamics::error::DynamicsError;
+use mrwork_dynamics::parameters::ParamSpec;
+use mrwork_dynamics::simulate::{self, Damper, Row, Settings, Target};
+use numpy::ndarray::Array2;
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyLookupError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+
+use crate::enter::{chosen_instruction_set, interruptible, value_error};
+use crate::loading::{LoadingHistory, contiguous};
+
+type Floats<'py> = Bound<'py, PyArray1<f64>>;
+type Outcomes<'py> = Bound<'py, PyArray1<u8>>;
+type Substeps<'py> = Bound<'py, PyArray1<u32>>;
+
+/// Every registered damper model, as plain dictionaries in registry order.
+#[pyfunction]
+pub fn damper_specs(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
+    REGISTRY.iter().map(|damper| damper_dict(py, damper.spec())).collect()
+}
+
+fn damper_dict<'py>(py: Python<'py>, spec: &DamperSpec) -> PyResult<Bound<'py, PyDict>> {
+    let entry = PyDict::new(py);
+    entry.set_item("name", spec.name)?;
+    entry.set_item("title", spec.title)?;
+    entry.set_item("equation", spec.equation)?;
+    entry.set_item("description", spec.description)?;
+    entry.set_item("source", spec.source)?;
+    entry.set_item("nominal_source", spec.nominal_source)?;
+    entry.set_item("n_states", spec.n_states)?;
+    entry.set_item("odd", spec.odd)?;
+    let parameters = spec.parameters.iter().map(|parameter| parameter_dict(py, parameter));
+    entry.set_item("parameters", parameters.collect::<PyResult<Vec<_>>>()?)?;
+    Ok(entry)
+}
+
+fn parameter_dict<'py>(py: Python<'py>, parameter: &ParamSpec) -> PyResult<Bound<'py, PyDict>> {
+    let entry = PyDict::new(py);
+    entry.set_item("name", parameter.name)?;
+    entry.set_item("unit", parameter.unit)?;
+    entry.set_item("scale", parameter.scale.name())?;
+    entry.set_item("lower", parameter.lower)?;
+    entry.set_item("upper", parameter.upper)?;
+    entry.set_item("nominal", parameter.nominal)?;
+    entry.set_item("description", parameter.description)?;
+    Ok(entry)
+}
+
+/// Sums of squared residuals of a batch from sample `first` on; no force is stored.
+#[pyfunction]
+#[pyo3(signature = (model, theta, loading, force, first=0, substep_factor=1, threads=0))]
+#[allow(clippy::too_many_arguments)] // a boundary function takes plain values, by keyword from Python
+pub fn misfits<'py>(
+    py: Python<'py>,
+    model: &str,
+    theta: PyReadonlyArray2<'py, f64>,
+    loading: &LoadingHistory,
+    force: PyReadonlyArray1<'py, f64>,
+    first: usize,
+    substep_factor: u32,
+    threads: usize,
+) -> PyResult<(Floats<'py>, Outcomes<'py>, Substeps<'py>)> {
+    let (damper, theta) = batch(model, &theta)?;
+    let target = Target { force: contiguous("force", &force)?, first };
+    let instruction_set = chosen_instruction_set()?;
+    let rows = interruptible(py, |stop| {
+        let settings = Settings { substep_factor, threads, instruction_set, stop };
+        simulate::misfits(damper, theta, &loading.dynamics, target, settings)
+    })?;
+    let squared_errors: Vec<f64> = rows.iter().map(|row| row.squared_error).collect();
+    let (outcome, substeps) = columns(py, &rows);
+    Ok((squared_errors.into_pyarray(py), outcome, substeps))
+}
+
+/// Force histories of a batch, shape (`n_batch`, `n_time`); rows that did not finish are infinite.
+#[pyfunction]
+#[pyo3(signature = (model, theta, loading, substep_factor=1, threads=0))]
+pub fn force_histories<'py>(
+    py: Python<'py>,
+    model: &str,
+    theta: PyReadonlyArray2<'py, f64>,
+    loading: &LoadingHistory,
+    substep_factor: u32,
+    threads: usize,
+) -> PyResult<(Bound<'py, PyArray2<f64>>, Outcomes<'py>, Substeps<'py>)> {
+    let n_batch = theta.shape()[0];
+    let (damper, theta) = batch(model, &theta)?;
+    let instruction_set = chosen_instruction_set()?;
+    let mut force = vec![0.0; n_batch * loading.dynamics.n_time()];
+    let rows = interruptible(py, |stop| {
+        let settings = Settings { substep_factor, threads, instruction_set, stop };
+        simulate::force_histories(damper, theta, &loading.dynamics, &mut force, settings)
+    })?;
+    let force = Array2::from_shape_vec((n_batch, loading.dynamics.n_time()), force)
+        .map_err(|error| PyValueError::new_err(error.to_string()))?;
+    let (outcome, substeps) = columns(py, &rows);
+    Ok((force.into_pyarray(py), outcome, substeps))
+}
+
+/// Time derivative of the states at one point, shape (`n_states`,).
+#[pyfunction]
+pub fn rate<'py>(
+    py: Python<'py>,
+    model: &str,
+    theta: PyReadonlyArray1<'py, f64>,
+    state: PyReadonlyArray1<'py, f64>,
+    displacement: f64,
+    velocity: f64,
+) -> PyResult<Floats<'py>> {
+    let damper = named(model)?;
+    let (theta, state) = point(damper, &theta, &state)?;
+    Ok(damper.rate(theta, state, Motion { displacement, velocity }).into_pyarray(py))
+}
+
+/// Force at one point [N].
+#[pyfunction]
+pub fn force(
+    model: &str,
+    theta: PyReadonlyArray1<'_, f64>,
+    state: PyReadonlyArray1<'_, f64>,
+    displacement: f64,
+    velocity: f64,
+) -> PyResult<f64> {
+    let damper = named(model)?;
+    let (theta, state) = point(damper, &theta, &state)?;
+    Ok(damper.force(theta, state, Motion { displacement, velocity }))
+}
+
+/// The registered model of that name.
+pub fn named(model: &str) -> PyResult<&'static dyn Damper> {
+    find(model).ok_or_else(|| {
+        let known: Vec<&str> = REGISTRY.iter().map(|damper| damper.spec().name).collect();
+        PyLookupError::new_err(format!("no damper model is called {model:?}; there are {}", known.join(", ")))
+    })
+}
+
+/// The model and its batch of parameters, which must have one column per parameter.
+fn batch<'a>(
+    model: &str,
+    theta: &'a PyReadonlyArray2<'_, f64>,
+) -> PyResult<(&'static dyn Damper, &'a [f64])> {
+    let damper = named(model)?;
+    check_count(damper, theta.shape()[1])?;
+    Ok((damper, contiguous("theta", theta)?))
+}
+
+fn point<'a>(
+    damper: &dyn Damper,
+    theta: &'a PyReadonlyArray1<'_, f64>,
+    state: &'a PyReadonlyArray1<'_, f64>,
+) -> PyResult<(&'a [f64], &'a [f64])> {
+    let theta = contiguous("theta", theta)?;
+    let state = contiguous("state", state)?;
+    check_count(damper, theta.len())?;
+    let n_states = damper.spec().n_states;
+    if state.len() != n_states {
+        return Err(PyValueError::new_err(format!(
+            "`state` has {} entries, the model has {n_states}",
+            state.len()
+        )));
+    }
+    Ok((theta, state))
+}
+
+fn check_count(damper: &dyn Damper, found: usize) -> PyResult<()> {
+    let spec = damper.spec();
+    let expected = spec.parameters.len();
+    if found == expected {
+        return Ok(());
+    }
+    Err(value_error(DynamicsError::ParameterCount { model: spec.name, found, expected }))
+}
+
+fn columns<'py>(py: Python<'py>, rows: &[Row]) -> (Outcomes<'py>, Substeps<'py>) {
+    let outcome: Vec<u8> = rows.iter().map(|row| row.outcome as u8).collect();
+    let substeps: Vec<u32> = rows.iter().map(|row| row.substeps).collect();
+    (outcome.into_pyarray(py), substeps.into_pyarray(py))
+}

@@ -1,0 +1,18 @@
+//! The compiled module `mrwork._rust`: converts, checks, frees the interpreter, maps errors; decides nothing.
+
+mod damper;
+mod enter;
+mod loading;
+mod machine;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+mod _rust {
+    #[pymodule_export]
+    use crate::damper::{damper_specs, force, force_histories, misfits, rate};
+    #[pymodule_export]
+    use crate::loading::LoadingHistory;
+    #[pymodule_export]
+    use crate::machine::{flops_per_step, fma_peak, instruction_set};
+}

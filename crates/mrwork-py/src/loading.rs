@@ -1,0 +1,93 @@
+//! Loading histories as Python sees them.
+
+use mrwork_dynamics::loading::LoadingHistory as Dynamics;
+use numpy::ndarray::Array3;
+use numpy::{IntoPyArray, PyArray1, PyArray3, PyReadonlyArray1, ToPyArray};
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+use crate::enter::value_error;
+
+type Arguments<'py> = (f64, Bound<'py, PyArray1<f64>>, Option<Bound<'py, PyArray1<f64>>>);
+
+/// Displacement and velocity on a uniform grid with their C2 cubic splines.
+#[pyclass(frozen, module = "mrwork._rust")]
+pub struct LoadingHistory {
+    pub(crate) dynamics: Dynamics,
+    displacement: Vec<f64>,
+    velocity: Option<Vec<f64>>,
+}
+
+#[pymethods]
+impl LoadingHistory {
+    #[new]
+    #[pyo3(signature = (dt, displacement, velocity=None))]
+    fn new(
+        dt: f64,
+        displacement: PyReadonlyArray1<'_, f64>,
+        velocity: Option<PyReadonlyArray1<'_, f64>>,
+    ) -> PyResult<Self> {
+        let displacement = contiguous("displacement", &displacement)?.to_vec();
+        let velocity = match velocity {
+            Some(velocity) => Some(contiguous("velocity", &velocity)?.to_vec()),
+            None => None,
+        };
+        let dynamics = Dynamics::new(dt, &displacement, velocity.as_deref()).map_err(value_error)?;
+        Ok(Self { dynamics, displacement, velocity })
+    }
+
+    fn __getnewargs__<'py>(&self, py: Python<'py>) -> Arguments<'py> {
+        let velocity = self.velocity.as_ref().map(|velocity| velocity.to_pyarray(py));
+        (self.dynamics.dt(), self.displacement.to_pyarray(py), velocity)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("LoadingHistory(dt={}, n_time={})", self.dynamics.dt(), self.dynamics.n_time())
+    }
+
+    #[getter]
+    fn dt(&self) -> f64 {
+        self.dynamics.dt()
+    }
+
+    #[getter]
+    fn n_time(&self) -> usize {
+        self.dynamics.n_time()
+    }
+
+    #[getter]
+    fn peak_velocity(&self) -> f64 {
+        self.dynamics.severity().peak_velocity
+    }
+
+    #[getter]
+    fn reversal_acceleration(&self) -> f64 {
+        self.dynamics.severity().reversal_acceleration
+    }
+
+    fn stages<'py>(&self, py: Python<'py>, substeps: u32) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        if substeps == 0 {
+            return Err(PyValueError::new_err("`substeps` is 0, at least one step per sample is needed"));
+        }
+        let shape = (self.dynamics.n_time() - 1, 2 * substeps as usize + 1, 2);
+        let flat = self
+            .dynamics
+            .stages(substeps)
+            .into_iter()
+            .flat_map(|motion| [motion.displacement, motion.velocity])
+            .collect();
+        let stages =
+            Array3::from_shape_vec(shape, flat).map_err(|error| PyValueError::new_err(error.to_string()))?;
+        Ok(stages.into_pyarray(py))
+    }
+}
+
+/// The array's memory, if it lies in one piece.
+pub fn contiguous<'a, D: numpy::ndarray::Dimension>(
+    name: &str,
+    array: &'a numpy::PyReadonlyArray<'_, f64, D>,
+) -> PyResult<&'a [f64]> {
+    array.as_slice().map_err(|_| {
+        PyValueError::new_err(format!("`{name}` must be C-contiguous float64; use numpy.ascontiguousarray"))
+    })
+}

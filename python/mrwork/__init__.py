@@ -1,0 +1,50 @@
+"""Identify magnetorheological dampers from test records, and control structures with them.
+
+Nothing heavy is loaded until it is used: `import mrwork` costs little more than the interpreter.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mrwork.coordinates import Box
+    from mrwork.errors import MrworkError
+    from mrwork.identification.fit import Fit
+    from mrwork.identification.identify import identify
+    from mrwork.records import DamperTest, read_damper_test, read_damper_tests
+    from mrwork.simulate import Loading, simulate_force
+    from mrwork.spec import DamperSpec, damper, dampers
+    from mrwork.synthetic import synthetic_test
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "Box": "mrwork.coordinates",
+    "DamperSpec": "mrwork.spec",
+    "DamperTest": "mrwork.records",
+    "Fit": "mrwork.identification.fit",
+    "Loading": "mrwork.simulate",
+    "MrworkError": "mrwork.errors",
+    "damper": "mrwork.spec",
+    "dampers": "mrwork.spec",
+    "identify": "mrwork.identification.identify",
+    "read_damper_test": "mrwork.records",
+    "read_damper_tests": "mrwork.records",
+    "simulate_force": "mrwork.simulate",
+    "synthetic_test": "mrwork.synthetic",
+}
+
+__all__ = [*_HOME, "__version__"]  # noqa: PLE0604 - names are resolved on first use
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME:
+        message = f"module 'mrwork' has no attribute {name!r}"
+        raise AttributeError(message)
+    return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -1,0 +1,5 @@
+"""`python -m mrwork`."""
+
+from mrwork.cli import main
+
+main()

@@ -1,0 +1,55 @@
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+@final
+class LoadingHistory:
+    def __new__(
+        cls, dt: float, displacement: NDArray[np.float64], velocity: NDArray[np.float64] | None = None
+    ) -> LoadingHistory: ...
+    def __getnewargs__(self) -> tuple[float, NDArray[np.float64], NDArray[np.float64] | None]: ...
+    @property
+    def dt(self) -> float: ...
+    @property
+    def n_time(self) -> int: ...
+    @property
+    def peak_velocity(self) -> float: ...
+    @property
+    def reversal_acceleration(self) -> float: ...
+    def stages(self, substeps: int) -> NDArray[np.float64]: ...
+
+def damper_specs() -> list[dict[str, Any]]: ...
+def misfits(
+    model: str,
+    theta: NDArray[np.float64],
+    loading: LoadingHistory,
+    force: NDArray[np.float64],
+    first: int = 0,
+    substep_factor: int = 1,
+    threads: int = 0,
+) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint32]]: ...
+def force_histories(
+    model: str,
+    theta: NDArray[np.float64],
+    loading: LoadingHistory,
+    substep_factor: int = 1,
+    threads: int = 0,
+) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint32]]: ...
+def rate(
+    model: str,
+    theta: NDArray[np.float64],
+    state: NDArray[np.float64],
+    displacement: float,
+    velocity: float,
+) -> NDArray[np.float64]: ...
+def force(
+    model: str,
+    theta: NDArray[np.float64],
+    state: NDArray[np.float64],
+    displacement: float,
+    velocity: float,
+) -> float: ...
+def instruction_set() -> str: ...
+def fma_peak(threads: int, seconds: float) -> float: ...
+def flops_per_step(model: str, theta: NDArray[np.float64]) -> int: ...

@@ -1,0 +1,63 @@
+"""The command line: one module per verb, each with `add_parser` and `run`.
+
+Exit status: 0 done, 2 bad input (one line on stderr), 130 interrupted (what was finished is kept).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Sequence
+from typing import NoReturn
+
+from mrwork import __version__
+from mrwork.cli import bench, check, identify, models, predict
+from mrwork.errors import MrworkError
+
+_VERBS = (models, check, identify, predict, bench)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line, without repeating the usage."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
+
+
+def parser() -> argparse.ArgumentParser:
+    """The whole command line."""
+    root = _Parser(
+        prog="mrwork",
+        description="Identify magnetorheological dampers from test records.",
+        epilog="mrwork VERB --help says more of each.",
+    )
+    root.add_argument("--version", action="version", version=f"mrwork {__version__}")
+    verbs = root.add_subparsers(title="verbs", metavar="VERB", required=True, parser_class=_Parser)
+    for verb in _VERBS:
+        verb.add_parser(verbs)
+    return root
+
+
+def main(arguments: Sequence[str] | None = None) -> NoReturn:
+    """Run a command line and leave the process with its exit status."""
+    options = parser().parse_args(arguments)
+    try:
+        status = int(options.run(options))
+        sys.stdout.flush()
+    except MrworkError as error:
+        print(f"mrwork: {error}", file=sys.stderr)
+        status = 2
+    except KeyboardInterrupt:
+        print("mrwork: interrupted", file=sys.stderr)
+        status = 130
+    except BrokenPipeError:
+        # Whoever reads our output has read enough; the interpreter must not complain at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        status = 0
+    if status == 130:
+        # A refinement may still be inside compiled code that knows no interrupt; nothing is left to be written.
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+    sys.exit(status)

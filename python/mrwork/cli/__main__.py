@@ -1,0 +1,5 @@
+"""`python -m mrwork.cli`."""
+
+from mrwork.cli import main
+
+main()

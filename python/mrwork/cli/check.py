@@ -1,0 +1,74 @@
+"""`mrwork check`: what a record says and what is odd about it, without fitting."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from mrwork.cli.options import add_files, add_json, read_tests
+from mrwork.errors import MrworkError
+from mrwork.records import DamperTest
+
+
+def add_parser(verbs: Any) -> None:
+    """Declare the verb."""
+    parser = verbs.add_parser("check", help="print what is found in test records, without fitting")
+    add_files(parser)
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Check every file; one that cannot be read does not keep the others from being checked."""
+    status = 0
+    rows: list[dict[str, Any]] = []
+    for path in options.files:
+        try:
+            (test,) = read_tests(argparse.Namespace(**(vars(options) | {"files": [path]})))
+        except MrworkError as error:
+            status = 2
+            rows.append({"file": path, "error": str(error)})
+            print(f"mrwork: {error}", file=sys.stderr)
+            continue
+        rows.append(_facts(test))
+        if not options.json:
+            print(_report(test))
+    if options.json:
+        print(json.dumps({"files": rows}))
+    return status
+
+
+def _facts(test: DamperTest) -> dict[str, Any]:
+    return {
+        "file": test.path,
+        "n_time": test.n_time,
+        "dt": test.dt,
+        "settle_seconds": test.n_settle * test.dt,
+        "peak_displacement_m": float(np.abs(test.displacement).max()),
+        "peak_velocity_mps": float(np.abs(test.velocity).max()),
+        "peak_force_n": float(np.abs(test.force).max()),
+        "current_a": test.current,
+        "voltage_v": test.voltage,
+        "velocity_source": test.velocity_source,
+        "synthetic": test.synthetic,
+        "findings": [asdict(finding) for finding in test.findings],
+    }
+
+
+def _report(test: DamperTest) -> str:
+    facts = _facts(test)
+    command = "".join(
+        f", {value:g} {unit}" for value, unit in ((test.current, "A"), (test.voltage, "V")) if value is not None
+    )
+    head = (
+        f"{test.path or test.name}: {test.n_time} samples at {1.0 / test.dt:g} Hz, "
+        f"{1e3 * facts['peak_displacement_m']:.3g} mm, {1e3 * facts['peak_velocity_mps']:.3g} mm/s, "
+        f"{facts['peak_force_n']:.4g} N{command}"
+    )
+    lines = [f"  {finding.severity}: {finding.message}" for finding in test.findings]
+    return "\n".join([head, *(lines or ["  nothing to note"])])

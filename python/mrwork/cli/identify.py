@@ -1,0 +1,187 @@
+"""`mrwork identify`: from test records to an identified damper and its report."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import shlex
+import sys
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from mrwork.cli.options import add_files, add_json, parse_bounds, read_tests
+from mrwork.cli.progress import ProgressLine
+from mrwork.errors import SettingError
+from mrwork.identification.fit import Fit
+from mrwork.identification.identify import IdentificationInterrupted, identify, judge
+from mrwork.records import DamperTest
+from mrwork.report.run_directory import check_destination, write_run
+from mrwork.search import EfficientGA
+from mrwork.spec import damper
+
+
+def add_parser(verbs: Any) -> None:
+    """Declare the verb."""
+    parser = verbs.add_parser(
+        "identify",
+        help="identify a damper model from test records",
+        description="Identify one damper model from one or several tests of the same damper.",
+    )
+    add_files(parser)
+    parser.add_argument("--model", default="normalised_bouc_wen", metavar="NAME", help="see mrwork models")
+    parser.add_argument(
+        "--bound", action="append", default=[], metavar="NAME=LOWER:UPPER", help="range of a parameter"
+    )
+    parser.add_argument("--fix", action="append", default=[], metavar="NAME=VALUE", help="hold a parameter fixed")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the search, default 0")
+    parser.add_argument("--population", type=int, default=None, metavar="N", help="chromosomes of the search")
+    parser.add_argument("--generations", type=int, default=None, metavar="N", help="most generations of the search")
+    parser.add_argument("--threads", type=int, default=0, metavar="N", help="threads, default all")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="run directory, default out/TEST-MODEL")
+    parser.add_argument("--quiet", action="store_true", help="no progress")
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Identify, write the run directory, say what came out."""
+    spec = damper(options.model)
+    bounds = parse_bounds(options.bound, options.fix)
+    search = _search(options)
+    if options.seed < 0 or options.threads < 0:
+        raise SettingError(f"--seed is {options.seed} and --threads {options.threads}; neither can be negative")
+    tests = read_tests(options)
+    place = options.out or Path("out") / f"{_stem(tests)}-{spec.name}"
+    check_destination(place)
+    line = ProgressLine(quiet=options.quiet or options.json)
+    status = 0
+    try:
+        fit = identify(
+            spec, tests, search=search, bounds=bounds, rng=options.seed, threads=options.threads, on_progress=line
+        )
+    except IdentificationInterrupted as interrupt:
+        fit, status = interrupt.fit, 130
+    finally:
+        line.close()
+    fit = _with_command(fit)
+    _write(place, fit, tests, with_figures=status == 0)
+    print(json.dumps(_summary(fit, place)) if options.json else _text(fit, tests, place))
+    if status == 130:
+        print(f"mrwork: interrupted; the best found so far is in {place}", file=sys.stderr)
+    return status
+
+
+def _search(options: argparse.Namespace) -> EfficientGA:
+    search = EfficientGA()
+    if options.population is not None:
+        search = replace(search, population=options.population)
+    if options.generations is not None:
+        search = replace(search, max_generations=options.generations)
+    return search
+
+
+def _stem(tests: tuple[DamperTest, ...]) -> str:
+    first = tests[0].name.replace(" ", "_").replace(os.sep, "_")
+    return first if len(tests) == 1 else f"{first}-and-{len(tests) - 1}-more"
+
+
+def _with_command(fit: Fit) -> Fit:
+    command = shlex.join(["mrwork", *sys.argv[1:]])
+    return replace(fit, provenance=replace(fit.provenance, settings=fit.provenance.settings | {"command": command}))
+
+
+def _write(place: Path, fit: Fit, tests: tuple[DamperTest, ...], *, with_figures: bool) -> None:
+    """Write the run directory; an interrupted run is written at once, without the pictures that take time."""
+    trace = fit.trace
+    rows = zip(trace.evaluations, trace.best, trace.median, strict=True)
+    journal = [
+        {"generation": number, "evaluations": evaluations, "best": best, "median": median}
+        for number, (evaluations, best, median) in enumerate(rows, start=1)
+    ]
+    manifest = {"kind": "identification", "model": fit.model, "status": fit.status} | asdict(fit.provenance)
+    if not with_figures:
+        write_run(
+            place, fit=fit, report_html=_INTERRUPTED, figures={}, manifest=manifest, journal_lines=journal
+        )
+        return
+    # Matplotlib is slow to load and needed for reports only.
+    from mrwork.report.comparison import Comparison
+    from mrwork.report.figures import run_figures
+    from mrwork.report.html import identification_report
+
+    spec = damper(fit.model)
+    theta = np.array(fit.theta)
+    comparisons = [
+        Comparison(test=test, model_force=judge(spec, theta, test)[0], quality=quality)
+        for test, quality in zip(tests, fit.quality, strict=True)
+    ]
+    write_run(
+        place,
+        fit=fit,
+        report_html=identification_report(
+            fit, comparisons, model_title=spec.title, equation=spec.equation, source=spec.source
+        ),
+        figures=run_figures(fit, comparisons),
+        manifest=manifest,
+        journal_lines=journal,
+    )
+
+
+_INTERRUPTED = (
+    "<!doctype html><html lang=en><meta charset=utf-8><title>mrwork: interrupted</title>"
+    "<p>This identification was interrupted. The best parameters found so far are in fit.json; "
+    "run <code>mrwork identify</code> again for the full report.</p></html>\n"
+)
+
+
+def _summary(fit: Fit, place: Path) -> dict[str, Any]:
+    return {
+        "model": fit.model,
+        "parameters": {
+            estimate.name: {
+                "value": estimate.value,
+                "unit": estimate.unit,
+                "standard_error": estimate.standard_error,
+                "lower": estimate.lower,
+                "upper": estimate.upper,
+                "remark": estimate.remark,
+            }
+            for estimate in fit.estimates
+        },
+        "fit_percent": fit.fit_percent,
+        "nrmse": fit.nrmse,
+        "rmse_n": fit.rmse_n,
+        "error_norms": asdict(fit.error_norms),
+        "status": fit.status,
+        "stop_reason": fit.stop_reason,
+        "evaluations": fit.evaluations,
+        "refinement_steps": fit.refinement_steps,
+        "seconds": fit.seconds,
+        "n_time": fit.n_time,
+        "rng": fit.provenance.rng,
+        "files": [asdict(quality) for quality in fit.quality],
+        "out": str(place),
+    }
+
+
+def _text(fit: Fit, tests: tuple[DamperTest, ...], place: Path) -> str:
+    status = {"converged": "converged", "not_converged": "not converged", "interrupted": "interrupted"}[fit.status]
+    lines = [f"{damper(fit.model).title}, {status} after {fit.evaluations} simulations, {fit.seconds:.1f} s", ""]
+    for estimate in fit.estimates:
+        error = "" if estimate.standard_error is None else f"+- {estimate.standard_error:.2g}"
+        remark = f"({estimate.remark})" if estimate.remark else ""
+        lines.append(f"  {estimate.name:<7} {estimate.value:>12.6g}  {error:<12} {estimate.unit:<6} {remark}".rstrip())
+    lines.append("")
+    for test, quality in zip(tests, fit.quality, strict=True):
+        settle = f", first {quality.settle_seconds:.2g} s not compared" if quality.settle_seconds > 0 else ""
+        lines.append(
+            f"  {test.path or test.name}: fit {quality.fit_percent:.2f} %, RMSE {quality.rmse_n:.4g} N "
+            f"over {quality.n_time} samples{settle}"
+        )
+        lines += [f"    {finding.severity}: {finding.message}" for finding in test.findings]
+    lines += ["", f"Report: {place / 'report.html'}"]
+    return "\n".join(lines)

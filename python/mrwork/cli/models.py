@@ -1,0 +1,48 @@
+"""`mrwork models`: what damper models there are, and one of them in full."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict
+from typing import Any
+
+from mrwork.cli.options import add_json
+from mrwork.spec import DamperSpec, damper, dampers
+
+
+def add_parser(verbs: Any) -> None:
+    """Declare the verb."""
+    parser = verbs.add_parser("models", help="list the damper models, or show one in full")
+    parser.add_argument("name", nargs="?", metavar="NAME", help="model to show")
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print the list or the model."""
+    if options.name is None:
+        if options.json:
+            print(json.dumps({"models": [asdict(spec) for spec in dampers()]}))
+            return 0
+        width = max(len(spec.name) for spec in dampers())
+        for spec in dampers():
+            print(f"{spec.name:<{width}}  {len(spec.parameters)} parameters  {spec.title}")
+        return 0
+    spec = damper(options.name)
+    print(json.dumps(asdict(spec)) if options.json else _in_full(spec))
+    return 0
+
+
+def _in_full(spec: DamperSpec) -> str:
+    lines = [spec.title, "=" * len(spec.title), ""]
+    lines += [f"  {line}" for line in spec.equation.splitlines()]
+    lines += ["", spec.description, "", f"Source:  {spec.source}", f"Nominal: {spec.nominal_source}", ""]
+    rows = [("parameter", "unit", "nominal", "lower", "upper", "scale", "meaning")]
+    rows += [
+        (p.name, p.unit, f"{p.nominal:g}", f"{p.lower:g}", f"{p.upper:g}", p.scale, p.description)
+        for p in spec.parameters
+    ]
+    widths = [max(len(row[column]) for row in rows) for column in range(6)]
+    lines += ["  ".join(cell.ljust(width) for cell, width in zip(row, [*widths, 0], strict=True)) for row in rows]
+    return "\n".join(lines)

@@ -1,0 +1,31 @@
+"""Every error that mrwork raises on purpose: what was expected, what came, what to do."""
+
+from __future__ import annotations
+
+
+class MrworkError(Exception):
+    """Root of all errors that a caller can act on; its text is one clear sentence."""
+
+
+class RecordError(MrworkError, ValueError):
+    """A measured record cannot be read or cannot mean what it says."""
+
+
+class UnitError(MrworkError, ValueError):
+    """A unit is unknown or measures something else."""
+
+
+class SettingError(MrworkError, ValueError):
+    """An option, bound or argument is outside what it may be."""
+
+
+class UnknownNameError(MrworkError, LookupError):
+    """A model, parameter or data set of that name is not registered."""
+
+
+class SimulationError(MrworkError, ArithmeticError):
+    """A single simulation diverged, or would need a finer step than is allowed."""
+
+
+class OutputError(MrworkError, OSError):
+    """Results cannot be written; what was there before is untouched."""

@@ -1,0 +1,104 @@
+"""The result of an identification: parameters, how good they are, and where they came from."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+FitStatus = Literal["converged", "not_converged", "interrupted"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimate:
+    """One parameter of a fit, in SI.
+
+    `standard_error` comes from the Jacobian under independent residuals; it is `None` where the
+    data cannot tell the parameter from others, where it was held fixed, or where it lies on a bound.
+    """
+
+    name: str
+    unit: str
+    value: float
+    standard_error: float | None
+    lower: float
+    upper: float
+    remark: Literal["", "fixed", "at lower bound", "at upper bound", "not identifiable"] = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ErrorNorms:
+    """Normalised errors over time, displacement and velocity (Spencer et al. 1997)."""
+
+    time: float
+    displacement: float
+    velocity: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitQuality:
+    """How a free-run simulation compares with one measured test, over the `n_time` samples that count.
+
+    The first `settle_seconds` are simulated but not compared, see `DamperTest`.
+    """
+
+    test: str
+    fit_percent: float
+    nrmse: float
+    rmse_n: float
+    error_norms: ErrorNorms
+    residual_autocorrelation: float
+    n_time: int
+    settle_seconds: float
+    substeps: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchTrace:
+    """One entry per generation: evaluations so far, best and median misfit (NRMSE) of the population."""
+
+    evaluations: tuple[int, ...]
+    best: tuple[float, ...]
+    median: tuple[float, ...]
+    stop_reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Provenance:
+    """What it takes to get the same numbers again."""
+
+    versions: dict[str, str]
+    instruction_set: str
+    inputs: dict[str, str]
+    settings: dict[str, Any]
+    rng: int
+    created: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fit:
+    """An identified damper: estimates in the order of the model's spec, quality per test, provenance."""
+
+    model: str
+    estimates: tuple[Estimate, ...]
+    status: FitStatus
+    stop_reason: str
+    nrmse: float
+    fit_percent: float
+    rmse_n: float
+    error_norms: ErrorNorms
+    quality: tuple[FitQuality, ...]
+    trace: SearchTrace
+    evaluations: int
+    refinement_steps: int
+    seconds: float
+    n_time: int
+    provenance: Provenance
+
+    @property
+    def theta(self) -> tuple[float, ...]:
+        """Parameter values in spec order."""
+        return tuple(estimate.value for estimate in self.estimates)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Plain nested dictionaries and lists, ready for JSON."""
+        return asdict(self)

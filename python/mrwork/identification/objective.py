@@ -1,0 +1,58 @@
+"""How far a candidate is from the measured tests: one number per candidate, simulated in lanes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork import _rust
+from mrwork.errors import RecordError
+from mrwork.records import DamperTest
+from mrwork.simulate import Misfits, loading_of, simulate_misfits
+from mrwork.spec import DamperSpec
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Objective:
+    """Free-run misfit of a model against one or several tests.
+
+    Each test weighs the same: its residuals are divided by the deviation of its force, so the misfit is
+    the root mean square over tests of the NRMSE.
+    """
+
+    spec: DamperSpec
+    tests: tuple[DamperTest, ...]
+    histories: tuple[_rust.LoadingHistory, ...]
+    threads: int = 0
+
+    @classmethod
+    def of(cls, spec: DamperSpec, tests: tuple[DamperTest, ...], *, threads: int = 0) -> Objective:
+        """Spline the motions of the tests once, for all candidates."""
+        if not tests:
+            raise RecordError("no test was given to identify from; name at least one file")
+        histories = tuple(loading_of(test).history() for test in tests)
+        return cls(spec=spec, tests=tests, histories=histories, threads=threads)
+
+    @property
+    def n_time(self) -> int:
+        """Samples that count, of all tests together."""
+        return sum(test.n_time - test.n_settle for test in self.tests)
+
+    def __call__(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Misfit of each row of `theta`, shape (n_batch,); infinite where a simulation failed."""
+        total = np.zeros(len(theta))
+        for test, misfits in zip(self.tests, self.misfits(theta), strict=True):
+            counted = test.force[test.counted]
+            total += misfits.squared_error / (counted.size * np.var(counted))
+        return np.sqrt(total / len(self.tests))
+
+    def misfits(self, theta: NDArray[np.float64]) -> tuple[Misfits, ...]:
+        """Misfits of each row of `theta`, test by test."""
+        return tuple(
+            simulate_misfits(
+                self.spec, theta, history, test.force, first=test.n_settle, threads=self.threads
+            )
+            for test, history in zip(self.tests, self.histories, strict=True)
+        )

@@ -1,0 +1,46 @@
+"""How a simulated force compares with a measured one."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.identification.fit import ErrorNorms, FitQuality
+from mrwork.records import DamperTest
+
+
+def fit_quality(test: DamperTest, force: NDArray[np.float64], *, substeps: int) -> FitQuality:
+    """Compare a free-run force [N], shape (n_time,), with the measured one.
+
+    `E_t = e_t/s_F` and likewise `E_x`, `E_v`, with `e_t^2 = int r^2 dt`, `e_x^2 = int r^2 |x'| dt`,
+    `e_v^2 = int r^2 |v'| dt` and `s_F^2 = int (F - mean F)^2 dt` (Spencer et al. 1997, eqs. 13-16);
+    `fit % = 100 (1 - |r|/|F - mean F|)`, `NRMSE = rms(r)/std(F)`.
+    """
+    counted = test.counted
+    residual = (force - test.force)[counted]
+    deviation = test.force[counted] - test.force[counted].mean()
+    velocity = test.velocity[counted]
+    acceleration = np.gradient(test.velocity, test.dt)[counted]
+    s_F = np.trapezoid(deviation**2)
+    norms = (np.trapezoid(residual**2 * weight) / s_F for weight in (1.0, abs(velocity), abs(acceleration)))
+    e_t, e_x, e_v = (float(np.sqrt(norm)) for norm in norms)
+    rmse = float(np.sqrt(np.mean(residual**2)))
+    nrmse = rmse / float(np.std(test.force[counted]))
+    return FitQuality(
+        test=test.name,
+        fit_percent=100.0 * (1.0 - nrmse),
+        nrmse=nrmse,
+        rmse_n=rmse,
+        error_norms=ErrorNorms(time=e_t, displacement=e_x, velocity=e_v),
+        residual_autocorrelation=_lag_one(residual),
+        n_time=residual.size,
+        settle_seconds=test.n_settle * test.dt,
+        substeps=substeps,
+    )
+
+
+def _lag_one(residual: NDArray[np.float64]) -> float:
+    """Correlation of the residual with itself one sample later."""
+    centred = residual - residual.mean()
+    power = float(centred @ centred)
+    return float(centred[1:] @ centred[:-1]) / power if power > 0.0 else 0.0

@@ -1,0 +1,231 @@
+"""Levenberg-Marquardt on the JAX twin, in latent coordinates, from the best finds of a search."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from numpy.typing import NDArray
+
+from mrwork.coordinates import Box
+from mrwork.identification.objective import Objective
+from mrwork.spec import DamperSpec
+from mrwork.twins._base import simulate
+
+# A descent has arrived when this many steps together lower the squared misfit by less than this share.
+_PATIENCE = 6
+_TOLERANCE = 1e-5
+# Every start gets a few steps; the best goes on to the end, and so do others as good within this share.
+_SCREENING_STEPS = 12
+_CLOSE = 0.15
+_MAX_STEPS = 120
+# Sub-steps of the twin in a first descent; a solution that asks for more is descended again with what it asks for.
+_SCREENING_SUBSTEPS = 4
+_ROUNDS = 3
+
+OnStep = Callable[[int, float], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refined:
+    """A local minimum: parameters (n_params,), misfit, steps taken, whether the descent arrived."""
+
+    theta: NDArray[np.float64]
+    misfit: float
+    steps: int
+    converged: bool
+
+
+def refine(
+    objective: Objective, box: Box, starts: NDArray[np.float64], *, on_step: OnStep | None = None
+) -> Refined:
+    """Descend from several starts, shape (n_starts, n_params), and return the best minimum found.
+
+    Misfits are always judged by the Rust core with the sub-steps that its stiffness bound asks for, so a minimum
+    never rests on too coarse a step of the twin.
+
+    Parameters
+    ----------
+    on_step
+        Called after every step with the number of steps so far and the least misfit so far.
+    """
+    progress = _Progress(on_step)
+    screened = [_screen(objective, box, start, progress) for start in starts]
+    screened.sort(key=lambda refined: refined.misfit)
+    close = [refined for refined in screened[:3] if refined.misfit <= (1.0 + _CLOSE) * screened[0].misfit]
+    finished = [_finish(objective, box, refined, progress) for refined in close]
+    best = min(finished, key=lambda refined: refined.misfit)
+    return Refined(theta=best.theta, misfit=best.misfit, steps=progress.steps, converged=best.converged)
+
+
+def jacobian(objective: Objective, box: Box, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Derivative of the normalised residuals with respect to the free parameters, shape (n_residuals, n_free)."""
+    evaluate = _jacobian(objective.spec, _windows(objective), box.free)
+    return np.asarray(evaluate(jnp.asarray(theta), _data(objective, _substeps(objective, theta))))
+
+
+class _Progress:
+    """Counts steps over all descents and keeps the least misfit for whoever watches."""
+
+    def __init__(self, on_step: OnStep | None) -> None:
+        self.steps = 0
+        self._best = np.inf
+        self._on_step = on_step
+
+    def step(self, misfit: float) -> None:
+        self.steps += 1
+        self._best = min(self._best, misfit)
+        if self._on_step is not None:
+            self._on_step(self.steps, self._best)
+
+
+def _screen(objective: Objective, box: Box, start: NDArray[np.float64], progress: _Progress) -> Refined:
+    substeps = tuple(min(_SCREENING_SUBSTEPS, count) for count in _substeps(objective, start))
+    return _descend(objective, box, start, substeps, _SCREENING_STEPS, progress)
+
+
+def _finish(objective: Objective, box: Box, refined: Refined, progress: _Progress) -> Refined:
+    for _ in range(_ROUNDS):
+        substeps = _substeps(objective, refined.theta)
+        refined = _descend(objective, box, refined.theta, substeps, _MAX_STEPS, progress)
+        now = _substeps(objective, refined.theta)
+        if refined.converged and all(new <= used for new, used in zip(now, substeps, strict=True)):
+            break
+    return refined
+
+
+def _descend(
+    objective: Objective,
+    box: Box,
+    start: NDArray[np.float64],
+    substeps: tuple[int, ...],
+    max_steps: int,
+    progress: _Progress,
+) -> Refined:
+    """One descent with fixed sub-steps; never returns anything worse than its start."""
+    descent = _descent(objective.spec, box, _windows(objective))
+    data = _data(objective, substeps)
+    latent = jnp.asarray(box.latent_from_theta(_inside(box, start)))
+    args = (latent, descent.scale(latent, data), data)
+    position = jnp.zeros_like(latent)
+    state = descent.init(position, args)
+    squared: list[float] = []
+    converged = False
+    while len(squared) < max_steps and not converged:
+        position, state, done, value = descent.step(position, args, state)
+        squared.append(float(value))
+        progress.step(squared[-1] ** 0.5)
+        recent = squared[-_PATIENCE - 1 :]
+        stalled = len(recent) > _PATIENCE and recent[0] - recent[-1] <= _TOLERANCE * recent[0]
+        converged = bool(done) or stalled
+    theta = np.asarray(box.theta_from_latent(latent + args[1] * position))
+    misfits = objective(np.stack([start, theta]))
+    best = int(np.argmin(misfits))
+    return Refined(
+        theta=(start, theta)[best], misfit=float(misfits[best]), steps=len(squared), converged=converged
+    )
+
+
+# One entry per test: motion at the stage times, measured force, and the weight that makes the sum of squared
+# residuals the squared misfit.
+_Data = tuple[tuple[jax.Array, jax.Array, jax.Array], ...]
+# Sampling step and samples that do not count, per test.
+_Windows = tuple[tuple[float, int], ...]
+
+
+def _windows(objective: Objective) -> _Windows:
+    return tuple((test.dt, test.n_settle) for test in objective.tests)
+
+
+def _data(objective: Objective, substeps: tuple[int, ...]) -> _Data:
+    entries = []
+    for test, history, count in zip(objective.tests, objective.histories, substeps, strict=True):
+        force = test.force[test.counted]
+        weight = 1.0 / np.sqrt(np.var(force) * force.size * len(objective.tests))
+        entries.append((jnp.asarray(history.stages(count)), jnp.asarray(force), jnp.asarray(weight)))
+    return tuple(entries)
+
+
+def _substeps(objective: Objective, theta: NDArray[np.float64]) -> tuple[int, ...]:
+    return tuple(max(1, int(misfits.substeps[0])) for misfits in objective.misfits(theta[None]))
+
+
+def _inside(box: Box, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Pull parameters off the faces of the box, where the latent coordinate is infinite."""
+    unit = np.clip(box.unit_from_theta(theta), 1e-6, 1.0 - 1e-6)
+    return np.asarray(box.theta_from_unit(unit))
+
+
+def _residuals(spec: DamperSpec, windows: _Windows, theta: jax.Array, data: _Data) -> jax.Array:
+    residuals = jnp.concatenate(
+        [
+            (simulate(spec, theta, stages, dt)[n_settle:] - force) * weight
+            for (dt, n_settle), (stages, force, weight) in zip(windows, data, strict=True)
+        ]
+    )
+    # A step into the unstable is then a bad step, to be taken back, and not the end of the arithmetic.
+    return jnp.where(jnp.isfinite(residuals), residuals, 1.0)
+
+
+class _Descent(NamedTuple):
+    """A compiled Levenberg-Marquardt method for one model, box and shape of the data."""
+
+    scale: Callable[[jax.Array, _Data], jax.Array]
+    init: Callable[[jax.Array, Any], Any]
+    step: Callable[[jax.Array, Any, Any], tuple[jax.Array, Any, jax.Array, jax.Array]]
+
+
+@cache
+def _descent(spec: DamperSpec, box: Box, windows: _Windows) -> _Descent:
+    method = optx.LevenbergMarquardt(rtol=1e-9, atol=1e-9)
+    options = {"jac": "fwd"}
+    tags: frozenset[object] = frozenset()
+
+    def residuals(position: jax.Array, args: tuple[jax.Array, jax.Array, _Data]) -> tuple[jax.Array, None]:
+        latent, scale, data = args
+        return _residuals(spec, windows, box.theta_from_latent(latent + scale * position), data), None
+
+    @eqx.filter_jit
+    def scale(latent: jax.Array, data: _Data) -> jax.Array:
+        # Latent coordinates of unit sensitivity, as in Marquardt's own scaling: a stiffness that may span
+        # a billion and an exponent between 1 and 6 then take steps of like effect.
+        args = (latent, jnp.ones_like(latent), data)
+        sensitivity = jax.jacfwd(lambda position: residuals(position, args)[0])(jnp.zeros_like(latent))
+        norm = jnp.linalg.norm(sensitivity, axis=0)
+        return 1.0 / jnp.maximum(norm, 1e-9 * jnp.max(norm))
+
+    @eqx.filter_jit
+    def init(position: jax.Array, args: Any) -> Any:
+        f_struct, aux_struct = jax.eval_shape(residuals, position, args)
+        return method.init(residuals, position, args, options, f_struct, aux_struct, tags)
+
+    @eqx.filter_jit
+    def step(position: jax.Array, args: Any, state: Any) -> tuple[jax.Array, Any, jax.Array, jax.Array]:
+        position, state, _ = method.step(residuals, position, args, options, state, tags)
+        done, _ = method.terminate(residuals, position, args, options, state, tags)
+        return position, state, done, jnp.sum(state.f_info.residual**2)
+
+    return _Descent(scale=scale, init=init, step=step)
+
+
+@cache
+def _jacobian(
+    spec: DamperSpec, windows: _Windows, free: tuple[int, ...]
+) -> Callable[[jax.Array, _Data], jax.Array]:
+    index = np.array(free, dtype=int)
+
+    @jax.jit
+    def evaluate(theta: jax.Array, data: _Data) -> jax.Array:
+        def residuals(values: jax.Array) -> jax.Array:
+            return _residuals(spec, windows, theta.at[index].set(values), data)
+
+        return jax.jacfwd(residuals)(theta[index])
+
+    return evaluate

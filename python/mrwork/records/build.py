@@ -1,0 +1,179 @@
+"""From channels in SI to a checked damper test: the one way in, for files and for arrays."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mrwork.errors import RecordError
+from mrwork.records import checks
+from mrwork.records.command import constant_command, motion_matches_name
+from mrwork.records.damper_test import DamperTest, Finding
+from mrwork.records.motion import Smoother, spectrum
+from mrwork.records.sampling import Signals, check_time, complete_rows, uniform_step
+from mrwork.records.window import settling_samples
+from mrwork.records.velocity import velocity_agrees
+
+
+def build_damper_test(
+    *,
+    name: str,
+    time: ArrayLike,
+    displacement: ArrayLike,
+    force: ArrayLike,
+    velocity: ArrayLike | None = None,
+    current: ArrayLike | None = None,
+    voltage: ArrayLike | None = None,
+    amplitude: float | None = None,
+    frequency: float | None = None,
+    synthetic: bool = False,
+    path: str = "",
+    sha256: str | None = None,
+    locate: Callable[[int], str] | None = None,
+) -> DamperTest:
+    """Check and repair the channels of one test.
+
+    Parameters
+    ----------
+    name
+        Name of the test in reports and messages.
+    time, displacement, force
+        Shape (n_time,) [s, m, N]; at least 10 samples, time increasing.
+    velocity
+        Shape (n_time,) [m/s]; derived from the displacement when absent.
+    current, voltage
+        Command [A, V], one number or shape (n_time,); its median is taken.
+    amplitude, frequency
+        Nominal values [m, Hz] the motion is compared with.
+    synthetic
+        Whether the test was simulated.
+    path, sha256
+        File and its hash; the hash is that of the arrays' bytes when absent.
+    locate
+        Where a row lies in the file, for messages; by default its number among the samples.
+
+    Raises
+    ------
+    RecordError
+        The channels cannot be a test; the sentence names the first row at fault.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> time = np.linspace(0.0, 2.0, 401)
+    >>> test = build_damper_test(name="sine", time=time, displacement=0.01 * np.sin(6.28 * time),
+    ...                          force=-500.0 * np.cos(6.28 * time))
+    >>> [finding.code for finding in test.findings]
+    ['velocity_derived', 'force_sign_flipped']
+    """
+    source = path or name
+    where = locate or (lambda row: f"sample {row + 1}")
+    raw = Signals(
+        time=_channel(time, "time", source),
+        displacement=_channel(displacement, "displacement", source),
+        force=_channel(force, "force", source),
+        velocity=None if velocity is None else _channel(velocity, "velocity", source),
+    )
+    for channel_name, channel in raw.channels():
+        if channel.size != raw.time.size:
+            raise RecordError(
+                f"{source}: the {channel_name} has {channel.size} samples where the time has "
+                f"{raw.time.size}; give one value per sample"
+            )
+    findings: list[Finding] = []
+    complete, first_row, dropped = complete_rows(raw, source=source, locate=where)
+    check_time(complete.time, source=source, locate=lambda row: where(row + first_row))
+    checks.check_varies(complete.displacement, "displacement", "m", source=source)
+    checks.check_varies(complete.force, "force", "N", source=source)
+    signals, dt, resampled = uniform_step(complete, source=source)
+    findings += [*dropped, *resampled]
+
+    displaced = signals.displacement
+    motion = spectrum(displaced, dt)
+    smoother = Smoother.for_band(motion.band_edge, dt, displaced.size)
+    derivative = smoother.derivative(displaced)
+    about_velocity: tuple[Finding, ...]
+    if signals.velocity is None:
+        moving, about_velocity = derivative, (_velocity_derived(smoother),)
+    else:
+        moving, about_velocity = velocity_agrees(signals.velocity, displaced, smoother, motion.dominant)
+    resisting, about_sign = checks.force_sign(signals.force, derivative)
+    amperes, about_current = _command(current, "current", "A", source)
+    volts, about_voltage = _command(voltage, "voltage", "V", source)
+    findings += [
+        *about_velocity,
+        *about_sign,
+        *checks.force_offset(resisting, derivative),
+        *checks.rest_before_motion(displaced, dt, motion.dominant),
+        *checks.samples_per_cycle(motion.dominant, dt),
+        *about_current,
+        *about_voltage,
+        *motion_matches_name(displaced, motion.dominant, dt * displaced.size, amplitude, frequency),
+    ]
+    return DamperTest(
+        name=name,
+        path=path,
+        sha256=_digest(raw, current, voltage) if sha256 is None else sha256,
+        dt=dt,
+        start_time=float(signals.time[0]),
+        displacement=_frozen(displaced),
+        velocity=_frozen(moving),
+        force=_frozen(resisting),
+        velocity_source="derived" if signals.velocity is None else "measured",
+        n_settle=settling_samples(displaced),
+        current=amperes,
+        voltage=volts,
+        amplitude=amplitude,
+        frequency=frequency,
+        synthetic=synthetic,
+        findings=tuple(findings),
+    )
+
+
+def _channel(samples: ArrayLike, name: str, source: str) -> NDArray[np.float64]:
+    try:
+        channel = np.asarray(samples, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise RecordError(f"{source}: the {name} must be real numbers ({error})") from error
+    if channel.ndim != 1:
+        raise RecordError(
+            f"{source}: the {name} must have shape (n_time,), got {channel.shape}; give one channel"
+        )
+    return channel
+
+
+def _command(
+    samples: ArrayLike | None, quantity: str, unit: str, source: str
+) -> tuple[float | None, tuple[Finding, ...]]:
+    if samples is None:
+        return None, ()
+    return constant_command(_channel(np.atleast_1d(samples), quantity, source), quantity, unit, source=source)
+
+
+def _velocity_derived(smoother: Smoother) -> Finding:
+    return Finding(
+        code="velocity_derived",
+        severity="note",
+        message="no velocity given; derived from the displacement by a cubic Savitzky-Golay filter over "
+        f"{smoother.window} samples ({1e3 * smoother.window * smoother.dt:.3g} ms)",
+    )
+
+
+def _digest(raw: Signals, current: ArrayLike | None, voltage: ArrayLike | None) -> str:
+    named = [*raw.channels(), ("current", current), ("voltage", voltage)]
+    digest = hashlib.sha256()
+    for name, samples in named:
+        if samples is not None:
+            digest.update(name.encode())
+            # Little-endian whatever the machine, so that the hash is of the values.
+            digest.update(np.ascontiguousarray(samples, dtype="<f8").tobytes())
+    return digest.hexdigest()
+
+
+def _frozen(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    kept = np.array(samples, dtype=np.float64, order="C")
+    kept.setflags(write=False)
+    return kept

@@ -1,0 +1,189 @@
+"""Which column of a file is which quantity: by its name with unit, or by an explicit mapping."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, get_args
+
+from mrwork.errors import RecordError, SettingError, UnitError
+from mrwork.records.units import FACTORS, Quantity, factor_to_si, measures
+
+QUANTITIES: Final[tuple[Quantity, ...]] = get_args(Quantity)
+REQUIRED: Final[tuple[Quantity, ...]] = ("time", "displacement", "force")
+
+# `v` and `u` mean different things on different rigs; the unit behind them decides.
+_STEMS: Final[Mapping[Quantity, frozenset[str]]] = {
+    "time": frozenset({"time", "t"}),
+    "displacement": frozenset({"displacement", "disp", "stroke", "position", "x", "u"}),
+    "velocity": frozenset({"velocity", "vel", "v"}),
+    "force": frozenset({"force", "load", "f"}),
+    "current": frozenset({"current", "i"}),
+    "voltage": frozenset({"voltage", "volt", "v", "u"}),
+}
+_EXAMPLE: Final[Mapping[Quantity, str]] = {
+    "time": "t_s",
+    "displacement": "displacement_mm",
+    "velocity": "velocity_mps",
+    "force": "force_N",
+    "current": "current_A",
+    "voltage": "voltage_V",
+}
+# A word, then perhaps a separator and a unit: force_kN, Force (kN), "v [m/s]", disp/mm.
+_NAME: Final = re.compile(r"\s*([A-Za-z]+)(?:[\s_\-/,:.(\[]+(.*?)[)\]]?)?\s*")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ColumnChoice:
+    """The column that holds a quantity, and the factor from its unit to SI."""
+
+    column: str
+    factor: float
+
+
+def parse_column_option(option: str) -> tuple[Quantity, str]:
+    """Split ``"force=F:kN"`` into ``("force", "F:kN")``, checking quantity and unit.
+
+    Raises
+    ------
+    SettingError
+        The text has another form, or names no quantity of a damper test.
+    UnitError
+        The unit is unknown or measures another quantity.
+
+    Examples
+    --------
+    >>> parse_column_option("force=F:kN")
+    ('force', 'F:kN')
+    """
+    name, equals, specification = option.partition("=")
+    if not equals:
+        raise SettingError(
+            f"column option '{option}' has no '='; expected QUANTITY=COLUMN:UNIT, such as force=F:kN"
+        )
+    quantity = _quantity(name.strip())
+    _parse_specification(quantity, specification)
+    return quantity, specification.strip()
+
+
+def choose_columns(
+    names: Sequence[str], columns: Mapping[str, str] | None, *, source: str
+) -> dict[Quantity, ColumnChoice]:
+    """Find the column of every quantity that a file has.
+
+    Parameters
+    ----------
+    names
+        Column names in file order.
+    columns
+        Quantity to ``"COLUMN:UNIT"``; goes before what the names say. Other quantities are still found by
+        name.
+    source
+        The file, for messages.
+
+    Raises
+    ------
+    RecordError
+        A required quantity has no column, a mapped column does not exist, or two columns claim one quantity.
+    UnitError
+        A column that is needed has no unit, or one that measures something else.
+    SettingError
+        The mapping is malformed.
+    """
+    chosen: dict[Quantity, ColumnChoice] = {}
+    for name, specification in (columns or {}).items():
+        quantity = _quantity(name)
+        column, factor = _parse_specification(quantity, specification)
+        chosen[quantity] = ColumnChoice(column=_find(column, names, source), factor=factor)
+    taken = {choice.column for choice in chosen.values()}
+    free = [name for name in names if name not in taken]
+    for quantity in QUANTITIES:
+        if quantity not in chosen:
+            choice = _recognise(quantity, free, names, source)
+            if choice is not None:
+                chosen[quantity] = choice
+    return chosen
+
+
+def _recognise(
+    quantity: Quantity, free: Sequence[str], names: Sequence[str], source: str
+) -> ColumnChoice | None:
+    claims = [(name, unit) for name in free for unit in [_unit_of(quantity, name)] if unit is not None]
+    fitting = [(name, unit) for name, unit in claims if measures(unit) == quantity]
+    if len(fitting) > 1:
+        first, second = fitting[0][0], fitting[1][0]
+        raise RecordError(
+            f"{source}: columns '{first}' and '{second}' both look like the {quantity}; "
+            f"say which one to use with --column {quantity}=COLUMN:UNIT"
+        )
+    if fitting:
+        name, unit = fitting[0]
+        return ColumnChoice(column=name, factor=factor_to_si(unit, quantity, context=name))
+    # A lone letter is too weak a claim to stop at unless the quantity is needed.
+    for name, unit in claims:
+        weak = quantity not in REQUIRED and len(name.strip()) == 1
+        if weak or _claimed_by_another(quantity, name):
+            continue
+        if measures(unit) is None:
+            problem = f"has the unknown unit '{unit}'" if unit else "does not say its unit"
+            raise UnitError(
+                f"{source}: column '{name}' {problem} ({', '.join(FACTORS[quantity])} are known); rename it, "
+                f"for example to '{_EXAMPLE[quantity]}', or give the unit with --column "
+                f"{quantity}={name}:{next(iter(FACTORS[quantity]))}"
+            )
+        factor_to_si(unit, quantity, context=f"{source}: column '{name}'")
+    if quantity in REQUIRED:
+        listed = ", ".join(f"'{name}'" for name in names)
+        raise RecordError(
+            f"{source}: no column for the {quantity} among {listed}; rename one, for example to "
+            f"'{_EXAMPLE[quantity]}', or say which it is with --column "
+            f"{quantity}=COLUMN:{next(iter(FACTORS[quantity]))}"
+        )
+    return None
+
+
+def _claimed_by_another(quantity: Quantity, name: str) -> bool:
+    return any(
+        measures(unit) == other
+        for other in QUANTITIES
+        for unit in [_unit_of(other, name)]
+        if other != quantity and unit is not None
+    )
+
+
+def _unit_of(quantity: Quantity, name: str) -> str | None:
+    """Return the unit text of a column that may be the quantity, `None` where its stem is another."""
+    match = _NAME.fullmatch(name)
+    if match is None or match[1].casefold() not in _STEMS[quantity]:
+        return None
+    return (match[2] or "").strip()
+
+
+def _quantity(name: str) -> Quantity:
+    for quantity in QUANTITIES:
+        if quantity == name:
+            return quantity
+    raise SettingError(f"'{name}' is not a quantity of a damper test; use one of {', '.join(QUANTITIES)}")
+
+
+def _parse_specification(quantity: Quantity, specification: str) -> tuple[str, float]:
+    column, colon, unit = specification.rpartition(":")
+    if not colon or not column.strip() or not unit.strip():
+        raise SettingError(
+            f"column for the {quantity} is '{specification}'; expected COLUMN:UNIT, "
+            f"such as {_EXAMPLE[quantity].partition('_')[0]}:{next(iter(FACTORS[quantity]))}"
+        )
+    return column.strip(), factor_to_si(unit, quantity, context=f"column option {quantity}={specification}")
+
+
+def _find(column: str, names: Sequence[str], source: str) -> str:
+    """Return the one name equal to `column`, or equal but for case when none is."""
+    equal = [name for name in names if name == column]
+    alike = equal or [name for name in names if name.casefold() == column.casefold()]
+    if len(alike) == 1:
+        return alike[0]
+    listed = ", ".join(f"'{name}'" for name in names)
+    if alike:
+        raise RecordError(f"{source}: the column name '{column}' occurs {len(alike)} times; make it unique")
+    raise RecordError(f"{source}: there is no column '{column}'; the columns are {listed}")

@@ -1,0 +1,91 @@
+"""The command of a test, one constant, and whether the file name agrees with the columns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.errors import RecordError
+from mrwork.records.damper_test import DamperTest, Finding
+from mrwork.records.nominal import Nominal
+
+_RELATIVE: Final = 0.05
+# A command of zero is never exactly zero: this much [A or V] is sensor noise.
+_ABSOLUTE: Final = 0.02
+# Nominal amplitude and frequency are what the rig was told, not what it did.
+_AMPLITUDE: Final = 0.25
+_FREQUENCY: Final = 0.20
+
+
+def constant_command(
+    samples: NDArray[np.float64], quantity: str, unit: str, *, source: str
+) -> tuple[float, tuple[Finding, ...]]:
+    """Median of a command that should be constant, and a warning if it is not.
+
+    Raises
+    ------
+    RecordError
+        Every sample is missing, or one is infinite.
+    """
+    present = samples[~np.isnan(samples)]
+    if present.size == 0 or np.isinf(present).any():
+        problem = "has no value" if present.size == 0 else "has infinite values"
+        raise RecordError(f"{source}: the {quantity} {problem}; correct the column or leave it out")
+    value = float(np.median(present))
+    low, high = np.percentile(present, [1.0, 99.0])
+    if high - low <= _RELATIVE * abs(value) + _ABSOLUTE:
+        return value, ()
+    message = (
+        f"the {quantity} varies between {low:.3g} and {high:.3g} {unit}; its median of {value:.3g} {unit} "
+        "is taken as the constant command of the test"
+    )
+    return value, (Finding(code="command_varies", severity="warning", message=message),)
+
+
+def motion_matches_name(
+    displacement: NDArray[np.float64],
+    dominant: float,
+    duration: float,
+    amplitude: float | None,
+    frequency: float | None,
+) -> tuple[Finding, ...]:
+    """Warn when amplitude [m] or frequency [Hz] are far from their nominal values."""
+    findings: list[Finding] = []
+    # The dominant frequency is known to half a line of the spectrum.
+    if frequency is not None and abs(dominant - frequency) > _FREQUENCY * frequency + 0.5 / duration:
+        findings.append(_disagrees("frequency", frequency, dominant, "Hz"))
+    if amplitude is not None:
+        measured = 0.5 * float(np.ptp(displacement))
+        if abs(measured - amplitude) > _AMPLITUDE * amplitude:
+            findings.append(_disagrees("amplitude", 1e3 * amplitude, 1e3 * measured, "mm"))
+    return tuple(findings)
+
+
+def with_nominal_command(test: DamperTest, nominal: Nominal) -> DamperTest:
+    """Test with the command of its file name where no column gave one, or a warning where they disagree."""
+    findings = list(test.findings)
+    for quantity, measured, named, unit in (
+        ("current", test.current, nominal.current, "A"),
+        ("voltage", test.voltage, nominal.voltage, "V"),
+    ):
+        if measured is None or named is None:
+            continue
+        if abs(measured - named) > _RELATIVE * abs(named) + _ABSOLUTE:
+            findings.append(_disagrees(quantity, named, measured, unit))
+    return replace(
+        test,
+        current=nominal.current if test.current is None else test.current,
+        voltage=nominal.voltage if test.voltage is None else test.voltage,
+        findings=tuple(findings),
+    )
+
+
+def _disagrees(quantity: str, named: float, measured: float, unit: str) -> Finding:
+    return Finding(
+        code="name_disagrees",
+        severity="warning",
+        message=f"the file name says a {quantity} of {named:.3g} {unit}, the record {measured:.3g} {unit}",
+    )

@@ -1,0 +1,66 @@
+"""A damper test as the rest of mrwork sees it: SI, uniform in time, with what was found on the way in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+Severity = Literal["note", "warning"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """One thing a check noticed: `code` for programs, `message` for people."""
+
+    code: str
+    severity: Severity
+    message: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DamperTest:
+    """A force-motion record of one damper at one command, uniformly sampled, in SI.
+
+    Arrays have shape (n_time,): `displacement` [m], `velocity` [m/s] of elongation, and the
+    `force` [N] with which the damper resists, so that force times velocity dissipates.
+    `current` [A] and `voltage` [V] are constants of the test, `None` where unknown.
+    `amplitude` [m] and `frequency` [Hz] are nominal, from the file name, `None` where unknown.
+    `velocity_source` says whether the velocity is a measured column or a derivative.
+    `n_settle` samples at the start are simulated but not compared: until the damper has travelled half its
+    peak-to-peak stroke, its force depends on where the hysteresis stood before the record began.
+    """
+
+    name: str
+    path: str
+    sha256: str
+    dt: float
+    start_time: float
+    displacement: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    force: NDArray[np.float64]
+    velocity_source: Literal["measured", "derived"]
+    n_settle: int = 0
+    current: float | None = None
+    voltage: float | None = None
+    amplitude: float | None = None
+    frequency: float | None = None
+    synthetic: bool = False
+    findings: tuple[Finding, ...] = ()
+
+    @property
+    def n_time(self) -> int:
+        """Number of samples."""
+        return int(self.force.size)
+
+    @property
+    def counted(self) -> slice:
+        """The samples that are compared with a model."""
+        return slice(self.n_settle, None)
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Sample times [s], shape (n_time,)."""
+        return self.start_time + self.dt * np.arange(self.n_time, dtype=np.float64)

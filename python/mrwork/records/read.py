@@ -1,0 +1,107 @@
+"""Read damper tests from files."""
+
+from __future__ import annotations
+
+import glob
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from mrwork.errors import RecordError
+from mrwork.records.build import build_damper_test
+from mrwork.records.columns import choose_columns
+from mrwork.records.command import with_nominal_command
+from mrwork.records.damper_test import DamperTest
+from mrwork.records.files import open_table
+from mrwork.records.nominal import nominal_from_name
+
+
+def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str] | None = None) -> DamperTest:
+    """Read one test from a .csv, .tsv, .parquet or .mat file, check it and bring it to SI.
+
+    Columns are known by their names with unit (``t_s``, ``displacement_mm``, ``Force (kN)``,
+    ``current_a``, in any case). Time, displacement and force are needed; velocity, current and voltage are
+    used when there. A file name such as ``10mm1Hz0x5A`` gives nominal amplitude, frequency and command; a
+    column wins over it.
+
+    Parameters
+    ----------
+    path
+        The file.
+    columns
+        Quantity (``time``, ``displacement``, ``velocity``, ``force``, ``current``, ``voltage``) to
+        ``"COLUMN:UNIT"``, where the names do not say it.
+
+    Returns
+    -------
+    DamperTest
+        With everything noticed or repaired on the way in its `findings`.
+
+    Raises
+    ------
+    RecordError
+        The file cannot be read as a test; the sentence names file, line and remedy.
+    UnitError
+        A column has no unit or an impossible one.
+    SettingError
+        `columns` is malformed.
+
+    Examples
+    --------
+    >>> test = read_damper_test("rig/10mm1Hz0x5A.csv", columns={"force": "F:kN"})  # doctest: +SKIP
+    >>> test.current, test.frequency  # doctest: +SKIP
+    (0.5, 1.0)
+    """
+    file = Path(path)
+    source = str(file)
+    table = open_table(file)
+    chosen = choose_columns(table.names, columns, source=source)
+    numbers = table.read([choice.column for choice in chosen.values()])
+    # What overflows becomes infinite, and the checks refuse that by its line.
+    with np.errstate(over="ignore", invalid="ignore"):
+        si = {quantity: choice.factor * numbers[choice.column] for quantity, choice in chosen.items()}
+    nominal = nominal_from_name(file.stem)
+    test = build_damper_test(
+        name=file.stem,
+        time=si["time"],
+        displacement=si["displacement"],
+        force=si["force"],
+        velocity=si.get("velocity"),
+        current=si.get("current"),
+        voltage=si.get("voltage"),
+        amplitude=nominal.amplitude,
+        frequency=nominal.frequency,
+        path=source,
+        sha256=table.sha256,
+        locate=table.locate,
+    )
+    return with_nominal_command(test, nominal)
+
+
+def read_damper_tests(
+    paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
+    *,
+    columns: Mapping[str, str] | None = None,
+) -> tuple[DamperTest, ...]:
+    """Read several tests: a sequence of paths in its order, or a glob pattern in name order.
+
+    Raises
+    ------
+    RecordError
+        No file matches the pattern, there is no path, or a file cannot be read as a test.
+    """
+    if isinstance(paths, str | os.PathLike):
+        pattern = os.fspath(paths)
+        # A file whose name holds brackets is a file, not a pattern.
+        # `Path.glob` takes no absolute patterns.
+        found = glob.glob(pattern, recursive=True)  # noqa: PTH207
+        files = [pattern] if Path(pattern).exists() else sorted(found)
+        if not files:
+            raise RecordError(f"no file matches '{pattern}'; check the path and the pattern")
+    else:
+        files = [os.fspath(path) for path in paths]
+        if not files:
+            raise RecordError("no record given; name at least one file")
+    return tuple(read_damper_test(file, columns=columns) for file in files)

@@ -1,0 +1,196 @@
+"""The time base: complete rows, time that runs forward, one uniform step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline, PchipInterpolator
+
+from mrwork.errors import RecordError
+from mrwork.records.damper_test import Finding
+
+FEWEST_SAMPLES: Final = 10
+# Nothing measured on a damper comes near these; arithmetic on what does would overflow.
+_LARGEST: Final = 1e12
+_SHORTEST_STEP: Final = 1e-7
+_JITTER: Final = 1e-3
+_GAP_STEPS: Final = 3.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Signals:
+    """Channels on one time base in SI, each of shape (n_time,); `velocity` is `None` where not measured."""
+
+    time: NDArray[np.float64]
+    displacement: NDArray[np.float64]
+    force: NDArray[np.float64]
+    velocity: NDArray[np.float64] | None
+
+    def channels(self) -> tuple[tuple[str, NDArray[np.float64]], ...]:
+        """Name and samples of every channel there is."""
+        named = (("time", self.time), ("displacement", self.displacement), ("force", self.force))
+        return named if self.velocity is None else (*named, ("velocity", self.velocity))
+
+    def through(self, change: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> Signals:
+        """Signals with every channel changed alike."""
+        return replace(self, **{name: change(channel) for name, channel in self.channels()})
+
+
+def complete_rows(
+    signals: Signals, *, source: str, locate: Callable[[int], str]
+) -> tuple[Signals, int, tuple[Finding, ...]]:
+    """Drop rows at either end in which a channel is missing (NaN).
+
+    Returns the complete signals, the row of the file at which they start, and what was dropped.
+
+    Raises
+    ------
+    RecordError
+        A value is missing between complete rows or is infinite or absurd, or fewer than 10 rows are complete.
+    """
+    for name, channel in signals.channels():
+        absurd = np.abs(channel) > _LARGEST
+        if absurd.any():
+            row = int(np.argmax(absurd))
+            raise RecordError(
+                f"{source}: {locate(row)}: the {name} is {channel[row]:g} in SI units, beyond any test; "
+                "correct the value or its unit"
+            )
+        if np.isnan(channel).all():
+            raise RecordError(f"{source}: the {name} has no value at all; fill the column or leave it out")
+    complete = np.logical_and.reduce([np.isfinite(channel) for _, channel in signals.channels()])
+    n_time = int(np.count_nonzero(complete))
+    if n_time < FEWEST_SAMPLES:
+        held = f"{n_time} complete samples" if n_time != 1 else "1 complete sample"
+        raise RecordError(f"{source}: has {held}; a test needs at least {FEWEST_SAMPLES}")
+    first = int(np.argmax(complete))
+    last = complete.size - int(np.argmax(complete[::-1]))
+    holes = np.flatnonzero(~complete[first:last])
+    if holes.size:
+        row = first + int(holes[0])
+        missing = ", ".join(name for name, channel in signals.channels() if np.isnan(channel[row]))
+        more = f", and {holes.size - 1} more rows are incomplete" if holes.size > 1 else ""
+        raise RecordError(
+            f"{source}: {locate(row)} has no value for {missing}{more}; fill in the values or delete the rows"
+        )
+    if last - first == complete.size:
+        return signals, first, ()
+    finding = Finding(
+        code="nan_rows_dropped",
+        severity="note",
+        message=f"dropped incomplete rows: {first} at the start, {complete.size - last} at the end",
+    )
+    return signals.through(lambda channel: channel[first:last]), first, (finding,)
+
+
+def check_time(time: NDArray[np.float64], *, source: str, locate: Callable[[int], str]) -> None:
+    """Refuse time that stands still or runs backwards.
+
+    Raises
+    ------
+    RecordError
+        Names the first row that does not come after the one before.
+    """
+    wrong = np.flatnonzero(np.diff(time) <= 0.0)
+    if wrong.size == 0:
+        return
+    row = int(wrong[0]) + 1
+    now, before = time[row], time[row - 1]
+    more = f" (as do {wrong.size - 1} more rows)" if wrong.size > 1 else ""
+    if now == before:
+        raise RecordError(
+            f"{source}: {locate(row)}: the time {now:g} s repeats that of the row before{more}; "
+            "write the time with more digits or delete the repeated rows"
+        )
+    raise RecordError(
+        f"{source}: {locate(row)}: the time runs backwards, from {before:g} s to {now:g} s{more}; "
+        "sort the rows or split the file into its tests"
+    )
+
+
+def uniform_step(signals: Signals, *, source: str) -> tuple[Signals, float, tuple[Finding, ...]]:
+    """Signals on a uniform grid, its step [s], and what had to be done for it.
+
+    A step that strays from the median by more than 1e-3 of it has the record resampled to (nearly) the
+    median step, keeping the first and the last sample: by a cubic spline, or by PCHIP, which cannot
+    overshoot, where a gap has to be bridged. Times that are uniform but for being written with too few
+    digits are not resampled, for that would move samples that were taken in time.
+
+    Raises
+    ------
+    RecordError
+        The step is below 0.1 us, or less than half of the record's duration has samples.
+    """
+    time = signals.time
+    steps = np.diff(time)
+    median = float(np.median(steps))
+    duration = float(time[-1] - time[0])
+    if median < _SHORTEST_STEP:
+        raise RecordError(
+            f"{source}: the time step is {median:.3g} s, below any rig's; check the unit of the time"
+        )
+    mean = duration / (time.size - 1)
+    deviation = float(np.max(np.abs(steps - median)))
+    if deviation <= _JITTER * median + 2.0 * np.spacing(np.max(np.abs(time))):
+        return signals, mean, ()
+    if _rounded(time, steps):
+        message = (
+            f"times are written to {1e3 * np.ptp(steps):.3g} ms only; "
+            f"taken as uniform every {1e3 * mean:.6g} ms"
+        )
+        uniform = np.linspace(time[0], time[-1], time.size)
+        rounded = Finding(code="time_rounded", severity="note", message=message)
+        return replace(signals, time=uniform), mean, (rounded,)
+
+    n_uniform = round(duration / median) + 1
+    gaps = np.flatnonzero(steps > _GAP_STEPS * median)
+    if n_uniform > 2 * time.size:
+        raise RecordError(
+            f"{source}: {time.size} samples of {1e3 * median:.4g} ms leave most of {duration:.4g} s empty "
+            f"(largest gap {steps.max():.4g} s after {time[int(np.argmax(steps))]:.4g} s); "
+            "cut out one continuous part"
+        )
+    findings: list[Finding] = []
+    if gaps.size:
+        longest = int(gaps[np.argmax(steps[gaps])])
+        count = "a gap" if gaps.size == 1 else f"{gaps.size} gaps, the longest"
+        findings.append(
+            Finding(
+                code="gaps",
+                severity="warning",
+                message=f"{count} of {steps[longest]:.4g} s after {time[longest]:.6g} s "
+                f"({steps[longest] / median:.0f} steps) was bridged by interpolation",
+            )
+        )
+    grid = np.linspace(time[0], time[-1], n_uniform)
+    dt = duration / (n_uniform - 1)
+    rule = "PCHIP" if gaps.size else "cubic spline"
+    findings.append(
+        Finding(
+            code="resampled",
+            severity="note",
+            message=f"time steps differ from their median of {1e3 * median:.4g} ms by up to "
+            f"{100 * deviation / median:.3g} %; resampled every {1e3 * dt:.6g} ms by {rule} interpolation",
+        )
+    )
+    interpolator = PchipInterpolator if gaps.size else CubicSpline
+    resampled = signals.through(
+        lambda channel: np.asarray(interpolator(time, channel)(grid), dtype=np.float64)
+    )
+    return replace(resampled, time=grid), dt, tuple(findings)
+
+
+def _rounded(time: NDArray[np.float64], steps: NDArray[np.float64]) -> bool:
+    """Tell whether times are a uniform grid rounded to few digits.
+
+    Rounding gives steps of two sizes that differ by the last digit, and moves no time off the grid by more. A
+    digit above half a step could as well be a missing sample.
+    """
+    digit = float(np.ptp(steps))
+    two_sizes = np.minimum(steps - steps.min(), steps.max() - steps) < 1e-3 * digit
+    off_grid = np.abs(time - np.linspace(time[0], time[-1], time.size))
+    return bool(digit <= 0.5 * steps.min() and np.all(two_sizes) and np.all(off_grid <= digit))

@@ -1,0 +1,83 @@
+"""Named numeric columns of one file, whatever its format."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.errors import RecordError
+
+
+class Table(ABC):
+    """What a file reader gives: the names it found, the columns asked for, and where a row lies."""
+
+    @property
+    @abstractmethod
+    def names(self) -> tuple[str, ...]:
+        """Column names in file order."""
+
+    @property
+    @abstractmethod
+    def sha256(self) -> str:
+        """Hash of the file's bytes."""
+
+    @abstractmethod
+    def read(self, wanted: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+        """Columns by name, each of shape (n_time,); an empty cell is NaN.
+
+        A constant may come as shape (1,) where the format stores scalars.
+
+        Raises
+        ------
+        RecordError
+            A cell of a wanted column is not a number, or the columns differ in length.
+        """
+
+    @abstractmethod
+    def locate(self, row: int) -> str:
+        """Where row `row` of the columns (from 0) lies in the file, for messages."""
+
+
+class VectorTable(Table):
+    """Columns that the format already stores as arrays (Parquet, MATLAB)."""
+
+    def __init__(self, *, source: str, sha256: str, vectors: Mapping[str, NDArray[np.generic]]) -> None:
+        self._source = source
+        self._sha256 = sha256
+        self._vectors = vectors
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the stored vectors."""
+        return tuple(self._vectors)
+
+    @property
+    def sha256(self) -> str:
+        """Hash of the file's bytes."""
+        return self._sha256
+
+    def read(self, wanted: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+        """Convert the wanted vectors, each of shape (n_time,) or (1,)."""
+        lengths = {name: self._vectors[name].size for name in wanted if self._vectors[name].size != 1}
+        if len(set(lengths.values())) > 1:
+            listed = ", ".join(f"'{name}' has {size}" for name, size in lengths.items())
+            raise RecordError(
+                f"{self._source}: columns must be equally long, but {listed}; save them from one test"
+            )
+        return {name: self._numbers(name) for name in wanted}
+
+    def locate(self, row: int) -> str:
+        """Row number from 1."""
+        return f"row {row + 1}"
+
+    def _numbers(self, name: str) -> NDArray[np.float64]:
+        vector = self._vectors[name]
+        if not (np.issubdtype(vector.dtype, np.integer) or np.issubdtype(vector.dtype, np.floating)):
+            raise RecordError(
+                f"{self._source}: column '{name}' holds {vector.dtype} values where real numbers were "
+                "expected; convert it before saving"
+            )
+        return vector.astype(np.float64)

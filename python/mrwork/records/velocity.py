@@ -1,0 +1,120 @@
+"""Whether a measured velocity is the derivative of the displacement, and if not, what it looks like."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.records.damper_test import Finding
+from mrwork.records.motion import Smoother
+
+_MISFIT: Final = 0.10
+_NOISE: Final = 0.5
+_PHASE: Final = 0.02
+_SMALLEST_FACTOR: Final = 1e-9
+
+
+def velocity_agrees(
+    velocity: NDArray[np.float64],
+    displacement: NDArray[np.float64],
+    smoother: Smoother,
+    frequency: float,
+) -> tuple[NDArray[np.float64], tuple[Finding, ...]]:
+    """Compare a measured velocity with the derivative of the displacement.
+
+    Both pass the same smoother, and what their noise lets expect is taken off the difference, up to half
+    of the signal. A velocity that fits after a change of sign is given that sign; other differences are
+    only reported, with the delay or the factor that explains them.
+
+    Parameters
+    ----------
+    velocity, displacement
+        Shape (n_time,) [m/s, m].
+    smoother
+        Fitted to the displacement.
+    frequency
+        Dominant frequency of the motion [Hz]; a delay below 0.02 rad of it is not worth a word.
+    """
+    comparison = _compared(velocity, displacement, smoother)
+    measured = comparison.measured
+    difference = comparison.misfit(measured)
+    if comparison.misfit(-measured) <= _MISFIT:
+        message = (
+            "the velocity had the opposite sign of the displacement's derivative; it was multiplied by -1"
+        )
+        return -velocity, (Finding(code="velocity_sign_flipped", severity="note", message=message),)
+
+    delay = comparison.delay(smoother.derivative(displacement, order=2))
+    time = smoother.dt * np.arange(velocity.size)
+    delay_explains = comparison.misfit(np.interp(time + delay, time, measured)) < 0.5 * difference
+    if difference <= _MISFIT:
+        if not delay_explains or 2.0 * np.pi * frequency * abs(delay) < _PHASE:
+            return velocity, ()
+        message = f"the velocity {_shift(delay, smoother.dt)}"
+        if 0.4 < delay / smoother.dt < 0.6:
+            message += ", as backward differences do"
+        return velocity, (Finding(code="velocity_late", severity="note", message=message),)
+
+    factor = comparison.factor()
+    if delay_explains:
+        message = f"the velocity {_shift(delay, smoother.dt)}, which makes {100 * difference:.0f} % (rms)"
+    elif abs(factor) > _SMALLEST_FACTOR and comparison.misfit(measured / factor) <= _MISFIT:
+        message = (
+            f"the velocity is {factor:.4g} times the displacement's derivative, "
+            "so one of them has another unit than it says"
+        )
+    else:
+        message = (
+            f"the velocity differs from the displacement's derivative by {100 * difference:.0f} % (rms); "
+            "check that both columns belong to this test"
+        )
+    return velocity, (Finding(code="velocity_inconsistent", severity="warning", message=message),)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Comparison:
+    """Smoothed velocity, derivative, the latter's mean square, and that of the difference noise makes."""
+
+    measured: NDArray[np.float64]
+    derivative: NDArray[np.float64]
+    power: float
+    expected: float
+
+    def misfit(self, candidate: NDArray[np.float64]) -> float:
+        """Rms difference beyond noise, relative to the derivative."""
+        beyond_noise = float(np.mean((candidate - self.derivative) ** 2)) - self.expected
+        return float(np.sqrt(max(beyond_noise, 0.0) / self.power))
+
+    def factor(self) -> float:
+        """Regress the velocity on the derivative."""
+        return float(np.mean(self.measured * self.derivative)) / self.power
+
+    def delay(self, acceleration: NDArray[np.float64]) -> float:
+        """Regress on a delay [s]: a signal that is late by a little lags by that much acceleration."""
+        late = np.mean((self.measured - self.derivative) * acceleration)
+        return -float(late / np.mean(acceleration**2))
+
+
+def _compared(
+    velocity: NDArray[np.float64], displacement: NDArray[np.float64], smoother: Smoother
+) -> _Comparison:
+    measured = smoother.smooth(velocity)
+    derivative = smoother.derivative(displacement)
+    power = float(np.mean(derivative**2))
+    noise = np.hypot(
+        smoother.noise(displacement - smoother.smooth(displacement)) * smoother.noise_gain(1),
+        smoother.noise(velocity - measured) * smoother.noise_gain(0),
+    )
+    # A signal that is mostly noise must not pass as one that is right but for its noise.
+    expected = min(float(noise**2), _NOISE**2 * power)
+    return _Comparison(measured=measured, derivative=derivative, power=power, expected=expected)
+
+
+def _shift(delay: float, dt: float) -> str:
+    late = "lags" if delay > 0.0 else "leads"
+    return (
+        f"{late} the displacement's derivative by {1e3 * abs(delay):.3g} ms ({abs(delay) / dt:.2f} samples)"
+    )

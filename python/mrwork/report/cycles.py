@@ -1,0 +1,102 @@
+"""Where the cycles of a test lie, and which few of its samples to draw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+CYCLES_SHOWN = 3
+
+# A crossing counts only after the stroke has been this share of its spread on the other side,
+# so that noise around the middle of the stroke does not make cycles of its own.
+_DEAD_BAND = 0.5
+_GOLDEN = 0.6180339887498949
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Window:
+    """Samples start..stop-1 of a record; `first_cycle` counts from 1 and is `None` without cycles."""
+
+    start: int
+    stop: int
+    first_cycle: int | None
+    n_cycles: int
+
+    @property
+    def samples(self) -> slice:
+        """The window as a slice."""
+        return slice(self.start, self.stop)
+
+
+def upward_crossings(displacement: NDArray[np.float64]) -> NDArray[np.intp]:
+    """Samples at which the stroke passes its mean upwards, shape (n_crossings,)."""
+    centred = displacement - np.mean(displacement)
+    side = np.where(np.abs(centred) < _DEAD_BAND * np.std(centred), 0.0, np.sign(centred))
+    decided = np.flatnonzero(side)
+    turns = decided[1:][(side[decided[:-1]] < 0) & (side[decided[1:]] > 0)]
+    upward = np.flatnonzero((centred[:-1] < 0) & (centred[1:] >= 0)) + 1
+    if turns.size == 0 or upward.size == 0:
+        return np.empty(0, dtype=np.intp)
+    nearest = np.searchsorted(upward, turns, side="right") - 1
+    return upward[nearest[nearest >= 0]]
+
+
+def zoom_window(displacement: NDArray[np.float64]) -> Window:
+    """A few whole cycles from the middle of a record, or its middle third where it has none.
+
+    At most half of the cycles are shown, so that the window is a zoom and not the record again.
+    """
+    n_time = displacement.size
+    crossings = upward_crossings(displacement)
+    complete = crossings.size - 1
+    shown = min(CYCLES_SHOWN, (complete + 1) // 2)
+    if shown < 1:
+        third = n_time // 3
+        return Window(start=third, stop=max(n_time - third, third + 1), first_cycle=None, n_cycles=0)
+    first = (complete - shown) // 2
+    return Window(
+        start=int(crossings[first]),
+        stop=int(crossings[first + shown]) + 1,
+        first_cycle=first + 1,
+        n_cycles=shown,
+    )
+
+
+def even_samples(
+    abscissa: NDArray[np.float64], ordinate: NDArray[np.float64], wanted: int, *, aspect: float
+) -> NDArray[np.intp]:
+    """At most `wanted` samples at equal steps along the curve on paper, shape (n_drawn,).
+
+    Equal steps in time would crowd where the curve is flat and leave its steep parts bare. `aspect` is
+    the width of the drawing over its height.
+    """
+    return _nearest_samples(abscissa, ordinate, np.arange(wanted) / wanted, aspect)
+
+
+def scattered_samples(
+    abscissa: NDArray[np.float64], ordinate: NDArray[np.float64], wanted: int
+) -> NDArray[np.intp]:
+    """At most `wanted` samples spread along a loop that is run through many times, shape (n_drawn,).
+
+    Equal steps can fall in step with the cycles and draw the same few places again and again; a
+    golden-ratio jitter inside each step avoids that and stays reproducible.
+    """
+    number = np.arange(wanted)
+    return _nearest_samples(abscissa, ordinate, (number + number * _GOLDEN % 1.0) / wanted, 1.0)
+
+
+def _nearest_samples(
+    abscissa: NDArray[np.float64],
+    ordinate: NDArray[np.float64],
+    places: NDArray[np.float64],
+    aspect: float,
+) -> NDArray[np.intp]:
+    """The samples at `places`, given as shares of the curve's length, each sample once."""
+    if ordinate.size <= places.size:
+        return np.arange(ordinate.size)
+    across = aspect * np.diff(abscissa) / (float(np.ptp(abscissa)) or 1.0)
+    up = np.diff(ordinate) / (float(np.ptp(ordinate)) or 1.0)
+    along = np.concatenate(([0.0], np.cumsum(np.hypot(across, up))))
+    return np.unique(np.minimum(np.searchsorted(along, places * along[-1]), ordinate.size - 1))

@@ -1,0 +1,120 @@
+"""A `Fit` as JSON and back.
+
+JSON has no infinity and no NaN: a number that is not finite is written as `null`, and read again as
+what it must have been where the field says so (an absent bound, the misfit of a diverged population),
+as NaN elsewhere.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import types
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import PurePath
+from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+from mrwork.errors import RecordError
+from mrwork.identification.fit import Fit
+
+_ARTICLES = {int: "an integer", str: "a string"}
+_WHERE_NULL = {"lower": -math.inf, "upper": math.inf, "best": math.inf, "median": math.inf}
+
+
+def json_line(value: object) -> str:
+    """One line of JSON; numbers that are not finite become `null`."""
+    return json.dumps(_finite(value), allow_nan=False, ensure_ascii=False)
+
+
+def json_document(value: object) -> str:
+    """The same, indented for people."""
+    return json.dumps(_finite(value), allow_nan=False, ensure_ascii=False, indent=2) + "\n"
+
+
+def fit_from_json(text: str, *, origin: str) -> Fit:
+    """The `Fit` that `json_document(fit.as_dict())` wrote; `origin` names it in messages.
+
+    Raises
+    ------
+    RecordError
+        If the text is not JSON or not a fit; the message names the field.
+    """
+    try:
+        document = json.loads(text)
+    except ValueError as reason:
+        raise RecordError(f"{origin} is not JSON ({reason}); run `mrwork identify` again") from None
+    try:
+        return cast(Fit, _built(Fit, document, "fit"))
+    except _MismatchError as reason:
+        raise RecordError(f"{origin} is not a fit: {reason}; run `mrwork identify` again") from None
+
+
+class _MismatchError(Exception):
+    """What was expected at which place of the document."""
+
+
+def _finite(value: object) -> object:
+    if isinstance(value, np.generic | np.ndarray):
+        return _finite(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {str(key): _finite(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(entry) for entry in value]
+    return str(value) if isinstance(value, PurePath) else value
+
+
+def _built(kind: Any, value: Any, place: str) -> Any:
+    """`value` as an instance of the annotation `kind`; `place` is its path in the document."""
+    if is_dataclass(kind):
+        return _built_record(cast(type, kind), value, place)
+    origin, arguments = get_origin(kind), get_args(kind)
+    if kind is Any:
+        return value
+    if origin is Literal:
+        return _accepted(value in arguments, value, place, " or ".join(map(repr, arguments)))
+    if origin in (Union, types.UnionType):
+        inner = next(argument for argument in arguments if argument is not type(None))
+        return None if value is None else _built(inner, value, place)
+    if origin is tuple:
+        _accepted(isinstance(value, list), value, place, "a list")
+        return tuple(_built(arguments[0], entry, f"{place}[{index}]") for index, entry in enumerate(value))
+    if origin is dict:
+        _accepted(isinstance(value, dict), value, place, "an object")
+        return {key: _built(arguments[1], entry, f"{place}.{key}") for key, entry in value.items()}
+    if kind is float:
+        return _built_float(value, place)
+    # Python counts True among the integers, JSON does not.
+    fits = isinstance(value, kind) and (kind is bool or not isinstance(value, bool))
+    return _accepted(fits, value, place, _ARTICLES.get(kind, kind.__name__))
+
+
+def _built_record(kind: type, value: Any, place: str) -> Any:
+    _accepted(isinstance(value, dict), value, place, "an object")
+    hints = get_type_hints(kind)
+    names = [field.name for field in fields(kind)]
+    missing = [name for name in names if name not in value]
+    if missing:
+        raise _MismatchError(f"`{place}` lacks {', '.join(missing)}")
+    return kind(**{name: _built(hints[name], value[name], f"{place}.{name}") for name in names})
+
+
+def _built_float(value: Any, place: str) -> float:
+    if value is None:
+        field = place.rpartition(".")[2].partition("[")[0]
+        return _WHERE_NULL.get(field, math.nan)
+    _accepted(isinstance(value, int | float) and not isinstance(value, bool), value, place, "a number")
+    return float(value)
+
+
+def _accepted(condition: bool, value: Any, place: str, expected: str) -> Any:
+    if not condition:
+        shown = repr(value)
+        raise _MismatchError(
+            f"`{place}` should be {expected}, it is {shown[:40]}{'…' if len(shown) > 40 else ''}"
+        )
+    return value

@@ -1,0 +1,93 @@
+"""Numbers as text: as many digits as they deserve, split where decimal points align."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+MINUS = "\N{MINUS SIGN}"
+_THIN_SPACE = "\N{NARROW NO-BREAK SPACE}"
+_NONE = "\N{EN DASH}"
+_SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+
+# Between these powers of ten numbers are written out.
+_PLAIN = (-6, 7)
+_DIGITS_OF_ERROR = 2
+_DIGITS_ALONE = 5
+_MOST_DIGITS = 8
+
+
+def fixed(value: float | None, decimals: int) -> str:
+    """A number with that many decimals, thousands set apart; a dash for none, a word for the infinite."""
+    if value is None or math.isnan(value):
+        return _NONE
+    if math.isinf(value):
+        return "∞" if value > 0 else f"{MINUS}∞"
+    text = f"{value:,.{decimals}f}"
+    if float(text.replace(",", "")) == 0:
+        text = text.lstrip("-")
+    # A group of three is set apart from five digits on: 1234 but 12 345.
+    grouped = text.replace(",", _THIN_SPACE) if abs(value) >= 1e4 else text.replace(",", "")
+    return grouped.replace("-", MINUS)
+
+
+def significant(value: float | None, digits: int) -> str:
+    """A number with that many significant digits, in powers of ten where it is very large or small."""
+    if value is None or not math.isfinite(value) or value == 0:
+        return fixed(value, 0)
+    exponent = leading_exponent(value, digits)
+    if _PLAIN[0] < exponent < _PLAIN[1]:
+        return fixed(round(value, digits - 1 - exponent), max(digits - 1 - exponent, 0))
+    mantissa = float(f"{value:.{digits - 1}e}".partition("e")[0])
+    return fixed(mantissa, digits - 1) + _times(exponent)
+
+
+def shortest(value: float, digits: int = 4) -> str:
+    """A number without the zeros that say nothing: bounds, settings."""
+    text = significant(value, digits)
+    if "." not in text:
+        return text
+    head, times, power = text.partition(" × ")
+    return head.rstrip("0").rstrip(".") + times + power
+
+
+def value_and_error(value: float, error: float | None) -> tuple[str, str]:
+    """An estimate and its standard error: the error to two digits, both to the same decimal and power."""
+    if error is None or not math.isfinite(error) or error <= 0 or not math.isfinite(value):
+        return shortest(value, _DIGITS_ALONE), _NONE
+    finest = leading_exponent(error, _DIGITS_OF_ERROR) - _DIGITS_OF_ERROR + 1
+    largest = max(abs(value), error)
+    leading = leading_exponent(largest, max(math.floor(math.log10(largest)) - finest + 1, 1))
+    if leading - finest >= _MOST_DIGITS:
+        return significant(value, _MOST_DIGITS), significant(error, _DIGITS_OF_ERROR)
+    power = 0 if _PLAIN[0] < leading < _PLAIN[1] else leading
+    texts = [
+        fixed(round(number, -finest) / 10.0**power, max(power - finest, 0)) + _times(power)
+        for number in (value, error)
+    ]
+    return texts[0], texts[1]
+
+
+def leading_exponent(value: float, digits: int) -> int:
+    """Power of ten of the first digit after rounding to `digits`: 9.996 to three digits is 10.0."""
+    return int(f"{value:.{digits - 1}e}".partition("e")[2])
+
+
+def column(values: Sequence[float], digits: int) -> list[str]:
+    """A column with equal decimals, enough for `digits` significant digits of its smallest entry."""
+    sizes = [leading_exponent(value, digits) for value in values if math.isfinite(value) and value != 0]
+    decimals = min(max(digits - 1 - min(sizes, default=0), 0), 6)
+    return [fixed(value, decimals) for value in values]
+
+
+def at_point(text: str) -> tuple[str, str]:
+    """A number's text before its decimal point and from it on, to be set on either side of a line."""
+    head, point, tail = text.partition(".")
+    if point:
+        return head, point + tail
+    head, times, power = text.partition(" ×")
+    return head, times + power
+
+
+def _times(power: int) -> str:
+    return f" × 10{str(power).translate(_SUPERSCRIPTS)}" if power else ""

@@ -1,0 +1,128 @@
+"""How figures and pages look: colours, fonts, sizes, the units of an axis.
+
+The data are a quiet grey, the model blue and the residual rust. The three differ in lightness as
+well as in hue, so they stay apart for colour-blind readers and on a grey-scale print.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import matplotlib
+
+if TYPE_CHECKING:
+    from matplotlib.typing import RcKeyType
+
+INK = "#1b2329"
+FAINT_INK = "#56636d"
+RULE = "#d5dade"
+DATA = "#8b979f"
+MODEL = "#0a5a96"
+RESIDUAL = "#b0502a"
+WINDOW = "#eef2f5"
+
+FONTS = (
+    "Source Sans 3",
+    "Source Sans Pro",
+    "Segoe UI",
+    "Helvetica Neue",
+    "Helvetica",
+    "Arial",
+    "Liberation Sans",
+    "DejaVu Sans",
+)
+
+# A panel is as wide as one of two columns on a desk screen and as the whole of a phone, so that its
+# text is legible on both without a second drawing. Inches, at 10.5 point text.
+PANEL_WIDTH = 5.0
+PANEL_HEIGHT = 3.75
+
+_RC: dict[RcKeyType, Any] = {
+    "font.family": ["sans-serif"],
+    "font.sans-serif": list(FONTS),
+    "font.size": 10.5,
+    "axes.titlesize": 10.5,
+    "axes.labelsize": 10.5,
+    "xtick.labelsize": 10.0,
+    "ytick.labelsize": 10.0,
+    "legend.fontsize": 10.0,
+    "text.color": INK,
+    "axes.labelcolor": INK,
+    "axes.titlecolor": INK,
+    "axes.edgecolor": FAINT_INK,
+    "xtick.color": FAINT_INK,
+    "ytick.color": FAINT_INK,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.unicode_minus": True,
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "axes.grid.axis": "y",
+    "grid.color": RULE,
+    "grid.linewidth": 0.6,
+    "xtick.major.size": 3.5,
+    "ytick.major.size": 0.0,
+    "xtick.major.width": 0.7,
+    "ytick.major.pad": 5.0,
+    "lines.solid_capstyle": "round",
+    "lines.solid_joinstyle": "round",
+    "legend.frameon": False,
+    "legend.borderaxespad": 0.0,
+    "legend.borderpad": 0.0,
+    "legend.handlelength": 1.5,
+    "legend.handletextpad": 0.5,
+    "legend.columnspacing": 1.3,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+    "path.simplify": True,
+    "path.simplify_threshold": 0.25,
+    "svg.hashsalt": "mrwork",
+    "svg.fonttype": "none",
+}
+
+
+@contextmanager
+def drawn_in_style() -> Iterator[None]:
+    """Draw and save inside this: the caller's matplotlib settings come back afterwards."""
+    with matplotlib.rc_context(_RC):
+        yield
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DisplayUnit:
+    """A unit for people: an SI value times `factor` is a number of `symbol`."""
+
+    symbol: str
+    factor: float
+
+
+MILLIMETRE = DisplayUnit(symbol="mm", factor=1e3)
+MILLIMETRE_PER_SECOND = DisplayUnit(symbol="mm/s", factor=1e3)
+FORCES = (
+    DisplayUnit(symbol="kN", factor=1e-3),
+    DisplayUnit(symbol="N", factor=1.0),
+    DisplayUnit(symbol="mN", factor=1e3),
+    DisplayUnit(symbol="µN", factor=1e6),
+    DisplayUnit(symbol="nN", factor=1e9),
+)
+
+
+def force_unit(peak_force: float) -> DisplayUnit:
+    """Newton for forces of up to four digits, kilonewton above, smaller units below a tenth."""
+    largest = FORCES[0] if peak_force >= 1e4 else FORCES[1]
+    return residual_unit(peak_force, largest, least=0.1)
+
+
+def residual_unit(peak_residual: float, unit: DisplayUnit, *, least: float = 0.01) -> DisplayUnit:
+    """The `unit` of the force, or the first smaller one in which the peak is not below `least`."""
+    if peak_residual == 0:
+        return unit
+    candidates = FORCES[FORCES.index(unit) :]
+    large_enough = (finer for finer in candidates if peak_residual * finer.factor >= least)
+    return next(large_enough, FORCES[-1])

@@ -1,0 +1,60 @@
+"""A figure as bytes for a file, or as an element to stand inside a page."""
+
+from __future__ import annotations
+
+import io
+import re
+from html import escape
+
+import matplotlib
+from matplotlib.figure import Figure
+
+from mrwork.report import style
+
+# Without a date the same figure is the same file.
+_NO_DATE = {"Date": None}
+_PNG_DOTS_PER_INCH = 200
+
+
+def svg_bytes(figure: Figure) -> bytes:
+    """A file that looks the same everywhere: its letters are outlines."""
+    return _saved(figure, font_type="path").encode()
+
+
+def png_bytes(figure: Figure) -> bytes:
+    """A picture for a slide or a text processor, 200 dots per inch."""
+    target = io.BytesIO()
+    with style.drawn_in_style():
+        figure.savefig(target, format="png", dpi=_PNG_DOTS_PER_INCH)
+    return target.getvalue()
+
+
+def inline_svg(figure: Figure, *, identifier: str, description: str) -> str:
+    """An `<svg>` element that scales with its column; its letters are text, `description` is read aloud.
+
+    `identifier` keeps the element's names apart from those of the other figures of the page.
+    """
+    text = _saved(figure, font_type="none")
+    view_box = re.search(r'viewBox="([^"]+)"', text)
+    body = text[text.index(">", text.index("<svg")) + 1 : text.rindex("</svg>")]
+    body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
+    body = re.sub(r"\bd=\"[^\"]*\"|<use [^>]*>", _two_decimals, body)
+    body = re.sub(r'(\bid="|url\(#|href="#)', rf"\g<1>{identifier}-", body)
+    title = f"{identifier}-title"
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink" role="img" '
+        f'viewBox="{view_box.group(1) if view_box else "0 0 360 270"}" aria-labelledby="{title}">'
+        f'<title id="{title}">{escape(description)}</title>{body}</svg>'
+    )
+
+
+def _saved(figure: Figure, *, font_type: str) -> str:
+    target = io.StringIO()
+    with style.drawn_in_style(), matplotlib.rc_context({"svg.fonttype": font_type}):
+        figure.savefig(target, format="svg", metadata=_NO_DATE)
+    return target.getvalue()
+
+
+def _two_decimals(element: re.Match[str]) -> str:
+    # A hundredth of a point is far below what a screen or a printer shows, and halves the page.
+    return re.sub(r"(\.\d\d)\d+", r"\1", element.group())

@@ -1,0 +1,90 @@
+"""Names and equations written in plain letters, set as mathematics in HTML."""
+
+from __future__ import annotations
+
+import re
+from html import escape
+
+_GREEK = {
+    "alpha": "α",
+    "beta": "β",
+    "gamma": "γ",
+    "delta": "δ",
+    "epsilon": "ε",
+    "zeta": "ζ",
+    "eta": "η",
+    "theta": "θ",
+    "kappa": "κ",
+    "lambda": "λ",
+    "mu": "μ",
+    "nu": "ν",
+    "xi": "ξ",
+    "rho": "ρ",
+    "sigma": "σ",
+    "tau": "τ",
+    "phi": "φ",
+    "chi": "χ",
+    "psi": "ψ",
+    "omega": "ω",
+}
+_FUNCTIONS = frozenset(
+    ("sgn", "sign", "tanh", "exp", "ln", "log", "sqrt", "sin", "cos", "abs", "max", "min", "sat")
+)
+_TAGS = ("sub", "sup", "i", "b", "em", "strong", "br")
+
+_TOKEN = re.compile(
+    r"(?P<tag></?(?:" + "|".join(_TAGS) + r")\s*/?>)"
+    r"|\^\((?P<power>[^()]*)\)"
+    r"|\^(?P<exponent>-?\w+)"
+    r"|(?P<name>[A-Za-z]\w*)(?P<primes>'*)"
+    r"|(?P<minus>-)"
+    r"|(?P<other>.)",
+    re.DOTALL,
+)
+
+
+def symbol(name: str) -> str:
+    """A parameter's name as a symbol: `k_w` as k with subscript w, `alpha` as its Greek letter."""
+    match = re.fullmatch(r"([A-Za-z]+?)_?(\d\w*|(?<=_).+)?", name)
+    if match is None:
+        return escape(name)
+    base, subscript = match.group(1), match.group(2)
+    letter = _GREEK.get(base, base)
+    if len(letter) > 1:
+        return escape(name)
+    set_subscript = f"<sub>{escape(_GREEK.get(subscript, subscript))}</sub>" if subscript else ""
+    return f"<i>{escape(letter)}</i>{set_subscript}"
+
+
+def breakable(name: str) -> str:
+    """A file's name that may go on in the next line after an underscore."""
+    return escape(name).replace("_", "_<wbr>")
+
+
+def equation_html(equation: str) -> str:
+    """An equation as HTML: Greek letters, subscripts, powers and a true minus.
+
+    A few simple tags (`sub`, `sup`, `i`, `b`, `br`) pass through; everything else is escaped.
+    """
+    return "".join(_set(match) for match in _TOKEN.finditer(equation.strip()))
+
+
+def _set(match: re.Match[str]) -> str:
+    if match["tag"]:
+        return match["tag"]
+    power = match["power"] if match["power"] is not None else match["exponent"]
+    if power is not None:
+        return f"<sup>{equation_html(power)}</sup>"
+    if match["name"]:
+        return _name(match["name"]) + "′" * len(match["primes"])
+    if match["minus"]:
+        return "\N{MINUS SIGN}"
+    return escape(match["other"])
+
+
+def _name(name: str) -> str:
+    if name in _FUNCTIONS:
+        return name
+    if len(name) == 1 or name in _GREEK or re.fullmatch(r"[A-Za-z]+(\d\w*|_\w+)", name):
+        return symbol(name)
+    return escape(name)

@@ -1,0 +1,187 @@
+"""When a search has said what it can: the hypothesis test of Kwok et al. (2007), and a stall.
+
+The test reads the trace `e_g` of the least misfit per generation. From the first improvement `g0`
+on, the errors are taken as exponentially distributed with mean `mu`. The first and greatest of them
+then belongs to the same population with probability `exp(-max(e)/mu)`; once this is below the
+significance `a_s = 1 - confidence` the search has left its initial errors behind and may end::
+
+    mean(e_g) / max(e_g) <= 1 / ln(1/a_s)            0.334 at 95 %, 0.217 at 99 %
+
+The exact statistic is our definition: the literature's could not be read.
+
+**Floor.** A measured record keeps a model error `e_inf > 0` however long one searches, and then the
+ratio tends to `e_inf / e_g0`, which stays above the threshold for ever unless the search began three
+times worse than it can end. Of 32 searches of 300 generations on measured damper tests (static and
+normalised Bouc-Wen, two tests each, eight seeds) the literal test ended one. Two ways out, both our
+definition:
+
+- `stalled`: the best has not fallen by a stated share for a stated number of generations. By default the
+  search uses it beside the literal test and names what came first. With it the same searches ended
+  after 127 to 300 generations (the cap) within 14 % of the best error known, 4 % in the median.
+- `floor`: the same statistic on `e_g - floor`. With the least misfit seen so far as floor it asks how much
+  of the attainable decay lies behind, and meets the threshold on every trace that falls twice and levels off.
+  It is eager: on the same tests it was first met after 4 to 23 generations (once 130), at 1.1 to 2.3
+  times the best error known. Use it only with enough `min_generations`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.errors import SettingError
+
+
+class ExpectedTermination(NamedTuple):
+    """Generation at which the test is expected to stop, and the probability of just that generation."""
+
+    generation: int | None
+    likelihood: float
+
+
+def threshold(confidence: float) -> float:
+    """Value `1/ln(1/(1 - confidence))` that the statistic must not exceed."""
+    if not 0.0 < confidence < 1.0:
+        raise SettingError(
+            f"`confidence` lies strictly between 0 and 1, got {confidence!r}; 0.95 and 0.99 are usual"
+        )
+    return 1.0 / math.log(1.0 / (1.0 - confidence))
+
+
+def first_improvement(best: NDArray[np.float64]) -> int | None:
+    """Index g0 of the first entry below its predecessor; a first finite value after `inf` counts."""
+    improved = np.flatnonzero(best[1:] < best[:-1])
+    return int(improved[0]) + 1 if improved.size else None
+
+
+def statistic(best: NDArray[np.float64], *, floor: float = 0.0) -> float:
+    """Mean over maximum of `e_g - floor` from the first improvement on.
+
+    Parameters
+    ----------
+    best
+        Least misfit up to each generation, shape (n_generations,), never rising.
+    floor
+        Misfit that no parameters can undercut; 0 gives the literal statistic.
+
+    Returns
+    -------
+    float
+        In (0, 1]; 1 while nothing has decayed, so that no threshold is met.
+    """
+    g0 = first_improvement(best)
+    if g0 is None:
+        return 1.0
+    excess = best[g0:] - floor
+    greatest = float(excess.max())
+    if greatest <= 0.0:
+        return 1.0
+    # Dividing first keeps the sum of near-overflowing misfits finite.
+    return float(np.mean(excess / greatest))
+
+
+def hypothesis_test(best: NDArray[np.float64], *, confidence: float = 0.95, floor: float = 0.0) -> bool:
+    """Whether the trace has decayed enough to stop at this confidence."""
+    return statistic(best, floor=floor) <= threshold(confidence)
+
+
+def stalled(best: NDArray[np.float64], *, generations: int, tolerance: float) -> bool:
+    """Whether the best has not fallen by more than the share `tolerance` in the last `generations`."""
+    if best.size <= generations:
+        return False
+    before, now = float(best[-1 - generations]), float(best[-1])
+    # Written as a product so that 0 after 0 and inf after inf count as stalled.
+    return now >= before * (1.0 - tolerance)
+
+
+def expected_termination(
+    best: NDArray[np.float64], confidence: float = 0.95, *, floor: float = 0.0
+) -> ExpectedTermination:
+    """Where an exponential decay fitted to the trace meets the threshold (in the manner of thesis table 4.4).
+
+    Fits `ln(e_g - floor) = a - lambda (g - g0)` by least squares over the generations from the first
+    improvement on, and finds the first `n` with `(1 - q^n) / (n (1 - q)) <= 1/ln(1/a_s)`,
+    `q = exp(-lambda)`: the test's own statistic on the fitted curve. The likelihood is our
+    definition: the probability that the rate, normal about its estimate with its standard error,
+    lies among those that end at this same generation. It is 1 for an exact exponential.
+
+    Parameters
+    ----------
+    best
+        Least misfit up to each generation, shape (n_generations,), never rising.
+    confidence
+        Of the test, between 0 and 1.
+    floor
+        As in `statistic`; entries that have reached it do not take part in the fit.
+
+    Returns
+    -------
+    ExpectedTermination
+        `(None, 0.0)` when fewer than three generations can be fitted or the fitted curve does not fall.
+    """
+    limit = threshold(confidence)
+    g0 = first_improvement(best)
+    if g0 is None:
+        return ExpectedTermination(None, 0.0)
+    excess = best[g0:] - floor
+    age = np.flatnonzero((excess > 0.0) & np.isfinite(excess))
+    if age.size < 3:
+        return ExpectedTermination(None, 0.0)
+    logarithm = np.log(excess[age])
+    centred = age - age.mean()
+    rate = -float(centred @ logarithm) / float(centred @ centred)
+    residual = logarithm - logarithm.mean() + rate * centred
+    deviation = math.sqrt(float(residual @ residual) / (age.size - 2) / float(centred @ centred))
+    # A slope within rounding of zero is no decay; 1e-12 would take longer than any search.
+    if rate <= 1e-12:
+        return ExpectedTermination(None, 0.0)
+    length = _generations_to(limit, rate)
+    slow, fast = _rate_to(limit, length), _rate_to(limit, length - 1)
+    return ExpectedTermination(g0 + length - 1, _normal_between(slow, fast, mean=rate, deviation=deviation))
+
+
+def _mean_decay(rate: float, length: float) -> float:
+    """Mean of `exp(-rate k)` over k = 0 ... length - 1."""
+    return math.expm1(-rate * length) / (math.expm1(-rate) * length)
+
+
+def _generations_to(limit: float, rate: float) -> int:
+    """Fewest generations whose mean decay is at most `limit`; the mean falls with length."""
+    above, below = 0, 1
+    while _mean_decay(rate, below) > limit:
+        above, below = below, 2 * below
+    while below - above > 1:
+        middle = (above + below) // 2
+        if _mean_decay(rate, middle) > limit:
+            above = middle
+        else:
+            below = middle
+    return below
+
+
+def _rate_to(limit: float, length: int) -> float:
+    """Slowest decay that meets `limit` within `length` generations; `inf` where even a drop to 0 does not."""
+    if length * limit <= 1.0:
+        return math.inf
+    slow, fast = 1e-15, 1.0
+    while _mean_decay(fast, length) > limit:
+        fast *= 2.0
+    for _ in range(80):
+        middle = 0.5 * (slow + fast)
+        if _mean_decay(middle, length) > limit:
+            slow = middle
+        else:
+            fast = middle
+    return fast
+
+
+def _normal_between(lower: float, upper: float, *, mean: float, deviation: float) -> float:
+    """Probability of [lower, upper) under a normal distribution, a point mass when it has no width."""
+    # An exact exponential leaves only rounding in the residual; treat that as no spread at all.
+    if deviation <= 1e-12 * mean:
+        return 1.0
+    scale = deviation * math.sqrt(2.0)
+    return 0.5 * (math.erf((upper - mean) / scale) - math.erf((lower - mean) / scale))

@@ -1,0 +1,169 @@
+"""Dampers under a loading history: single runs, batches, misfits. A typed face of the Rust core."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mrwork import _rust
+from mrwork.errors import SettingError, SimulationError
+from mrwork.records import DamperTest
+from mrwork.spec import DamperSpec
+
+
+class Outcome(IntEnum):
+    """How one candidate's simulation ended."""
+
+    FINISHED = 0
+    DIVERGED = 1
+    UNRESOLVED = 2
+
+    @property
+    def remedy(self) -> str:
+        """What a user can do about it."""
+        return {
+            Outcome.FINISHED: "nothing",
+            Outcome.DIVERGED: "the state left the finite numbers; move the parameters towards their nominal values",
+            Outcome.UNRESOLVED: "it is too stiff for the sampling step; resample the record more finely",
+        }[self]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loading:
+    """What is done to the damper: displacement [m] and velocity [m/s], shape (n_time,), every `dt` [s].
+
+    Between samples both follow a C2 cubic spline; without a velocity, the derivative of the displacement's.
+    """
+
+    dt: float
+    displacement: NDArray[np.float64]
+    velocity: NDArray[np.float64] | None = None
+
+    def history(self) -> _rust.LoadingHistory:
+        """The splined history that simulations run on.
+
+        Raises
+        ------
+        SettingError
+            Where the arrays do not fit together or hold a value that is not finite.
+        """
+        displacement = np.ascontiguousarray(self.displacement, dtype=np.float64)
+        velocity = None if self.velocity is None else np.ascontiguousarray(self.velocity, dtype=np.float64)
+        try:
+            return _rust.LoadingHistory(self.dt, displacement, velocity)
+        except ValueError as error:
+            raise SettingError(str(error)) from error
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Misfits:
+    """Sums of squared residuals [N^2] of a batch, shape (n_batch,); infinite where not finished."""
+
+    squared_error: NDArray[np.float64]
+    outcome: NDArray[np.uint8]
+    substeps: NDArray[np.uint32]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForceHistories:
+    """Forces [N] of a batch, shape (n_batch, n_time); a row that did not finish is infinite."""
+
+    force: NDArray[np.float64]
+    outcome: NDArray[np.uint8]
+    substeps: NDArray[np.uint32]
+
+
+def loading_of(test: DamperTest) -> Loading:
+    """The motion of a test."""
+    return Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
+
+
+def simulate_misfits(
+    spec: DamperSpec,
+    theta: ArrayLike,
+    history: _rust.LoadingHistory,
+    force: NDArray[np.float64],
+    *,
+    first: int = 0,
+    substep_factor: int = 1,
+    threads: int = 0,
+) -> Misfits:
+    """Simulate a batch and keep only its misfits against a measured force.
+
+    Parameters
+    ----------
+    theta
+        Parameters in spec order, shape (n_batch, n_params).
+    force
+        Measured force [N], shape (n_time,).
+    first
+        First sample that counts; those before it are simulated only.
+    substep_factor
+        Multiplies the sub-steps that the model's stiffness bound asks for; a power of two up to 64.
+    threads
+        Threads to use, 0 for all.
+    """
+    try:
+        squared_error, outcome, substeps = _rust.misfits(
+            spec.name, _rows(spec, theta), history, force, first, substep_factor, threads
+        )
+    except ValueError as error:
+        raise SettingError(str(error)) from error
+    return Misfits(squared_error=squared_error, outcome=outcome, substeps=substeps)
+
+
+def simulate_forces(
+    spec: DamperSpec,
+    theta: ArrayLike,
+    history: _rust.LoadingHistory,
+    *,
+    substep_factor: int = 1,
+    threads: int = 0,
+) -> ForceHistories:
+    """Simulate a batch and keep its force histories; parameters as in `simulate_misfits`."""
+    try:
+        force, outcome, substeps = _rust.force_histories(
+            spec.name, _rows(spec, theta), history, substep_factor, threads
+        )
+    except ValueError as error:
+        raise SettingError(str(error)) from error
+    return ForceHistories(force=force, outcome=outcome, substeps=substeps)
+
+
+def simulate_force(
+    spec: DamperSpec, theta: ArrayLike, loading: Loading, *, substep_factor: int = 1
+) -> NDArray[np.float64]:
+    """Simulate one damper from rest and return its force [N], shape (n_time,).
+
+    Raises
+    ------
+    SimulationError
+        Where the simulation diverges or cannot be resolved.
+
+    Examples
+    --------
+    >>> import numpy as np, mrwork as mr
+    >>> spec = mr.damper("static_hysteretic")
+    >>> time = np.arange(0, 1, 0.001)
+    >>> force = mr.simulate_force(spec, spec.nominal, mr.Loading(dt=0.001, displacement=0.01 * np.sin(6.28 * time)))
+    >>> force.shape
+    (1000,)
+    """
+    histories = simulate_forces(spec, np.atleast_2d(theta), loading.history(), substep_factor=substep_factor)
+    outcome = Outcome(histories.outcome[0])
+    if outcome is not Outcome.FINISHED:
+        raise SimulationError(f"{spec.name} ended as {outcome.name.lower()}: {outcome.remedy}")
+    force: NDArray[np.float64] = histories.force[0]
+    return force
+
+
+def _rows(spec: DamperSpec, theta: ArrayLike) -> NDArray[np.float64]:
+    rows = np.ascontiguousarray(theta, dtype=np.float64)
+    if rows.ndim != 2 or rows.shape[1] != len(spec.parameters):
+        raise SettingError(
+            f"`theta` has shape {rows.shape}, {spec.name} takes (n_batch, {len(spec.parameters)}); see `spec.names`"
+        )
+    return rows

@@ -1,0 +1,5 @@
+"""JAX twins of the damper models: the same equations again, differentiable.
+
+A twin is a module named as its model, with a NamedTuple `Theta` in spec order and two functions:
+`rate(theta, state, displacement, velocity)` and `force(theta, state, displacement, velocity)`.
+"""

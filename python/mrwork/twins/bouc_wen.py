@@ -1,0 +1,35 @@
+"""Bouc-Wen in the form of Spencer et al. (1997)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jax import Array
+
+from mrwork.twins._base import power
+
+
+class Theta(NamedTuple):
+    """Parameters, in spec order."""
+
+    c0: Array
+    k0: Array
+    x0: Array
+    alpha: Array
+    gamma: Array
+    beta: Array
+    A: Array
+    n: Array
+
+
+def rate(p: Theta, state: Array, x: Array, v: Array) -> Array:
+    """z' = -gamma |v| z |z|^(n-1) - beta v |z|^n + A v."""
+    z = state[0]
+    z_n = power(jnp.abs(z), p.n)
+    return jnp.stack([-p.gamma * jnp.abs(v) * jnp.sign(z) * z_n - p.beta * v * z_n + p.A * v])
+
+
+def force(p: Theta, state: Array, x: Array, v: Array) -> Array:
+    """f = c0 v + k0 (x - x0) + alpha z."""
+    return p.c0 * v + p.k0 * (x - p.x0) + p.alpha * state[0]

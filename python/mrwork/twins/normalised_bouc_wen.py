@@ -1,0 +1,34 @@
+"""Normalised Bouc-Wen of Ikhouane and Rodellar."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jax import Array
+
+from mrwork.twins._base import power
+
+
+class Theta(NamedTuple):
+    """Parameters, in spec order."""
+
+    c: Array
+    k: Array
+    x0: Array
+    k_w: Array
+    rho: Array
+    sigma: Array
+    n: Array
+
+
+def rate(p: Theta, state: Array, x: Array, v: Array) -> Array:
+    """w' = rho (v - sigma |v| |w|^(n-1) w + (sigma - 1) v |w|^n)."""
+    w = state[0]
+    w_n = power(jnp.abs(w), p.n)
+    return jnp.stack([p.rho * (v - p.sigma * jnp.abs(v) * jnp.sign(w) * w_n + (p.sigma - 1.0) * v * w_n)])
+
+
+def force(p: Theta, state: Array, x: Array, v: Array) -> Array:
+    """f = c v + k (x - x0) + k_w w."""
+    return p.c * v + p.k * (x - p.x0) + p.k_w * state[0]

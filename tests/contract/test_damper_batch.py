@@ -1,0 +1,132 @@
+"""A candidate's bits do not depend on its neighbours, the block, the threads or the instruction set."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from damper_samples import noise, random_theta, sine
+
+from mrwork import _rust
+from mrwork.simulate import Outcome, simulate_forces, simulate_misfits
+
+# Around every width of a block: 1, 8, 16, 32 and 64 lanes. The record is longer than the 256 samples between
+# two looks at lost lanes.
+BATCH_SIZES = (1, 2, 7, 8, 9, 16, 17, 32, 33, 64, 65, 100)
+N_BATCH = max(BATCH_SIZES)
+N_TIME = 260
+
+
+@pytest.fixture
+def theta(spec):
+    """Candidates whose sub-steps differ, in random order, with the nominal one among them."""
+    return np.vstack([spec.nominal, random_theta(spec, N_BATCH - 1, rng=21)])
+
+
+@pytest.fixture
+def history():
+    motion = noise()
+    return replace(motion, displacement=motion.displacement[:N_TIME]).history()
+
+
+@pytest.fixture
+def measured(spec, history):
+    return simulate_forces(spec, spec.nominal[None], history).force[0] * 0.9
+
+
+def assert_same_bits(left, right):
+    np.testing.assert_array_equal(np.asarray(left).view(np.uint64), np.asarray(right).view(np.uint64))
+
+
+def test_batch_is_the_loop_over_its_rows(spec, theta, history, instruction_set):
+    batch = simulate_forces(spec, theta, history)
+    alone = [simulate_forces(spec, row[None], history) for row in theta]
+    if spec.n_states > 0:
+        assert len(set(batch.substeps)) > 2
+    assert np.sum(batch.outcome == Outcome.FINISHED) > 0.8 * N_BATCH
+    assert_same_bits(batch.force, np.vstack([run.force for run in alone]))
+    np.testing.assert_array_equal(batch.outcome, np.concatenate([run.outcome for run in alone]))
+    np.testing.assert_array_equal(batch.substeps, np.concatenate([run.substeps for run in alone]))
+
+
+def test_misfit_has_the_same_bits_in_every_batch_size(spec, theta, history, measured, instruction_set):
+    alone = np.concatenate([simulate_misfits(spec, row[None], history, measured).squared_error for row in theta])
+    for size in BATCH_SIZES:
+        assert_same_bits(simulate_misfits(spec, theta[:size], history, measured).squared_error, alone[:size])
+        assert_same_bits(simulate_misfits(spec, theta[-size:], history, measured).squared_error, alone[-size:])
+
+
+def test_instruction_sets_give_the_same_bits(spec, theta, history, measured, monkeypatch):
+    runs = {}
+    for name in ("avx512", "avx2", "plain"):
+        monkeypatch.setenv("MRWORK_INSTRUCTION_SET", name)
+        try:
+            _rust.instruction_set()
+        except ValueError:
+            continue
+        force = simulate_forces(spec, theta, history).force
+        runs[name] = np.column_stack([force, simulate_misfits(spec, theta, history, measured).squared_error])
+    if len(runs) < 2:
+        pytest.skip("this machine has one instruction set only, there is nothing to compare")
+    for run in runs.values():
+        assert_same_bits(run, runs["plain"])
+
+
+def test_threads_give_the_same_bits(spec, history, measured):
+    # Enough steps that the second thread is worth waking (200 000 of them), also for a model without sub-steps.
+    theta = random_theta(spec, 1000, rng=22)
+    one = simulate_misfits(spec, theta, history, measured, threads=1)
+    for threads in (2, 3):
+        several = simulate_misfits(spec, theta, history, measured, threads=threads)
+        assert_same_bits(several.squared_error, one.squared_error)
+        np.testing.assert_array_equal(several.outcome, one.outcome)
+
+
+def test_order_of_a_batch_does_not_matter(spec, theta, history, measured):
+    order = np.random.default_rng(23).permutation(N_BATCH)
+    straight = simulate_misfits(spec, theta, history, measured)
+    shuffled = simulate_misfits(spec, theta[order], history, measured)
+    assert_same_bits(shuffled.squared_error, straight.squared_error[order])
+    np.testing.assert_array_equal(shuffled.substeps, straight.substeps[order])
+
+
+@pytest.mark.parametrize("first", [0, 137, N_TIME - 1])
+def test_misfit_is_the_sum_of_squares_of_the_force_history(spec, theta, history, measured, first):
+    misfits = simulate_misfits(spec, theta, history, measured, first=first)
+    force = simulate_forces(spec, theta, history).force
+    finished = misfits.outcome == Outcome.FINISHED
+    expected = np.sum((force - measured)[:, first:] ** 2, axis=1)
+    # 260 additions of non-negative numbers: at most 260 roundings of 1.1e-16 each.
+    np.testing.assert_allclose(misfits.squared_error[finished], expected[finished], rtol=1e-13)
+
+
+def test_substep_factor_multiplies_the_substeps_of_each_candidate(spec, theta):
+    history = sine(n_time=50).history()
+    once = simulate_forces(spec, theta, history)
+    four = simulate_forces(spec, theta, history, substep_factor=4)
+    both = (once.outcome == Outcome.FINISHED) & (four.outcome == Outcome.FINISHED)
+    assert np.any(both)
+    np.testing.assert_array_equal(four.substeps[both], 4 * once.substeps[both])
+
+
+def test_a_failed_row_leaves_its_neighbours_alone(spec, theta, history, measured):
+    clean = simulate_misfits(spec, theta, history, measured)
+    broken = theta.copy()
+    broken[::5] = np.nan
+    broken[1::5] = np.inf
+    mixed = simulate_misfits(spec, broken, history, measured)
+    forces = simulate_forces(spec, broken, history)
+    untouched = np.arange(N_BATCH) % 5 > 1
+    assert_same_bits(mixed.squared_error[untouched], clean.squared_error[untouched])
+    assert_same_bits(forces.force[untouched], simulate_forces(spec, theta, history).force[untouched])
+    failed = ~untouched
+    assert np.all(np.isin(mixed.outcome[failed], [Outcome.DIVERGED, Outcome.UNRESOLVED]))
+    assert np.all(np.isposinf(mixed.squared_error[failed]))
+    assert np.all(np.isposinf(forces.force[failed]))
+
+
+def test_empty_batch_has_empty_results(spec, history, measured):
+    nothing = np.empty((0, len(spec.parameters)))
+    assert simulate_misfits(spec, nothing, history, measured).squared_error.shape == (0,)
+    assert simulate_forces(spec, nothing, history).force.shape == (0, history.n_time)

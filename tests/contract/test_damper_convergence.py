@@ -1,0 +1,66 @@
+"""The stepping rule converges at the order of Runge-Kutta where a path is smooth, at second order elsewhere."""
+
+from __future__ import annotations
+
+import numpy as np
+from damper_samples import STROKE, noise, random_theta, sine
+
+from mrwork.simulate import Loading, Outcome, simulate_forces
+
+FINEST = 64
+FACTORS = (1, 2, 4, 8)
+
+
+def errors(spec, theta, history):
+    """Largest force error of each row over its peak force, shape (n_factors, n_rows), against 64 times the steps."""
+    fine = simulate_forces(spec, theta, history, substep_factor=FINEST)
+    usable = fine.outcome == Outcome.FINISHED
+    assert np.sum(usable) > 0.5 * len(theta)
+    exact = fine.force[usable]
+    peak = np.max(np.abs(exact), axis=1)
+    return np.array(
+        [
+            np.max(np.abs(simulate_forces(spec, theta[usable], history, substep_factor=factor).force - exact), axis=1)
+            / peak
+            for factor in FACTORS
+        ]
+    )
+
+
+def test_fourth_order_while_the_motion_does_not_reverse(spec):
+    # On a stroke in one direction from rest neither |v| nor the sign of the state changes, so at the nominal
+    # parameters the rate is smooth and the classical order holds. The spline joins samples with continuous
+    # second derivatives only, but every step ends at a sample.
+    # The stroke is short, so that samples fall on the knee of the loop and not only on its saturated branch.
+    ramp = np.linspace(0.0, 1.0, 13)
+    history = Loading(dt=2e-3, displacement=0.02 * STROKE * (ramp + 0.5 * ramp**2)).history()
+    error = errors(spec, spec.nominal[None], history)[:, 0]
+    if spec.n_states == 0:
+        assert np.all(error == 0.0)
+        return
+    print(error)
+    assert error[-1] > 1e-11, "the error drowns in rounding, the order cannot be seen"
+    order = np.log2(error[:-1] / error[1:])
+    assert order[-1] > 3.7
+
+
+def test_second_order_over_reversals(spec):
+    # The rate has a kink in |v| where the motion reverses and another where the state changes sign. A step
+    # that straddles one errs by O(h^2) once. Where in the step the kink falls varies, so the order is read
+    # off the root mean square over many parameter sets.
+    theta = np.vstack([spec.nominal, random_theta(spec, 60, rng=41)])
+    error = errors(spec, theta, noise().history())
+    if spec.n_states == 0:
+        assert np.all(error == 0.0)
+        return
+    level = np.sqrt(np.mean(error**2, axis=1))
+    slope = np.polyfit(np.log2(FACTORS), np.log2(level), 1)[0]
+    assert slope < -1.8
+
+
+def test_error_of_the_stepping_rule_itself_is_small(spec):
+    # With the sub-steps that the stiffness bound asks for, no more: far below any force sensor.
+    theta = np.vstack([spec.nominal, random_theta(spec, 60, rng=42)])
+    error = errors(spec, theta, sine().history())
+    assert np.all(error[0] < 0.02)
+    assert np.median(error[0]) < 2e-3

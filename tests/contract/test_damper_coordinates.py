@@ -1,0 +1,145 @@
+"""theta, unit and latent coordinates are one and the same point, on NumPy and on JAX."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import mrwork.twins._base  # noqa: F401  (sets double precision)
+from mrwork.coordinates import Box
+from mrwork.errors import SettingError
+
+
+def boxes(spec):
+    """The admissible box, one with a parameter held fixed, and one narrowed around the nominal value."""
+    whole = Box.of(spec)
+    last = spec.parameters[-1]
+    fixed = whole.with_bounds({last.name: (last.nominal, last.nominal)})
+    narrowed = {}
+    for parameter in spec.parameters:
+        around = sorted((0.5 * parameter.nominal, 2.0 * parameter.nominal))
+        if around[0] < around[1]:
+            narrowed[parameter.name] = (max(around[0], parameter.lower), min(around[1], parameter.upper))
+    return {"whole": whole, "one fixed": fixed, "narrowed": whole.with_bounds(narrowed)}
+
+
+@pytest.fixture(params=["whole", "one fixed", "narrowed"])
+def box(request, spec):
+    return boxes(spec)[request.param]
+
+
+@pytest.fixture(params=[np, jnp], ids=["numpy", "jax"])
+def xp(request):
+    return request.param
+
+
+def units(box, n_batch=50):
+    return np.random.default_rng(51).uniform(0.001, 0.999, (n_batch, len(box.free)))
+
+
+def test_unit_theta_round_trip(box, xp):
+    unit = xp.asarray(units(box))
+    theta = box.theta_from_unit(unit)
+    assert theta.shape == (50, len(box.names))
+    # A linear range of +-1e15 keeps 1e-16 of its span; so does the logarithm of a range over 18 decades.
+    np.testing.assert_allclose(box.unit_from_theta(theta), unit, rtol=0.0, atol=1e-14)
+
+
+def test_theta_unit_round_trip(box, spec, xp):
+    theta = xp.asarray(box.theta_from_unit(units(box)))
+    span = np.subtract(box.upper, box.lower)
+    error = np.abs(box.theta_from_unit(box.unit_from_theta(theta)) - theta)
+    log = np.array(box.log)
+    assert np.all(error <= np.where(log, 1e-13 * np.abs(theta), 1e-15 * span))
+
+
+def test_latent_round_trip(box, xp):
+    latent = xp.asarray(np.random.default_rng(52).normal(size=(50, len(box.free))) * 2.0)
+    np.testing.assert_allclose(box.latent_from_unit(box.unit_from_latent(latent)), latent, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(box.latent_from_theta(box.theta_from_latent(latent)), latent, rtol=0.0, atol=1e-11)
+
+
+def test_theta_stays_in_the_box_to_the_last_bit(box, xp):
+    n_free = len(box.free)
+    faces = np.vstack([np.zeros(n_free), np.ones(n_free), units(box)])
+    theta = np.asarray(box.theta_from_unit(xp.asarray(faces)))
+    assert np.all(theta >= box.lower)
+    assert np.all(theta <= box.upper)
+    far = np.asarray(box.theta_from_latent(xp.asarray(np.array([[-800.0], [800.0]]) * np.ones(n_free))))
+    assert np.all((far >= box.lower) & (far <= box.upper))
+    np.testing.assert_allclose(far, [box.lower, box.upper], rtol=1e-12)
+
+
+def test_fixed_parameters_do_not_move(spec, xp):
+    box = boxes(spec)["one fixed"]
+    theta = np.asarray(box.theta_from_unit(xp.asarray(units(box))))
+    assert len(box.free) == len(spec.parameters) - 1
+    assert np.all(theta[:, -1] == spec.parameters[-1].nominal)
+
+
+def test_unit_is_even_in_the_scale_of_the_parameter(spec):
+    box = Box.of(spec)
+    middle = box.theta_from_unit(np.full(len(box.free), 0.5))
+    for parameter, value in zip(spec.parameters, middle, strict=True):
+        if parameter.scale == "log":
+            assert value == pytest.approx(np.sqrt(parameter.lower * parameter.upper), rel=1e-12)
+        else:
+            assert value == pytest.approx(0.5 * (parameter.lower + parameter.upper), abs=1e-15 * parameter.upper)
+
+
+def test_log_jacobian_is_that_of_the_numerical_derivative(box, xp):
+    latent = np.random.default_rng(53).normal(size=(20, len(box.free)))
+    step = 1e-5
+    free = list(box.free)
+    ahead = box.theta_from_latent(latent + step)[:, free]
+    behind = box.theta_from_latent(latent - step)[:, free]
+    # The map is coordinate by coordinate, so all may be shifted at once and the determinant is a product.
+    expected = np.sum(np.log((ahead - behind) / (2.0 * step)), axis=1)
+    np.testing.assert_allclose(box.log_jacobian(xp.asarray(latent)), expected, rtol=0.0, atol=1e-7)
+
+
+def test_log_jacobian_is_finite_far_out(box, xp):
+    far = np.array([[-500.0], [-40.0], [40.0], [500.0]]) * np.ones(len(box.free))
+    assert np.all(np.isfinite(box.log_jacobian(xp.asarray(far))))
+
+
+def test_numpy_and_jax_agree_and_stay_what_they_are(box):
+    unit = units(box)
+    latent = box.latent_from_unit(unit)
+    for method, argument in (
+        (box.theta_from_unit, unit),
+        (box.unit_from_theta, box.theta_from_unit(unit)),
+        (box.latent_from_unit, unit),
+        (box.unit_from_latent, latent),
+        (box.theta_from_latent, latent),
+        (box.log_jacobian, latent),
+    ):
+        plain, traced = method(argument), method(jnp.asarray(argument))
+        assert isinstance(plain, np.ndarray)
+        assert isinstance(traced, jax.Array)
+        assert plain.dtype == traced.dtype == np.float64
+        np.testing.assert_allclose(traced, plain, rtol=1e-12, atol=1e-14)
+
+
+def test_maps_are_differentiable(box):
+    latent = jnp.zeros(len(box.free))
+    jacobian = jax.jacfwd(box.theta_from_latent)(latent)[np.array(box.free)]
+    assert np.all(np.diag(jacobian) > 0.0)
+    sign, log_determinant = np.linalg.slogdet(jacobian)
+    assert sign == 1.0
+    assert float(box.log_jacobian(latent)) == pytest.approx(log_determinant, abs=1e-9)
+
+
+def test_bounds_that_make_no_sense_are_refused(spec):
+    box = Box.of(spec)
+    parameter = spec.parameters[0]
+    for bounds, complaint in (
+        ({"no_such_parameter": (0.0, 1.0)}, "no parameter is called"),
+        ({parameter.name: (parameter.upper, parameter.lower)}, "reversed"),
+        ({parameter.name: (parameter.lower, np.inf)}, "finite"),
+        ({parameter.name: (parameter.lower, 2.0 * parameter.upper)}, "admits"),
+    ):
+        with pytest.raises(SettingError, match=complaint):
+            box.with_bounds(bounds)

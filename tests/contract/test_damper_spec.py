@@ -1,0 +1,86 @@
+"""What every damper model says of itself is complete and consistent."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import numpy as np
+
+from mrwork import _rust
+from mrwork.spec import dampers
+
+# SI units and their products; a new one is added here when a model needs it, not by a slip of the pen.
+UNITS = {"1", "m", "1/m", "m^-n", "s", "1/s", "m/s", "s/m", "N", "N/m", "N s/m"}
+
+FLOPS_CEILING = 500
+
+
+def test_names_are_unique_identifiers():
+    names = [spec.name for spec in dampers()]
+    assert len(set(names)) == len(names)
+    assert all(name.isidentifier() and name == name.lower() for name in names)
+
+
+def test_prose_is_given(spec):
+    for text in (spec.title, spec.equation, spec.description, spec.source, spec.nominal_source):
+        assert text.strip()
+        assert "  " not in text, "a continued line left its indentation behind"
+
+
+def test_source_names_a_year(spec):
+    assert re.search(r"\b(19|20)\d\d\b", spec.source)
+
+
+def test_source_of_nominal_values_says_whether_they_were_verified(spec):
+    assert "verified" in spec.nominal_source
+
+
+def test_parameter_names_are_unique_identifiers(spec):
+    assert len(set(spec.names)) == len(spec.names) > 0
+    assert all(name.isidentifier() for name in spec.names)
+
+
+def test_every_parameter_is_in_the_equation_and_described(spec):
+    for parameter in spec.parameters:
+        assert re.search(rf"(?<![A-Za-z0-9_]){re.escape(parameter.name)}(?![A-Za-z0-9_])", spec.equation)
+        assert parameter.description.strip()
+
+
+def test_units_are_known(spec):
+    assert {parameter.unit for parameter in spec.parameters} <= UNITS
+
+
+def test_bounds_enclose_the_nominal_value(spec):
+    # The nominal value may lie on a bound (sigma = 1/2 is both Spencer's value and the edge of the
+    # thermodynamically admissible loops), the range itself may not be empty.
+    for parameter in spec.parameters:
+        assert all(map(math.isfinite, (parameter.lower, parameter.nominal, parameter.upper)))
+        assert parameter.lower < parameter.upper
+        assert parameter.lower <= parameter.nominal <= parameter.upper
+
+
+def test_log_bounds_are_positive(spec):
+    assert all(parameter.lower > 0.0 for parameter in spec.parameters if parameter.scale == "log")
+
+
+def test_offsets_can_be_zero(spec):
+    offsets = [parameter for parameter in spec.parameters if parameter.scale == "offset"]
+    assert all(parameter.lower < 0.0 < parameter.upper for parameter in offsets)
+
+
+def test_an_equation_of_motion_is_given_for_each_state(spec):
+    rates = re.findall(r"^\s*\w+'\s*=", spec.equation, flags=re.MULTILINE)
+    assert len(rates) == spec.n_states
+    assert re.search(r"^\s*f\s*=", spec.equation, flags=re.MULTILINE)
+
+
+def test_step_is_cheap(spec):
+    # Counted, not timed: a model that exceeds this makes every search with it several times slower than the rest.
+    assert 0 < _rust.flops_per_step(spec.name, spec.nominal) < FLOPS_CEILING
+
+
+def test_facade_is_the_compiled_spec(spec):
+    entry = next(entry for entry in _rust.damper_specs() if entry["name"] == spec.name)
+    assert [parameter["name"] for parameter in entry["parameters"]] == list(spec.names)
+    np.testing.assert_array_equal([parameter["nominal"] for parameter in entry["parameters"]], spec.nominal)

@@ -1,0 +1,133 @@
+"""The JAX twin is the Rust model: same names, same numbers, same trajectories, differentiable throughout."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from damper_samples import DT, N_TIME, noise, random_theta
+
+from mrwork import _rust
+from mrwork.simulate import Loading, simulate_forces
+from mrwork.twins._base import simulate, twin_of
+
+# Sub-steps beyond this only make the twin slow, they exercise no other line of it.
+SUBSTEPS_TO_COMPARE = 32
+
+
+def trajectories(spec, dt=DT):
+    return jax.jit(lambda theta, stages: simulate(spec, theta, stages, dt))
+
+
+def rows_to_compare(spec, history, n_random):
+    """The nominal set and random ones with few sub-steps."""
+    theta = np.vstack([spec.nominal, random_theta(spec, 64, rng=3)])
+    substeps = simulate_forces(spec, theta, history).substeps
+    return theta[(0 < substeps) & (substeps <= SUBSTEPS_TO_COMPARE)][: n_random + 1]
+
+
+def test_fields_are_the_parameters_in_order(spec):
+    assert twin_of(spec).Theta._fields == spec.names
+
+
+def test_rate_and_force_agree_at_random_points(spec):
+    # Terms of a rate cancel as the loop saturates, so agreement is measured against the largest rate over
+    # the states at the same parameters and motion. States run over four decades, both signs.
+    rng = np.random.default_rng(11)
+    twin = twin_of(spec)
+    n_theta, n_states = 40, 12
+    magnitude = 10.0 ** rng.uniform(-4.0, 0.3, (n_theta, n_states, spec.n_states))
+    states = magnitude * rng.choice([-1.0, 1.0], magnitude.shape)
+    motions = rng.normal(size=(n_theta, 2)) * [0.01, 0.2]
+    theta = random_theta(spec, n_theta, rng=12)
+    rate = jax.jit(lambda theta, state, motion: twin.rate(twin.Theta(*theta), state, *motion))
+    force = jax.jit(lambda theta, state, motion: twin.force(twin.Theta(*theta), state, *motion))
+    for row, motion, points in zip(theta, motions, states, strict=True):
+        rates = np.array([_rust.rate(spec.name, row, state, *motion) for state in points])
+        twin_rates = np.array([rate(row, state, motion) for state in points])
+        assert np.max(np.abs(twin_rates - rates), initial=0.0) <= 1e-12 * np.max(np.abs(rates), initial=0.0)
+        forces = np.array([_rust.force(spec.name, row, state, *motion) for state in points])
+        twin_forces = np.array([force(row, state, motion) for state in points])
+        assert np.max(np.abs(twin_forces - forces)) <= 1e-12 * np.max(np.abs(forces))
+
+
+def test_trajectories_agree(spec, motion):
+    history = motion.history()
+    theta = rows_to_compare(spec, history, 4)
+    assert len(theta) == 5
+    run = simulate_forces(spec, theta, history)
+    twin = trajectories(spec)
+    for row, force, substeps in zip(theta, run.force, run.substeps, strict=True):
+        twin_force = np.asarray(twin(row, history.stages(int(substeps))))
+        assert np.max(np.abs(twin_force - force)) <= 1e-10 * np.max(np.abs(force))
+
+
+def test_derivative_is_the_difference_quotient_of_rust(spec):
+    # A step of 2e-6 of each parameter leaves 1e-10 of rounding and about 1e-11 of curvature; a parameter
+    # near a power-of-two change of sub-steps would compare two discretisations, so those rows are left out.
+    history = noise().history()
+    compared = 0
+    jacobian = jax.jit(jax.jacfwd(lambda theta, stages: simulate(spec, theta, stages, DT)))
+    for theta in rows_to_compare(spec, history, 6):
+        step = 2e-6 * np.maximum(np.abs(theta), np.abs(spec.nominal))
+        shifted = np.concatenate([theta + np.diag(step), theta - np.diag(step)])
+        run = simulate_forces(spec, np.vstack([theta, shifted]), history)
+        if len(set(run.substeps)) > 1:
+            continue
+        ahead, behind = np.split(run.force[1:], 2)
+        difference = (ahead - behind).T / (2.0 * step)
+        exact = np.asarray(jacobian(theta, history.stages(int(run.substeps[0]))))
+        error = np.linalg.norm(exact - difference, axis=0)
+        # What rounding of the force alone leaves in the quotient.
+        rounding = np.linalg.norm(run.force[0]) * 1e-15 / step
+        assert np.all(error <= 1e-5 * np.linalg.norm(difference, axis=0) + rounding)
+        compared += 1
+    assert compared >= 4
+
+
+@pytest.mark.parametrize("velocity", [0.0, 0.1, -0.1])
+def test_derivatives_are_finite_where_the_loop_starts(spec, velocity):
+    # |w|^n has an infinite derivative in n, and a kink in w, at w = 0: every simulation starts there.
+    twin = twin_of(spec)
+    state = jnp.zeros(spec.n_states)
+
+    def both(theta, state):
+        p = twin.Theta(*theta)
+        return twin.rate(p, state, 0.0, velocity), twin.force(p, state, 0.0, velocity)
+
+    lowest = np.array([parameter.lower for parameter in spec.parameters])
+    for theta in (spec.nominal, lowest):
+        for derivative in jax.tree.leaves(jax.jacfwd(both, argnums=(0, 1))(theta, state)):
+            assert np.all(np.isfinite(derivative))
+        for derivative in jax.tree.leaves(jax.jacrev(both, argnums=(0, 1))(theta, state)):
+            assert np.all(np.isfinite(derivative))
+
+
+def test_derivative_of_a_damper_that_never_moves_is_finite(spec):
+    stages = jnp.zeros((N_TIME - 1, 3, 2))
+    jacobian = jax.jacfwd(lambda theta: simulate(spec, theta, stages, DT))(spec.nominal)
+    assert np.all(np.isfinite(jacobian))
+
+
+def test_transformations_compose_and_trace_once(spec):
+    traces = 0
+    history = Loading(dt=DT, displacement=noise().displacement[:60]).history()
+    stages = jnp.asarray(history.stages(2))
+
+    def energy(theta, stages):
+        nonlocal traces
+        traces += 1
+        return jnp.sum(simulate(spec, theta, stages, DT) ** 2)
+
+    theta = random_theta(spec, 4, rng=8)
+    gradients = jax.jit(jax.vmap(jax.grad(energy), in_axes=(0, None)))
+    first = gradients(theta, stages)
+    second = gradients(theta[::-1], stages)
+    assert traces == 1
+    gradients(theta, 0.5 * stages)
+    assert traces == 1
+    np.testing.assert_allclose(first, second[::-1], rtol=1e-12)
+    assert np.any(first != 0.0)
+    alone = jax.jit(jax.grad(energy))(theta[0], stages)
+    np.testing.assert_allclose(alone, first[0], rtol=1e-9)

@@ -1,0 +1,50 @@
+"""A clean test of a known damper, and the files it is written to in the record tests."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.records import DamperTest
+
+Columns = dict[str, NDArray[np.float64]]
+
+N_TIME = 400
+DT = 0.005
+FREQUENCY = 2.0
+AMPLITUDE = 0.01
+
+
+def clean_columns() -> Columns:
+    """A 2 Hz sine of 10 mm through a damper of 300 N friction and 500 N s/m, with its exact velocity."""
+    time = DT * np.arange(N_TIME)
+    phase = 2.0 * np.pi * FREQUENCY * time
+    velocity = AMPLITUDE * 2.0 * np.pi * FREQUENCY * np.cos(phase)
+    return {
+        "t_s": time,
+        "displacement_m": AMPLITUDE * np.sin(phase),
+        "velocity_mps": velocity,
+        "force_n": 300.0 * np.tanh(50.0 * velocity) + 500.0 * velocity,
+    }
+
+
+def write_text(path: Path, columns: Mapping[str, NDArray[np.float64]], delimiter: str = ",") -> Path:
+    """Write columns so that every float64 survives."""
+    rows = zip(*columns.values(), strict=True)
+    lines = [delimiter.join(columns), *(delimiter.join(repr(float(cell)) for cell in row) for row in rows)]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def codes(test: DamperTest) -> list[str]:
+    """What the checks found, by code."""
+    return [finding.code for finding in test.findings]
+
+
+def message(test: DamperTest, code: str) -> str:
+    """Text of the one finding of that code."""
+    (text,) = [finding.message for finding in test.findings if finding.code == code]
+    return text

@@ -1,0 +1,132 @@
+"""Tests, fits and comparisons made up for the report: small, seeded, without the compiled module."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.identification.fit import (
+    ErrorNorms,
+    Estimate,
+    Fit,
+    FitQuality,
+    FitStatus,
+    Provenance,
+    SearchTrace,
+)
+from mrwork.records.damper_test import DamperTest, Finding
+from mrwork.report.comparison import Comparison
+
+
+def comparison(
+    name: str = "10mm1Hz0x5A",
+    *,
+    n_time: int = 2000,
+    duration: float = 8.0,
+    amplitude: float = 0.01,
+    peak_force: float = 900.0,
+    synthetic: bool = False,
+    findings: tuple[Finding, ...] = (),
+    rng: int = 0,
+) -> Comparison:
+    """A 1 Hz test of a smooth hysteretic damper with 2 % noise, and the model without the noise."""
+    dt = duration / n_time
+    time = dt * np.arange(n_time)
+    displacement = amplitude * np.sin(2 * np.pi * time)
+    velocity = 2 * np.pi * amplitude * np.cos(2 * np.pi * time)
+    phase = 2 * np.pi * time + 0.35
+    model = peak_force * (0.8 * np.tanh(4 * np.cos(phase)) + 0.2 * np.cos(2 * np.pi * time))
+    noise = 0.02 * peak_force * np.random.default_rng(rng).normal(size=n_time)
+    test = DamperTest(
+        name=name,
+        path=f"rig/{name}.csv",
+        sha256="0123456789abcdef" * 4,
+        dt=dt,
+        start_time=0.0,
+        displacement=displacement,
+        velocity=velocity,
+        force=model + noise,
+        velocity_source="derived",
+        current=0.5,
+        amplitude=amplitude,
+        frequency=1.0,
+        synthetic=synthetic,
+        findings=findings,
+    )
+    return Comparison(test=test, model_force=model, quality=quality(test, model))
+
+
+def quality(test: DamperTest, model_force: NDArray[np.float64]) -> FitQuality:
+    """The numbers of a comparison, straight from their definitions."""
+    residual = test.force - model_force
+    rmse = float(np.sqrt(np.mean(residual**2)))
+    nrmse = rmse / float(np.std(test.force))
+    centred = residual - residual.mean()
+    return FitQuality(
+        test=test.name,
+        fit_percent=100 * (1 - nrmse),
+        nrmse=nrmse,
+        rmse_n=rmse,
+        error_norms=ErrorNorms(time=nrmse, displacement=0.1 * nrmse, velocity=0.3 * nrmse),
+        residual_autocorrelation=float(centred[1:] @ centred[:-1] / (centred @ centred)),
+        n_time=test.n_time,
+        substeps=2,
+    )
+
+
+def fit(
+    *comparisons: Comparison, status: FitStatus = "converged", stop_reason: str = "step below 1e-8"
+) -> Fit:
+    """A fit of eight parameters with every kind of remark."""
+    qualities = tuple(entry.quality for entry in comparisons)
+    nrmse = float(np.mean([entry.nrmse for entry in qualities]))
+    evaluations = np.arange(1, 41) * 64
+    best = np.maximum(0.9 * np.exp(-evaluations / 500), 1.1 * nrmse)
+    return Fit(
+        model="normalised_bouc_wen",
+        estimates=(
+            Estimate(name="c", unit="N s/m", value=1843.7263, standard_error=6.2, lower=0, upper=1e5),
+            Estimate(name="k", unit="N/m", value=-2310.8, standard_error=114.0, lower=-1e5, upper=1e5),
+            Estimate(name="x0", unit="m", value=-1.2346e-4, standard_error=2.1e-5, lower=-0.02, upper=0.02),
+            Estimate(name="k_w", unit="N", value=512.839, standard_error=1.13, lower=1, upper=5e4),
+            Estimate(name="rho", unit="1/m", value=8123.9, standard_error=35.2, lower=10, upper=1e5),
+            Estimate(
+                name="sigma",
+                unit="",
+                value=0.5,
+                standard_error=None,
+                lower=0.5,
+                upper=10,
+                remark="at lower bound",
+            ),
+            Estimate(name="n", unit="", value=1.2038, standard_error=0.011, lower=1, upper=4),
+            Estimate(
+                name="f0", unit="N", value=0.0, standard_error=None, lower=-500, upper=500, remark="fixed"
+            ),
+        ),
+        status=status,
+        stop_reason=stop_reason,
+        nrmse=nrmse,
+        fit_percent=100 * (1 - nrmse),
+        rmse_n=float(np.mean([entry.rmse_n for entry in qualities])),
+        error_norms=ErrorNorms(time=nrmse, displacement=0.1 * nrmse, velocity=0.3 * nrmse),
+        quality=qualities,
+        trace=SearchTrace(
+            evaluations=tuple(evaluations.tolist()),
+            best=tuple(best.tolist()),
+            median=(float("inf"), *(2 * best[1:]).tolist()),
+            stop_reason="hypothesis test",
+        ),
+        evaluations=int(evaluations[-1]),
+        refinement_steps=14,
+        seconds=3.42,
+        n_time=sum(entry.n_time for entry in qualities),
+        provenance=Provenance(
+            versions={"mrwork": "0.1.0", "numpy": "2.4.0"},
+            instruction_set="avx2",
+            inputs={entry.test.path: entry.test.sha256 for entry in comparisons},
+            settings={"command": "mrwork identify rig/a.csv --seed 1", "population": 64, "confidence": 0.95},
+            rng=1,
+            created="2025-01-31T12:00:00+00:00",
+        ),
+    )

@@ -1,0 +1,64 @@
+"""Measured records: all are read, their known faults are found, and clean ones raise no alarm."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrwork.records import DamperTest, build_damper_test, read_damper_tests
+from record_files import codes
+
+DATA = Path(os.environ.get("MRWORK_DATA", Path(__file__).parents[2] / "shared" / "data")) / "dampers"
+
+pytestmark = pytest.mark.skipif(
+    not DATA.is_dir(), reason=f"measured damper records are not at {DATA} (set MRWORK_DATA)"
+)
+
+
+@pytest.fixture(scope="module")
+def utfsm() -> tuple[DamperTest, ...]:
+    return read_damper_tests(DATA / "utfsm" / "*.csv")
+
+
+@pytest.fixture(scope="module")
+def labcontrol() -> tuple[DamperTest, ...]:
+    return read_damper_tests(DATA / "labcontrol" / "*.csv")
+
+
+def test_clean_records_raise_no_false_alarm(utfsm: tuple[DamperTest, ...]) -> None:
+    assert len(utfsm) >= 45
+    # The 2 mm 5 Hz files hold backward differences of 5 ms, a phase of 4.5 degrees at 5 Hz.
+    told = {test.name: codes(test) for test in utfsm if test.findings}
+    assert told == {test.name: ["velocity_late"] for test in utfsm if test.name.startswith("2mm5Hz")}
+
+
+def test_commands_of_columns_and_names_agree(utfsm: tuple[DamperTest, ...]) -> None:
+    assert {test.current for test in utfsm} == {0.0, 0.25, 0.5, 0.75, 1.0}
+    assert {test.frequency for test in utfsm} == {0.1, 0.25, 0.5, 1.0, 3.0, 5.0}
+
+
+def test_the_static_offset_of_a_gas_filled_damper_is_found(labcontrol: tuple[DamperTest, ...]) -> None:
+    # Five files of this set were zeroed before they were published; their mean force is within 6 N of zero.
+    zeroed = {test.name for test in labcontrol if abs(np.mean(test.force)) < 10.0}
+    assert {test.name for test in labcontrol if "force_offset" not in codes(test)} == zeroed
+    assert len(zeroed) < len(labcontrol) / 5
+
+
+def test_rest_before_the_motion_is_found(labcontrol: tuple[DamperTest, ...]) -> None:
+    for test in labcontrol:
+        first_second = test.displacement[: round(1.0 / test.dt)]
+        at_rest = np.ptp(first_second) < 0.01 * np.ptp(test.displacement)
+        if at_rest:
+            assert "rest_before_motion" in codes(test), test.name
+
+
+def test_deriving_the_velocity_agrees_with_the_measured_one(labcontrol: tuple[DamperTest, ...]) -> None:
+    for test in labcontrol:
+        derived = build_damper_test(
+            name=test.name, time=test.time, displacement=test.displacement, force=test.force
+        )
+        # The rig's own derivative is smoothed over a few samples of 10 ms; that is what the bound allows for.
+        assert np.std(derived.velocity - test.velocity) < 0.06 * np.std(test.velocity), test.name

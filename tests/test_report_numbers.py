@@ -1,0 +1,100 @@
+"""Numbers, symbols and equations as text."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrwork.report import numbers
+from mrwork.report.typeset import equation_html, symbol
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "shown"),
+    [
+        (1843.7263, 6.2, ("1843.7", "6.2")),
+        (-2310.8, 114.0, ("−2310", "110")),
+        (88_123.4, 1234.0, ("88\N{NARROW NO-BREAK SPACE}100", "1200")),
+        (-1.2346e-4, 2.1e-5, ("−0.000123", "0.000021")),
+        (3.4567e-9, 1.2e-11, ("3.457 × 10⁻⁹", "0.012 × 10⁻⁹")),
+        (2.5e9, 3e6, ("2.5000 × 10⁹", "0.0030 × 10⁹")),
+        (0.004, 0.12, ("0.00", "0.12")),
+        (9.996, 0.0996, ("10.00", "0.10")),
+        (512.0, 1e-11, ("512.00000", "1.0 × 10⁻¹¹")),
+        (0.5, None, ("0.5", "–")),
+        (0.0, None, ("0", "–")),
+        (math.nan, 1.0, ("–", "–")),
+        (1.0, math.inf, ("1", "–")),
+    ],
+)
+def test_an_estimate_has_the_digits_its_error_allows(
+    value: float, error: float | None, shown: tuple[str, str]
+) -> None:
+    assert numbers.value_and_error(value, error) == shown
+
+
+def read_back(text: str) -> float:
+    plain = text.replace("−", "-").replace("\N{NARROW NO-BREAK SPACE}", "")
+    mantissa, _, power = plain.partition(" × 10")
+    return float(mantissa) * 10.0 ** int(
+        (power or "0").translate(str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-"))
+    )
+
+
+@given(
+    mantissa=st.floats(-9.99, 9.99).filter(lambda number: abs(number) >= 1),
+    power=st.integers(-12, 12),
+    share=st.floats(1e-6, 0.5),
+)
+def test_rounding_an_estimate_costs_less_than_a_tenth_of_its_error(
+    mantissa: float, power: int, share: float
+) -> None:
+    value = mantissa * 10.0**power
+    error = share * abs(value)
+    shown_value, shown_error = numbers.value_and_error(value, error)
+    assert abs(read_back(shown_value) - value) <= 0.0501 * error
+    assert read_back(shown_error) == pytest.approx(error, rel=0.0501)
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=6))
+def test_a_column_has_equal_decimals(values: list[float]) -> None:
+    texts = numbers.column(values, 3)
+    assert len({len(text.partition(".")[2]) for text in texts}) == 1
+    assert not any(re.fullmatch("−[0.]+", text) for text in texts)
+
+
+@given(st.floats(allow_nan=True, allow_infinity=True), st.integers(1, 9))
+def test_cutting_a_number_at_its_point_loses_nothing(value: float, digits: int) -> None:
+    text = numbers.significant(value, digits)
+    assert "".join(numbers.at_point(text)) == text
+    assert "." not in numbers.at_point(text)[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("rho", "<i>ρ</i>"),
+        ("k_w", "<i>k</i><sub>w</sub>"),
+        ("x0", "<i>x</i><sub>0</sub>"),
+        ("c0a", "<i>c</i><sub>0a</sub>"),
+        ("alpha_a", "<i>α</i><sub>a</sub>"),
+        ("n", "<i>n</i>"),
+        ("stiffness", "stiffness"),
+        ("a<b", "a&lt;b"),
+    ],
+)
+def test_a_name_is_set_as_a_symbol(name: str, shown: str) -> None:
+    assert symbol(name) == shown
+
+
+def test_an_equation_is_set_as_mathematics() -> None:
+    assert equation_html("w' = rho |w|^(n-1) - tanh(x0)") == (
+        "<i>w</i>′ = <i>ρ</i> |<i>w</i>|<sup><i>n</i>−1</sup> − tanh(<i>x</i><sub>0</sub>)"
+    )
+    assert equation_html("|f| < f_y & v<sub>0</sub>") == (
+        "|<i>f</i>| &lt; <i>f</i><sub>y</sub> &amp; <i>v</i><sub>0</sub>"
+    )
