@@ -36,7 +36,7 @@ _HOME = {
     "synthetic_test": "mrwork.synthetic",
 }
 
-__all__ = [*_HOME, "__version__"]  # noqa: PLE0604 - names are resolved on first use
+__all__ = [*_HOME, "__version__"]
 
 
 def __getattr__(name: str) -> object:

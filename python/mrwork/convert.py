@@ -29,4 +29,6 @@ def bouc_wen_from_normalised(theta: Array, A: float) -> Array:
     c, k, x0, k_w, rho, sigma, n = (theta[..., index] for index in range(7))
     z_max = A / rho
     sum_ = A / z_max**n
-    return xp.stack([c, k, x0, k_w / z_max, sigma * sum_, (1.0 - sigma) * sum_, xp.full(n.shape, A), n], axis=-1)
+    return xp.stack(
+        [c, k, x0, k_w / z_max, sigma * sum_, (1.0 - sigma) * sum_, xp.full(n.shape, A), n], axis=-1
+    )

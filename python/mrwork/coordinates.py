@@ -127,13 +127,21 @@ class Box:
         """Latent coordinates, shape (..., n_free), from physical parameters, shape (..., n_params)."""
         return self.latent_from_unit(self.unit_from_theta(theta))
 
-    def log_jacobian(self, latent: Array) -> Array:
-        """Logarithm of |d theta / d latent| of the free parameters, shape (...)."""
+    def inside(self, theta: Array) -> Array:
+        """Pull parameters off the faces of the box, where the latent coordinate is infinite."""
+        xp = theta.__array_namespace__()
+        return self.theta_from_unit(xp.clip(self.unit_from_theta(theta), 1e-6, 1.0 - 1e-6))
+
+    def log_slope(self, latent: Array) -> Array:
+        """Logarithm of d theta / d latent of each free parameter, shape (..., n_free)."""
         xp = latent.__array_namespace__()
         _, span, log = self._spread(xp)
-        unit = self.unit_from_latent(latent)
-        theta = self.theta_from_unit(unit)[..., np.array(self.free, dtype=int)]
+        theta = self.theta_from_latent(latent)[..., np.array(self.free, dtype=int)]
         # d unit / d latent = unit (1 - unit), written so that neither factor underflows.
         logistic = -xp.abs(latent) - 2.0 * xp.log1p(xp.exp(-xp.abs(latent)))
-        spread = xp.log(span) + xp.where(log, xp.log(xp.where(log, theta, 1.0)), 0.0)
-        return xp.sum(logistic + spread, axis=-1)
+        return logistic + xp.log(span) + xp.where(log, xp.log(xp.where(log, theta, 1.0)), 0.0)
+
+    def log_jacobian(self, latent: Array) -> Array:
+        """Logarithm of |d theta / d latent| of the free parameters together, shape (...)."""
+        xp = latent.__array_namespace__()
+        return xp.sum(self.log_slope(latent), axis=-1)

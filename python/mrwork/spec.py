@@ -57,7 +57,9 @@ class DamperSpec:
 def dampers() -> tuple[DamperSpec, ...]:
     """Every registered damper model."""
     return tuple(
-        DamperSpec(**(entry | {"parameters": tuple(ParamSpec(**parameter) for parameter in entry["parameters"])}))
+        DamperSpec(
+            **(entry | {"parameters": tuple(ParamSpec(**parameter) for parameter in entry["parameters"])})
+        )
         for entry in _rust.damper_specs()
     )
 

@@ -1,4 +1,4 @@
-"""Motions, parameters and tests that the damper contracts share; all seeded, all at the scale of a bench test."""
+"""Motions, parameters and tests that the damper contracts share: seeded, at the scale of a bench test."""
 
 from __future__ import annotations
 
@@ -49,9 +49,8 @@ def noise():
 MOTIONS = {"sine": sine, "sweep": sweep, "noise": noise}
 
 
-def test_of(spec, loading, theta=None):
-    """The test that a rig would record of this damper without noise."""
-    theta = spec.nominal if theta is None else theta
+def noise_free_test(spec, loading):
+    """What a rig would record of the nominal damper without noise."""
     velocity = np.gradient(loading.displacement, loading.dt) if loading.velocity is None else loading.velocity
     return DamperTest(
         name=f"{spec.name} without noise",
@@ -61,20 +60,17 @@ def test_of(spec, loading, theta=None):
         start_time=0.0,
         displacement=loading.displacement,
         velocity=velocity,
-        force=simulate_force(spec, theta, replace(loading, velocity=velocity)),
+        force=simulate_force(spec, spec.nominal, replace(loading, velocity=velocity)),
         velocity_source="measured",
         synthetic=True,
     )
-
-
-test_of.__test__ = False  # a noun of the rig, not a test of pytest
 
 
 @cache
 def _scaled_box(name):
     spec = next(spec for spec in dampers() if spec.name == name)
     bounds = Box.of(spec)
-    box = search_box(spec, bounds, (test_of(spec, sine()),))
+    box = search_box(spec, bounds, (noise_free_test(spec, sine()),))
     narrowed = {}
     for index, parameter in enumerate(spec.parameters):
         admissible = (bounds.lower[index], bounds.upper[index])
@@ -91,7 +87,7 @@ def _scaled_box(name):
 
 
 def scaled_box(spec):
-    """Ranges that a test of this stroke and force can ask for: where models are used, not where they may go."""
+    """Ranges that a test of this stroke and force can ask for: where models are used."""
     return _scaled_box(spec.name)
 
 
@@ -105,5 +101,3 @@ def without_offsets(spec, theta):
     """The same parameters with every offset at zero, where an odd model is odd."""
     offset = np.array([parameter.scale == "offset" for parameter in spec.parameters])
     return np.where(offset, 0.0, theta)
-
-

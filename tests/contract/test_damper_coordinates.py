@@ -57,8 +57,10 @@ def test_theta_unit_round_trip(box, spec, xp):
 
 def test_latent_round_trip(box, xp):
     latent = xp.asarray(np.random.default_rng(52).normal(size=(50, len(box.free))) * 2.0)
-    np.testing.assert_allclose(box.latent_from_unit(box.unit_from_latent(latent)), latent, rtol=0.0, atol=1e-12)
-    np.testing.assert_allclose(box.latent_from_theta(box.theta_from_latent(latent)), latent, rtol=0.0, atol=1e-11)
+    by_unit = box.latent_from_unit(box.unit_from_latent(latent))
+    np.testing.assert_allclose(by_unit, latent, rtol=0.0, atol=1e-12)
+    by_theta = box.latent_from_theta(box.theta_from_latent(latent))
+    np.testing.assert_allclose(by_theta, latent, rtol=0.0, atol=1e-11)
 
 
 def test_theta_stays_in_the_box_to_the_last_bit(box, xp):
@@ -86,7 +88,8 @@ def test_unit_is_even_in_the_scale_of_the_parameter(spec):
         if parameter.scale == "log":
             assert value == pytest.approx(np.sqrt(parameter.lower * parameter.upper), rel=1e-12)
         else:
-            assert value == pytest.approx(0.5 * (parameter.lower + parameter.upper), abs=1e-15 * parameter.upper)
+            middle_value = 0.5 * (parameter.lower + parameter.upper)
+            assert value == pytest.approx(middle_value, abs=1e-15 * parameter.upper)
 
 
 def test_log_jacobian_is_that_of_the_numerical_derivative(box, xp):
@@ -96,8 +99,21 @@ def test_log_jacobian_is_that_of_the_numerical_derivative(box, xp):
     ahead = box.theta_from_latent(latent + step)[:, free]
     behind = box.theta_from_latent(latent - step)[:, free]
     # The map is coordinate by coordinate, so all may be shifted at once and the determinant is a product.
-    expected = np.sum(np.log((ahead - behind) / (2.0 * step)), axis=1)
-    np.testing.assert_allclose(box.log_jacobian(xp.asarray(latent)), expected, rtol=0.0, atol=1e-7)
+    expected = np.log((ahead - behind) / (2.0 * step))
+    np.testing.assert_allclose(box.log_slope(xp.asarray(latent)), expected, rtol=0.0, atol=1e-7)
+    total = box.log_jacobian(xp.asarray(latent))
+    np.testing.assert_allclose(total, expected.sum(axis=1), rtol=0.0, atol=1e-7)
+
+
+def test_points_on_the_faces_are_pulled_to_where_latent_is_finite(box, xp):
+    faces = xp.asarray([box.lower, box.upper])
+    inside = box.inside(faces)
+    assert np.all(np.isfinite(box.latent_from_theta(inside)))
+    assert np.all((np.asarray(inside) >= box.lower) & (np.asarray(inside) <= box.upper))
+    theta = xp.asarray(box.theta_from_unit(units(box)))
+    span = np.subtract(box.upper, box.lower)
+    allowed = np.where(box.log, 1e-13 * np.abs(theta), 1e-15 * span)
+    assert np.all(np.abs(box.inside(theta) - theta) <= allowed), "inner points stay"
 
 
 def test_log_jacobian_is_finite_far_out(box, xp):

@@ -76,7 +76,7 @@ def test_an_equation_of_motion_is_given_for_each_state(spec):
 
 
 def test_step_is_cheap(spec):
-    # Counted, not timed: a model that exceeds this makes every search with it several times slower than the rest.
+    # Counted, not timed: beyond this a search takes several times as long as with any other model.
     assert 0 < _rust.flops_per_step(spec.name, spec.nominal) < FLOPS_CEILING
 
 

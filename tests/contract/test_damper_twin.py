@@ -24,7 +24,7 @@ def rows_to_compare(spec, history, n_random):
     """The nominal set and random ones with few sub-steps."""
     theta = np.vstack([spec.nominal, random_theta(spec, 64, rng=3)])
     substeps = simulate_forces(spec, theta, history).substeps
-    return theta[(0 < substeps) & (substeps <= SUBSTEPS_TO_COMPARE)][: n_random + 1]
+    return theta[(substeps > 0) & (substeps <= SUBSTEPS_TO_COMPARE)][: n_random + 1]
 
 
 def test_fields_are_the_parameters_in_order(spec):

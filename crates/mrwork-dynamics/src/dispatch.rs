@@ -93,7 +93,7 @@ impl InstructionSet {
 }
 
 #[cfg(target_arch = "x86_64")]
-#[allow(unsafe_code)]
+#[allow(unsafe_code, clippy::wildcard_imports)] // some sixty intrinsics, each named where it is used
 mod x86 {
     use core::arch::x86_64::*;
     use core::ops::{Add, Div, Mul, Neg, Sub};

@@ -23,6 +23,14 @@ pub enum DynamicsError {
         /// The length it should have.
         expected: usize,
     },
+    /// A comparison that starts behind the last sample; its misfit would be zero.
+    #[error("the first sample that counts is {first}, the loading history ends with sample {}", n_time - 1)]
+    EmptyWindow {
+        /// First sample that was to count.
+        first: usize,
+        /// Samples there are.
+        n_time: usize,
+    },
     /// A sampling step that is not a positive number.
     #[error("the sampling step is {0} s, it must be positive and finite")]
     Step(f64),

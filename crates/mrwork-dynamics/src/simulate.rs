@@ -18,8 +18,8 @@ use crate::loading::LoadingHistory;
 use crate::misfit::{History, Sink, SquaredError};
 use crate::parameters::FromValues;
 
-/// Samples between two looks at the stop flag and at lost lanes.
-const CHECK_EVERY: usize = 256;
+/// Steps between two looks at the stop flag and at lost lanes: well below a millisecond apart on a full block.
+const STEPS_PER_CHECK: u32 = 512;
 
 /// Steps below which waking another thread costs more than it saves.
 const STEPS_PER_THREAD: u64 = 200_000;
@@ -171,8 +171,13 @@ fn run_block<M: DamperModel, R: Lanes, S: Sink<R>>(block: &Block<'_>, sink: &mut
     });
     let fraction = 1.0 / f64::from(substeps);
     let step = loading.dt() * fraction;
+    let check_every = (STEPS_PER_CHECK / substeps).max(1) as usize;
     let mut state = M::State::<R>::rest();
     for (sample, interval) in loading.intervals().iter().enumerate() {
+        // Before the first sample too: the blocks that a stopped batch has left return at once.
+        if sample % check_every == 0 && (stop.load(Ordering::Relaxed) || sink.is_lost()) {
+            return;
+        }
         let mut start = interval.motion(0.0);
         sink.take(sample, M::force(&p, state, start.splat()));
         if M::SPEC.n_states > 0 {
@@ -184,16 +189,13 @@ fn run_block<M: DamperModel, R: Lanes, S: Sink<R>>(block: &Block<'_>, sink: &mut
                 start = end;
             }
         }
-        if sample % CHECK_EVERY == CHECK_EVERY - 1 && (stop.load(Ordering::Relaxed) || sink.is_lost()) {
-            return;
-        }
     }
     sink.take(loading.n_time() - 1, M::force(&p, state, loading.last().splat()));
 }
 
 /// Misfits of a batch by running reduction: no force is stored.
 ///
-/// `theta` is row-major, shape (batch, n_params).
+/// `theta` is row-major, shape (batch, `n_params`).
 ///
 /// # Errors
 /// Where shapes do not fit, or the batch was stopped from outside.
@@ -210,6 +212,9 @@ pub fn misfits(
             found: target.force.len(),
             expected: loading.n_time(),
         });
+    }
+    if target.first >= loading.n_time() {
+        return Err(DynamicsError::EmptyWindow { first: target.first, n_time: loading.n_time() });
     }
     let plan = Plan::new(damper, theta, loading, settings)?;
     let blocks = plan.blocks(theta, loading, settings.stop);

@@ -2,6 +2,8 @@
 
 #![allow(clippy::cast_precision_loss, clippy::float_cmp)]
 
+use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
+
 use mrwork_dynamics::dispatch::{InstructionSet, LaneJob};
 use mrwork_dynamics::elementary::{exp, ln, powf, tanh};
 use mrwork_dynamics::lanes::Lanes;
@@ -33,8 +35,8 @@ const SPECIAL: [f64; 24] = [
     4_503_599_627_370_497.5,
     -4_503_599_627_370_495.5,
     9_007_199_254_740_993.0,
-    0.707_106_781_186_547_5,
-    0.707_106_781_186_547_6,
+    FRAC_1_SQRT_2,
+    SQRT_2,
 ];
 
 /// An operation on three numbers, written for any number of lanes.
@@ -57,7 +59,7 @@ macro_rules! operations {
         )+
 
         /// Where each operation differs from the scalar over these numbers.
-        fn differences(set: InstructionSet, numbers: &[[f64; 3]]) -> Vec<String> {
+        pub fn differences(set: InstructionSet, numbers: &[[f64; 3]]) -> Vec<String> {
             let mut found = Vec::new();
             $(found.extend(difference(stringify!($name), $name, set, numbers));)+
             found
@@ -135,7 +137,10 @@ fn difference<O: Operation>(
         results.into_iter().zip(numbers).find_map(|(found, &[a, b, c])| {
             let expected = operation.apply(a, b, c);
             (!same(found, expected)).then(|| {
-                format!("{name}({a:e}, {b:e}, {c:e}) on {width} lanes of {}: {found:e}, not {expected:e}", set.name())
+                format!(
+                    "{name}({a:e}, {b:e}, {c:e}) on {width} lanes of {}: {found:e}, not {expected:e}",
+                    set.name()
+                )
             })
         })
     })
@@ -184,8 +189,11 @@ fn operations_on_normal_numbers_are_those_on_one_number() {
         .chunks_exact(3)
         .map(|u| [10f64.powf(600.0 * u[0] - 300.0), (40.0 * u[1] - 20.0).round(), 1.0 + 5.0 * u[2]])
         .collect();
-    numbers.extend(unit.chunks_exact(3).map(|u| [u[0] + 1e-9, (6.0 * u[1] - 3.0).round(), (6.0 * u[2]).ceil()]));
-    for edge in [f64::MIN_POSITIVE, 0.707_106_781_186_547_5, 0.707_106_781_186_547_6, 1.0, std::f64::consts::SQRT_2] {
+    numbers
+        .extend(unit.chunks_exact(3).map(|u| [u[0] + 1e-9, (6.0 * u[1] - 3.0).round(), (6.0 * u[2]).ceil()]));
+    // The exponent steps at 1/sqrt(2): its neighbours on either side, and the edges of a binade.
+    let step = [FRAC_1_SQRT_2.next_down(), FRAC_1_SQRT_2, FRAC_1_SQRT_2.next_up(), SQRT_2, SQRT_2.next_up()];
+    for edge in step.into_iter().chain([f64::MIN_POSITIVE, 1.0, 1.0_f64.next_down()]) {
         numbers.push([edge, 1.0, 2.0]);
     }
     for set in supported() {

@@ -37,11 +37,18 @@ fn nominal(damper: &dyn Damper) -> Vec<f64> {
 fn batch(damper: &dyn Damper, n_batch: usize) -> Vec<f64> {
     let nominal = nominal(damper);
     (0..n_batch * nominal.len())
-        .map(|i| nominal[i % nominal.len()] * 2f64.powf(2.0 * (i as f64 * 0.618_033_988_749_894_9).fract() - 1.0))
+        .map(|i| {
+            nominal[i % nominal.len()] * 2f64.powf(2.0 * (i as f64 * 0.618_033_988_749_894_9).fract() - 1.0)
+        })
         .collect()
 }
 
-fn forces(damper: &dyn Damper, theta: &[f64], loading: &LoadingHistory, settings: Settings<'_>) -> (Vec<Row>, Vec<f64>) {
+fn forces(
+    damper: &dyn Damper,
+    theta: &[f64],
+    loading: &LoadingHistory,
+    settings: Settings<'_>,
+) -> (Vec<Row>, Vec<f64>) {
     let n_batch = theta.len() / damper.spec().parameters.len();
     let mut force = vec![0.0; n_batch * loading.n_time()];
     let rows = force_histories(damper, theta, loading, &mut force, settings).expect("a batch that runs");
@@ -68,7 +75,8 @@ fn a_row_of_a_batch_has_the_bits_of_a_call_of_its_own() {
         let target = Target { force: measured, first: 20 };
         for set in supported() {
             let (rows, force) = forces(damper, &theta, &loading, settings(2, set));
-            let fits = misfits(damper, &theta, &loading, target, settings(2, set)).expect("a batch that runs");
+            let fits =
+                misfits(damper, &theta, &loading, target, settings(2, set)).expect("a batch that runs");
             for (i, (single, history)) in alone.iter().enumerate() {
                 let name = damper.spec().name;
                 assert_eq!(rows[i], single[0], "row {i} of {name} on {}", set.name());
@@ -106,7 +114,7 @@ fn threads_do_not_change_a_bit() {
 fn a_stiff_candidate_is_unresolved_and_not_simulated() {
     let damper = find("normalised_bouc_wen").expect("a registered model");
     let mut theta = nominal(damper);
-    theta[4] = 1e7; // rho: yields within 0.1 um
+    theta[4] = 1e9; // rho: yields within a nanometre
     let (rows, force) = forces(damper, &theta, &loading(100), default());
     assert_eq!(rows[0], Row { squared_error: f64::INFINITY, outcome: Outcome::Unresolved, substeps: 0 });
     assert!(force.iter().all(|&force| force == f64::INFINITY));
@@ -212,6 +220,12 @@ fn shapes_that_do_not_fit_are_refused() {
             misfits(damper, &theta, &loading, target, default()),
             Err(DynamicsError::LengthMismatch { name: "force", found: 49, expected: 50 })
         );
+        let measured = vec![0.0; 50];
+        for first in [50, 60] {
+            let target = Target { force: &measured, first };
+            let refusal = Err(DynamicsError::EmptyWindow { first, n_time: 50 });
+            assert_eq!(misfits(damper, &theta, &loading, target, default()), refusal);
+        }
         let mut force = vec![0.0; 50];
         assert_eq!(
             force_histories(damper, &theta[1..], &loading, &mut force, default()),

@@ -71,14 +71,9 @@ fn displacement_is_twice_continuously_differentiable() {
     // Three derivatives of each cubic from its values at u = 0, 1/3, 2/3, 1 through the finite differences,
     // which are exact for cubics; jumps at the samples are then compared with the values themselves.
     let history = history(&rough(40), None);
-    let pieces: Vec<[f64; 4]> = history
-        .stages(3)
-        .chunks_exact(7)
-        .map(|s| [0, 2, 4, 6].map(|i: usize| s[i].displacement))
-        .collect();
-    let first = |[a, b, c, d]: [f64; 4]| {
-        [-5.5 * a + 9.0 * b - 4.5 * c + d, -a + 4.5 * b - 9.0 * c + 5.5 * d]
-    };
+    let pieces: Vec<[f64; 4]> =
+        history.stages(3).chunks_exact(7).map(|s| [0, 2, 4, 6].map(|i: usize| s[i].displacement)).collect();
+    let first = |[a, b, c, d]: [f64; 4]| [-5.5 * a + 9.0 * b - 4.5 * c + d, -a + 4.5 * b - 9.0 * c + 5.5 * d];
     let second = |[a, b, c, d]: [f64; 4]| {
         [18.0 * a - 45.0 * b + 36.0 * c - 9.0 * d, -9.0 * a + 36.0 * b - 45.0 * c + 18.0 * d]
     };
@@ -179,9 +174,6 @@ fn what_is_no_history_is_refused() {
         let mut broken = x.clone();
         broken[7] = bad;
         assert_eq!(refusal(DT, &broken, None), DynamicsError::NotFinite { name: "displacement", sample: 7 });
-        assert_eq!(
-            refusal(DT, &x, Some(&broken)),
-            DynamicsError::NotFinite { name: "velocity", sample: 7 }
-        );
+        assert_eq!(refusal(DT, &x, Some(&broken)), DynamicsError::NotFinite { name: "velocity", sample: 7 });
     }
 }

@@ -166,7 +166,8 @@ fn point<'a>(
     Ok((theta, state))
 }
 
-fn check_count(damper: &dyn Damper, found: usize) -> PyResult<()> {
+/// Refuses a parameter vector of the wrong length.
+pub fn check_count(damper: &dyn Damper, found: usize) -> PyResult<()> {
     let spec = damper.spec();
     let expected = spec.parameters.len();
     if found == expected {

@@ -36,7 +36,7 @@ pub fn interruptible<T: Send>(
             let mut interrupt = None;
             while finished.recv_timeout(WATCH) == Err(RecvTimeoutError::Timeout) {
                 if interrupt.is_none() {
-                    interrupt = Python::attach(|py| py.check_signals()).err();
+                    interrupt = Python::attach(Python::check_signals).err();
                 }
                 if interrupt.is_some() {
                     stop.store(true, Ordering::Relaxed);
@@ -56,7 +56,6 @@ pub fn interruptible<T: Send>(
 }
 
 /// A `ValueError` with the sentence of the error.
-#[allow(clippy::needless_pass_by_value)] // the shape that map_err wants
 pub fn value_error(error: DynamicsError) -> PyErr {
     PyValueError::new_err(error.to_string())
 }

@@ -1,5 +1,7 @@
 //! The compiled module `mrwork._rust`: converts, checks, frees the interpreter, maps errors; decides nothing.
 
+#![allow(clippy::needless_pass_by_value)] // pyo3 hands arguments over by value
+
 mod damper;
 mod enter;
 mod loading;

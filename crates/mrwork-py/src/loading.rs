@@ -1,8 +1,9 @@
 //! Loading histories as Python sees them.
 
+use mrwork_dynamics::integrate::MAX_SUBSTEPS;
 use mrwork_dynamics::loading::LoadingHistory as Dynamics;
 use numpy::ndarray::Array3;
-use numpy::{IntoPyArray, PyArray1, PyArray3, PyReadonlyArray1, ToPyArray};
+use numpy::{IntoPyArray, PyArray1, PyArray3, PyReadonlyArray1, PyUntypedArrayMethods, ToPyArray};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -66,8 +67,8 @@ impl LoadingHistory {
     }
 
     fn stages<'py>(&self, py: Python<'py>, substeps: u32) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        if substeps == 0 {
-            return Err(PyValueError::new_err("`substeps` is 0, at least one step per sample is needed"));
+        if !(1..=MAX_SUBSTEPS).contains(&substeps) {
+            return Err(PyValueError::new_err(format!("`substeps` is {substeps}, give 1 to {MAX_SUBSTEPS}")));
         }
         let shape = (self.dynamics.n_time() - 1, 2 * substeps as usize + 1, 2);
         let flat = self
@@ -87,7 +88,8 @@ pub fn contiguous<'a, D: numpy::ndarray::Dimension>(
     name: &str,
     array: &'a numpy::PyReadonlyArray<'_, f64, D>,
 ) -> PyResult<&'a [f64]> {
-    array.as_slice().map_err(|_| {
+    // A slice may also be column-major; nalgebra would like that, but the batch is row by row.
+    array.as_slice().ok().filter(|_| array.is_c_contiguous()).ok_or_else(|| {
         PyValueError::new_err(format!("`{name}` must be C-contiguous float64; use numpy.ascontiguousarray"))
     })
 }

@@ -1,10 +1,10 @@
 //! What the machine can do, for provenance and benchmarks.
 
 use mrwork_dynamics::peak;
-use numpy::PyReadonlyArray1;
+use numpy::{PyReadonlyArray1, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-use crate::damper::named;
+use crate::damper::{check_count, named};
 use crate::enter::{chosen_instruction_set, interruptible};
 use crate::loading::contiguous;
 
@@ -24,5 +24,7 @@ pub fn fma_peak(py: Python<'_>, threads: usize, seconds: f64) -> PyResult<f64> {
 /// Arithmetic operations of one integration step and one residual.
 #[pyfunction]
 pub fn flops_per_step(model: &str, theta: PyReadonlyArray1<'_, f64>) -> PyResult<u64> {
-    Ok(named(model)?.flops_per_step(contiguous("theta", &theta)?))
+    let damper = named(model)?;
+    check_count(damper, theta.len())?;
+    Ok(damper.flops_per_step(contiguous("theta", &theta)?))
 }

@@ -14,8 +14,12 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb and what it can measure."""
     parser = verbs.add_parser("bench", help="measure speed beside jax and numba")
     subjects = parser.add_subparsers(title="subjects", metavar="SUBJECT", required=True)
-    kernels = subjects.add_parser("kernels", help="Runge-Kutta steps per second of a batch of Bouc-Wen candidates")
-    kernels.add_argument("--rounds", type=int, default=7, metavar="N", help="repetitions, of which the median counts")
+    kernels = subjects.add_parser(
+        "kernels", help="Runge-Kutta steps per second of a batch of Bouc-Wen candidates"
+    )
+    kernels.add_argument(
+        "--rounds", type=int, default=7, metavar="N", help="repetitions, of which the median counts"
+    )
     kernels.add_argument("--quiet", action="store_true", help="no progress")
     add_json(kernels)
     kernels.set_defaults(run=run_kernels)

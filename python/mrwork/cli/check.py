@@ -63,7 +63,9 @@ def _facts(test: DamperTest) -> dict[str, Any]:
 def _report(test: DamperTest) -> str:
     facts = _facts(test)
     command = "".join(
-        f", {value:g} {unit}" for value, unit in ((test.current, "A"), (test.voltage, "V")) if value is not None
+        f", {value:g} {unit}"
+        for value, unit in ((test.current, "A"), (test.voltage, "V"))
+        if value is not None
     )
     head = (
         f"{test.path or test.name}: {test.n_time} samples at {1.0 / test.dt:g} Hz, "

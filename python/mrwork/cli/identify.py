@@ -36,10 +36,14 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--bound", action="append", default=[], metavar="NAME=LOWER:UPPER", help="range of a parameter"
     )
-    parser.add_argument("--fix", action="append", default=[], metavar="NAME=VALUE", help="hold a parameter fixed")
+    parser.add_argument(
+        "--fix", action="append", default=[], metavar="NAME=VALUE", help="hold a parameter fixed"
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the search, default 0")
     parser.add_argument("--population", type=int, default=None, metavar="N", help="chromosomes of the search")
-    parser.add_argument("--generations", type=int, default=None, metavar="N", help="most generations of the search")
+    parser.add_argument(
+        "--generations", type=int, default=None, metavar="N", help="most generations of the search"
+    )
     parser.add_argument("--threads", type=int, default=0, metavar="N", help="threads, default all")
     parser.add_argument("--out", type=Path, metavar="DIR", help="run directory, default out/TEST-MODEL")
     parser.add_argument("--quiet", action="store_true", help="no progress")
@@ -53,7 +57,9 @@ def run(options: argparse.Namespace) -> int:
     bounds = parse_bounds(options.bound, options.fix)
     search = _search(options)
     if options.seed < 0 or options.threads < 0:
-        raise SettingError(f"--seed is {options.seed} and --threads {options.threads}; neither can be negative")
+        raise SettingError(
+            f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
+        )
     tests = read_tests(options)
     place = options.out or Path("out") / f"{_stem(tests)}-{spec.name}"
     check_destination(place)
@@ -61,7 +67,13 @@ def run(options: argparse.Namespace) -> int:
     status = 0
     try:
         fit = identify(
-            spec, tests, search=search, bounds=bounds, rng=options.seed, threads=options.threads, on_progress=line
+            spec,
+            tests,
+            search=search,
+            bounds=bounds,
+            rng=options.seed,
+            threads=options.threads,
+            on_progress=line,
         )
     except IdentificationInterrupted as interrupt:
         fit, status = interrupt.fit, 130
@@ -91,7 +103,9 @@ def _stem(tests: tuple[DamperTest, ...]) -> str:
 
 def _with_command(fit: Fit) -> Fit:
     command = shlex.join(["mrwork", *sys.argv[1:]])
-    return replace(fit, provenance=replace(fit.provenance, settings=fit.provenance.settings | {"command": command}))
+    return replace(
+        fit, provenance=replace(fit.provenance, settings=fit.provenance.settings | {"command": command})
+    )
 
 
 def _write(place: Path, fit: Fit, tests: tuple[DamperTest, ...], *, with_figures: bool) -> None:
@@ -169,12 +183,19 @@ def _summary(fit: Fit, place: Path) -> dict[str, Any]:
 
 
 def _text(fit: Fit, tests: tuple[DamperTest, ...], place: Path) -> str:
-    status = {"converged": "converged", "not_converged": "not converged", "interrupted": "interrupted"}[fit.status]
-    lines = [f"{damper(fit.model).title}, {status} after {fit.evaluations} simulations, {fit.seconds:.1f} s", ""]
+    status = {"converged": "converged", "not_converged": "not converged", "interrupted": "interrupted"}[
+        fit.status
+    ]
+    lines = [
+        f"{damper(fit.model).title}, {status} after {fit.evaluations} simulations, {fit.seconds:.1f} s",
+        "",
+    ]
     for estimate in fit.estimates:
         error = "" if estimate.standard_error is None else f"+- {estimate.standard_error:.2g}"
         remark = f"({estimate.remark})" if estimate.remark else ""
-        lines.append(f"  {estimate.name:<7} {estimate.value:>12.6g}  {error:<12} {estimate.unit:<6} {remark}".rstrip())
+        lines.append(
+            f"  {estimate.name:<7} {estimate.value:>12.6g}  {error:<12} {estimate.unit:<6} {remark}".rstrip()
+        )
     lines.append("")
     for test, quality in zip(tests, fit.quality, strict=True):
         settle = f", first {quality.settle_seconds:.2g} s not compared" if quality.settle_seconds > 0 else ""

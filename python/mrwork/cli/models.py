@@ -44,5 +44,7 @@ def _in_full(spec: DamperSpec) -> str:
         for p in spec.parameters
     ]
     widths = [max(len(row[column]) for row in rows) for column in range(6)]
-    lines += ["  ".join(cell.ljust(width) for cell, width in zip(row, [*widths, 0], strict=True)) for row in rows]
+    lines += [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, [*widths, 0], strict=True)) for row in rows
+    ]
     return "\n".join(lines)

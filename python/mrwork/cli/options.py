@@ -27,8 +27,12 @@ def add_files(parser: argparse.ArgumentParser) -> None:
         metavar="QUANTITY=NAME:UNIT",
         help="where a column's name does not say it, as in force=F:kN",
     )
-    parser.add_argument("--from", dest="start", type=float, metavar="S", help="use the record from this time [s]")
-    parser.add_argument("--until", dest="end", type=float, metavar="S", help="use the record up to this time [s]")
+    parser.add_argument(
+        "--from", dest="start", type=float, metavar="S", help="use the record from this time [s]"
+    )
+    parser.add_argument(
+        "--until", dest="end", type=float, metavar="S", help="use the record up to this time [s]"
+    )
     parser.add_argument("--every", type=int, default=1, metavar="N", help="use every N-th sample")
     parser.add_argument(
         "--settle",

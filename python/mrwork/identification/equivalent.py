@@ -15,12 +15,17 @@ from mrwork.spec import DamperSpec, damper
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Form:
-    """What is searched: a model, its bounds, the map to the parameters asked for, and what that map holds fixed."""
+    """What is searched: a model, its bounds, the map to the parameters asked for, and what that map holds fixed.
+
+    `mirrored` parameters can change sign together with little effect: an offset -k x0 can be made by either
+    sign of a small k, but a descent cannot cross k = 0, where x0 is infinite.
+    """
 
     spec: DamperSpec
     box: Box
     back: Callable[[Any], Any]
     held: tuple[str, ...] = ()
+    mirrored: tuple[int, ...] = ()
 
 
 def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]]) -> Form:
@@ -36,7 +41,8 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
         Where a bound is impossible, or cannot be translated into that form.
     """
     if spec.name != "bouc_wen":
-        return Form(spec=spec, box=Box.of(spec).with_bounds(bounds), back=lambda theta: theta)
+        box = Box.of(spec).with_bounds(bounds)
+        return Form(spec=spec, box=box, back=lambda theta: theta, mirrored=_mirrored(box))
     checked = Box.of(spec).with_bounds(bounds)
     index = spec.names.index("A")
     scale = spec.parameters[index].nominal
@@ -52,12 +58,21 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
                 "common scale; fix A=VALUE to choose the scale, or identify normalised_bouc_wen"
             )
     normalised = damper("normalised_bouc_wen")
+    box = Box.of(normalised).with_bounds(translated)
     return Form(
         spec=normalised,
-        box=Box.of(normalised).with_bounds(translated),
+        box=box,
         back=partial(bouc_wen_from_normalised, A=scale),
         held=("A",),
+        mirrored=_mirrored(box),
     )
+
+
+def _mirrored(box: Box) -> tuple[int, ...]:
+    """The stiffness k and its free length x0, where both are free and may have either sign."""
+    pair = tuple(box.names.index(name) for name in ("k", "x0") if name in box.names)
+    free = all(box.lower[index] < 0.0 < box.upper[index] for index in pair)
+    return pair if len(pair) == 2 and free else ()
 
 
 # Parameters that mean the same in both forms.

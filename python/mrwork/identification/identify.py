@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from mrwork.errors import SimulationError
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.estimate import estimates_of
 from mrwork.identification.explore import search_box
-from mrwork.identification.fit import ErrorNorms, Estimate, Fit, FitQuality, FitStatus, SearchTrace
+from mrwork.identification.fit import ErrorNorms, Fit, FitQuality, FitStatus, SearchTrace
 from mrwork.identification.objective import Objective
 from mrwork.identification.provenance import provenance_of
 from mrwork.identification.quality import fit_quality
@@ -24,6 +24,10 @@ from mrwork.search import EfficientGA, GAState, SearchInterrupted, SearchResult,
 from mrwork.search.loop import GenerationEvent
 from mrwork.simulate import Outcome, simulate_forces
 from mrwork.spec import DamperSpec, damper
+
+if TYPE_CHECKING:
+    from mrwork.identification.refine import Refined
+    from mrwork.identification.screen import Screened
 
 _STARTS = 8
 # How often a wait looks for Ctrl-C [s].
@@ -36,9 +40,9 @@ T = TypeVar("T")
 class Progress:
     """Where an identification stands; `share` is the part of the stage's allowance that is used up."""
 
-    stage: Literal["search", "refinement"]
+    stage: Literal["search", "screening", "refinement"]
     count: int
-    unit: Literal["simulations", "steps"]
+    unit: Literal["simulations", "%", "steps"]
     fit_percent: float
     share: float
     seconds: float
@@ -138,25 +142,37 @@ def identify(
             "check the units of the record, or narrow the bounds"
         )
     starts = np.asarray(box.theta_from_unit(found.elite[:_STARTS]))
+    best = starts[0]
+
+    def on_start(screened: Screened, share: float) -> None:
+        nonlocal best
+        best = screened.theta
+        if on_progress is not None:
+            on_progress(run.progress("screening", round(share * 100), "%", screened.misfit, share))
 
     def on_step(steps: int, misfit: float) -> None:
         if on_progress is not None:
             on_progress(run.progress("refinement", steps, "steps", misfit, 0.0))
 
-    def polish() -> tuple[NDArray[np.float64], NDArray[np.float64], int, bool]:
-        # JAX is slow to load and needed from here on only.
+    def polish() -> tuple[Refined, NDArray[np.float64]]:
+        # SciPy's optimisers and JAX are slow to load and needed from here on only.
         from mrwork.identification.refine import refine
+        from mrwork.identification.screen import best_few
         from mrwork.identification.standard_error import standard_errors
 
-        refined = refine(objective, form.box, starts, on_step=on_step)
-        errors = standard_errors(objective, form, refined.theta, refined.misfit)
-        return refined.theta, errors, refined.steps, refined.converged
+        finalists = best_few(objective, form.box, box, starts, mirrored=form.mirrored, on_start=on_start)
+        refined = min(
+            (refine(objective, form.box, each.theta, on_step=on_step) for each in finalists),
+            key=lambda refined: refined.misfit,
+        )
+        return refined, standard_errors(objective, form, refined.theta, refined.misfit)
 
     try:
-        theta, errors, steps, converged = _interruptible(polish)
+        refined, errors = _interruptible(polish)
     except KeyboardInterrupt as interrupt:
-        raise IdentificationInterrupted(run.fit(starts[0], None, found, 0, "interrupted")) from interrupt
-    return run.fit(theta, errors, found, steps, "converged" if converged else "not_converged")
+        raise IdentificationInterrupted(run.fit(best, None, found, 0, "interrupted")) from interrupt
+    status: FitStatus = "converged" if refined.converged else "not_converged"
+    return run.fit(refined.theta, errors, found, refined.steps, status)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,9 +189,9 @@ class _Run:
 
     def progress(
         self,
-        stage: Literal["search", "refinement"],
+        stage: Literal["search", "screening", "refinement"],
         count: int,
-        unit: Literal["simulations", "steps"],
+        unit: Literal["simulations", "%", "steps"],
         misfit: float,
         share: float,
     ) -> Progress:
@@ -227,9 +243,9 @@ class _Run:
         )
 
 
-def judge(spec: DamperSpec, theta: NDArray[np.float64], test: DamperTest, *, substep_factor: int = 1) -> tuple[
-    NDArray[np.float64], FitQuality
-]:
+def judge(
+    spec: DamperSpec, theta: NDArray[np.float64], test: DamperTest, *, substep_factor: int = 1
+) -> tuple[NDArray[np.float64], FitQuality]:
     """Free-run a model on a test: its force [N], shape (n_time,), and how it compares.
 
     Raises

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from mrwork import _rust
 from mrwork.errors import RecordError
 from mrwork.records import DamperTest
-from mrwork.simulate import Misfits, loading_of, simulate_misfits
+from mrwork.simulate import Misfits, loading_of, simulate_forces, simulate_misfits
 from mrwork.spec import DamperSpec
 
 
@@ -51,8 +51,23 @@ class Objective:
     def misfits(self, theta: NDArray[np.float64]) -> tuple[Misfits, ...]:
         """Misfits of each row of `theta`, test by test."""
         return tuple(
-            simulate_misfits(
-                self.spec, theta, history, test.force, first=test.n_settle, threads=self.threads
-            )
+            simulate_misfits(self.spec, theta, history, test.force, first=test.n_settle, threads=self.threads)
             for test, history in zip(self.tests, self.histories, strict=True)
         )
+
+    def residuals(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Normalised residuals of each row of `theta`, shape (n_batch, n_residuals); their squares add up to the
+        squared misfit. A simulation that failed has residuals of one, far beyond any that fits.
+        """
+        parts = []
+        for test, history in zip(self.tests, self.histories, strict=True):
+            force = simulate_forces(self.spec, theta, history, threads=self.threads).force[:, test.counted]
+            parts.append((force - test.force[test.counted]) * weight_of(test, len(self.tests)))
+        residuals = np.concatenate(parts, axis=1)
+        return np.where(np.isfinite(residuals), residuals, 1.0)
+
+
+def weight_of(test: DamperTest, n_tests: int) -> float:
+    """What residuals [N] are multiplied by, so that the sum of their squares over all tests is the squared misfit."""
+    force = test.force[test.counted]
+    return float(1.0 / np.sqrt(np.var(force) * force.size * n_tests))

@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt on the JAX twin, in latent coordinates, from the best finds of a search."""
+"""Levenberg-Marquardt on the JAX twin, in latent coordinates."""
 
 from __future__ import annotations
 
@@ -15,19 +15,15 @@ import optimistix as optx
 from numpy.typing import NDArray
 
 from mrwork.coordinates import Box
-from mrwork.identification.objective import Objective
+from mrwork.identification.objective import Objective, weight_of
 from mrwork.spec import DamperSpec
 from mrwork.twins._base import simulate
 
 # A descent has arrived when this many steps together lower the squared misfit by less than this share.
 _PATIENCE = 6
 _TOLERANCE = 1e-5
-# Every start gets a few steps; the best goes on to the end, and so do others as good within this share.
-_SCREENING_STEPS = 12
-_CLOSE = 0.15
 _MAX_STEPS = 120
-# Sub-steps of the twin in a first descent; a solution that asks for more is descended again with what it asks for.
-_SCREENING_SUBSTEPS = 4
+# A solution that asks for more sub-steps than its descent had is descended again with what it asks for.
 _ROUNDS = 3
 
 OnStep = Callable[[int, float], None]
@@ -44,25 +40,26 @@ class Refined:
 
 
 def refine(
-    objective: Objective, box: Box, starts: NDArray[np.float64], *, on_step: OnStep | None = None
+    objective: Objective, box: Box, start: NDArray[np.float64], *, on_step: OnStep | None = None
 ) -> Refined:
-    """Descend from several starts, shape (n_starts, n_params), and return the best minimum found.
+    """Descend from `start`, shape (n_params,), to a minimum of the misfit.
 
-    Misfits are always judged by the Rust core with the sub-steps that its stiffness bound asks for, so a minimum
+    The misfit is judged by the Rust core with the sub-steps that its stiffness bound asks for, so a minimum
     never rests on too coarse a step of the twin.
 
     Parameters
     ----------
     on_step
-        Called after every step with the number of steps so far and the least misfit so far.
+        Called after every step with the number of steps so far and the misfit.
     """
-    progress = _Progress(on_step)
-    screened = [_screen(objective, box, start, progress) for start in starts]
-    screened.sort(key=lambda refined: refined.misfit)
-    close = [refined for refined in screened[:3] if refined.misfit <= (1.0 + _CLOSE) * screened[0].misfit]
-    finished = [_finish(objective, box, refined, progress) for refined in close]
-    best = min(finished, key=lambda refined: refined.misfit)
-    return Refined(theta=best.theta, misfit=best.misfit, steps=progress.steps, converged=best.converged)
+    refined = Refined(theta=start, misfit=float(objective(start[None])[0]), steps=0, converged=False)
+    for _ in range(_ROUNDS):
+        substeps = _substeps(objective, refined.theta)
+        refined = _descend(objective, box, refined, substeps, on_step)
+        now = _substeps(objective, refined.theta)
+        if refined.converged and all(new <= used for new, used in zip(now, substeps, strict=True)):
+            break
+    return refined
 
 
 def jacobian(objective: Objective, box: Box, theta: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -71,66 +68,31 @@ def jacobian(objective: Objective, box: Box, theta: NDArray[np.float64]) -> NDAr
     return np.asarray(evaluate(jnp.asarray(theta), _data(objective, _substeps(objective, theta))))
 
 
-class _Progress:
-    """Counts steps over all descents and keeps the least misfit for whoever watches."""
-
-    def __init__(self, on_step: OnStep | None) -> None:
-        self.steps = 0
-        self._best = np.inf
-        self._on_step = on_step
-
-    def step(self, misfit: float) -> None:
-        self.steps += 1
-        self._best = min(self._best, misfit)
-        if self._on_step is not None:
-            self._on_step(self.steps, self._best)
-
-
-def _screen(objective: Objective, box: Box, start: NDArray[np.float64], progress: _Progress) -> Refined:
-    substeps = tuple(min(_SCREENING_SUBSTEPS, count) for count in _substeps(objective, start))
-    return _descend(objective, box, start, substeps, _SCREENING_STEPS, progress)
-
-
-def _finish(objective: Objective, box: Box, refined: Refined, progress: _Progress) -> Refined:
-    for _ in range(_ROUNDS):
-        substeps = _substeps(objective, refined.theta)
-        refined = _descend(objective, box, refined.theta, substeps, _MAX_STEPS, progress)
-        now = _substeps(objective, refined.theta)
-        if refined.converged and all(new <= used for new, used in zip(now, substeps, strict=True)):
-            break
-    return refined
-
-
 def _descend(
-    objective: Objective,
-    box: Box,
-    start: NDArray[np.float64],
-    substeps: tuple[int, ...],
-    max_steps: int,
-    progress: _Progress,
+    objective: Objective, box: Box, start: Refined, substeps: tuple[int, ...], on_step: OnStep | None
 ) -> Refined:
     """One descent with fixed sub-steps; never returns anything worse than its start."""
     descent = _descent(objective.spec, box, _windows(objective))
     data = _data(objective, substeps)
-    latent = jnp.asarray(box.latent_from_theta(_inside(box, start)))
+    latent = jnp.asarray(box.latent_from_theta(box.inside(start.theta)))
     args = (latent, descent.scale(latent, data), data)
     position = jnp.zeros_like(latent)
     state = descent.init(position, args)
     squared: list[float] = []
     converged = False
-    while len(squared) < max_steps and not converged:
+    while len(squared) < _MAX_STEPS and not converged:
         position, state, done, value = descent.step(position, args, state)
         squared.append(float(value))
-        progress.step(squared[-1] ** 0.5)
+        if on_step is not None:
+            on_step(start.steps + len(squared), squared[-1] ** 0.5)
         recent = squared[-_PATIENCE - 1 :]
         stalled = len(recent) > _PATIENCE and recent[0] - recent[-1] <= _TOLERANCE * recent[0]
         converged = bool(done) or stalled
     theta = np.asarray(box.theta_from_latent(latent + args[1] * position))
-    misfits = objective(np.stack([start, theta]))
-    best = int(np.argmin(misfits))
-    return Refined(
-        theta=(start, theta)[best], misfit=float(misfits[best]), steps=len(squared), converged=converged
-    )
+    misfit = float(objective(theta[None])[0])
+    if misfit > start.misfit:
+        theta, misfit = start.theta, start.misfit
+    return Refined(theta=theta, misfit=misfit, steps=start.steps + len(squared), converged=converged)
 
 
 # One entry per test: motion at the stage times, measured force, and the weight that makes the sum of squared
@@ -147,20 +109,14 @@ def _windows(objective: Objective) -> _Windows:
 def _data(objective: Objective, substeps: tuple[int, ...]) -> _Data:
     entries = []
     for test, history, count in zip(objective.tests, objective.histories, substeps, strict=True):
-        force = test.force[test.counted]
-        weight = 1.0 / np.sqrt(np.var(force) * force.size * len(objective.tests))
-        entries.append((jnp.asarray(history.stages(count)), jnp.asarray(force), jnp.asarray(weight)))
+        force = jnp.asarray(test.force[test.counted])
+        weight = jnp.asarray(weight_of(test, len(objective.tests)))
+        entries.append((jnp.asarray(history.stages(count)), force, weight))
     return tuple(entries)
 
 
 def _substeps(objective: Objective, theta: NDArray[np.float64]) -> tuple[int, ...]:
     return tuple(max(1, int(misfits.substeps[0])) for misfits in objective.misfits(theta[None]))
-
-
-def _inside(box: Box, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Pull parameters off the faces of the box, where the latent coordinate is infinite."""
-    unit = np.clip(box.unit_from_theta(theta), 1e-6, 1.0 - 1e-6)
-    return np.asarray(box.theta_from_unit(unit))
 
 
 def _residuals(spec: DamperSpec, windows: _Windows, theta: jax.Array, data: _Data) -> jax.Array:

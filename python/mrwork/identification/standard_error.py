@@ -18,7 +18,9 @@ from mrwork.identification.refine import jacobian
 _UNSEEN = 1e-7
 
 
-def standard_errors(objective: Objective, form: Form, theta: NDArray[np.float64], misfit: float) -> NDArray[np.float64]:
+def standard_errors(
+    objective: Objective, form: Form, theta: NDArray[np.float64], misfit: float
+) -> NDArray[np.float64]:
     """Standard error of each parameter of the model asked for, shape (n_params,); 0 for those that do not vary.
 
     A parameter on its bound counts as known: the data push it no further inward.

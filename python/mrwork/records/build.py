@@ -14,8 +14,8 @@ from mrwork.records.command import constant_command, motion_matches_name
 from mrwork.records.damper_test import DamperTest, Finding
 from mrwork.records.motion import Smoother, spectrum
 from mrwork.records.sampling import Signals, check_time, complete_rows, uniform_step
-from mrwork.records.window import settling_samples
 from mrwork.records.velocity import velocity_agrees
+from mrwork.records.window import settling_samples
 
 
 def build_damper_test(

@@ -99,10 +99,10 @@ class EfficientGA:
     elite_share: float = 0.01
     confidence: float = 0.95
     floor_share: float = 0.0
-    stall_generations: int = 40
+    stall_generations: int = 80
     stall_tolerance: float = 1e-3
     spread_tolerance: float = 1e-6
-    min_generations: int = 40
+    min_generations: int = 80
     max_generations: int = 300
     elite_count: int = 8
     elite_distance: float = 0.1

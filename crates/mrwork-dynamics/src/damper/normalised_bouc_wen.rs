@@ -5,7 +5,7 @@ use crate::elementary::powf;
 use crate::parameters::parameters;
 use crate::real::Real;
 
-/// z_max of the Spencer 1997 set: (120 / 2e6)^(1/2) m.
+/// `z_max` of the Spencer 1997 set: (120 / 2e6)^(1/2) m.
 const Z_MAX: f64 = 7.745_966_692_414_834e-3;
 
 parameters! {

@@ -1,0 +1,221 @@
+"""The command line: what it prints, and that every bad input is one sentence and exit 2."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import struct
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+COMMAND = [sys.executable, "-m", "mrwork"]
+FAST = ["--generations", "3", "--quiet"]
+
+
+def mrwork(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*COMMAND, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, check=False, timeout=120
+    )
+
+
+def refused(result: subprocess.CompletedProcess[str], *words: str) -> None:
+    """Exit 2, one sentence, nothing on stdout."""
+    assert result.returncode == 2, result.stderr
+    assert result.stdout == ""
+    assert len(result.stderr.strip().splitlines()) == 1, result.stderr
+    for word in words:
+        assert word in result.stderr
+
+
+@pytest.fixture
+def record(tmp_path: Path) -> Path:
+    time_s = np.arange(0.0, 2.0, 0.005)
+    x = 10.0 * np.sin(2.0 * np.pi * time_s)
+    v = 20.0 * np.pi * np.cos(2.0 * np.pi * time_s)
+    force = 0.4 * np.tanh(v / 10.0) + 0.005 * v
+    path = tmp_path / "10mm1Hz0x5A.csv"
+    rows = "\n".join(f"{t:.6f},{a:.9f},{b:.9f}" for t, a, b in zip(time_s, x, force, strict=True))
+    path.write_text(f"t_s,displacement_mm,force_kN\n{rows}\n")
+    return path
+
+
+def test_models_lists_every_model_and_shows_one_in_full() -> None:
+    listed = mrwork("models")
+    assert listed.returncode == 0
+    for name in ("bouc_wen", "normalised_bouc_wen", "static_hysteretic"):
+        assert name in listed.stdout
+    shown = mrwork("models", "normalised_bouc_wen").stdout
+    for word in ("w' = rho", "Ikhouane", "k_w", "1/m", "lower", "upper"):
+        assert word in shown
+    document = json.loads(mrwork("models", "bouc_wen", "--json").stdout)
+    assert [parameter["name"] for parameter in document["parameters"]][:2] == ["c0", "k0"]
+
+
+def test_check_prints_the_findings_without_fitting(record: Path) -> None:
+    result = mrwork("check", record)
+    assert result.returncode == 0
+    assert "0.5 A" in result.stdout
+    assert "velocity" in result.stdout
+    (facts,) = json.loads(mrwork("check", record, "--json").stdout)["files"]
+    assert facts["n_time"] == 400
+    assert {"code", "severity", "message"} == set(facts["findings"][0])
+
+
+def test_identify_writes_a_run_that_predict_reads(record: Path, tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    arguments = (
+        "identify",
+        record,
+        "--model",
+        "static_hysteretic",
+        "--seed",
+        "1",
+        "--out",
+        out,
+        "--json",
+        *FAST,
+    )
+    result = mrwork(*arguments)
+    assert result.returncode == 0, result.stderr
+    summary = json.loads(result.stdout)
+    expected = "model parameters fit_percent nrmse rmse_n error_norms status stop_reason evaluations seconds n_time rng"
+    assert set(expected.split()) <= set(summary)
+    assert set(summary["parameters"]["c"]) >= {"value", "unit", "standard_error", "lower", "upper"}
+    assert {path.name for path in out.iterdir()} >= {
+        "manifest.json",
+        "fit.json",
+        "journal.jsonl",
+        "figures",
+        "report.html",
+    }
+    assert "http://" not in (out / "report.html").read_text().replace("http://www.w3.org", "")
+    predicted = json.loads(mrwork("predict", out, record, "--json").stdout)
+    assert predicted["files"][0]["fit_percent"] == pytest.approx(summary["fit_percent"], abs=1e-9)
+    assert {"file", "fit_percent", "nrmse", "rmse_n", "n_time"} <= set(predicted["files"][0])
+
+
+def test_explicit_columns_and_windows_are_used(tmp_path: Path, record: Path) -> None:
+    other = tmp_path / "rig.csv"
+    other.write_text(record.read_text().replace("force_kN", "F", 1))
+    refused(mrwork("check", other), "rig.csv", "force")
+    result = mrwork(
+        "check", other, "--column", "force=F:kN", "--from", "0.5", "--every", "2", "--settle", "0", "--json"
+    )
+    (facts,) = json.loads(result.stdout)["files"]
+    assert facts["n_time"] == 150
+    assert facts["settle_seconds"] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"", ["empty"]),
+        (b"t_s,displacement_mm\n0,1\n1,2\n", ["force"]),
+        (b"t_s,displacement_mm,force_N\n0,1,2\n0.1,two,3\n0.2,1,1\n", ["line 3", "two"]),
+        (
+            b"t_s,displacement_mm,force_N\n"
+            + b"".join(b"%d,%s,%d\n" % (i, b"nan" if i == 5 else b"%d" % (i % 4), i) for i in range(20)),
+            ["line 7"],
+        ),
+        (b"t_s,displacement_mm,force_N\n0,1,2\n", ["10"]),
+        (
+            b"t_s,displacement_mm,force_N\n" + b"\n".join(b"%d,%d,%d" % (9 - i, i, i) for i in range(10)),
+            ["time"],
+        ),
+        (b"t_s,displacement_furlong,force_N\n0,1,2\n", ["displacement"]),
+        (
+            b"t_s,displacement_mm,force_N\n" + b"\n".join(b"%d,%d,0" % (i, i % 3) for i in range(20)),
+            ["force"],
+        ),
+        (b"x" * 200_000, ["line"]),
+        (bytes(range(256)) * 20, ["text"]),
+        ("t_s,displacement_mm,force_N\n0,1,2 \u00b5\n".encode("latin-1"), ["UTF-8"]),
+    ],
+    ids=["empty", "missing-column", "text-in-number", "nan-row", "one-sample", "backwards", "unknown-unit", "zeros", "header", "binary", "latin"],
+)
+def test_a_bad_file_is_one_sentence(tmp_path: Path, content: bytes, words: list[str]) -> None:
+    path = tmp_path / "bad.csv"
+    path.write_bytes(content)
+    refused(mrwork("identify", path, "--out", tmp_path / "run"), "bad.csv", *words)
+    assert not (tmp_path / "run").exists()
+
+
+def test_a_matrix_that_claims_two_gigabytes_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "big.mat"
+    path.write_bytes(struct.pack("<5i", 0, 16384, 16384, 0, 6) + b"force\0" + b"\0" * 100)
+    refused(mrwork("check", path), "big.mat")
+
+
+def test_other_bad_inputs_are_one_sentence(record: Path, tmp_path: Path) -> None:
+    refused(mrwork("check", tmp_path), "directory")
+    refused(mrwork("check", tmp_path / "none.csv"), "none.csv")
+    refused(mrwork("identify", record, "--model", "bouc_wenn"), "bouc_wenn", "static_hysteretic")
+    refused(mrwork("identify", record, "--bound", "rho=10:1"), "reversed")
+    refused(mrwork("identify", record, "--bound", "rho=a:1"), "not a number")
+    refused(mrwork("identify", record, "--seed", "x"), "seed")
+    refused(mrwork("identify", record, "--seed", "-1"), "negative")
+    refused(mrwork("identify", record, "--column", "force=F:parsec"), "parsec")
+    refused(mrwork("identify", record, "--out", "/proc/run"), "/proc")
+    refused(mrwork("identify", "synthetic:none"), "spencer1997")
+    refused(mrwork("predict", tmp_path, record), "manifest")
+    refused(mrwork("frobnicate"), "frobnicate")
+
+
+def test_ctrl_c_keeps_the_best_so_far(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    process = subprocess.Popen(
+        [*COMMAND, "identify", "synthetic:spencer1997", "--out", str(out), "--population", "4000", "--quiet"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    time.sleep(4.0)
+    process.send_signal(signal.SIGINT)
+    stdout, stderr = process.communicate(timeout=30)
+    assert process.returncode == 130, stderr
+    assert "interrupted" in stdout
+    fit = json.loads((out / "fit.json").read_text())
+    assert fit["status"] == "interrupted"
+    assert mrwork("predict", out, "synthetic:spencer1997", "--json").returncode == 0
+
+
+def test_an_interrupt_before_anything_is_found_leaves_the_earlier_run(tmp_path: Path, record: Path) -> None:
+    out = tmp_path / "run"
+    assert mrwork("identify", record, "--model", "static_hysteretic", "--out", out, *FAST).returncode == 0
+    before = (out / "fit.json").read_bytes()
+    process = subprocess.Popen(
+        [*COMMAND, "identify", str(record), "--out", str(out), "--quiet"], stderr=subprocess.PIPE
+    )
+    time.sleep(0.3)
+    process.send_signal(signal.SIGINT)
+    process.communicate(timeout=30)
+    assert (out / "fit.json").exists()
+    assert json.loads((out / "fit.json").read_text())["status"] in {
+        "converged",
+        "not_converged",
+        "interrupted",
+    }
+    assert before
+
+
+def test_importing_and_asking_for_help_load_nothing_heavy() -> None:
+    heavy = "{'jax', 'matplotlib', 'scipy.optimize', 'optimistix', 'jinja2', 'numba'}"
+    check = f"import sys; print(sorted({heavy} & set(sys.modules)))"
+    imported = subprocess.run(
+        [sys.executable, "-c", f"import mrwork; {check}"], capture_output=True, text=True, check=True
+    )
+    assert imported.stdout.strip() == "[]"
+    helped = subprocess.run(
+        [sys.executable, "-c", f"import mrwork.cli as c\nc.parser().format_help()\n{check}"],
+        capture_output=True,
+        text=True,
+        check=True,
+        env=os.environ,
+    )
+    assert helped.stdout.strip() == "[]"
