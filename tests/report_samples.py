@@ -70,6 +70,7 @@ def quality(test: DamperTest, model_force: NDArray[np.float64]) -> FitQuality:
         error_norms=ErrorNorms(time=nrmse, displacement=0.1 * nrmse, velocity=0.3 * nrmse),
         residual_autocorrelation=float(centred[1:] @ centred[:-1] / (centred @ centred)),
         n_time=test.n_time,
+        settle_seconds=0.0,
         substeps=2,
     )
 

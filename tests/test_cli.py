@@ -84,7 +84,9 @@ def test_identify_writes_a_run_that_predict_reads(record: Path, tmp_path: Path) 
     result = mrwork(*arguments)
     assert result.returncode == 0, result.stderr
     summary = json.loads(result.stdout)
-    expected = "model parameters fit_percent nrmse rmse_n error_norms status stop_reason evaluations seconds n_time rng"
+    expected = (
+        "model parameters fit_percent nrmse rmse_n error_norms status stop_reason evaluations seconds n_time"
+    )
     assert set(expected.split()) <= set(summary)
     assert set(summary["parameters"]["c"]) >= {"value", "unit", "standard_error", "lower", "upper"}
     assert {path.name for path in out.iterdir()} >= {
@@ -137,7 +139,19 @@ def test_explicit_columns_and_windows_are_used(tmp_path: Path, record: Path) -> 
         (bytes(range(256)) * 20, ["text"]),
         ("t_s,displacement_mm,force_N\n0,1,2 \u00b5\n".encode("latin-1"), ["UTF-8"]),
     ],
-    ids=["empty", "missing-column", "text-in-number", "nan-row", "one-sample", "backwards", "unknown-unit", "zeros", "header", "binary", "latin"],
+    ids=[
+        "empty",
+        "missing-column",
+        "text-in-number",
+        "nan-row",
+        "one-sample",
+        "backwards",
+        "unknown-unit",
+        "zeros",
+        "header",
+        "binary",
+        "latin",
+    ],
 )
 def test_a_bad_file_is_one_sentence(tmp_path: Path, content: bytes, words: list[str]) -> None:
     path = tmp_path / "bad.csv"

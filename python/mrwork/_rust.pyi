@@ -3,6 +3,18 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = [
+    "LoadingHistory",
+    "damper_specs",
+    "flops_per_step",
+    "fma_peak",
+    "force",
+    "force_histories",
+    "instruction_set",
+    "misfits",
+    "rate",
+]
+
 @final
 class LoadingHistory:
     def __new__(

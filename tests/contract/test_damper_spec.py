@@ -57,7 +57,7 @@ def test_bounds_enclose_the_nominal_value(spec):
     for parameter in spec.parameters:
         assert all(map(math.isfinite, (parameter.lower, parameter.nominal, parameter.upper)))
         assert parameter.lower < parameter.upper
-        assert parameter.lower <= parameter.nominal <= parameter.upper
+        assert parameter.lower < parameter.nominal < parameter.upper
 
 
 def test_log_bounds_are_positive(spec):

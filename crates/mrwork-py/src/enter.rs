@@ -36,7 +36,10 @@ pub fn interruptible<T: Send>(
             let mut interrupt = None;
             while finished.recv_timeout(WATCH) == Err(RecvTimeoutError::Timeout) {
                 if interrupt.is_none() {
-                    interrupt = Python::attach(Python::check_signals).err();
+                    #[allow(clippy::redundant_closure_for_method_calls)]
+                    // the method is not general enough in its lifetime
+                    let signals = Python::attach(|py| py.check_signals());
+                    interrupt = signals.err();
                 }
                 if interrupt.is_some() {
                     stop.store(true, Ordering::Relaxed);

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from mrwork.identification.refine import Refined
     from mrwork.identification.screen import Screened
 
-_STARTS = 8
+_STARTS = 16
 # How often a wait looks for Ctrl-C [s].
 _WATCH = 0.05
 

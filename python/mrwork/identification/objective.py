@@ -56,8 +56,9 @@ class Objective:
         )
 
     def residuals(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Normalised residuals of each row of `theta`, shape (n_batch, n_residuals); their squares add up to the
-        squared misfit. A simulation that failed has residuals of one, far beyond any that fits.
+        """Residuals of each row of `theta`, shape (n_batch, n_residuals), whose squares add up to the squared misfit.
+
+        A simulation that failed has residuals of one, far beyond any that fits.
         """
         parts = []
         for test, history in zip(self.tests, self.histories, strict=True):

@@ -140,7 +140,7 @@ class _Descent(NamedTuple):
 
 @cache
 def _descent(spec: DamperSpec, box: Box, windows: _Windows) -> _Descent:
-    method = optx.LevenbergMarquardt(rtol=1e-9, atol=1e-9)
+    method: Any = optx.LevenbergMarquardt(rtol=1e-9, atol=1e-9)
     options = {"jac": "fwd"}
     tags: frozenset[object] = frozenset()
 
@@ -174,11 +174,11 @@ def _descent(spec: DamperSpec, box: Box, windows: _Windows) -> _Descent:
 @cache
 def _jacobian(
     spec: DamperSpec, windows: _Windows, free: tuple[int, ...]
-) -> Callable[[jax.Array, _Data], jax.Array]:
+) -> Callable[[jax.Array, _Data], Any]:
     index = np.array(free, dtype=int)
 
     @jax.jit
-    def evaluate(theta: jax.Array, data: _Data) -> jax.Array:
+    def evaluate(theta: jax.Array, data: _Data) -> Any:
         def residuals(values: jax.Array) -> jax.Array:
             return _residuals(spec, windows, theta.at[index].set(values), data)
 

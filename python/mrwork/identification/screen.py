@@ -19,8 +19,8 @@ from mrwork.identification.objective import Objective
 # Of the size of a parameter, or of the width it was searched over: rounding and curvature both stay below 1e-8.
 _STEP = 1e-6
 _TOLERANCE = 1e-7
-_FIRST_EVALUATIONS = 12
-_SEMIFINALISTS = 3
+_FIRST_EVALUATIONS = 15
+_SEMIFINALISTS = 4
 _LAST_EVALUATIONS = 60
 _CLOSE = 0.01
 _ELSEWHERE = 0.05
@@ -102,7 +102,7 @@ def screen(
     log = np.array(box.log)
 
     def residuals(latent: NDArray[np.float64]) -> NDArray[np.float64]:
-        return objective.residuals(box.theta_from_latent(latent)[None])[0]
+        return np.asarray(objective.residuals(box.theta_from_latent(latent)[None])[0])
 
     def jacobian(latent: NDArray[np.float64]) -> NDArray[np.float64]:
         theta = box.theta_from_latent(latent)
@@ -111,7 +111,7 @@ def screen(
         offsets[np.arange(len(free)), free] = step
         ahead, behind = np.split(objective.residuals(np.concatenate([theta + offsets, theta - offsets])), 2)
         slope = np.exp(box.log_slope(latent))
-        return ((ahead - behind) / (2.0 * step[:, None]) * slope[:, None]).T
+        return np.asarray(((ahead - behind) / (2.0 * step[:, None]) * slope[:, None]).T)
 
     solution = least_squares(
         residuals,

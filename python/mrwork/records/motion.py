@@ -7,7 +7,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_coeffs, savgol_filter
 
 _ORDER: Final = 3
 _BAND_POWER: Final = 0.999
@@ -58,10 +57,14 @@ class Smoother:
 
     def smooth(self, signal: NDArray[np.float64]) -> NDArray[np.float64]:
         """Signal without what is faster than the window."""
+        from scipy.signal import savgol_filter  # half a second to load, and not needed to list models
+
         return np.asarray(savgol_filter(signal, self.window, _ORDER), dtype=np.float64)
 
     def derivative(self, signal: NDArray[np.float64], order: int = 1) -> NDArray[np.float64]:
         """Time derivative of the smoothed signal."""
+        from scipy.signal import savgol_filter
+
         return np.asarray(
             savgol_filter(signal, self.window, _ORDER, deriv=order, delta=self.dt), dtype=np.float64
         )
@@ -76,4 +79,6 @@ class Smoother:
         return float(np.sqrt(np.sum(self._weights(order) ** 2)))
 
     def _weights(self, order: int) -> NDArray[np.float64]:
+        from scipy.signal import savgol_coeffs
+
         return np.asarray(savgol_coeffs(self.window, _ORDER, deriv=order, delta=self.dt), dtype=np.float64)

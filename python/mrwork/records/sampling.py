@@ -8,7 +8,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from mrwork.errors import RecordError
 from mrwork.records.damper_test import Finding
@@ -177,6 +176,8 @@ def uniform_step(signals: Signals, *, source: str) -> tuple[Signals, float, tupl
             f"{100 * deviation / median:.3g} %; resampled every {1e3 * dt:.6g} ms by {rule} interpolation",
         )
     )
+    from scipy.interpolate import CubicSpline, PchipInterpolator  # slow to load, and rarely needed
+
     interpolator = PchipInterpolator if gaps.size else CubicSpline
     resampled = signals.through(
         lambda channel: np.asarray(interpolator(time, channel)(grid), dtype=np.float64)

@@ -104,8 +104,8 @@ class EfficientGA:
     spread_tolerance: float = 1e-6
     min_generations: int = 80
     max_generations: int = 300
-    elite_count: int = 8
-    elite_distance: float = 0.1
+    elite_count: int = 16
+    elite_distance: float = 0.3
 
     def __post_init__(self) -> None:
         threshold(self.confidence)

@@ -14,7 +14,7 @@ from mrwork.errors import UnknownNameError
 from mrwork.spec import DamperSpec
 
 # The physics is double precision in Rust; a twin in single precision would not be one.
-jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_enable_x64", True)  # type: ignore[no-untyped-call] # jax leaves it unannotated
 
 
 class Twin(Protocol):

@@ -14,7 +14,7 @@ parameters! {
     x0: "m", Offset, -10.0 .. 10.0, nominal 0.038, "displacement at which the spring k is free";
     k_w: "N", Log, 1e-3 .. 1e9, nominal 88e3 * Z_MAX, "yield force: the loop lies between +-k_w";
     rho: "1/m", Log, 1e-2 .. 1e7, nominal 120.0 / Z_MAX, "initial slope: the loop yields within about 1/rho of travel";
-    sigma: "1", Log, 0.5 .. 1e4, nominal 0.5, "unloading: the slope just after a reversal is 2 sigma rho";
+    sigma: "1", Log, 0.1 .. 1e4, nominal 0.5, "unloading: the slope just after a reversal is 2 sigma rho";
     n: "1", Linear, 1.0 .. 6.0, nominal 2.0, "sharpness of the knee";
 }
 
@@ -28,7 +28,9 @@ impl DamperModel for NormalisedBoucWen {
         equation: "f = c v + k (x - x0) + k_w w\n\
                    w' = rho (v - sigma |v| |w|^(n-1) w + (sigma - 1) v |w|^n)",
         description: "The Bouc-Wen loop scaled to |w| <= 1, so that every parameter can be seen in the data. \
-                      rho = A/z_max, sigma = gamma/(beta+gamma), k_w = alpha z_max. The default for identification.",
+                      rho = A/z_max, sigma = gamma/(beta+gamma), k_w = alpha z_max. The default for identification. \
+                      From sigma = 1/2 on, where published sets lie, the element is passive under any motion; \
+                      below it only its closed loops dissipate.",
         source: "Ikhouane, Rodellar, Systems with Hysteresis, Wiley, 2007",
         nominal_source: "Spencer et al. 1997, at 1.5 V, converted (published, not independently verified)",
         parameters: PARAMETERS,
