@@ -93,6 +93,7 @@ def identification_report(
         equation=Markup(equation_html(equation)),
         source=source,
         status=_STATUS[fit.status],
+        status_detail=_status_detail(fit),
         banner=_BANNER.get(fit.status, ""),
         headline=_headline(fit),
         tests=[(comparison.test.name, comparison.test.synthetic) for comparison in comparisons],
@@ -105,12 +106,32 @@ def identification_report(
         ],
         convergence=_convergence_panel(fit),
         search=_search_facts(fit),
-        settings=[(name, _plain(value)) for name, value in fit.provenance.settings.items()],
+        settings=[(name, _plain(value)) for name, value in fit.provenance.settings.items() if value],
         inputs=[
             (name, digest, digest[:_HASH_SHOWN], name in synthetic)
             for name, digest in fit.provenance.inputs.items()
         ],
     )
+
+
+# Why a search ended, in words.
+_ENDED = {
+    "hypothesis_test": "by the hypothesis test on its decay",
+    "stall": "when the best no longer improved",
+    "spread": "when the population had drawn together",
+    "max_generations": "at the limit of generations",
+    "max_evaluations": "at the limit of simulations",
+    "callback": "on request",
+    "interrupted": "by an interrupt",
+}
+
+
+def _status_detail(fit: Fit) -> str:
+    """What the status rests on."""
+    if fit.status == "interrupted":
+        return "the best found so far"
+    steps = "step" if fit.refinement_steps == 1 else "steps"
+    return f"after {numbers.fixed(fit.refinement_steps, 0)} refinement {steps}"
 
 
 def _headline(fit: Fit) -> list[tuple[str, str, str]]:
@@ -124,8 +145,7 @@ def _headline(fit: Fit) -> list[tuple[str, str, str]]:
 
 def _search_facts(fit: Fit) -> list[tuple[str, str]]:
     return [
-        ("Outcome", f"{_STATUS[fit.status]}: {fit.stop_reason}" if fit.stop_reason else _STATUS[fit.status]),
-        ("Search ended because", fit.trace.stop_reason),
+        ("Search ended", _ENDED.get(fit.trace.stop_reason, fit.trace.stop_reason)),
         ("Generations", numbers.fixed(len(fit.trace.evaluations), 0)),
         ("Simulated candidates", numbers.fixed(fit.evaluations, 0)),
         ("Refinement steps", numbers.fixed(fit.refinement_steps, 0)),

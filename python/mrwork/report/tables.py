@@ -129,6 +129,7 @@ def conditions(test: DamperTest) -> str:
         _quantity(test.frequency, "Hz"),
         f"{numbers.fixed(test.n_time, 0)} samples every {numbers.shortest(1e3 * test.dt)}{_THIN}ms",
         f"velocity {test.velocity_source}",
+        f"first {numbers.shortest(test.n_settle * test.dt, 2)}{_THIN}s not compared" if test.n_settle else "",
     ]
     return _MIDDLE_DOT.join(part for part in parts if part)
 

@@ -105,7 +105,7 @@ class EfficientGA:
     min_generations: int = 80
     max_generations: int = 300
     elite_count: int = 16
-    elite_distance: float = 0.3
+    elite_distance: float = 0.2
 
     def __post_init__(self) -> None:
         threshold(self.confidence)
