@@ -11,7 +11,6 @@ import os
 import shutil
 import tempfile
 from collections.abc import Iterable, Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -101,8 +100,9 @@ def write_run(
         _write(fresh / REPORT, report_html.encode())
         _write_figures(fresh / FIGURES, figures)
         _keep_additions(place, fresh)
-        _flush_folder(fresh / FIGURES)
-        _flush_folder(fresh)
+        if fit.status != "interrupted":
+            # Whoever pressed Ctrl-C waits for the prompt; the system flushes that run when it gets to it.
+            _flush(fresh)
         _swap(fresh, place, beside / "old")
     except OSError as reason:
         raise _cannot_write(path, reason) from reason
@@ -156,7 +156,9 @@ def _refuse_foreign(place: Path, path: str | Path) -> None:
 
 
 def _write_figures(folder: Path, figures: Mapping[str, Figure]) -> None:
-    # Loaded here, for whoever reads a run must not wait for matplotlib.
+    if not figures:
+        return
+    # Loaded here, for whoever reads or interrupts a run must not wait for matplotlib.
     from mrwork.report.svg import png_bytes, svg_bytes
 
     for name, figure in figures.items():
@@ -187,7 +189,6 @@ def _swap(fresh: Path, place: Path, aside: Path) -> None:
         if aside.exists() and not place.exists():
             aside.rename(place)
         raise
-    _flush_folder(place.parent)
 
 
 def _discard(beside: Path, place: Path) -> None:
@@ -199,16 +200,18 @@ def _discard(beside: Path, place: Path) -> None:
 def _write(target: Path, content: bytes) -> None:
     with target.open("xb") as stream:
         stream.write(content)
-        stream.flush()
-        os.fsync(stream.fileno())
 
 
-def _flush_folder(folder: Path) -> None:
-    """Make renames inside `folder` last through a power cut, where the system lets a folder be flushed."""
-    with suppress(OSError):
-        descriptor = os.open(folder, os.O_RDONLY)
+def _flush(folder: Path) -> None:
+    """Make a folder and all in it last through a power cut, before it takes the place of an earlier run."""
+    for path in (*folder.rglob("*"), folder):
+        descriptor = os.open(path, os.O_RDONLY)
         try:
             os.fsync(descriptor)
+        except OSError as reason:
+            # Some systems cannot flush a folder; a full disk is another matter.
+            if path.is_file() or reason.errno in _DISK_FULL:
+                raise
         finally:
             os.close(descriptor)
 
