@@ -2,6 +2,8 @@
 
 use thiserror::Error;
 
+use crate::integrate::MAX_SUBSTEP_FACTOR;
+
 /// A call that could not be carried out.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum DynamicsError {
@@ -53,7 +55,7 @@ pub enum DynamicsError {
         expected: usize,
     },
     /// A sub-step factor that is not a power of two.
-    #[error("the sub-step factor is {0}, it must be a power of two from 1 to 64")]
+    #[error("the sub-step factor is {0}, it must be a power of two from 1 to {MAX_SUBSTEP_FACTOR}")]
     SubstepFactor(u32),
     /// The caller asked to stop.
     #[error("the simulation was cancelled")]

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use crate::damper::{DamperModel, DamperSpec, Motion, State};
 use crate::dispatch::{InstructionSet, LaneJob};
 use crate::error::{DynamicsError, Outcome};
-use crate::integrate::{advance, substeps};
+use crate::integrate::{MAX_SUBSTEP_FACTOR, advance, substeps};
 use crate::lanes::{Lanes, VECTOR_WIDTH};
 use crate::loading::LoadingHistory;
 use crate::misfit::{History, Sink, SquaredError};
@@ -299,7 +299,7 @@ impl Plan {
         settings: Settings<'_>,
     ) -> Result<Self, DynamicsError> {
         let Settings { substep_factor, threads, instruction_set, .. } = settings;
-        if !(substep_factor.is_power_of_two() && substep_factor <= 64) {
+        if !(substep_factor.is_power_of_two() && substep_factor <= MAX_SUBSTEP_FACTOR) {
             return Err(DynamicsError::SubstepFactor(substep_factor));
         }
         let n_params = damper.spec().parameters.len();

@@ -1,6 +1,6 @@
 //! Loading histories as Python sees them.
 
-use mrwork_dynamics::integrate::MAX_SUBSTEPS;
+use mrwork_dynamics::integrate::{MAX_SUBSTEP_FACTOR, MAX_SUBSTEPS};
 use mrwork_dynamics::loading::LoadingHistory as Dynamics;
 use numpy::ndarray::Array3;
 use numpy::{IntoPyArray, PyArray1, PyArray3, PyReadonlyArray1, PyUntypedArrayMethods, ToPyArray};
@@ -67,8 +67,9 @@ impl LoadingHistory {
     }
 
     fn stages<'py>(&self, py: Python<'py>, substeps: u32) -> PyResult<Bound<'py, PyArray3<f64>>> {
-        if !(1..=MAX_SUBSTEPS).contains(&substeps) {
-            return Err(PyValueError::new_err(format!("`substeps` is {substeps}, give 1 to {MAX_SUBSTEPS}")));
+        let most = MAX_SUBSTEPS * MAX_SUBSTEP_FACTOR;
+        if !(1..=most).contains(&substeps) {
+            return Err(PyValueError::new_err(format!("`substeps` is {substeps}, give 1 to {most}")));
         }
         let shape = (self.dynamics.n_time() - 1, 2 * substeps as usize + 1, 2);
         let flat = self
