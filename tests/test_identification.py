@@ -101,6 +101,18 @@ def test_impossible_bounds_are_named(
         identify("normalised_bouc_wen", record, bounds=bounds)
 
 
+def test_every_simulation_is_counted(fit: Fit) -> None:
+    # Sixteen screenings, each at least one residual and one Jacobian of two candidates per parameter.
+    assert fit.evaluations >= fit.trace.evaluations[-1] + 16 * (1 + 2 * 7)
+
+
+def test_nothing_to_identify_is_an_error(record: DamperTest) -> None:
+    spec = damper("static_hysteretic")
+    bounds = {name: (value, value) for name, value in zip(spec.names, spec.nominal, strict=True)}
+    with pytest.raises(SettingError, match="every parameter"):
+        identify(spec, record, bounds=bounds)
+
+
 def test_no_tests_is_an_error() -> None:
     with pytest.raises(RecordError, match="no test"):
         identify("bouc_wen", [])

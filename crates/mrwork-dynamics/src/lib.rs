@@ -2,9 +2,10 @@
 //!
 //! A model is written once over [`real::Real`] ([`damper`]); a batch of candidates runs through one loading
 //! history ([`loading`]) in lanes of eight or more ([`lanes`], [`dispatch`]), by one time-stepping rule
-//! ([`integrate`]), and leaves behind a misfit or a force history ([`simulate`]). No Python, no files, no
+//! ([`integrate`]), and leaves behind a misfit or a force history ([`block`], [`simulate`]). No Python, no files, no
 //! randomness, no printing.
 
+pub mod block;
 pub mod damper;
 #[allow(unsafe_code)] // the one file that enters an instruction set
 pub mod dispatch;

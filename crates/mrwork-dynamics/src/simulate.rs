@@ -9,17 +9,12 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use rayon::prelude::*;
 
-use crate::damper::{DamperModel, DamperSpec, Motion, State};
-use crate::dispatch::{InstructionSet, LaneJob};
+use crate::block::{Block, Damper, Target};
+use crate::dispatch::InstructionSet;
 use crate::error::{DynamicsError, Outcome};
-use crate::integrate::{MAX_SUBSTEP_FACTOR, advance, substeps};
-use crate::lanes::{Lanes, VECTOR_WIDTH};
+use crate::integrate::MAX_SUBSTEP_FACTOR;
+use crate::lanes::VECTOR_WIDTH;
 use crate::loading::LoadingHistory;
-use crate::misfit::{History, Sink, SquaredError};
-use crate::parameters::FromValues;
-
-/// Steps between two looks at the stop flag and at lost lanes: well below a millisecond apart on a full block.
-const STEPS_PER_CHECK: u32 = 512;
 
 /// Steps below which waking another thread costs more than it saves.
 const STEPS_PER_THREAD: u64 = 200_000;
@@ -37,15 +32,6 @@ pub struct Settings<'a> {
     pub stop: &'a AtomicBool,
 }
 
-/// What candidates are compared with.
-#[derive(Clone, Copy, Debug)]
-pub struct Target<'a> {
-    /// Measured force [N], one sample per time.
-    pub force: &'a [f64],
-    /// First sample that counts; those before it are simulated only.
-    pub first: usize,
-}
-
 /// How one candidate fared.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
@@ -55,142 +41,6 @@ pub struct Row {
     pub outcome: Outcome,
     /// Sub-steps per sample interval, 0 where not simulated.
     pub substeps: u32,
-}
-
-/// Candidates that share a sub-step count and run side by side.
-pub struct Block<'a> {
-    theta: &'a [f64],
-    candidates: &'a [usize],
-    loading: &'a LoadingHistory,
-    substeps: u32,
-    stop: &'a AtomicBool,
-}
-
-/// A damper model behind a pointer: whole blocks and single evaluations, nothing inside a time step.
-pub trait Damper: Sync {
-    /// What the model says of itself.
-    fn spec(&self) -> &'static DamperSpec;
-    /// Sub-steps per sample interval, `None` where the candidate cannot be resolved.
-    fn substeps(&self, theta: &[f64], loading: &LoadingHistory, factor: u32) -> Option<u32>;
-    /// Time derivative of the states.
-    fn rate(&self, theta: &[f64], state: &[f64], motion: Motion<f64>) -> Vec<f64>;
-    /// Force [N].
-    fn force(&self, theta: &[f64], state: &[f64], motion: Motion<f64>) -> f64;
-    /// Arithmetic operations of one step and one residual, a fused multiply-add counted as two.
-    fn flops_per_step(&self, theta: &[f64]) -> u64;
-    /// Sums of squared residuals against a measured force, one per candidate of the block.
-    fn squared_errors(&self, set: InstructionSet, block: &Block<'_>, target: Target<'_>) -> Vec<f64>;
-    /// Force histories, one row per candidate of the block.
-    fn histories(&self, set: InstructionSet, block: &Block<'_>, rows: &mut [&mut [f64]]);
-}
-
-impl<M: DamperModel> Damper for M {
-    fn spec(&self) -> &'static DamperSpec {
-        const { &M::SPEC }
-    }
-
-    fn substeps(&self, theta: &[f64], loading: &LoadingHistory, factor: u32) -> Option<u32> {
-        substeps::<M>(theta, loading.dt(), loading.severity(), factor)
-    }
-
-    fn rate(&self, theta: &[f64], state: &[f64], motion: Motion<f64>) -> Vec<f64> {
-        let (p, state) = at_point::<M>(theta, state);
-        let mut rate = Vec::with_capacity(M::SPEC.n_states);
-        M::rate(&p, state, motion).for_each(|_, value| rate.push(value));
-        rate
-    }
-
-    fn force(&self, theta: &[f64], state: &[f64], motion: Motion<f64>) -> f64 {
-        let (p, state) = at_point::<M>(theta, state);
-        M::force(&p, state, motion)
-    }
-
-    fn flops_per_step(&self, theta: &[f64]) -> u64 {
-        crate::peak::flops_per_step::<M>(theta)
-    }
-
-    fn squared_errors(&self, set: InstructionSet, block: &Block<'_>, target: Target<'_>) -> Vec<f64> {
-        set.run(
-            block.candidates.len(),
-            SquaredErrorJob::<M> { block, target, model: core::marker::PhantomData },
-        )
-    }
-
-    fn histories(&self, set: InstructionSet, block: &Block<'_>, rows: &mut [&mut [f64]]) {
-        set.run(block.candidates.len(), HistoryJob::<M> { block, rows, model: core::marker::PhantomData });
-    }
-}
-
-fn at_point<M: DamperModel>(theta: &[f64], state: &[f64]) -> (M::Parameters<f64>, M::State<f64>) {
-    let entry = |values: &[f64], index: usize| values.get(index).copied().unwrap_or(f64::NAN);
-    (M::Parameters::from_values(|index| entry(theta, index)), M::State::from_fn(|index| entry(state, index)))
-}
-
-struct SquaredErrorJob<'a, M> {
-    block: &'a Block<'a>,
-    target: Target<'a>,
-    model: core::marker::PhantomData<M>,
-}
-
-impl<M: DamperModel> LaneJob for SquaredErrorJob<'_, M> {
-    type Output = Vec<f64>;
-    #[inline(always)]
-    fn run<R: Lanes>(self) -> Vec<f64> {
-        let mut sink =
-            SquaredError { measured: self.target.force, first: self.target.first, sum: R::splat(0.0) };
-        run_block::<M, R, _>(self.block, &mut sink);
-        let mut sums = Vec::with_capacity(R::WIDTH);
-        sink.sum.for_each(|_, sum| sums.push(sum));
-        sums.truncate(self.block.candidates.len());
-        sums
-    }
-}
-
-struct HistoryJob<'a, 'b, M> {
-    block: &'a Block<'a>,
-    rows: &'a mut [&'b mut [f64]],
-    model: core::marker::PhantomData<M>,
-}
-
-impl<M: DamperModel> LaneJob for HistoryJob<'_, '_, M> {
-    type Output = ();
-    #[inline(always)]
-    fn run<R: Lanes>(self) {
-        run_block::<M, R, _>(self.block, &mut History { rows: self.rows });
-    }
-}
-
-/// Simulates one block from rest. Lanes without a candidate repeat the last one.
-#[inline(always)]
-fn run_block<M: DamperModel, R: Lanes, S: Sink<R>>(block: &Block<'_>, sink: &mut S) {
-    let Block { theta, candidates, loading, substeps, stop } = *block;
-    let n_params = M::SPEC.parameters.len();
-    let last = candidates.len() - 1;
-    let p = M::Parameters::<R>::from_values(|index| {
-        R::from_fn(|lane| theta[candidates[lane.min(last)] * n_params + index])
-    });
-    let fraction = 1.0 / f64::from(substeps);
-    let step = loading.dt() * fraction;
-    let check_every = (STEPS_PER_CHECK / substeps).max(1) as usize;
-    let mut state = M::State::<R>::rest();
-    for (sample, interval) in loading.intervals().iter().enumerate() {
-        // Before the first sample too: the blocks that a stopped batch has left return at once.
-        if sample % check_every == 0 && (stop.load(Ordering::Relaxed) || sink.is_lost()) {
-            return;
-        }
-        let mut start = interval.motion(0.0);
-        sink.take(sample, M::force(&p, state, start.splat()));
-        if M::SPEC.n_states > 0 {
-            for substep in 0..substeps {
-                let u = f64::from(substep) * fraction;
-                let middle = interval.motion(u + 0.5 * fraction);
-                let end = interval.motion(u + fraction);
-                state = advance::<M, R>(&p, state, [start, middle, end], step);
-                start = end;
-            }
-        }
-    }
-    sink.take(loading.n_time() - 1, M::force(&p, state, loading.last().splat()));
 }
 
 /// Misfits of a batch by running reduction: no force is stored.

@@ -6,11 +6,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
+use mrwork_dynamics::block::{Damper, Target};
 use mrwork_dynamics::damper::{REGISTRY, find};
 use mrwork_dynamics::dispatch::InstructionSet;
 use mrwork_dynamics::error::{DynamicsError, Outcome};
 use mrwork_dynamics::loading::LoadingHistory;
-use mrwork_dynamics::simulate::{Damper, Row, Settings, Target, force_histories, misfits};
+use mrwork_dynamics::simulate::{Row, Settings, force_histories, misfits};
 
 static RUNNING: AtomicBool = AtomicBool::new(false);
 

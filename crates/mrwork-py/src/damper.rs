@@ -1,9 +1,10 @@
 //! Damper models as Python sees them: specs, batches, single evaluations.
 
+use mrwork_dynamics::block::{Damper, Target};
 use mrwork_dynamics::damper::{DamperSpec, Motion, REGISTRY, find};
 use mrwork_dynamics::error::DynamicsError;
 use mrwork_dynamics::parameters::ParamSpec;
-use mrwork_dynamics::simulate::{self, Damper, Row, Settings, Target};
+use mrwork_dynamics::simulate::{self, Row, Settings};
 use numpy::ndarray::Array2;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyLookupError, PyValueError};

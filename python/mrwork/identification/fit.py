@@ -76,7 +76,11 @@ class Provenance:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fit:
-    """An identified damper: estimates in the order of the model's spec, quality per test, provenance."""
+    """An identified damper: estimates in the order of the model's spec, quality per test, provenance.
+
+    `evaluations` counts simulated candidates, those of the search and of the screening that follows it;
+    `refinement_steps` counts steps on the twin, one simulation with its derivatives each.
+    """
 
     model: str
     estimates: tuple[Estimate, ...]

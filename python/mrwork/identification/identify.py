@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.errors import SimulationError
+from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.estimate import estimates_of
 from mrwork.identification.explore import search_box
@@ -113,8 +113,9 @@ def identify(
     bounds = dict(bounds or {})
     form = identifiable_form(spec, bounds)
     objective = Objective.of(form.spec, tests, threads=threads)
-    run = _Run(spec=spec, form=form, tests=tests, search=search, bounds=bounds, rng=rng, began=began)
-
+    if not form.box.free:
+        raise SettingError(f"every parameter of {spec.name} is fixed; leave at least one free")
+    run = _Run(spec=spec, form=form, objective=objective, search=search, bounds=bounds, rng=rng, began=began)
     box = search_box(form.spec, form.box, tests)
 
     def on_generation(event: GenerationEvent[GAState]) -> None:
@@ -181,7 +182,7 @@ class _Run:
 
     spec: DamperSpec
     form: Form
-    tests: tuple[DamperTest, ...]
+    objective: Objective
     search: EfficientGA
     bounds: dict[str, tuple[float, float]]
     rng: int
@@ -213,7 +214,8 @@ class _Run:
         status: FitStatus,
     ) -> Fit:
         values = np.asarray(self.form.back(theta))
-        quality = tuple(judge(self.spec, values, test)[1] for test in self.tests)
+        tests = self.objective.tests
+        quality = tuple(judge(self.spec, values, test)[1] for test in tests)
         nrmse = _rms([each.nrmse for each in quality])
         return Fit(
             model=self.spec.name,
@@ -235,11 +237,11 @@ class _Run:
                 median=tuple(found.trace.median.tolist()),
                 stop_reason=found.stop_reason,
             ),
-            evaluations=found.evaluations,
+            evaluations=self.objective.tally.simulations,
             refinement_steps=steps,
             seconds=time.perf_counter() - self.began,
             n_time=sum(each.n_time for each in quality),
-            provenance=provenance_of(self.tests, search=self.search, bounds=self.bounds, rng=self.rng),
+            provenance=provenance_of(tests, search=self.search, bounds=self.bounds, rng=self.rng),
         )
 
 

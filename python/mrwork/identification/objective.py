@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,13 @@ from mrwork.errors import RecordError
 from mrwork.records import DamperTest
 from mrwork.simulate import Misfits, loading_of, simulate_forces, simulate_misfits
 from mrwork.spec import DamperSpec
+
+
+@dataclass(slots=True)
+class Tally:
+    """How many candidates have been simulated."""
+
+    simulations: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -26,6 +33,7 @@ class Objective:
     tests: tuple[DamperTest, ...]
     histories: tuple[_rust.LoadingHistory, ...]
     threads: int = 0
+    tally: Tally = field(default_factory=Tally)
 
     @classmethod
     def of(cls, spec: DamperSpec, tests: tuple[DamperTest, ...], *, threads: int = 0) -> Objective:
@@ -50,6 +58,7 @@ class Objective:
 
     def misfits(self, theta: NDArray[np.float64]) -> tuple[Misfits, ...]:
         """Misfits of each row of `theta`, test by test."""
+        self.tally.simulations += len(theta)
         return tuple(
             simulate_misfits(self.spec, theta, history, test.force, first=test.n_settle, threads=self.threads)
             for test, history in zip(self.tests, self.histories, strict=True)
@@ -60,6 +69,7 @@ class Objective:
 
         A simulation that failed has residuals of one, far beyond any that fits.
         """
+        self.tally.simulations += len(theta)
         parts = []
         for test, history in zip(self.tests, self.histories, strict=True):
             force = simulate_forces(self.spec, theta, history, threads=self.threads).force[:, test.counted]

@@ -4,9 +4,9 @@ mod bouc_wen;
 mod normalised_bouc_wen;
 mod static_hysteretic;
 
+use crate::block::Damper;
 use crate::parameters::{FromValues, ParamSpec};
 use crate::real::Real;
-use crate::simulate::Damper;
 
 /// Every damper model, by one line each.
 pub static REGISTRY: &[&dyn Damper] =
