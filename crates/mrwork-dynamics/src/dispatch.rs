@@ -261,13 +261,7 @@ mod x86 {
         }
         #[inline(always)]
         fn times_two_to(self, k: Self) -> Self {
-            let aligned = k + Self::splat(INTEGER_ALIGNER);
-            Self(unsafe {
-                _mm512_castsi512_pd(_mm512_add_epi64(
-                    _mm512_castpd_si512(self.0),
-                    _mm512_slli_epi64::<52>(_mm512_castpd_si512(aligned.0)),
-                ))
-            })
+            Self(unsafe { _mm512_scalef_pd(self.0, k.0) })
         }
     }
 

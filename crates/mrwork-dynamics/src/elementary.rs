@@ -70,12 +70,12 @@ pub fn ln<R: Real>(x: R) -> R {
     of_any_base(x, high + e.mul_add(R::splat(LN_2_TAIL), low), R::splat(f64::NEG_INFINITY))
 }
 
-/// Power x^n of a base x >= 0, with an exponent for each lane.
+/// Power x^n of a magnitude x (no sign bit) and an exponent n >= 1, one for each lane.
 ///
-/// At most 1.5 units in the last place off for n <= 10 wherever the result is a normal number;
-/// 0 where it would be subnormal. An exponent of exactly 0, 1, 2 or 3 gives 1, x, x x or (x x) x to the last bit,
-/// whatever the other lanes hold; where all lanes have one of these, nothing else is computed. A negative
-/// base gives NaN, but for those exponents. The exponent is finite and not negative.
+/// At most 1.5 units in the last place off for n <= 10 wherever the result is a normal number; 0 where it would be
+/// subnormal. An exponent of exactly 1, 2 or 3 gives x, x x or (x x) x to the last bit, whatever the other lanes
+/// hold; where all lanes have one of these, nothing else is computed. An infinite base and a NaN give a result that
+/// is not finite. No state of a model asks for a negative base or a smaller exponent, and they are not looked for.
 #[inline(always)]
 pub fn powf<R: Real>(x: R, n: R) -> R {
     let near = (n - R::splat(1.5)).abs().less(R::splat(2.0));
@@ -92,8 +92,8 @@ pub fn powf<R: Real>(x: R, n: R) -> R {
     let error = n.mul_add(logarithm.high, -high);
     let remainder = k.mul_add(R::splat(-LN_2), high);
     let low = n.mul_add(logarithm.low, error);
-    let exponent = of_any_base(x, high + low, R::splat(f64::NEG_INFINITY));
-    let general = within_range(exponent, exp_reduced(k, remainder, low));
+    // The bits of 0 and of infinity read as 2^-1023 and 2^1024, whose powers fall out of range by themselves.
+    let general = within_range(high + low, exp_reduced(k, remainder, low));
 
     if R::any(whole) { R::select(whole, whole_power(x, n), general) } else { general }
 }
