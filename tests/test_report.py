@@ -226,7 +226,11 @@ def test_one_unit_serves_all_tests_of_a_report() -> None:
 
 
 def test_a_measured_record_is_reported(two_tests: str) -> None:
-    folder = Path(os.environ.get("MRWORK_DATA", "../shared/data")) / "dampers" / "utfsm"
+    folder = (
+        Path(os.environ.get("MRWORK_DATA", Path(__file__).parents[2] / "shared" / "data"))
+        / "dampers"
+        / "utfsm"
+    )
     if not folder.is_dir():
         pytest.skip(f"no measured data: {folder} is absent, set MRWORK_DATA")
     table = np.genfromtxt(folder / "10mm1Hz0x5A.csv", delimiter=",", names=True)

@@ -78,7 +78,7 @@ pub fn ln<R: Real>(x: R) -> R {
 /// is not finite. No state of a model asks for a negative base or a smaller exponent, and they are not looked for.
 #[inline(always)]
 pub fn powf<R: Real>(x: R, n: R) -> R {
-    let near = (n - R::splat(1.5)).abs().less(R::splat(2.0));
+    let near = (n - R::splat(2.0)).abs().less(R::splat(1.5));
     let whole = R::select(near, n.round_ties_even(), R::splat(f64::NAN)).equal(n);
     if R::all(whole) {
         return whole_power(x, n);
@@ -98,14 +98,13 @@ pub fn powf<R: Real>(x: R, n: R) -> R {
     if R::any(whole) { R::select(whole, whole_power(x, n), general) } else { general }
 }
 
-/// x^n for n = 0, 1, 2 or 3, as products.
+/// x^n for n = 1, 2 or 3, as products.
 #[inline(always)]
 fn whole_power<R: Real>(x: R, n: R) -> R {
     let one = R::splat(1.0);
-    let first = R::select(n.equal(R::splat(0.0)), one, x);
     let second = R::select(one.less(n), x, one);
     let third = R::select(R::splat(2.0).less(n), x, one);
-    first * second * third
+    x * second * third
 }
 
 /// Hyperbolic tangent h/(1 + h), h = (e^(2|x|) - 1)/2, with the sign of x.

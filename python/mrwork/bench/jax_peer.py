@@ -20,7 +20,7 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from mrwork.bench.workload import PowerForm, Run, Workload
 
 # The contenders must agree to 1e-9, which single precision cannot.
-jax.config.update("jax_enable_x64", True)  # type: ignore[no-untyped-call]
+jax.config.update("jax_enable_x64", True)  # type: ignore[no-untyped-call] # jax leaves it unannotated
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,8 +91,8 @@ def prepare(workload: Workload, form: PowerForm, variant: JaxVariant) -> Run:
     if not variant.split or len(workload.theta) % len(devices) != 0:
         devices = devices[:1]
     mesh = Mesh(np.array(devices), ("candidates",))
-    rows = NamedSharding(mesh, PartitionSpec("candidates"))  # type: ignore[no-untyped-call]
-    whole = NamedSharding(mesh, PartitionSpec())  # type: ignore[no-untyped-call]
+    rows = NamedSharding(mesh, PartitionSpec("candidates"))  # type: ignore[no-untyped-call] # jax leaves it unannotated
+    whole = NamedSharding(mesh, PartitionSpec())  # type: ignore[no-untyped-call] # jax leaves it unannotated
     theta = jax.device_put(workload.theta, rows)
     stages, force = jax.device_put(workload.stages, whole), jax.device_put(workload.force, whole)
     return lambda: compiled(theta, stages, force).block_until_ready()

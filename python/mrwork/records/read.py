@@ -96,7 +96,7 @@ def read_damper_tests(
         pattern = os.fspath(paths)
         # A file whose name holds brackets is a file, not a pattern.
         # `Path.glob` takes no absolute patterns.
-        found = glob.glob(pattern, recursive=True)  # noqa: PTH207
+        found = glob.glob(pattern, recursive=True)  # noqa: PTH207 - patterns may be absolute
         files = [pattern] if Path(pattern).exists() else sorted(found)
         if not files:
             raise RecordError(f"no file matches '{pattern}'; check the path and the pattern")
