@@ -9,6 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from mrwork._rust import __version__ as __version__
     from mrwork.coordinates import Box
     from mrwork.errors import MrworkError
     from mrwork.identification.fit import Fit
@@ -17,8 +18,6 @@ if TYPE_CHECKING:
     from mrwork.simulate import Loading, simulate_force
     from mrwork.spec import DamperSpec, damper, dampers
     from mrwork.synthetic import synthetic_test
-
-__version__ = "0.1.0"
 
 _HOME = {
     "Box": "mrwork.coordinates",
@@ -34,9 +33,10 @@ _HOME = {
     "read_damper_tests": "mrwork.records",
     "simulate_force": "mrwork.simulate",
     "synthetic_test": "mrwork.synthetic",
+    "__version__": "mrwork._rust",
 }
 
-__all__ = [*_HOME, "__version__"]
+__all__ = [*_HOME]
 
 
 def __getattr__(name: str) -> object:

@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 __all__ = [
     "LoadingHistory",
+    "__version__",
     "damper_specs",
     "flops_per_step",
     "fma_peak",
@@ -14,6 +15,8 @@ __all__ = [
     "misfits",
     "rate",
 ]
+
+__version__: str
 
 @final
 class LoadingHistory:

@@ -1,7 +1,6 @@
 //! One block of lanes: candidates that run side by side through one loading history.
 
 use core::marker::PhantomData;
-use std::sync::atomic::{AtomicBool, Ordering};
 
 use crate::damper::{DamperModel, DamperSpec, Motion, State};
 use crate::dispatch::{InstructionSet, LaneJob};
@@ -10,6 +9,7 @@ use crate::lanes::Lanes;
 use crate::loading::LoadingHistory;
 use crate::misfit::{History, Sink, SquaredError};
 use crate::parameters::FromValues;
+use crate::threads::StopRequested;
 
 /// Steps between two looks at the stop flag and at lost lanes: well below a millisecond apart on a full block.
 const STEPS_PER_CHECK: u32 = 512;
@@ -33,8 +33,8 @@ pub struct Block<'a> {
     pub loading: &'a LoadingHistory,
     /// Sub-steps per sample interval, a power of two.
     pub substeps: u32,
-    /// Set from outside to give the block up.
-    pub stop: &'a AtomicBool,
+    /// Whether the block is to be given up.
+    pub stop: &'a StopRequested<'a>,
 }
 
 /// A damper model behind a pointer: whole blocks and single evaluations, nothing inside a time step.
@@ -144,7 +144,7 @@ fn run_block<M: DamperModel, R: Lanes, S: Sink<R>>(block: &Block<'_>, sink: &mut
     let mut state = M::State::<R>::rest();
     for (sample, interval) in loading.intervals().iter().enumerate() {
         // Before the first sample too: the blocks that a stopped batch has left return at once.
-        if sample & (check_every - 1) == 0 && (stop.load(Ordering::Relaxed) || sink.is_lost()) {
+        if sample & (check_every - 1) == 0 && (stop() || sink.is_lost()) {
             return;
         }
         let mut start = interval.motion(0.0);

@@ -7,7 +7,7 @@
 
 pub mod block;
 pub mod damper;
-#[allow(unsafe_code)] // the one file that enters an instruction set
+#[allow(unsafe_code)] // the one module that enters an instruction set
 pub mod dispatch;
 pub mod elementary;
 pub mod error;
@@ -19,3 +19,4 @@ pub mod parameters;
 pub mod peak;
 pub mod real;
 pub mod simulate;
+pub mod threads;

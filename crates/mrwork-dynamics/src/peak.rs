@@ -5,8 +5,6 @@ use core::hint::black_box;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 use std::time::{Duration, Instant};
 
-use rayon::prelude::*;
-
 use crate::damper::{DamperModel, Motion, State};
 use crate::dispatch::{InstructionSet, LaneJob};
 use crate::error::DynamicsError;
@@ -14,7 +12,7 @@ use crate::integrate::advance;
 use crate::lanes::Lanes;
 use crate::parameters::FromValues;
 use crate::real::Real;
-use crate::simulate::on_threads;
+use crate::threads::{on_threads, thread_count};
 
 /// Peak rate of fused multiply-adds [flop/s], measured on `threads` threads for about `seconds` each.
 ///
@@ -22,15 +20,11 @@ use crate::simulate::on_threads;
 /// Where the threads cannot be started.
 pub fn fma_peak(set: InstructionSet, threads: usize, seconds: f64) -> Result<f64, DynamicsError> {
     let span = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::ZERO);
-    on_threads(threads, || {
-        (0..rayon::current_num_threads())
-            .into_par_iter()
-            .with_max_len(1)
-            .map(|_| set.run(set.block_width(), FmaChains { span }))
-            .sum()
-    })
+    let chains = vec![FmaChains { span }; thread_count(threads)];
+    Ok(on_threads(threads, chains, |chains| set.run(set.block_width(), chains))?.into_iter().sum())
 }
 
+#[derive(Clone, Copy)]
 struct FmaChains {
     span: Duration,
 }

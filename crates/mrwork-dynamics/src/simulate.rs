@@ -3,24 +3,19 @@
 //! A candidate's result does not depend on its neighbours, the block it falls into, the number of threads
 //! or the instruction set.
 
-use std::collections::BTreeMap;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
-
-use rayon::prelude::*;
-
 use crate::block::{Block, Damper, Target};
 use crate::dispatch::InstructionSet;
 use crate::error::{DynamicsError, Outcome};
 use crate::integrate::MAX_SUBSTEP_FACTOR;
 use crate::lanes::VECTOR_WIDTH;
 use crate::loading::LoadingHistory;
+use crate::threads::{StopRequested, on_threads, thread_count};
 
 /// Steps below which waking another thread costs more than it saves.
-const STEPS_PER_THREAD: u64 = 200_000;
+const STEPS_PER_THREAD: u64 = 60_000;
 
 /// How a batch is to be run.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub struct Settings<'a> {
     /// Multiplies every candidate's own sub-step count; 1 is the rule, more is for checking it.
     pub substep_factor: u32,
@@ -28,8 +23,8 @@ pub struct Settings<'a> {
     pub threads: usize,
     /// Vector instructions to use.
     pub instruction_set: InstructionSet,
-    /// Set from outside to give the batch up.
-    pub stop: &'a AtomicBool,
+    /// Whether the batch is to be given up.
+    pub stop: &'a StopRequested<'a>,
 }
 
 /// How one candidate fared.
@@ -68,11 +63,8 @@ pub fn misfits(
     }
     let plan = Plan::new(damper, theta, loading, settings)?;
     let blocks = plan.blocks(theta, loading, settings.stop);
-    let sums = on_threads(plan.threads, || {
-        blocks
-            .par_iter()
-            .map(|block| damper.squared_errors(settings.instruction_set, block, target))
-            .collect::<Vec<_>>()
+    let sums = on_threads(plan.threads, blocks.iter().collect(), |block| {
+        damper.squared_errors(settings.instruction_set, block, target)
     })?;
     stopped(settings.stop)?;
     let mut rows = plan.rows.clone();
@@ -114,10 +106,8 @@ pub fn force_histories(
         .iter()
         .map(|block| (block, block.candidates.iter().filter_map(|&row| unclaimed[row].take()).collect()))
         .collect();
-    on_threads(plan.threads, || {
-        work.into_par_iter().for_each(|(block, mut rows)| {
-            damper.histories(settings.instruction_set, block, &mut rows);
-        });
+    on_threads(plan.threads, work, |(block, mut rows)| {
+        damper.histories(settings.instruction_set, block, &mut rows);
     })?;
     stopped(settings.stop)?;
     for (row, history) in plan.rows.iter_mut().zip(force.chunks_mut(loading.n_time())) {
@@ -183,7 +173,7 @@ impl Plan {
         &'a self,
         theta: &'a [f64],
         loading: &'a LoadingHistory,
-        stop: &'a AtomicBool,
+        stop: &'a StopRequested<'a>,
     ) -> Vec<Block<'a>> {
         self.order
             .chunk_by(|&a, &b| self.rows[a].substeps == self.rows[b].substeps)
@@ -199,34 +189,6 @@ impl Plan {
     }
 }
 
-fn stopped(stop: &AtomicBool) -> Result<(), DynamicsError> {
-    if stop.load(Ordering::Relaxed) { Err(DynamicsError::Cancelled) } else { Ok(()) }
-}
-
-fn thread_count(threads: usize) -> usize {
-    if threads > 0 { threads } else { std::thread::available_parallelism().map_or(1, usize::from) }
-}
-
-/// Runs `work` on the pool of that many threads; pools are started once and kept.
-pub(crate) fn on_threads<T: Send>(
-    threads: usize,
-    work: impl FnOnce() -> T + Send,
-) -> Result<T, DynamicsError> {
-    static POOLS: Mutex<BTreeMap<usize, Arc<rayon::ThreadPool>>> = Mutex::new(BTreeMap::new());
-    let count = thread_count(threads);
-    let pool = {
-        let mut pools = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(pool) = pools.get(&count) {
-            Arc::clone(pool)
-        } else {
-            let pool = rayon::ThreadPoolBuilder::new()
-                .num_threads(count)
-                .build()
-                .map_err(|error| DynamicsError::Threads(error.to_string()))?;
-            let pool = Arc::new(pool);
-            pools.insert(count, Arc::clone(&pool));
-            pool
-        }
-    };
-    Ok(pool.install(work))
+fn stopped(stop: &StopRequested<'_>) -> Result<(), DynamicsError> {
+    if stop() { Err(DynamicsError::Cancelled) } else { Ok(()) }
 }

@@ -13,10 +13,8 @@ use mrwork_dynamics::error::{DynamicsError, Outcome};
 use mrwork_dynamics::loading::LoadingHistory;
 use mrwork_dynamics::simulate::{Row, Settings, force_histories, misfits};
 
-static RUNNING: AtomicBool = AtomicBool::new(false);
-
 const fn settings(threads: usize, instruction_set: InstructionSet) -> Settings<'static> {
-    Settings { substep_factor: 1, threads, instruction_set, stop: &RUNNING }
+    Settings { substep_factor: 1, threads, instruction_set, stop: &|| false }
 }
 
 fn default() -> Settings<'static> {
@@ -176,12 +174,11 @@ fn parameters_that_are_no_numbers_fail_by_name() {
 
 #[test]
 fn a_batch_that_was_stopped_says_so() {
-    let stop = AtomicBool::new(true);
     let loading = loading(600);
     let measured = vec![0.0; loading.n_time()];
     for &damper in REGISTRY {
         let theta = batch(damper, 9);
-        let settings = Settings { stop: &stop, ..default() };
+        let settings = Settings { stop: &|| true, ..default() };
         let target = Target { force: &measured, first: 0 };
         assert_eq!(misfits(damper, &theta, &loading, target, settings), Err(DynamicsError::Cancelled));
         let mut force = vec![0.0; 9 * loading.n_time()];
@@ -198,7 +195,8 @@ fn a_batch_can_be_stopped_while_it_runs() {
     let loading = loading(20_000);
     let measured = vec![0.0; loading.n_time()];
     let theta = batch(damper, 20_000);
-    let settings = Settings { stop: &stop, substep_factor: 64, ..default() };
+    let stop_requested = || stop.load(Ordering::Relaxed);
+    let settings = Settings { stop: &stop_requested, substep_factor: 64, ..default() };
     thread::scope(|scope| {
         scope.spawn(|| {
             thread::sleep(Duration::from_millis(30));

@@ -1,12 +1,14 @@
 //! The one door from Python into long-running Rust: frees the interpreter, watches for Ctrl-C, maps errors.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::thread;
-use std::time::Duration;
+use std::sync::{Mutex, PoisonError};
+use std::thread::{self, ThreadId};
+use std::time::{Duration, Instant};
 
 use mrwork_dynamics::dispatch::InstructionSet;
 use mrwork_dynamics::error::DynamicsError;
+use mrwork_dynamics::threads::StopRequested;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
@@ -16,46 +18,65 @@ const WATCH: Duration = Duration::from_millis(20);
 /// Environment variable that forces an instruction set.
 const INSTRUCTION_SET: &str = "MRWORK_INSTRUCTION_SET";
 
-/// Runs `work` on a thread of its own while this one waits for it or for an interrupt.
+/// Runs `work` without the interpreter, which it hands a question to ask often: whether to stop.
 ///
-/// On an interrupt `work` is told to stop through its flag, and the interrupt is raised when it has.
+/// On the calling thread the question looks for an interrupt, which is raised once `work` has returned.
 pub fn interruptible<T: Send>(
     py: Python<'_>,
-    work: impl FnOnce(&AtomicBool) -> Result<T, DynamicsError> + Send,
+    work: impl FnOnce(&StopRequested<'_>) -> Result<T, DynamicsError> + Send,
 ) -> PyResult<T> {
-    let stop = AtomicBool::new(false);
-    py.detach(|| {
-        thread::scope(|scope| {
-            let (running, finished) = channel::<()>();
-            let stop = &stop;
-            let worker = scope.spawn(move || {
-                // Dropped when the work ends, however it ends; that wakes the thread that waits.
-                let _running = running;
-                work(stop)
-            });
-            let mut interrupt = None;
-            while finished.recv_timeout(WATCH) == Err(RecvTimeoutError::Timeout) {
-                if interrupt.is_none() {
-                    #[allow(clippy::redundant_closure_for_method_calls)]
-                    // the method is not general enough in its lifetime
-                    let signals = Python::attach(|py| py.check_signals());
-                    interrupt = signals.err();
-                }
-                if interrupt.is_some() {
-                    stop.store(true, Ordering::Relaxed);
-                }
-            }
-            let result = worker.join().map_err(|_| {
-                PyRuntimeError::new_err(
-                    "a simulation thread panicked, which is a defect of mrwork; please report it",
-                )
-            })?;
-            match interrupt {
-                Some(interrupt) => Err(interrupt),
-                None => result.map_err(value_error),
-            }
-        })
-    })
+    let watch = Watch::new();
+    let result = py.detach(|| catch_unwind(AssertUnwindSafe(|| work(&|| watch.stop_requested()))));
+    if let Some(interrupt) = watch.interrupt.into_inner().unwrap_or_else(PoisonError::into_inner) {
+        return Err(interrupt);
+    }
+    match result {
+        Ok(result) => result.map_err(value_error),
+        Err(_) => Err(PyRuntimeError::new_err(
+            "a simulation panicked, which is a defect of mrwork; please report it",
+        )),
+    }
+}
+
+/// Looks for an interrupt now and then, on the thread that called from Python; the others follow.
+struct Watch {
+    caller: ThreadId,
+    last_look: Mutex<Instant>,
+    interrupt: Mutex<Option<PyErr>>,
+    stop: AtomicBool,
+}
+
+impl Watch {
+    fn new() -> Self {
+        Self {
+            caller: thread::current().id(),
+            last_look: Mutex::new(Instant::now()),
+            interrupt: Mutex::new(None),
+            stop: AtomicBool::new(false),
+        }
+    }
+
+    fn stop_requested(&self) -> bool {
+        if self.stop.load(Ordering::Relaxed) {
+            return true;
+        }
+        if thread::current().id() != self.caller {
+            return false;
+        }
+        let mut last_look = self.last_look.lock().unwrap_or_else(PoisonError::into_inner);
+        if last_look.elapsed() < WATCH {
+            return false;
+        }
+        *last_look = Instant::now();
+        #[allow(clippy::redundant_closure_for_method_calls)]
+        // the method is not general enough in its lifetime
+        if let Err(interrupt) = Python::attach(|py| py.check_signals()) {
+            *self.interrupt.lock().unwrap_or_else(PoisonError::into_inner) = Some(interrupt);
+            self.stop.store(true, Ordering::Relaxed);
+            return true;
+        }
+        false
+    }
 }
 
 /// A `ValueError` with the sentence of the error.

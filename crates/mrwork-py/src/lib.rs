@@ -8,13 +8,21 @@ mod loading;
 mod machine;
 
 use pyo3::prelude::*;
+use pyo3::types::PyModule;
 
 #[pymodule]
 mod _rust {
+    use super::{Bound, PyModule, PyModuleMethods, PyResult};
+
     #[pymodule_export]
     use crate::damper::{damper_specs, force, force_histories, misfits, rate};
     #[pymodule_export]
     use crate::loading::LoadingHistory;
     #[pymodule_export]
     use crate::machine::{flops_per_step, fma_peak, instruction_set};
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        module.add("__version__", env!("CARGO_PKG_VERSION"))
+    }
 }

@@ -98,14 +98,17 @@ def measure(batch: int, threads: int, rounds: int, *, general_exponent: bool) ->
     workload = Workload(theta=theta, stages=np.ascontiguousarray(loading.stages(1)), force=force, dt=DT)
     label = f"batch {batch}, {threads} thread(s), {'general exponent' if general_exponent else 'n = 2'}"
 
-    expected, _, substeps = _rust.misfits(MODEL, theta, loading, force, threads=threads)
+    def ours() -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint32]]:
+        return _rust.misfits(MODEL, theta, loading, force, threads=threads)
+
+    expected, _, substeps = ours()
     if int(substeps.max()) != 1:
         raise MrworkError(
             "expected one step per sample for every candidate, the stiffness rule asks for "
             f"{int(substeps.max())}; use a milder candidate box in bench/workload.py"
         )
 
-    runs: dict[str, Run] = {"ours": lambda: _rust.misfits(MODEL, theta, loading, force, threads=threads)}
+    runs: dict[str, Run] = {"ours": ours}
     variants: dict[str, str] = {}
 
     def enter(name: str, peer: Peer[V], form: PowerForm) -> None:

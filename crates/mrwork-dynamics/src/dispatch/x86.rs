@@ -1,0 +1,246 @@
+//! Vectors of x86-64 and the functions that enter them, by intrinsics; reached only through their parent.
+
+use core::arch::x86_64::*;
+use core::ops::{Add, Div, Mul, Neg, Sub};
+
+use super::{GROUPS, LaneJob, Lanes, Pack};
+use crate::real::{
+    EXPONENT_BIAS_AT_TWO_TO_52, INTEGER_ALIGNER, MANTISSA_BITS, ONE_BITS, Real, SQRT_HALF_BITS, TWO_TO_52,
+};
+
+/// # Safety
+/// The processor must have the enabled features.
+#[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
+pub(super) unsafe fn run_avx512<J: LaneJob>(candidates: usize, job: J) -> J::Output {
+    match candidates {
+        1 => job.run::<f64>(),
+        2..=8 => job.run::<Avx512>(),
+        9..=16 => job.run::<Pack<Avx512, 2>>(),
+        17..=32 => job.run::<Pack<Avx512, 4>>(),
+        _ => job.run::<Pack<Avx512, GROUPS>>(),
+    }
+}
+
+/// # Safety
+/// The processor must have the enabled features.
+#[target_feature(enable = "avx2,fma")]
+pub(super) unsafe fn run_avx2<J: LaneJob>(candidates: usize, job: J) -> J::Output {
+    match candidates {
+        1 => job.run::<f64>(),
+        _ => job.run::<Pack<Avx2, 2>>(),
+    }
+}
+
+const SIGN_BIT: i64 = i64::MIN;
+
+macro_rules! vector {
+    ($name:ident, $width:literal, $inner:ty,
+     $add:ident $sub:ident $mul:ident $div:ident $load:ident $store:ident) => {
+        #[derive(Clone, Copy)]
+        pub(super) struct $name($inner);
+
+        vector!(@operator $name Add add $add);
+        vector!(@operator $name Sub sub $sub);
+        vector!(@operator $name Mul mul $mul);
+        vector!(@operator $name Div div $div);
+
+        impl Lanes for $name {
+            const WIDTH: usize = $width;
+            #[inline(always)]
+            fn from_fn(value: impl FnMut(usize) -> f64) -> Self {
+                let values: [f64; $width] = core::array::from_fn(value);
+                Self(unsafe { $load(values.as_ptr()) })
+            }
+            #[inline(always)]
+            fn for_each(self, mut receive: impl FnMut(usize, f64)) {
+                let mut values = [0.0; $width];
+                unsafe { $store(values.as_mut_ptr(), self.0) };
+                for (lane, value) in values.into_iter().enumerate() {
+                    receive(lane, value);
+                }
+            }
+        }
+    };
+    (@operator $name:ident $trait:ident $method:ident $intrinsic:ident) => {
+        impl $trait for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn $method(self, other: Self) -> Self {
+                Self(unsafe { $intrinsic(self.0, other.0) })
+            }
+        }
+    };
+}
+
+vector!(Avx512, 8, __m512d,
+    _mm512_add_pd _mm512_sub_pd _mm512_mul_pd _mm512_div_pd _mm512_loadu_pd _mm512_storeu_pd);
+vector!(Avx2, 4, __m256d,
+    _mm256_add_pd _mm256_sub_pd _mm256_mul_pd _mm256_div_pd _mm256_loadu_pd _mm256_storeu_pd);
+
+impl Neg for Avx512 {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self(unsafe { _mm512_xor_pd(self.0, _mm512_set1_pd(-0.0)) })
+    }
+}
+
+impl Neg for Avx2 {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self(unsafe { _mm256_xor_pd(self.0, _mm256_set1_pd(-0.0)) })
+    }
+}
+
+impl Real for Avx512 {
+    type Mask = __mmask8;
+
+    #[inline(always)]
+    fn splat(value: f64) -> Self {
+        Self(unsafe { _mm512_set1_pd(value) })
+    }
+    #[inline(always)]
+    fn mul_add(self, factor: Self, addend: Self) -> Self {
+        Self(unsafe { _mm512_fmadd_pd(self.0, factor.0, addend.0) })
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self(unsafe { _mm512_abs_pd(self.0) })
+    }
+    #[inline(always)]
+    fn copysign(self, sign: Self) -> Self {
+        // One ternary logic: bits of `sign` under the sign mask, of `self` elsewhere.
+        Self(unsafe {
+            _mm512_castsi512_pd(_mm512_ternarylogic_epi64::<0xCA>(
+                _mm512_set1_epi64(SIGN_BIT),
+                _mm512_castpd_si512(sign.0),
+                _mm512_castpd_si512(self.0),
+            ))
+        })
+    }
+    #[inline(always)]
+    fn round_ties_even(self) -> Self {
+        Self(unsafe { _mm512_roundscale_pd::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(self.0) })
+    }
+    #[inline(always)]
+    fn less(self, other: Self) -> __mmask8 {
+        unsafe { _mm512_cmp_pd_mask::<_CMP_LT_OQ>(self.0, other.0) }
+    }
+    #[inline(always)]
+    fn equal(self, other: Self) -> __mmask8 {
+        unsafe { _mm512_cmp_pd_mask::<_CMP_EQ_OQ>(self.0, other.0) }
+    }
+    #[inline(always)]
+    fn select(mask: __mmask8, yes: Self, no: Self) -> Self {
+        Self(unsafe { _mm512_mask_blend_pd(mask, no.0, yes.0) })
+    }
+    #[inline(always)]
+    fn all(mask: __mmask8) -> bool {
+        mask == __mmask8::MAX
+    }
+    #[inline(always)]
+    fn any(mask: __mmask8) -> bool {
+        mask != 0
+    }
+    #[inline(always)]
+    fn exponent_and_mantissa(self) -> (Self, Self) {
+        unsafe {
+            let bits = _mm512_add_epi64(
+                _mm512_castpd_si512(self.0),
+                _mm512_set1_epi64((ONE_BITS - SQRT_HALF_BITS).cast_signed()),
+            );
+            let exponent =
+                _mm512_or_epi64(_mm512_srli_epi64::<52>(bits), _mm512_set1_epi64(TWO_TO_52.cast_signed()));
+            let mantissa = _mm512_add_epi64(
+                _mm512_and_epi64(bits, _mm512_set1_epi64(MANTISSA_BITS.cast_signed())),
+                _mm512_set1_epi64(SQRT_HALF_BITS.cast_signed()),
+            );
+            (
+                Self(_mm512_castsi512_pd(exponent)) - Self::splat(EXPONENT_BIAS_AT_TWO_TO_52),
+                Self(_mm512_castsi512_pd(mantissa)),
+            )
+        }
+    }
+    #[inline(always)]
+    fn times_two_to(self, k: Self) -> Self {
+        Self(unsafe { _mm512_scalef_pd(self.0, k.0) })
+    }
+}
+
+impl Real for Avx2 {
+    type Mask = __m256d;
+
+    #[inline(always)]
+    fn splat(value: f64) -> Self {
+        Self(unsafe { _mm256_set1_pd(value) })
+    }
+    #[inline(always)]
+    fn mul_add(self, factor: Self, addend: Self) -> Self {
+        Self(unsafe { _mm256_fmadd_pd(self.0, factor.0, addend.0) })
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self(unsafe { _mm256_andnot_pd(_mm256_set1_pd(-0.0), self.0) })
+    }
+    #[inline(always)]
+    fn copysign(self, sign: Self) -> Self {
+        unsafe {
+            let sign = _mm256_and_pd(sign.0, _mm256_set1_pd(-0.0));
+            Self(_mm256_or_pd(self.abs().0, sign))
+        }
+    }
+    #[inline(always)]
+    fn round_ties_even(self) -> Self {
+        Self(unsafe { _mm256_round_pd::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(self.0) })
+    }
+    #[inline(always)]
+    fn less(self, other: Self) -> __m256d {
+        unsafe { _mm256_cmp_pd::<_CMP_LT_OQ>(self.0, other.0) }
+    }
+    #[inline(always)]
+    fn equal(self, other: Self) -> __m256d {
+        unsafe { _mm256_cmp_pd::<_CMP_EQ_OQ>(self.0, other.0) }
+    }
+    #[inline(always)]
+    fn select(mask: __m256d, yes: Self, no: Self) -> Self {
+        Self(unsafe { _mm256_blendv_pd(no.0, yes.0, mask) })
+    }
+    #[inline(always)]
+    fn all(mask: __m256d) -> bool {
+        unsafe { _mm256_movemask_pd(mask) == 0b1111 }
+    }
+    #[inline(always)]
+    fn any(mask: __m256d) -> bool {
+        unsafe { _mm256_movemask_pd(mask) != 0 }
+    }
+    #[inline(always)]
+    fn exponent_and_mantissa(self) -> (Self, Self) {
+        unsafe {
+            let bits = _mm256_add_epi64(
+                _mm256_castpd_si256(self.0),
+                _mm256_set1_epi64x((ONE_BITS - SQRT_HALF_BITS).cast_signed()),
+            );
+            let exponent =
+                _mm256_or_si256(_mm256_srli_epi64::<52>(bits), _mm256_set1_epi64x(TWO_TO_52.cast_signed()));
+            let mantissa = _mm256_add_epi64(
+                _mm256_and_si256(bits, _mm256_set1_epi64x(MANTISSA_BITS.cast_signed())),
+                _mm256_set1_epi64x(SQRT_HALF_BITS.cast_signed()),
+            );
+            (
+                Self(_mm256_castsi256_pd(exponent)) - Self::splat(EXPONENT_BIAS_AT_TWO_TO_52),
+                Self(_mm256_castsi256_pd(mantissa)),
+            )
+        }
+    }
+    #[inline(always)]
+    fn times_two_to(self, k: Self) -> Self {
+        let aligned = k + Self::splat(INTEGER_ALIGNER);
+        Self(unsafe {
+            _mm256_castsi256_pd(_mm256_add_epi64(
+                _mm256_castpd_si256(self.0),
+                _mm256_slli_epi64::<52>(_mm256_castpd_si256(aligned.0)),
+            ))
+        })
+    }
+}
