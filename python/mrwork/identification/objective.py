@@ -40,7 +40,7 @@ class Objective:
         """Spline the motions of the tests once, for all candidates."""
         if not tests:
             raise RecordError("no test was given to identify from; name at least one file")
-        histories = tuple(loading_of(test).history() for test in tests)
+        histories = tuple(loading_of(test, spec).history() for test in tests)
         return cls(spec=spec, tests=tests, histories=histories, threads=threads)
 
     @property

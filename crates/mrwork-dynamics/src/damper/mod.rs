@@ -5,7 +5,7 @@ mod normalised_bouc_wen;
 mod static_hysteretic;
 
 use crate::block::Damper;
-use crate::parameters::{FromValues, ParamSpec};
+use crate::parameters::{FromSlice, ParamSpec};
 use crate::real::Real;
 
 /// Every damper model, by one line each.
@@ -122,7 +122,7 @@ pub trait DamperModel: Sync {
     /// Name, prose, parameters.
     const SPEC: DamperSpec;
     /// The struct that `parameters!` declares.
-    type Parameters<R: Real>: FromValues<R>;
+    type Parameters<R: Real>: FromSlice<R>;
     /// `[R; n]` for a model with n states.
     type State<R: Real>: State<R>;
 
