@@ -32,8 +32,10 @@ impl DamperModel for PolynomialFitting {
                       meant to be -sgn(v'), upper while the damper slows down. Here it is tanh(x/x_s), the same \
                       in a harmonic test about x = 0 as x_s goes to zero, because a measured acceleration is the \
                       second derivative of noise. In any other motion the two differ, and neither was meant for \
-                      it: a test about another x, or a broad-band one, wants another model. No stiffness beyond \
-                      the thickness; coefficients of one frequency do not serve another.",
+                      it: a test about another x, or a broad-band one, wants another model. Records of a real \
+                      damper want a wide x_s, for the branches part gradually; once it passes the stroke only \
+                      h/x_s is seen. Hold x_s small for the published branch. No stiffness beyond the thickness; \
+                      coefficients of one frequency do not serve another.",
         source: "after Nguyen, PhD thesis, University of Technology, Sydney, 2009, section 5.4; \
                  its text was not at hand, the curves are our definition",
         nominal_source: "our own, typical of a small damper of 1-3 kN; not verified against a record",
