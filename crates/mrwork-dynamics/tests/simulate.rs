@@ -146,11 +146,15 @@ fn a_loop_without_bound_is_unresolved() {
 fn a_candidate_whose_force_overflows_diverges_and_leaves_its_neighbours_alone() {
     let loading = loading(600);
     for &damper in REGISTRY {
-        let n_params = damper.spec().parameters.len();
+        let parameters = damper.spec().parameters;
         let clean = batch(damper, 20);
         let mut theta = clean.clone();
-        theta[7 * n_params] = f64::MAX; // a dashpot, the first parameter of every model here
-        theta[7 * n_params + 1] = f64::MAX; // and a spring: their sum overflows
+        // The force is a sum of terms with one of these each: it overflows, or its square does.
+        for (value, parameter) in theta[7 * parameters.len()..].iter_mut().zip(parameters) {
+            if parameter.unit.starts_with('N') {
+                *value = f64::MAX;
+            }
+        }
         let measured = vec![0.0; loading.n_time()];
         let target = Target { force: &measured, first: 0 };
         let before = misfits(damper, &constant(damper), &clean, &loading, target, default())
