@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mrwork.records import DamperTest, build_damper_test, read_damper_tests
+from mrwork.records.smoothing import detect_smoothing
 from record_files import codes
 
 DATA = Path(os.environ.get("MRWORK_DATA", Path(__file__).parents[2] / "shared" / "data")) / "dampers"
@@ -62,3 +63,20 @@ def test_deriving_the_velocity_agrees_with_the_measured_one(labcontrol: tuple[Da
         )
         # The rig's own derivative is smoothed over a few samples of 10 ms; that is what the bound allows for.
         assert np.std(derived.velocity - test.velocity) < 0.06 * np.std(test.velocity), test.name
+
+
+def test_the_authors_moving_average_over_a_tenth_of_a_period_is_found(utfsm: tuple[DamperTest, ...]) -> None:
+    for test in utfsm:
+        found = detect_smoothing(test)
+        if test.name.startswith("unfiltered"):
+            assert found is None, test.name
+            continue
+        assert found is not None, test.name
+        assert test.frequency is not None
+        # To the sample below: 33 ms is what a tenth of a period of 3 Hz comes to.
+        assert found.window_seconds == pytest.approx(0.1 / test.frequency, abs=test.dt), test.name
+        assert found.channels == ("force", "displacement"), test.name
+
+
+def test_no_moving_average_is_seen_where_none_is_known(labcontrol: tuple[DamperTest, ...]) -> None:
+    assert [test.name for test in labcontrol if detect_smoothing(test)] == []
