@@ -8,7 +8,8 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.records.damper_test import DamperTest
+from mrwork.records.damper_test import DamperTest, Finding, Measured
+from mrwork.records.motion import spectrum
 
 Channel = Literal["displacement", "force"]
 
@@ -48,6 +49,12 @@ def detect_smoothing(test: DamperTest) -> Smoothing | None:
         ("displacement", test.displacement),
     )
     windows = {name: averaged_over(samples) for name, samples in channels}
+    if len(set(windows.values())) > 1:
+        # A pulse in every cycle has the spectrum of an average; what differs from cycle to cycle has not.
+        period = round(1.0 / (spectrum(test.displacement, test.dt).dominant * test.dt))
+        for name, samples in channels:
+            if averaged_over(samples[period:] - samples[:-period]) != windows[name]:
+                windows[name] = None
     seen = [n_window for n_window in windows.values() if n_window is not None]
     if not seen:
         return None
@@ -56,6 +63,22 @@ def detect_smoothing(test: DamperTest) -> Smoothing | None:
         kind="moving_average",
         channels=tuple(name for name, n_window in windows.items() if n_window == seen[0]),
     )
+
+
+def smoothing_finding(test: DamperTest) -> tuple[Finding, ...]:
+    """Note a moving average, and how much of a cycle it covers."""
+    smoothing = detect_smoothing(test)
+    if smoothing is None:
+        return ()
+    window = smoothing.window_seconds
+    share = window * spectrum(test.displacement, test.dt).dominant
+    message = (
+        f"{' and '.join(smoothing.channels)} passed a moving average over {1e3 * window:.4g} ms "
+        f"({round(window / test.dt)} samples, {share:.2g} of the dominant period), which rounds the corners of "
+        "the loop; a model is to be compared after the same average, or use the record as measured"
+    )
+    measured = Measured(value=window, standard_error=test.dt, unit="s")
+    return (Finding(code="moving_average", severity="warning", message=message, measured=measured),)
 
 
 def averaged_over(samples: NDArray[np.float64]) -> int | None:
@@ -68,10 +91,10 @@ def averaged_over(samples: NDArray[np.float64]) -> int | None:
     weighed at w, 2 w, 3 w, 4 w. Odd harmonics of a motion of period T alternate in sign at multiples of T/2,
     which tells them apart.
     """
-    cepstrum = _cepstrum(samples)
-    windows = np.arange(_SHORTEST, (cepstrum.size - 1) // int(_HARMONICS[-1]))
+    windows = np.arange(_SHORTEST, (samples.size // 2 - 2) // int(_HARMONICS[-1]))
     if windows.size == 0:
         return None
+    cepstrum = _cepstrum(samples)
     spikes = np.zeros_like(cepstrum)
     spikes[1:-1] = 0.5 * (cepstrum[:-2] + cepstrum[2:]) - cepstrum[1:-1]
     weight = 1.0 / _HARMONICS
