@@ -64,7 +64,41 @@ def test_check_prints_the_findings_without_fitting(record: Path) -> None:
     assert "velocity" in result.stdout
     (facts,) = json.loads(mrwork("check", record, "--json").stdout)["files"]
     assert facts["n_time"] == 400
-    assert {"code", "severity", "message"} == set(facts["findings"][0])
+    assert {"code", "severity", "message", "measured"} == set(facts["findings"][0])
+
+
+def test_check_carries_its_estimates_as_numbers(tmp_path: Path, record: Path) -> None:
+    raised = tmp_path / "raised.csv"
+    head, *rows = record.read_text().splitlines()
+    cells = [row.split(",") for row in rows]
+    raised.write_text("\n".join([head, *(f"{t},{x},{float(f) + 0.2:.9f}" for t, x, f in cells)]) + "\n")
+    (facts,) = json.loads(mrwork("check", raised, "--json").stdout)["files"]
+    (offset,) = [finding for finding in facts["findings"] if finding["code"] == "force_offset"]
+    assert offset["measured"]["value"] == pytest.approx(200.0, abs=1.0)
+    assert offset["measured"]["unit"] == "N"
+
+
+def test_check_names_a_wrong_label_among_several_files(tmp_path: Path, record: Path) -> None:
+    head, *rows = record.read_text().splitlines()
+    for number, factor in enumerate((1.0, 1.01, 0.99, 1.5)):
+        scaled = (row.rsplit(",", 1) for row in rows)
+        text = "\n".join(f"{rest},{factor * float(force):.9f}" for rest, force in scaled)
+        (tmp_path / f"run{number}_10mm1Hz0x5A.csv").write_text(f"{head}\n{text}\n")
+    files = sorted(tmp_path.glob("run*.csv"))
+    found = json.loads(mrwork("check", *files, "--json").stdout)["set"]
+    assert [finding["code"] for finding in found] == ["command_mislabelled"]
+    assert "run3_10mm1Hz0x5A.csv" in found[0]["message"]
+    assert "all files together:" in mrwork("check", *files).stdout
+
+
+def test_repairs_are_made_on_request_and_logged(record: Path) -> None:
+    result = mrwork("check", record, "--repair", "offset=100", "--repair", "velocity")
+    assert "repaired: a static force of +100 N was subtracted" in result.stdout
+    assert "no velocity to repair" in result.stdout
+    refused(
+        mrwork("identify", record, "--repair", "polish", "--model", "static_hysteretic"), "polish", "delay"
+    )
+    refused(mrwork("check", record, "--repair", "delay=soon"), "soon", "not a number")
 
 
 def test_identify_writes_a_run_that_predict_reads(record: Path, tmp_path: Path) -> None:

@@ -252,3 +252,12 @@ def test_a_measured_record_is_reported(two_tests: str) -> None:
     # The command moved at 1 Hz for eleven seconds.
     assert "Cycles 4 to 6" in text
     assert len(text.encode()) < 600_000
+
+
+def test_a_repaired_test_shows_its_loops_before_and_after() -> None:
+    whole = comparison()
+    raised = replace(whole.test, force=whole.test.force + 300.0)
+    repaired = replace(whole, test=replace(whole.test, original=raised))
+    title = "Before and after repair"
+    assert title in report(repaired)
+    assert title not in report(whole)

@@ -225,3 +225,18 @@ def test_drawn_samples_follow_the_curve_without_bare_stretches(n_time: int, want
         along = np.concatenate(([0.0], np.cumsum(steps)))
         # Two steps, for a jittered place may lie at either end of its own, and one sample on each side.
         assert np.diff(along[drawn]).max() <= 2 * along[-1] / wanted + 2 * steps.max()
+
+
+def test_the_figure_of_a_repair_holds_both_loops_whole() -> None:
+    whole = comparison()
+    raised = replace(whole.test, force=whole.test.force + 300.0)
+    (axes,) = figures.repair_panel(whole.test, raised, style.FORCES[1]).axes
+    before, after = (np.asarray(line.get_ydata()) for line in axes.get_lines()[:2])
+    np.testing.assert_allclose(before, raised.force)
+    np.testing.assert_allclose(after, whole.test.force)
+    low, high = axes.get_ylim()
+    assert low < after.min() < before.max() < high
+    repaired = replace(whole, test=replace(whole.test, original=raised))
+    assert set(figures.run_figures(fit(repaired), [repaired])) - set(
+        figures.run_figures(fit(whole), [whole])
+    ) == {"repair"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from mrwork.cli.options import add_files, add_json, read_tests
 from mrwork.errors import MrworkError
-from mrwork.records import DamperTest
+from mrwork.records import DamperTest, Finding, mislabelled
 
 
 def add_parser(verbs: Any) -> None:
@@ -27,6 +28,7 @@ def run(options: argparse.Namespace) -> int:
     """Check every file; one that cannot be read does not keep the others from being checked."""
     status = 0
     rows: list[dict[str, Any]] = []
+    tests: list[DamperTest] = []
     for path in options.files:
         try:
             (test,) = read_tests(argparse.Namespace(**(vars(options) | {"files": [path]})))
@@ -35,11 +37,15 @@ def run(options: argparse.Namespace) -> int:
             rows.append({"file": path, "error": str(error)})
             print(f"mrwork: {error}", file=sys.stderr)
             continue
+        tests.append(test)
         rows.append(_facts(test))
         if not options.json:
             print(_report(test))
+    together = mislabelled(tests)
     if options.json:
-        print(json.dumps({"files": rows}))
+        print(json.dumps({"files": rows, "set": [asdict(finding) for finding in together]}))
+    elif together:
+        print("\n".join(["all files together:", *_lines(together)]))
     return status
 
 
@@ -72,5 +78,8 @@ def _report(test: DamperTest) -> str:
         f"{1e3 * facts['peak_displacement_m']:.3g} mm, {1e3 * facts['peak_velocity_mps']:.3g} mm/s, "
         f"{facts['peak_force_n']:.4g} N{command}"
     )
-    lines = [f"  {finding.severity}: {finding.message}" for finding in test.findings]
-    return "\n".join([head, *(lines or ["  nothing to note"])])
+    return "\n".join([head, *(_lines(test.findings) or ["  nothing to note"])])
+
+
+def _lines(findings: Iterable[Finding]) -> list[str]:
+    return [f"  {finding.severity}: {finding.message}" for finding in findings]

@@ -8,7 +8,8 @@ from math import isfinite
 from typing import Any
 
 from mrwork.errors import SettingError
-from mrwork.records import DamperTest, parse_column_option, read_damper_test
+from mrwork.records import DamperTest, parse_column_option, read_damper_test, repair
+from mrwork.records.repair import REPAIR_KINDS, RepairKind
 from mrwork.records.window import counted_from, cut
 from mrwork.synthetic import synthetic_test
 
@@ -35,6 +36,14 @@ def add_files(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--every", type=int, default=1, metavar="N", help="use every N-th sample")
     parser.add_argument(
+        "--repair",
+        action="append",
+        default=[],
+        metavar="KIND[=AMOUNT]",
+        help=f"put right, of {', '.join(REPAIR_KINDS)}; an amount [s, N, kg] goes before what the record tells, "
+        "as in delay=0.002; repeat for more",
+    )
+    parser.add_argument(
         "--settle",
         type=float,
         metavar="S",
@@ -49,9 +58,14 @@ def add_json(parser: argparse.ArgumentParser) -> None:
 
 
 def read_tests(options: argparse.Namespace) -> tuple[DamperTest, ...]:
-    """The tests that the command line names, cut as it says."""
+    """The tests that the command line names, cut, then repaired, as it says."""
     columns = dict(parse_column_option(option) for option in options.column)
-    return tuple(_window(read_one(path, columns), options) for path in options.files)
+    repairs = dict(_repair(option) for option in options.repair)
+    amounts = {kind: amount for kind, amount in repairs.items() if amount is not None}
+    return tuple(
+        _settled(repair(_window(read_one(path, columns), options), repairs, amounts=amounts)[0], options)
+        for path in options.files
+    )
 
 
 def read_one(path: str, columns: dict[Any, str]) -> DamperTest:
@@ -88,7 +102,19 @@ def _number(text: str, option: str) -> float:
     return value
 
 
+def _repair(option: str) -> tuple[RepairKind, float | None]:
+    name, equals, amount = option.partition("=")
+    for kind in REPAIR_KINDS:
+        if kind == name:
+            return kind, _number(amount, option) if equals else None
+    raise SettingError(f"--repair is {option!r}; give one of {', '.join(REPAIR_KINDS)}")
+
+
 def _window(test: DamperTest, options: argparse.Namespace) -> DamperTest:
-    if options.start is not None or options.end is not None or options.every != 1:
-        test = cut(test, start=options.start, end=options.end, every=options.every)
+    if options.start is None and options.end is None and options.every == 1:
+        return test
+    return cut(test, start=options.start, end=options.end, every=options.every)
+
+
+def _settled(test: DamperTest, options: argparse.Namespace) -> DamperTest:
     return test if options.settle is None else counted_from(test, options.settle)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork.errors import RecordError
 from mrwork.records import checks
 from mrwork.records.command import constant_command, motion_matches_name
-from mrwork.records.damper_test import DamperTest, Finding
+from mrwork.records.damper_test import DamperTest, Finding, frozen
+from mrwork.records.examine import examine
 from mrwork.records.motion import Smoother, spectrum
 from mrwork.records.sampling import Signals, check_time, complete_rows, uniform_step
 from mrwork.records.velocity import velocity_agrees
@@ -113,15 +115,15 @@ def build_damper_test(
         *about_voltage,
         *motion_matches_name(displaced, motion.dominant, dt * displaced.size, amplitude, frequency),
     ]
-    return DamperTest(
+    test = DamperTest(
         name=name,
         path=path,
         sha256=_digest(raw, current, voltage) if sha256 is None else sha256,
         dt=dt,
         start_time=float(signals.time[0]),
-        displacement=_frozen(displaced),
-        velocity=_frozen(moving),
-        force=_frozen(resisting),
+        displacement=frozen(displaced),
+        velocity=frozen(moving),
+        force=frozen(resisting),
         velocity_source="derived" if signals.velocity is None else "measured",
         n_settle=settling_samples(displaced),
         current=amperes,
@@ -129,8 +131,8 @@ def build_damper_test(
         amplitude=amplitude,
         frequency=frequency,
         synthetic=synthetic,
-        findings=tuple(findings),
     )
+    return replace(test, findings=(*findings, *examine(test)))
 
 
 def _channel(samples: ArrayLike, name: str, source: str) -> NDArray[np.float64]:
@@ -171,9 +173,3 @@ def _digest(raw: Signals, current: ArrayLike | None, voltage: ArrayLike | None) 
             # Little-endian whatever the machine, so that the hash is of the values.
             digest.update(np.ascontiguousarray(samples, dtype="<f8").tobytes())
     return digest.hexdigest()
-
-
-def _frozen(samples: NDArray[np.float64]) -> NDArray[np.float64]:
-    kept = np.array(samples, dtype=np.float64, order="C")
-    kept.setflags(write=False)
-    return kept

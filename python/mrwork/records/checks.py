@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from mrwork.records.damper_test import Finding
+from mrwork.records.damper_test import Finding, Measured
 
 _SMALLEST_RANGE: Final = 1e-9
 _FEWEST_PER_CYCLE: Final = 20.0
@@ -40,21 +40,27 @@ def samples_per_cycle(frequency: float, dt: float) -> tuple[Finding, ...]:
         f"only {per_cycle:.1f} samples per cycle of {frequency:.3g} Hz (at least {_FEWEST_PER_CYCLE:.0f} "
         "are advised): turns of the motion, where the force changes most, are poorly seen"
     )
-    return (Finding(code="few_samples_per_cycle", severity="warning", message=message),)
+    measured = Measured(value=per_cycle, unit="")
+    return (Finding(code="few_samples_per_cycle", severity="warning", message=message, measured=measured),)
+
+
+def samples_at_rest(displacement: NDArray[np.float64]) -> int:
+    """Samples before the displacement has left its first value by 1 % of its peak-to-peak.
+
+    A harmonic motion that starts at its crest takes 0.03 periods for that.
+    """
+    left = np.abs(displacement - np.median(displacement[:3])) > _REST_EXCURSION * np.ptp(displacement)
+    return int(np.argmax(left))
 
 
 def rest_before_motion(displacement: NDArray[np.float64], dt: float, frequency: float) -> tuple[Finding, ...]:
-    """Note rest at the start, of a quarter of the dominant period or longer.
-
-    Rest ends when the displacement has left its first value by 1 % of its peak-to-peak: a harmonic
-    motion that starts at its crest takes only 0.03 periods for that.
-    """
-    left = np.abs(displacement - np.median(displacement[:3])) > _REST_EXCURSION * np.ptp(displacement)
-    rest = int(np.argmax(left)) * dt
+    """Note rest at the start, of a quarter of the dominant period or longer."""
+    rest = samples_at_rest(displacement) * dt
     if rest < _REST_CYCLES / frequency:
         return ()
     message = f"at rest for the first {rest:.2f} s of {displacement.size * dt:.2f} s"
-    return (Finding(code="rest_before_motion", severity="note", message=message),)
+    measured = Measured(value=rest, unit="s")
+    return (Finding(code="rest_before_motion", severity="note", message=message, measured=measured),)
 
 
 def mean_over_travel(force: NDArray[np.float64], velocity: NDArray[np.float64]) -> float:
@@ -106,6 +112,7 @@ def force_offset(force: NDArray[np.float64], velocity: NDArray[np.float64]) -> t
     relative = f"{100 * abs(offset) / half_range:.0f} % of its half range of {half_range:.4g} N"
     message = (
         f"the force has a static offset of {offset:+.4g} N, {relative}: gas pressure or load-cell zero; "
-        "it stays in the record"
+        "it stays in the record unless --repair offset subtracts it"
     )
-    return (Finding(code="force_offset", severity="warning", message=message),)
+    measured = Measured(value=offset, unit="N")
+    return (Finding(code="force_offset", severity="warning", message=message, measured=measured),)

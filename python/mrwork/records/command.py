@@ -9,12 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from mrwork.records.damper_test import DamperTest, Finding
+from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.nominal import Nominal
 
 _RELATIVE: Final = 0.05
 # A command of zero is never exactly zero: this much [A or V] is sensor noise.
 _ABSOLUTE: Final = 0.02
+# Share of the samples in the middle half of a command's range, and its correlation with time. A ramp from
+# end to end has 0.5 and 1.
+_STEPPING: Final = 0.05
+_RAMPING: Final = 0.9
 # Nominal amplitude and frequency are what the rig was told, not what it did.
 _AMPLITUDE: Final = 0.25
 _FREQUENCY: Final = 0.20
@@ -39,10 +43,21 @@ def constant_command(
     if high - low <= _RELATIVE * abs(value) + _ABSOLUTE:
         return value, ()
     message = (
-        f"the {quantity} varies between {low:.3g} and {high:.3g} {unit}; its median of {value:.3g} {unit} "
-        "is taken as the constant command of the test"
+        f"the {quantity} {_course(present, low, high)} {low:.3g} and {high:.3g} {unit}; its median of {value:.3g} "
+        f"{unit} is taken as the constant command of the test"
     )
-    return value, (Finding(code="command_varies", severity="warning", message=message),)
+    measured = Measured(value=float(high - low), unit=unit)
+    return value, (Finding(code="command_varies", severity="warning", message=message, measured=measured),)
+
+
+def _course(samples: NDArray[np.float64], low: float, high: float) -> str:
+    """How a command goes: a ramp crosses the middle half of its range slowly, steps are hardly ever seen there."""
+    quarter = 0.25 * (high - low)
+    between = float(np.mean((samples > low + quarter) & (samples < high - quarter)))
+    if between < _STEPPING:
+        return "switches between"
+    time = np.arange(samples.size)
+    return "ramps between" if abs(np.corrcoef(time, samples)[0, 1]) > _RAMPING else "varies between"
 
 
 def motion_matches_name(

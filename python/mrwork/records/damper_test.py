@@ -10,16 +10,26 @@ from numpy.typing import NDArray
 
 from mrwork.records.observation import AS_IT_IS, Observation
 
-Severity = Literal["note", "warning"]
+Severity = Literal["note", "warning", "repaired"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """A number that a check measured, in `unit`; `standard_error` is `None` where it follows from no scatter."""
+
+    value: float
+    unit: str
+    standard_error: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """One thing a check noticed: `code` for programs, `message` for people."""
+    """One thing a check noticed: `code` for programs, `message` for people, and how much of it there is."""
 
     code: str
     severity: Severity
     message: str
+    measured: Measured | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,6 +44,7 @@ class DamperTest:
     `n_settle` samples at the start are simulated but not compared: until the damper has travelled half its
     peak-to-peak stroke, its force depends on where the hysteresis stood before the record began.
     `observation` is what happened to the force on its way into the record.
+    `original` is the record as it came, where it has been repaired since.
     """
 
     name: str
@@ -53,6 +64,7 @@ class DamperTest:
     synthetic: bool = False
     observation: Observation = AS_IT_IS
     findings: tuple[Finding, ...] = ()
+    original: DamperTest | None = None
 
     @property
     def n_time(self) -> int:
@@ -68,3 +80,10 @@ class DamperTest:
     def time(self) -> NDArray[np.float64]:
         """Sample times [s], shape (n_time,)."""
         return self.start_time + self.dt * np.arange(self.n_time, dtype=np.float64)
+
+
+def frozen(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A channel of a test: a contiguous copy that nobody can write to."""
+    kept = np.array(samples, dtype=np.float64, order="C")
+    kept.setflags(write=False)
+    return kept

@@ -82,3 +82,28 @@ class Smoother:
         from scipy.signal import savgol_coeffs
 
         return np.asarray(savgol_coeffs(self.window, _ORDER, deriv=order, delta=self.dt), dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion:
+    """A motion without its noise: displacement [m], velocity [m/s], acceleration [m/s^2], shape (n_time,).
+
+    `frequency` is the dominant one [Hz].
+    """
+
+    displacement: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    acceleration: NDArray[np.float64]
+    frequency: float
+
+
+def motion_of(displacement: NDArray[np.float64], dt: float) -> Motion:
+    """Displacement of step `dt` [s], smoothed, with its derivatives."""
+    band = spectrum(displacement, dt)
+    smoother = Smoother.for_band(band.band_edge, dt, displacement.size)
+    return Motion(
+        displacement=smoother.smooth(displacement),
+        velocity=smoother.derivative(displacement),
+        acceleration=smoother.derivative(displacement, order=2),
+        frequency=band.dominant,
+    )

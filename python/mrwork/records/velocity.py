@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.records.damper_test import Finding
+from mrwork.records.damper_test import Finding, Measured
 from mrwork.records.motion import Smoother
 
 _MISFIT: Final = 0.10
@@ -47,7 +47,8 @@ def velocity_agrees(
         )
         return -velocity, (Finding(code="velocity_sign_flipped", severity="note", message=message),)
 
-    delay = comparison.delay(smoother.derivative(displacement, order=2))
+    late = comparison.delay(smoother.derivative(displacement, order=2), smoother)
+    delay = late.value
     time = smoother.dt * np.arange(velocity.size)
     delay_explains = comparison.misfit(np.interp(time + delay, time, measured)) < 0.5 * difference
     if difference <= _MISFIT:
@@ -56,12 +57,15 @@ def velocity_agrees(
         message = f"the velocity {_shift(delay, smoother.dt)}"
         if 0.4 < delay / smoother.dt < 0.6:
             message += ", as backward differences do"
-        return velocity, (Finding(code="velocity_late", severity="note", message=message),)
+        return velocity, (Finding(code="velocity_late", severity="note", message=message, measured=late),)
 
     factor = comparison.factor()
+    explained: Measured | None = None
     if delay_explains:
+        explained = late
         message = f"the velocity {_shift(delay, smoother.dt)}, which makes {100 * difference:.0f} % (rms)"
     elif abs(factor) > _SMALLEST_FACTOR and comparison.misfit(measured / factor) <= _MISFIT:
+        explained = Measured(value=factor, unit="")
         message = (
             f"the velocity is {factor:.4g} times the displacement's derivative, "
             "so one of them has another unit than it says"
@@ -71,7 +75,8 @@ def velocity_agrees(
             f"the velocity differs from the displacement's derivative by {100 * difference:.0f} % (rms); "
             "check that both columns belong to this test"
         )
-    return velocity, (Finding(code="velocity_inconsistent", severity="warning", message=message),)
+    finding = Finding(code="velocity_inconsistent", severity="warning", message=message, measured=explained)
+    return velocity, (finding,)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,10 +97,17 @@ class _Comparison:
         """Regress the velocity on the derivative."""
         return float(np.mean(self.measured * self.derivative)) / self.power
 
-    def delay(self, acceleration: NDArray[np.float64]) -> float:
-        """Regress on a delay [s]: a signal that is late by a little lags by that much acceleration."""
-        late = np.mean((self.measured - self.derivative) * acceleration)
-        return -float(late / np.mean(acceleration**2))
+    def delay(self, acceleration: NDArray[np.float64], smoother: Smoother) -> Measured:
+        """Regress on a delay [s]: a signal that is late by a little lags by that much acceleration.
+
+        The standard error counts the samples of one window of the smoother as one.
+        """
+        power = float(np.mean(acceleration**2))
+        late = -float(np.mean((self.measured - self.derivative) * acceleration)) / power
+        left = float(np.mean((self.measured - self.derivative + late * acceleration) ** 2))
+        n_independent = max(acceleration.size / smoother.window, 1.0)
+        error = float(np.sqrt(left / (power * n_independent)))
+        return Measured(value=late, standard_error=error, unit="s")
 
 
 def _compared(

@@ -1,4 +1,4 @@
-"""Where the cycles of a test lie, and which few of its samples to draw."""
+"""Which cycles of a test to enlarge, and which few of its samples to draw."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.records.cycles import upward_crossings
+
 CYCLES_SHOWN = 3
 
-# A crossing counts only after the stroke has been this share of its spread on the other side,
-# so that noise around the middle of the stroke does not make cycles of its own.
-_DEAD_BAND = 0.5
 _GOLDEN = 0.6180339887498949
 
 
@@ -28,19 +27,6 @@ class Window:
     def samples(self) -> slice:
         """The window as a slice."""
         return slice(self.start, self.stop)
-
-
-def upward_crossings(displacement: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Samples at which the stroke passes its mean upwards, shape (n_crossings,)."""
-    centred = displacement - np.mean(displacement)
-    side = np.where(np.abs(centred) < _DEAD_BAND * np.std(centred), 0.0, np.sign(centred))
-    decided = np.flatnonzero(side)
-    turns = decided[1:][(side[decided[:-1]] < 0) & (side[decided[1:]] > 0)]
-    upward = np.flatnonzero((centred[:-1] < 0) & (centred[1:] >= 0)) + 1
-    if turns.size == 0 or upward.size == 0:
-        return np.empty(0, dtype=np.intp)
-    nearest = np.searchsorted(upward, turns, side="right") - 1
-    return upward[nearest[nearest >= 0]]
 
 
 def zoom_window(displacement: NDArray[np.float64]) -> Window:

@@ -10,10 +10,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mrwork.identification.fit import Fit, SearchTrace
+from mrwork.records.damper_test import DamperTest
 from mrwork.report import style
 from mrwork.report.comparison import Comparison
 from mrwork.report.cycles import zoom_window
-from mrwork.report.panels import draw_convergence, draw_force, draw_loop, draw_residual, mark_window
+from mrwork.report.panels import (
+    draw_convergence,
+    draw_force,
+    draw_loop,
+    draw_repair,
+    draw_residual,
+    mark_window,
+)
 from mrwork.report.style import DisplayUnit
 
 # Margins in inches: the same in every panel, so that panels set side by side share their axes' edges.
@@ -81,6 +89,14 @@ def velocity_loop(comparison: Comparison, unit: DisplayUnit) -> Figure:
     return figure
 
 
+def repair_panel(test: DamperTest, original: DamperTest, unit: DisplayUnit) -> Figure:
+    """Force against displacement before and after the repair of a test, as one column."""
+    with style.drawn_in_style():
+        figure = _blank(columns=1)
+        draw_repair(_axes(figure, 0, 1), test, original, unit)
+    return figure
+
+
 def convergence(trace: SearchTrace, refined: float | None = None) -> Figure:
     """Best and median NRMSE of the population against evaluations, and where the refinement ended."""
     with style.drawn_in_style():
@@ -102,6 +118,8 @@ def run_figures(fit: Fit, comparisons: Sequence[Comparison]) -> dict[str, Figure
         prefix = "" if len(comparisons) == 1 else f"{number:02d}_{_file_stem(comparison.test.name)}_"
         figures[f"{prefix}force_history"] = force_history(comparison, unit)
         figures[f"{prefix}hysteresis_loops"] = hysteresis_loops(comparison, unit)
+        if comparison.test.original is not None:
+            figures[f"{prefix}repair"] = repair_panel(comparison.test, comparison.test.original, unit)
     return figures
 
 

@@ -13,7 +13,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from mrwork.identification.fit import Fit
-from mrwork.records.damper_test import Finding
+from mrwork.records.damper_test import DamperTest, Finding
 from mrwork.report import figures, numbers, style, tables
 from mrwork.report.comparison import Comparison
 from mrwork.report.cycles import zoom_window
@@ -184,7 +184,7 @@ def _test_panels(
         svg = inline_svg(figure, identifier=f"{identifier}-{suffix}", description=f"{what} {agrees}")
         return Panel(title=title, svg=Markup(svg), note=note)
 
-    return (
+    panels = (
         panel(
             "record",
             "Whole record",
@@ -213,6 +213,22 @@ def _test_panels(
             "Force against velocity",
             in_loop,
         ),
+    )
+    return (
+        panels if test.original is None else (*panels, _repair_panel(identifier, test, test.original, unit))
+    )
+
+
+def _repair_panel(identifier: str, test: DamperTest, original: DamperTest, unit: DisplayUnit) -> Panel:
+    svg = inline_svg(
+        figures.repair_panel(test, original, unit),
+        identifier=f"{identifier}-repair",
+        description=f"Force against displacement of test {test.name}, as it came and repaired",
+    )
+    return Panel(
+        title="Before and after repair",
+        svg=Markup(svg),
+        note="What was repaired stands among the findings; the model was compared with the repaired record.",
     )
 
 

@@ -12,6 +12,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocat
 from numpy.typing import NDArray
 
 from mrwork.identification.fit import SearchTrace
+from mrwork.records.damper_test import DamperTest
 from mrwork.report import style
 from mrwork.report.comparison import Comparison
 from mrwork.report.cycles import Window, even_samples, scattered_samples
@@ -84,6 +85,26 @@ def draw_loop(
     axes.set_ylim(*_limits_of(comparison, unit))
     _finish(axes, f"Force ({unit.symbol})")
     axes.set_xlabel(label)
+    _legend(axes)
+
+
+def draw_repair(axes: Axes, test: DamperTest, original: DamperTest, unit: DisplayUnit) -> None:
+    """Loops of a test before and after its repair, as lines."""
+    axes.grid(True, axis="both")
+    scale = style.MILLIMETRE
+    for drawn, colour, width, label in (
+        (original, style.DATA, 1.6, "as it came"),
+        (test, style.RESIDUAL, 0.9, "repaired"),
+    ):
+        axes.plot(
+            drawn.displacement * scale.factor,
+            drawn.force * unit.factor,
+            color=colour,
+            linewidth=width,
+            label=label,
+        )
+    _finish(axes, f"Force ({unit.symbol})")
+    axes.set_xlabel(f"Displacement ({scale.symbol})")
     _legend(axes)
 
 

@@ -1,0 +1,65 @@
+"""Channels that ran into the end of their range: tops cut flat at one value."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.records.damper_test import DamperTest, Finding, Measured
+
+_SHORTEST_RUN: Final = 3
+_FEWEST_RUNS: Final = 2
+# A parabola that rises by s per sample where it is cut, over n samples, would have risen by s n / 4 beyond. What
+# is merely rounded misses less than one step of the rounding.
+_OVERSHOOT_STEPS: Final = 4.0
+
+
+def clipped_share(samples: NDArray[np.float64]) -> float:
+    """Share of the samples of a channel, shape (n_time,), that lie in tops or bottoms cut flat.
+
+    A flat top is a run of three or more samples at the very extreme of the channel, entered so steeply
+    that the curve would have gone on by more than four steps of the channel's resolution. One alone does not
+    count: it may be rest.
+    """
+    levels = np.unique(samples)
+    if levels.size < 2 * _SHORTEST_RUN:
+        return 0.0
+    resolution = float(np.diff(levels).min())
+    flat = sum(_flat_samples(side * samples, resolution) for side in (1.0, -1.0))
+    return flat / samples.size
+
+
+def clipping_findings(test: DamperTest) -> tuple[Finding, ...]:
+    """Warn of channels that are cut flat."""
+    channels = [("displacement", test.displacement), ("force", test.force)]
+    if test.velocity_source == "measured":
+        channels.append(("velocity", test.velocity))
+    shares = [(name, clipped_share(samples)) for name, samples in channels]
+    return tuple(
+        Finding(
+            code="clipped",
+            severity="warning",
+            message=f"the {name} is cut flat at its extreme in {100 * share:.2g} % of its samples: the channel "
+            "ran out of range; measure again with a wider one, or leave these parts out",
+            measured=Measured(value=share, unit=""),
+        )
+        for name, share in shares
+        if share > 0.0
+    )
+
+
+def _flat_samples(samples: NDArray[np.float64], resolution: float) -> int:
+    """Samples in runs at the maximum that were entered or left steeply."""
+    at_top = np.concatenate([[False], samples == samples.max(), [False]])
+    edges = np.flatnonzero(np.diff(at_top))
+    begin, end = edges[::2], edges[1::2]
+    inside = (end - begin >= _SHORTEST_RUN) & (begin >= 2) & (end + 2 <= samples.size)
+    begin, end = begin[inside], end[inside]
+    rise = 0.5 * (samples[begin] - samples[begin - 2])
+    fall = 0.5 * (samples[end - 1] - samples[end + 1])
+    # Both flanks, for one that is steep and one that is not is how a motion starts from rest.
+    overshoot = np.minimum(rise, fall) * (end - begin) / 4.0
+    cut = overshoot > _OVERSHOOT_STEPS * resolution
+    return int(np.sum((end - begin)[cut])) if np.count_nonzero(cut) >= _FEWEST_RUNS else 0

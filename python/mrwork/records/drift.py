@@ -1,0 +1,71 @@
+"""Drift of the loop from cycle to cycle: dampers heat up, and their force falls."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from mrwork.records.checks import mean_over_travel
+from mrwork.records.cycles import whole_cycles
+from mrwork.records.damper_test import DamperTest, Finding, Measured
+from mrwork.records.motion import motion_of
+
+_FEWEST_CYCLES: Final = 5
+# A stroke that varies less than this does not explain a change of force.
+_STEADY: Final = 0.01
+# A stroke that falls as steadily as this leaves nothing to tell a drift by.
+_COLLINEAR: Final = 0.9
+_SIGNIFICANT: Final = 4.0
+_SHARE: Final = 0.03
+
+
+def loop_drift(test: DamperTest) -> Measured | None:
+    """Relative change of the dissipative force from the first cycle to the last; `None` if untold.
+
+    The force of a cycle is its dissipated energy per distance travelled, int F v dt / int |v| dt. Its logarithm
+    is regressed on the number of the cycle and, where that varies, on the logarithm of the stroke. Fewer than five
+    cycles, or a stroke that falls steadily, leave it untold.
+    """
+    motion = motion_of(test.displacement, test.dt)
+    spans = whole_cycles(motion.displacement)
+    if len(spans) < _FEWEST_CYCLES:
+        return None
+    force = test.force - mean_over_travel(test.force, motion.velocity)
+    # A cycle that goes nowhere, or creates energy, is kept out of the logarithm by the smallest number there is.
+    tiny = np.finfo(np.float64).tiny
+    stroke = np.array([np.ptp(motion.displacement[span]) for span in spans])
+    travel = np.array([np.abs(motion.velocity[span]).sum() for span in spans])
+    work = np.array([force[span] @ motion.velocity[span] for span in spans])
+    if np.any(work <= 0.0) or np.any(stroke <= tiny):
+        return None
+    logarithm = np.log(work / travel)
+    progress = np.linspace(0.0, 1.0, len(spans))
+    columns = [progress, np.ones_like(progress)]
+    if np.std(np.log(stroke)) > _STEADY:
+        if abs(np.corrcoef(progress, np.log(stroke))[0, 1]) > _COLLINEAR:
+            return None
+        columns.append(np.log(stroke))
+    design = np.stack(columns, axis=1)
+    coefficients = np.linalg.lstsq(design, logarithm, rcond=None)[0]
+    left = logarithm - design @ coefficients
+    variance = float(left @ left) / (len(spans) - design.shape[1])
+    error = float(np.sqrt(variance * np.linalg.pinv(design.T @ design)[0, 0]))
+    change = float(np.expm1(coefficients[0]))
+    return Measured(value=change, standard_error=error * (1.0 + change), unit="")
+
+
+def drift_finding(test: DamperTest) -> tuple[Finding, ...]:
+    """Warn of a drift of more than 3 % and four standard errors."""
+    drift = loop_drift(test)
+    if drift is None or drift.standard_error is None:
+        return ()
+    if abs(drift.value) < max(_SHARE, _SIGNIFICANT * drift.standard_error):
+        return ()
+    likely = "as a damper that heats up does" if drift.value < 0.0 else "as one that settles in does"
+    message = (
+        f"at equal stroke the dissipative force changes by {100 * drift.value:+.1f} +- "
+        f"{100 * drift.standard_error:.1f} % from the first cycle to the last, {likely}; "
+        "fit a part of the record (--from, --until)"
+    )
+    return (Finding(code="loop_drift", severity="warning", message=message, measured=drift),)

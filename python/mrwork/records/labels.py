@@ -1,0 +1,119 @@
+"""Tests of a set whose force does not belong to the command on their label."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.records.checks import mean_over_travel
+from mrwork.records.damper_test import DamperTest, Finding, Measured
+from mrwork.records.motion import motion_of
+
+_FEWEST_ALIKE: Final = 3
+# Peak velocities less far apart, as a logarithm, say more about noise than about the slope.
+_APART: Final = 0.1
+# A test stands out by this much, and by so many robust standard deviations of the set.
+_STANDS_OUT: Final = 0.18
+_SIGNIFICANT: Final = 3.5
+_MAD_TO_DEVIATION: Final = 1.4826
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Loops:
+    """Logarithms of dissipative force and peak velocity of tests, and their commands, shape (n_tests,)."""
+
+    force: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    command: NDArray[np.float64]
+
+
+def mislabelled(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
+    """Warn of tests whose dissipative force is not that of their command, by the others of the set.
+
+    The dissipative force of a test is int F v dt / int |v| dt. Over the set its logarithm is taken as a level of each
+    command and one slope over the logarithm of the peak velocity, both by medians, so that a few wrong labels do not
+    move them. Commands of fewer than three tests have no level of their own.
+    """
+    findings: list[Finding] = []
+    for quantity, unit in (("current", "A"), ("voltage", "V")):
+        labelled = [test for test in tests if getattr(test, quantity) is not None]
+        if len(labelled) >= _FEWEST_ALIKE:
+            commands = np.array([getattr(test, quantity) for test in labelled])
+            findings += _standing_out(labelled, commands, quantity, unit)
+    return tuple(findings)
+
+
+def _standing_out(
+    tests: Sequence[DamperTest], commands: NDArray[np.float64], quantity: str, unit: str
+) -> list[Finding]:
+    # Labels that differ by less than a percent of the largest are one command.
+    step = max(0.01 * float(np.abs(commands).max()), 1e-9)
+    groups: dict[int, list[int]] = defaultdict(list)
+    for row, command in enumerate(commands):
+        groups[round(float(command) / step)].append(row)
+    alike = [np.array(rows) for rows in groups.values() if len(rows) >= _FEWEST_ALIKE]
+    if not alike:
+        return []
+    loops = _loops(tests, commands)
+    force = loops.force - _slope(loops, alike) * loops.velocity
+    levels = np.array([np.median(force[rows]) for rows in alike])
+    beside = np.concatenate([force[rows] - level for rows, level in zip(alike, levels, strict=True)])
+    spread = _MAD_TO_DEVIATION * float(np.median(np.abs(beside)))
+    limit = max(_STANDS_OUT, _SIGNIFICANT * spread)
+    at = np.array([np.median(commands[rows]) for rows in alike])
+    findings = []
+    for row, difference in zip(np.concatenate(alike), beside, strict=True):
+        if abs(difference) <= limit:
+            continue
+        test = tests[row]
+        ratio = float(np.expm1(difference))
+        amount = f"{100 * abs(ratio):.0f} % {'more' if ratio > 0 else 'less'}"
+        findings.append(
+            Finding(
+                code="command_mislabelled",
+                severity="warning",
+                message=f"{test.path or test.name}: dissipates {amount} than the other tests at "
+                f"{commands[row]:.3g} {unit} in like motion (their spread is {100 * spread:.0f} %)"
+                f"{_belongs(float(force[row]), levels, at, unit)}; check its {quantity}",
+                measured=Measured(value=ratio, standard_error=spread, unit=""),
+            )
+        )
+    return findings
+
+
+def _loops(tests: Sequence[DamperTest], commands: NDArray[np.float64]) -> _Loops:
+    force, velocity = np.empty(len(tests)), np.empty(len(tests))
+    for row, test in enumerate(tests):
+        motion = motion_of(test.displacement, test.dt)
+        travelling = motion.velocity
+        power = (test.force - mean_over_travel(test.force, travelling)) @ travelling
+        force[row] = max(power / np.abs(travelling).sum(), np.finfo(np.float64).tiny)
+        velocity[row] = np.percentile(np.abs(travelling), 99.0)
+    return _Loops(force=np.log(force), velocity=np.log(velocity), command=commands)
+
+
+def _slope(loops: _Loops, alike: Sequence[NDArray[np.intp]]) -> float:
+    """Median slope of log force over log velocity between two tests of one command (Theil and Sen)."""
+    slopes = [
+        (loops.force[first] - loops.force[second]) / (loops.velocity[first] - loops.velocity[second])
+        for rows in alike
+        for first, second in combinations(rows, 2)
+        if abs(loops.velocity[first] - loops.velocity[second]) > _APART
+    ]
+    return float(np.median(slopes)) if slopes else 0.0
+
+
+def _belongs(force: float, levels: NDArray[np.float64], at: NDArray[np.float64], unit: str) -> str:
+    """Command whose level the force lies on, between those of the set."""
+    order = np.argsort(at)
+    levels, at = np.exp(levels[order]), at[order]
+    wanted = float(np.exp(force))
+    if levels.size < 2 or np.any(np.diff(levels) <= 0.0) or not levels[0] <= wanted <= levels[-1]:
+        return ""
+    return f", as at about {np.interp(wanted, levels, at):.2g} {unit}"

@@ -1,0 +1,164 @@
+"""Repairs of a test, each on request only, and each written down as a finding."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from typing import Final, Literal, get_args
+
+import numpy as np
+
+from mrwork.errors import SettingError
+from mrwork.records.checks import mean_over_travel, rest_before_motion, samples_at_rest
+from mrwork.records.damper_test import DamperTest, Finding, Measured, frozen
+from mrwork.records.delay import force_delay
+from mrwork.records.inertia import moving_mass
+from mrwork.records.motion import motion_of, spectrum
+from mrwork.records.window import cut
+
+RepairKind = Literal["rest", "delay", "offset", "mass", "velocity"]
+REPAIR_KINDS: Final[tuple[RepairKind, ...]] = get_args(RepairKind)
+
+# What need no longer be said once a repair is done.
+_CURED: Final[dict[RepairKind, tuple[str, ...]]] = {
+    "rest": ("rest_before_motion", "breakaway"),
+    "delay": ("force_delay",),
+    "offset": ("force_offset",),
+    "mass": ("moving_mass",),
+    "velocity": ("velocity_late", "velocity_inconsistent"),
+}
+_UNIT: Final[dict[RepairKind, str]] = {"delay": "s", "offset": "N", "mass": "kg"}
+
+
+def repair(
+    test: DamperTest, kinds: Iterable[RepairKind], *, amounts: Mapping[RepairKind, float] | None = None
+) -> tuple[DamperTest, tuple[Finding, ...]]:
+    """Test with what was asked for put right, in the order of `REPAIR_KINDS`, and the log of it.
+
+    Parameters
+    ----------
+    test
+        Is left as it is; the repaired one has it as its `original`.
+    kinds
+        `rest`: the start before the motion is cut off. `delay`: the force is shifted onto the displacement.
+        `offset`: the static force is subtracted. `mass`: the inertia force is. `velocity`: the measured velocity
+        gives way to the derivative of the displacement.
+    amounts
+        Delay [s], offset [N] or mass [kg] by kind, where it is known better than the record tells.
+
+    Returns
+    -------
+    test, log
+        The log is in the findings of the test as well; a repair for which the record gave no cause is a note there.
+
+    Raises
+    ------
+    SettingError
+        An amount is given for another kind, is not finite, or leaves too little of the record.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> test, log = repair(mr.synthetic_test("spencer1997"), ["offset"], amounts={"offset": 50.0})
+    >>> log[0].message
+    'a static force of +50 N was subtracted'
+    """
+    given = dict(amounts or {})
+    for kind, amount in given.items():
+        if kind not in _UNIT or not np.isfinite(amount):
+            raise SettingError(
+                f"repair {kind} was given {amount:g}; a finite number goes with {', '.join(_UNIT)} alone"
+            )
+    wanted = set(kinds) | set(given)
+    repaired, log = test, list[Finding]()
+    for kind in REPAIR_KINDS:
+        if kind in wanted:
+            changed, entry = _STEPS[kind](repaired, given.get(kind))
+            cured = _CURED[kind] if entry.severity == "repaired" else ()
+            kept = tuple(finding for finding in changed.findings if finding.code not in cured)
+            repaired = replace(changed, findings=(*kept, entry))
+            log.append(entry)
+    if any(entry.severity == "repaired" for entry in log):
+        repaired = replace(repaired, original=test.original or test)
+    return repaired, tuple(log)
+
+
+def _rest(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
+    frequency = spectrum(test.displacement, test.dt).dominant
+    if not rest_before_motion(test.displacement, test.dt, frequency):
+        return test, _no_cause("rest", "the motion starts within a quarter of a cycle")
+    rest = samples_at_rest(test.displacement)
+    seconds = rest * test.dt
+    shorter = cut(test, start=float(test.time[rest]))
+    return shorter, _done("rest", f"the first {seconds:.3g} s, at rest, were cut off", seconds, "s")
+
+
+def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
+    from scipy.interpolate import CubicSpline  # slow to load
+
+    seen = force_delay(test) if amount is None else Measured(value=amount, unit="s")
+    if seen is None:
+        return test, _no_cause("delay", "the force has no corner at the turns to tell a delay by; give one")
+    lost = int(np.ceil(abs(seen.value) / test.dt - 1e-9))
+    late = seen.value > 0.0
+    whole = slice(0, test.n_time - lost) if late else slice(lost, test.n_time)
+    time = test.dt * np.arange(test.n_time)
+    shifted = CubicSpline(time, test.force)(time[whole] + seen.value) if lost < test.n_time else np.empty(0)
+    end = float(test.time[max(test.n_time - lost, 0)]) if late and lost else None
+    shorter = cut(test, start=None if late else float(test.time[min(lost, test.n_time - 1)]), end=end)
+    moved = "earlier" if late else "later"
+    message = f"the force was shifted {moved} by {1e3 * abs(seen.value):.3g} ms{_error(seen, 1e3)}"
+    return replace(shorter, force=frozen(shifted)), _done("delay", message, seen.value, "s", seen)
+
+
+def _offset(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
+    motion = motion_of(test.displacement, test.dt)
+    offset = mean_over_travel(test.force, motion.velocity) if amount is None else amount
+    message = f"a static force of {offset:+.4g} N was subtracted"
+    return replace(test, force=frozen(test.force - offset)), _done("offset", message, offset, "N")
+
+
+def _mass(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
+    seen = moving_mass(test) if amount is None else Measured(value=amount, unit="kg")
+    if seen is None:
+        return test, _no_cause("mass", "the force has no part in phase with the acceleration; give one")
+    inertia = seen.value * motion_of(test.displacement, test.dt).acceleration
+    message = f"the inertia of {seen.value:.3g} kg{_error(seen, 1.0)} was taken out of the force"
+    return replace(test, force=frozen(test.force - inertia)), _done("mass", message, seen.value, "kg", seen)
+
+
+def _velocity(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
+    if test.velocity_source == "derived":
+        return test, _no_cause("velocity", "it is the derivative of the displacement already")
+    derived = motion_of(test.displacement, test.dt).velocity
+    changed = float(np.sqrt(np.mean((test.velocity - derived) ** 2) / np.mean(derived**2)))
+    message = (
+        f"the velocity was derived from the displacement anew; it changed by {100 * changed:.2g} % (rms)"
+    )
+    return (
+        replace(test, velocity=frozen(derived), velocity_source="derived"),
+        _done("velocity", message, changed, ""),
+    )
+
+
+_STEPS: Final[dict[RepairKind, Callable[[DamperTest, float | None], tuple[DamperTest, Finding]]]] = {
+    "rest": _rest,
+    "delay": _delay,
+    "offset": _offset,
+    "mass": _mass,
+    "velocity": _velocity,
+}
+
+
+def _done(kind: RepairKind, message: str, value: float, unit: str, seen: Measured | None = None) -> Finding:
+    error = None if seen is None else seen.standard_error
+    measured = Measured(value=value, standard_error=error, unit=unit)
+    return Finding(code=f"repaired_{kind}", severity="repaired", message=message, measured=measured)
+
+
+def _no_cause(kind: RepairKind, reason: str) -> Finding:
+    return Finding(code=f"no_{kind}", severity="note", message=f"no {kind} to repair: {reason}")
+
+
+def _error(seen: Measured, factor: float) -> str:
+    return "" if seen.standard_error is None else f" (+- {factor * seen.standard_error:.2g})"

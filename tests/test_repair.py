@@ -1,0 +1,136 @@
+"""A repair undoes the defect it names, says so, and leaves the record it was given alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mrwork.errors import SettingError
+from mrwork.records import DamperTest, repair
+from mrwork.records.repair import REPAIR_KINDS, RepairKind
+from mrwork.synthetic import synthetic_test
+
+# Its noise has a standard deviation of 8 N.
+NOISE_N = 8.0
+
+
+@pytest.fixture
+def clean() -> DamperTest:
+    return synthetic_test("spencer1997")
+
+
+def test_a_known_offset_is_subtracted(clean: DamperTest) -> None:
+    repaired, log = repair(replace(clean, force=clean.force + 200.0), ["offset"], amounts={"offset": 200.0})
+    np.testing.assert_allclose(repaired.force, clean.force, atol=1e-9)
+    assert [entry.code for entry in log] == ["repaired_offset"]
+
+
+def test_an_offset_is_measured_where_none_is_given(clean: DamperTest) -> None:
+    _, (before,) = repair(clean, ["offset"])
+    _, (after,) = repair(replace(clean, force=clean.force + 200.0), ["offset"])
+    assert before.measured is not None
+    assert after.measured is not None
+    assert after.measured.value - before.measured.value == pytest.approx(200.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("delay", [0.004, 0.0123, -0.0037])
+def test_a_known_delay_is_shifted_back_and_what_it_lost_is_cut(clean: DamperTest, delay: float) -> None:
+    from scipy.interpolate import CubicSpline
+
+    noiseless = 1000.0 * np.sin(2.0 * np.pi * 2.5 * clean.time + 0.3)
+    late = CubicSpline(clean.time, noiseless, extrapolate=True)(clean.time - delay)
+    repaired, _ = repair(replace(clean, force=late), ["delay"], amounts={"delay": delay})
+    lost = int(np.ceil(abs(delay) / clean.dt - 1e-9))
+    assert repaired.n_time == clean.n_time - lost
+    assert repaired.displacement.size == repaired.velocity.size == repaired.force.size
+    kept = slice(0, clean.n_time - lost) if delay > 0.0 else slice(lost, None)
+    np.testing.assert_array_equal(repaired.displacement, clean.displacement[kept])
+    assert repaired.start_time == pytest.approx(clean.time[kept][0])
+    # A spline of a sine at 400 samples per cycle errs by 1e-9; its ends, extrapolated above, by more.
+    np.testing.assert_allclose(repaired.force[20:-20], noiseless[kept][20:-20], atol=1e-3)
+
+
+def test_a_delay_that_was_seen_is_taken_out(clean: DamperTest) -> None:
+    late = replace(clean, force=np.interp(clean.time - 0.006, clean.time, clean.force))
+    repaired, (entry,) = repair(late, ["delay"])
+    assert entry.measured is not None
+    assert entry.measured.value == pytest.approx(0.006, abs=0.0012)
+    inside = slice(100, repaired.n_time - 100)
+    before = np.std((late.force - clean.force)[inside])
+    after = np.std((repaired.force - clean.force[: repaired.n_time])[inside])
+    # Half a millisecond of the 6 is left at most, and noise that was interpolated.
+    assert after < 0.2 * before + NOISE_N
+
+
+def test_a_mass_is_taken_out(clean: DamperTest) -> None:
+    acceleration = -((5.0 * np.pi) ** 2) * 0.015 * np.sin(5.0 * np.pi * clean.time)
+    loaded = replace(clean, force=clean.force + 40.0 * acceleration)
+    repaired, _ = repair(loaded, ["mass"], amounts={"mass": 40.0})
+    # 5 um of noise comes through the second derivative over 59 samples at 0.3 m/s^2.
+    assert np.std((repaired.force - clean.force)[50:-50]) < 40.0 * 0.3
+
+
+def test_a_late_velocity_is_derived_anew(clean: DamperTest) -> None:
+    late = replace(clean, velocity=np.roll(clean.velocity, 15), velocity_source="measured")
+    repaired, _ = repair(late, ["velocity"])
+    assert repaired.velocity_source == "derived"
+    exact = 0.015 * 5.0 * np.pi * np.cos(5.0 * np.pi * clean.time)
+    # 5 um of noise through a cubic filter over 59 samples of 1 ms; the record's own velocity has 0.5 mm/s.
+    assert np.std((repaired.velocity - exact)[60:-60]) < 5e-4
+
+
+def test_rest_is_cut_off(clean: DamperTest) -> None:
+    held = {
+        name: np.concatenate([np.full(700, getattr(clean, name)[0]), getattr(clean, name)])
+        for name in ("displacement", "velocity", "force")
+    }
+    repaired, (entry,) = repair(replace(clean, **held), ["rest"])
+    assert entry.measured is not None
+    # The motion has gone 1 % of its stroke after another 1.3 ms.
+    assert entry.measured.value == pytest.approx(0.7, abs=0.003)
+    assert repaired.n_time == pytest.approx(clean.n_time, abs=3)
+    assert repaired.start_time == pytest.approx(0.7, abs=0.003)
+
+
+def test_the_record_is_kept_beside_the_repaired_one(clean: DamperTest) -> None:
+    once, _ = repair(clean, ["offset"])
+    twice, _ = repair(once, ["velocity"])
+    assert once.original is clean
+    assert twice.original is clean
+    assert clean.original is None
+    assert [finding.severity for finding in twice.findings] == ["repaired", "repaired"]
+
+
+def test_a_cured_finding_gives_way_to_the_repair(clean: DamperTest) -> None:
+    from mrwork.records.build import build_damper_test
+
+    raised = build_damper_test(
+        name="raised", time=clean.time, displacement=clean.displacement, force=clean.force + 300.0
+    )
+    assert "force_offset" in [finding.code for finding in raised.findings]
+    repaired, _ = repair(raised, ["offset"])
+    assert [finding.code for finding in repaired.findings] == ["velocity_derived", "repaired_offset"]
+
+
+@pytest.mark.parametrize("kind", ["rest", "mass"])
+def test_a_repair_without_a_cause_changes_nothing_and_says_why(clean: DamperTest, kind: RepairKind) -> None:
+    same, (entry,) = repair(clean, [kind])
+    assert entry.severity == "note"
+    assert entry.message.startswith(f"no {kind} to repair: ")
+    assert same.original is None
+    np.testing.assert_array_equal(same.force, clean.force)
+
+
+def test_every_repair_is_in_the_log_in_its_order(clean: DamperTest) -> None:
+    _, log = repair(clean, reversed(REPAIR_KINDS))
+    assert [entry.code.split("_", 1)[1] for entry in log] == list(REPAIR_KINDS)
+
+
+@pytest.mark.parametrize(
+    "amounts", [{"rest": 1.0}, {"velocity": 2.0}, {"mass": float("nan")}, {"delay": 50.0}, {"delay": -50.0}]
+)
+def test_impossible_amounts_are_refused(clean: DamperTest, amounts: dict[RepairKind, float]) -> None:
+    with pytest.raises(SettingError):
+        repair(clean, [], amounts=amounts)
