@@ -122,8 +122,13 @@ class DamperSpec:
             parameters += _coefficients(parameter, law, unit)
         if lagged:
             parameters.append(_DRIVER_RATE)
+        followed = [
+            _equation(name, law) for name, law in zip(self.names, chosen, strict=True) if law != "constant"
+        ]
+        driver = f"u' = -eta (u - command), in {unit}" if lagged else f"u = command, in {unit}"
         return replace(
             self,
+            equation="\n".join([self.equation, *followed, driver]),
             parameters=tuple(parameters),
             current=CurrentLaws(unit=unit, laws=chosen, lagged=lagged),
         )
@@ -176,6 +181,13 @@ def _coefficients(parameter: ParamSpec, law: LawName, unit: CommandUnit) -> list
             )
         )
     return entries
+
+
+def _equation(name: str, law: LawName) -> str:
+    if law == "exponential":
+        return f"{name} = {name}.0 + {name}.1 exp({name}.2 u)"
+    powers = ["", " u", " u^2", " u^3"][: _coefficient_counts()[law]]
+    return f"{name} = " + " + ".join(f"{name}.{power}{factor}" for power, factor in enumerate(powers))
 
 
 def _per(unit: str, divisor: str) -> str:

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from mrwork.cli.observe import add_observation, described, nuisances_of, observed
 from mrwork.cli.options import add_files, add_json, parse_bounds, read_tests
 from mrwork.cli.progress import ProgressLine
 from mrwork.errors import SettingError
@@ -22,7 +23,7 @@ from mrwork.identification.judge import judge
 from mrwork.records import DamperTest
 from mrwork.report.run_directory import check_destination, write_run
 from mrwork.search import EfficientGA
-from mrwork.spec import damper
+from mrwork.spec import CommandUnit, DamperSpec, LawName, damper
 
 
 def add_parser(verbs: Any) -> None:
@@ -40,6 +41,19 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--fix", action="append", default=[], metavar="NAME=VALUE", help="hold a parameter fixed"
     )
+    parser.add_argument(
+        "--law",
+        action="append",
+        default=[],
+        metavar="NAME=LAW",
+        help="let a parameter follow the command: linear, quadratic, cubic or exponential; repeat for more",
+    )
+    parser.add_argument(
+        "--command-unit",
+        choices=["A", "V"],
+        help="what the laws take, default A where the tests have a current",
+    )
+    add_observation(parser)
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the search, default 0")
     parser.add_argument("--population", type=int, default=None, metavar="N", help="chromosomes of the search")
     parser.add_argument(
@@ -54,14 +68,15 @@ def add_parser(verbs: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Identify, write the run directory, say what came out."""
-    spec = damper(options.model)
+    plain = damper(options.model)
     bounds = parse_bounds(options.bound, options.fix)
     search = _search(options)
     if options.seed < 0 or options.threads < 0:
         raise SettingError(
             f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
         )
-    tests = read_tests(options)
+    tests = tuple(observed(test, options) for test in read_tests(options))
+    spec = _with_laws(plain, tests, options)
     place = options.out or Path("out") / f"{_stem(tests)}-{spec.name}"
     check_destination(place)
     line = ProgressLine(quiet=options.quiet or options.json)
@@ -72,6 +87,7 @@ def run(options: argparse.Namespace) -> int:
             tests,
             search=search,
             bounds=bounds,
+            nuisances=nuisances_of(options),
             rng=options.seed,
             threads=options.threads,
             on_progress=line,
@@ -86,6 +102,21 @@ def run(options: argparse.Namespace) -> int:
     if status == 130:
         print(f"mrwork: interrupted; the best found so far is in {place}", file=sys.stderr)
     return status
+
+
+def _with_laws(plain: DamperSpec, tests: tuple[DamperTest, ...], options: argparse.Namespace) -> DamperSpec:
+    """The model with the laws that the command line gives."""
+    if not options.law:
+        return plain
+    laws: dict[str, LawName] = {}
+    for text in options.law:
+        name, equals, law = text.partition("=")
+        if not (name and equals):
+            raise SettingError(f"--law is {text!r}; give NAME=LAW, as in k_w=quadratic")
+        laws[name] = law
+    in_amperes = any(test.current is not None for test in tests)
+    unit: CommandUnit = options.command_unit or ("A" if in_amperes else "V")
+    return plain.with_current_laws(laws, unit=unit)
 
 
 def _search(options: argparse.Namespace) -> EfficientGA:
@@ -128,10 +159,14 @@ def _write(place: Path, fit: Fit, tests: tuple[DamperTest, ...], *, with_figures
     from mrwork.report.figures import run_figures
     from mrwork.report.html import identification_report
 
-    spec = damper(fit.model)
+    spec = fit.spec
     theta = np.array(fit.theta)
     comparisons = [
-        Comparison(test=test, model_force=judge(spec, theta, test)[0], quality=quality)
+        Comparison(
+            test=test,
+            model_force=judge(spec, theta, test, nuisances=fit.nuisances)[0],
+            quality=quality,
+        )
         for test, quality in zip(tests, fit.quality, strict=True)
     ]
     write_run(
@@ -167,6 +202,8 @@ def _summary(fit: Fit, place: Path) -> dict[str, Any]:
             }
             for estimate in fit.estimates
         },
+        "current_laws": None if fit.current is None else asdict(fit.current),
+        "nuisances": fit.nuisances,
         "fit_percent": fit.fit_percent,
         "nrmse": fit.nrmse,
         "rmse_n": fit.rmse_n,
@@ -191,18 +228,20 @@ def _text(fit: Fit, tests: tuple[DamperTest, ...], place: Path) -> str:
         f"{damper(fit.model).title}, {status} after {fit.evaluations} simulations, {fit.seconds:.1f} s",
         "",
     ]
+    width = max(7, *(len(estimate.name) for estimate in fit.estimates))
+    units = max(6, *(len(estimate.unit) for estimate in fit.estimates))
     for estimate in fit.estimates:
         error = "" if estimate.standard_error is None else f"+- {estimate.standard_error:.2g}"
         remark = f"({estimate.remark})" if estimate.remark else ""
-        lines.append(
-            f"  {estimate.name:<7} {estimate.value:>12.6g}  {error:<12} {estimate.unit:<6} {remark}".rstrip()
-        )
+        row = f"  {estimate.name:<{width}} {estimate.value:>12.6g}  {error:<12} {estimate.unit:<{units}} {remark}"
+        lines.append(row.rstrip())
     lines.append("")
     for test, quality in zip(tests, fit.quality, strict=True):
         settle = f", first {quality.settle_seconds:.2g} s not compared" if quality.settle_seconds > 0 else ""
+        recorded = described(quality.observation)
         lines.append(
             f"  {test.path or test.name}: fit {quality.fit_percent:.2f} %, RMSE {quality.rmse_n:.4g} N "
-            f"over {quality.n_time} samples{settle}"
+            f"over {quality.n_time} samples{settle}{f'; the force {recorded}' if recorded else ''}"
         )
         lines += [f"    {finding.severity}: {finding.message}" for finding in test.findings]
     lines += ["", f"Report: {place / 'report.html'}"]

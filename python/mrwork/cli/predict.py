@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from mrwork.cli.observe import add_observation, nuisances_of, observed
 from mrwork.cli.options import add_files, add_json, read_tests
 from mrwork.identification.judge import judge
 from mrwork.report.run_directory import read_fit
-from mrwork.spec import damper
 
 
 def add_parser(verbs: Any) -> None:
@@ -24,6 +24,7 @@ def add_parser(verbs: Any) -> None:
     )
     parser.add_argument("fit", type=Path, metavar="RUN", help="run directory of mrwork identify")
     add_files(parser)
+    add_observation(parser)
     parser.add_argument(
         "--substep-factor",
         type=int,
@@ -38,11 +39,13 @@ def add_parser(verbs: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Predict every test and print how it compares."""
     fit = read_fit(options.fit)
-    spec = damper(fit.model)
-    theta = np.array(fit.theta)
+    spec, theta = fit.spec, np.array(fit.theta)
     rows = []
+    nuisances = nuisances_of(options)
     for test in read_tests(options):
-        _, quality = judge(spec, theta, test, substep_factor=options.substep_factor)
+        _, quality = judge(
+            spec, theta, observed(test, options), nuisances=nuisances, substep_factor=options.substep_factor
+        )
         rows.append(
             {
                 "file": test.path or test.name,
