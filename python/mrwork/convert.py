@@ -32,3 +32,29 @@ def bouc_wen_from_normalised(theta: Array, A: float) -> Array:
     return xp.stack(
         [c, k, x0, k_w / z_max, sigma * sum_, (1.0 - sigma) * sum_, xp.full(n.shape, A), n], axis=-1
     )
+
+
+def normalised_from_modified_bouc_wen(theta: Array) -> Array:
+    """Parameters of `normalised_modified_bouc_wen`, shape (..., 9), equal in force to those of `modified_bouc_wen`.
+
+    The latter have shape (..., 10); their loop is that of `bouc_wen`, the rest stays.
+    """
+    return _with_loop(theta, normalised_from_bouc_wen(_plain(theta)))
+
+
+def modified_bouc_wen_from_normalised(theta: Array, A: float) -> Array:
+    """Parameters of `modified_bouc_wen`, shape (..., 10), equal in force to those of `normalised_modified_bouc_wen`.
+
+    The latter have shape (..., 9); `A` settles the scale, as in `bouc_wen_from_normalised`.
+    """
+    return _with_loop(theta, bouc_wen_from_normalised(_plain(theta), A))
+
+
+def _plain(theta: Array) -> Array:
+    """c0, k0, x0 and the loop: what a modified Bouc-Wen model has of the plain one."""
+    return theta.__array_namespace__().concat([theta[..., :2], theta[..., 4:]], axis=-1)
+
+
+def _with_loop(theta: Array, loop: Array) -> Array:
+    """Replace the loop of a modified Bouc-Wen model, the parameters after x0."""
+    return theta.__array_namespace__().concat([theta[..., :5], loop[..., 3:]], axis=-1)

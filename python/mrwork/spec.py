@@ -40,6 +40,7 @@ class DamperSpec:
     nominal_source: str
     n_states: int
     odd: bool
+    relaxes: bool
     parameters: tuple[ParamSpec, ...]
 
     @property

@@ -34,6 +34,7 @@ fn damper_dict<'py>(py: Python<'py>, spec: &DamperSpec) -> PyResult<Bound<'py, P
     entry.set_item("nominal_source", spec.nominal_source)?;
     entry.set_item("n_states", spec.n_states)?;
     entry.set_item("odd", spec.odd)?;
+    entry.set_item("relaxes", spec.relaxes)?;
     let parameters = spec.parameters.iter().map(|parameter| parameter_dict(py, parameter));
     entry.set_item("parameters", parameters.collect::<PyResult<Vec<_>>>()?)?;
     Ok(entry)

@@ -1,7 +1,11 @@
 //! Damper models: what an author writes, and the list of all that exist.
 
 mod bouc_wen;
+mod elasto_visco_plastic;
+mod modified_bouc_wen;
 mod normalised_bouc_wen;
+mod normalised_modified_bouc_wen;
+mod shear_thinning_modified_bouc_wen;
 mod static_hysteretic;
 
 use crate::block::Damper;
@@ -9,8 +13,15 @@ use crate::parameters::{FromValues, ParamSpec};
 use crate::real::Real;
 
 /// Every damper model, by one line each.
-pub static REGISTRY: &[&dyn Damper] =
-    &[&bouc_wen::BoucWen, &normalised_bouc_wen::NormalisedBoucWen, &static_hysteretic::StaticHysteretic];
+pub static REGISTRY: &[&dyn Damper] = &[
+    &bouc_wen::BoucWen,
+    &normalised_bouc_wen::NormalisedBoucWen,
+    &modified_bouc_wen::ModifiedBoucWen,
+    &normalised_modified_bouc_wen::NormalisedModifiedBoucWen,
+    &shear_thinning_modified_bouc_wen::ShearThinningModifiedBoucWen,
+    &elasto_visco_plastic::ElastoViscoPlastic,
+    &static_hysteretic::StaticHysteretic,
+];
 
 /// The model of that name.
 #[must_use]
@@ -39,6 +50,8 @@ pub struct DamperSpec {
     pub n_states: usize,
     /// Whether `f(-x, -v) = -f(x, v)` once the offset parameters are zero.
     pub odd: bool,
+    /// Whether the states move while the damper is held still: a series dashpot creeps, a loop does not.
+    pub relaxes: bool,
 }
 
 /// Elongation of the damper and its rate.
