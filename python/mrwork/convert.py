@@ -189,3 +189,29 @@ def _finite(theta: NDArray[np.float64], names: tuple[str, ...]) -> None:
     for name, value in zip(names, theta, strict=True):
         if not isfinite(value):
             raise SettingError(f"{name} is {value}; a finite number is expected")
+
+
+def normalised_from_modified_bouc_wen(theta: Array) -> Array:
+    """Parameters of `normalised_modified_bouc_wen`, shape (..., 9), equal in force to those of `modified_bouc_wen`.
+
+    The latter have shape (..., 10); their loop is that of `bouc_wen`, the rest stays.
+    """
+    return _with_loop(theta, normalised_from_bouc_wen(_plain(theta)))
+
+
+def modified_bouc_wen_from_normalised(theta: Array, A: float) -> Array:
+    """Parameters of `modified_bouc_wen`, shape (..., 10), equal in force to those of `normalised_modified_bouc_wen`.
+
+    The latter have shape (..., 9); `A` settles the scale, as in `bouc_wen_from_normalised`.
+    """
+    return _with_loop(theta, bouc_wen_from_normalised(_plain(theta), A))
+
+
+def _plain(theta: Array) -> Array:
+    """c0, k0, x0 and the loop: what a modified Bouc-Wen model has of the plain one."""
+    return theta.__array_namespace__().concat([theta[..., :2], theta[..., 4:]], axis=-1)
+
+
+def _with_loop(theta: Array, loop: Array) -> Array:
+    """Replace the loop of a modified Bouc-Wen model, the parameters after x0."""
+    return theta.__array_namespace__().concat([theta[..., :5], loop[..., 3:]], axis=-1)

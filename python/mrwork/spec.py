@@ -61,6 +61,7 @@ class DamperSpec:
     nominal_source: str
     n_states: int
     odd: bool
+    relaxes: bool
     parameters: tuple[ParamSpec, ...]
     plain: tuple[ParamSpec, ...]
     current: CurrentLaws | None = None

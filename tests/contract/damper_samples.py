@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 
 from mrwork.coordinates import Box
+from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.explore import search_box
 from mrwork.records import DamperTest
 from mrwork.simulate import Loading, simulate_force
@@ -92,9 +93,14 @@ def scaled_box(spec):
 
 
 def random_theta(spec, n_batch, *, rng):
-    """Parameters drawn evenly from the scaled box, shape (n_batch, n_params)."""
-    box = scaled_box(spec)
-    return box.theta_from_unit(np.random.default_rng(rng).random((n_batch, len(box.free))))
+    """Parameters drawn evenly from the scaled box, shape (n_batch, n_params).
+
+    A redundant model is drawn in the form in which it is identified: its own ranges, each at its scale, combine to
+    dampers that no test asks for.
+    """
+    form = identifiable_form(spec, {})
+    box = scaled_box(form.spec)
+    return form.back(box.theta_from_unit(np.random.default_rng(rng).random((n_batch, len(box.free)))))
 
 
 def without_offsets(spec, theta):

@@ -39,7 +39,9 @@ def test_nominal_parameters_are_recovered(spec):
     # put them; the data fix the others. Sensitivities are to relative changes, so that units do not matter.
     sensitivity = jacobian(objective, box, spec.nominal) * spec.nominal
     _, strength, directions = np.linalg.svd(sensitivity, full_matrices=False)
-    felt = directions[strength > 1e-8 * strength[0]]
+    seen = strength > 1e-8 * strength[0]
+    felt = directions[seen]
     assert len(felt) >= len(spec.parameters) - 1
     off = np.log(refined.theta / spec.nominal)
-    assert np.max(np.abs(felt @ off)) < 1e-4
+    # The misfit may be 1e-6, and that leaves a direction open by as much over its strength.
+    assert np.all(np.abs(felt @ off) < np.maximum(1e-4, 1e-6 / strength[seen]))

@@ -81,8 +81,8 @@ def test_derivative_is_the_difference_quotient_of_rust(spec):
         difference = (ahead - behind).T / (2.0 * step)
         exact = np.asarray(jacobian(theta, history.stages(int(run.substeps[0]))))
         error = np.linalg.norm(exact - difference, axis=0)
-        # What rounding of the force alone leaves in the quotient.
-        rounding = np.linalg.norm(run.force[0]) * 1e-15 / step
+        # What rounding leaves in the quotient: of the force, and of the state that it comes from.
+        rounding = np.linalg.norm(run.force[0]) * 2e-15 / step
         assert np.all(error <= 1e-5 * np.linalg.norm(difference, axis=0) + rounding)
         compared += 1
     assert compared >= 4
@@ -132,4 +132,6 @@ def test_transformations_compose_and_trace_once(spec):
     np.testing.assert_allclose(first, second[::-1], rtol=1e-12)
     assert np.any(first != 0.0)
     alone = jax.jit(jax.grad(energy))(theta[0], stages)
-    np.testing.assert_allclose(alone, first[0], rtol=1e-9)
+    # A parameter that this motion does not feel has a gradient of rounding only.
+    rounding = 1e-12 * float(energy(theta[0], stages)) / np.abs(theta[0])
+    assert np.all(np.abs(alone - first[0]) <= 1e-9 * np.abs(first[0]) + rounding)

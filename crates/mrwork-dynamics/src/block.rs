@@ -9,21 +9,12 @@ use crate::driver::{Driver, Following, Steady};
 use crate::integrate::{advance, substeps};
 use crate::lanes::Lanes;
 use crate::loading::{Command, LoadingHistory};
-use crate::misfit::{History, Sink, SquaredError};
+use crate::misfit::{Keep, Kept, Target};
 use crate::parameters::FromSlice;
 use crate::threads::StopRequested;
 
 /// Steps between two looks at the stop flag and at lost lanes: well below a millisecond apart on a full block.
 const STEPS_PER_CHECK: u32 = 512;
-
-/// What candidates are compared with.
-#[derive(Clone, Copy, Debug)]
-pub struct Target<'a> {
-    /// Measured force [N], one sample per time.
-    pub force: &'a [f64],
-    /// First sample that counts; those before it are simulated only.
-    pub first: usize,
-}
 
 /// Candidates that share a sub-step count and run side by side.
 pub struct Block<'a> {
@@ -97,11 +88,21 @@ impl<M: DamperModel> Damper for M {
     }
 
     fn squared_errors(&self, set: InstructionSet, block: &Block<'_>, target: Target<'_>) -> Vec<f64> {
-        set.run(block.candidates.len(), SquaredErrorJob::<M> { block, target, model: PhantomData })
+        run::<M>(set, block, Keep { target: Some(target), rows: &mut [] })
     }
 
     fn histories(&self, set: InstructionSet, block: &Block<'_>, rows: &mut [&mut [f64]]) {
-        set.run(block.candidates.len(), HistoryJob::<M> { block, rows, model: PhantomData });
+        run::<M>(set, block, Keep { target: None, rows });
+    }
+}
+
+/// Runs a block; returns the sum of squared residuals of each candidate, zero without a target.
+fn run<M: DamperModel>(set: InstructionSet, block: &Block<'_>, keep: Keep<'_, '_>) -> Vec<f64> {
+    match block.loading.command() {
+        Command::Varying(command) if !block.laws.are_constant() => {
+            set.run_narrow(FollowingJob::<M> { block, keep, command, model: PhantomData })
+        }
+        _ => set.run(block.candidates.len(), SteadyJob::<M> { block, keep, model: PhantomData }),
     }
 }
 
@@ -110,75 +111,69 @@ fn at_point<M: DamperModel>(theta: &[f64], state: &[f64]) -> (M::Parameters<f64>
     (M::Parameters::from_slice(theta), M::State::from_fn(entry))
 }
 
-struct SquaredErrorJob<'a, M> {
+/// The parameters stay what they are at the first command.
+struct SteadyJob<'a, 'b, M> {
     block: &'a Block<'a>,
-    target: Target<'a>,
+    keep: Keep<'a, 'b>,
     model: PhantomData<M>,
 }
 
-impl<M: DamperModel> LaneJob for SquaredErrorJob<'_, M> {
+impl<M: DamperModel> LaneJob for SteadyJob<'_, '_, M> {
     type Output = Vec<f64>;
     #[inline(always)]
     fn run<R: Lanes>(self) -> Vec<f64> {
-        let mut sink =
-            SquaredError { measured: self.target.force, first: self.target.first, sum: R::splat(0.0) };
-        run_block::<M, R, _>(self.block, &mut sink);
-        let mut sums = Vec::with_capacity(R::WIDTH);
-        sink.sum.for_each(|_, sum| sums.push(sum));
-        sums.truncate(self.block.candidates.len());
-        sums
+        let Block { laws, loading, .. } = *self.block;
+        let mut columns = columns::<R>(self.block);
+        if let (false, Command::Held(command)) = (laws.are_constant(), loading.command()) {
+            let mut values = vec![R::splat(f64::NAN); laws.n_params()];
+            laws.evaluate(&columns, R::splat(*command), &mut values);
+            columns = values;
+        }
+        let mut steady = Steady { parameters: M::Parameters::from_slice(&columns) };
+        run_block::<M, R, _>(self.block, &mut steady, self.keep)
     }
 }
 
-struct HistoryJob<'a, 'b, M> {
+/// The parameters follow the command.
+struct FollowingJob<'a, 'b, M> {
     block: &'a Block<'a>,
-    rows: &'a mut [&'b mut [f64]],
+    keep: Keep<'a, 'b>,
+    command: &'a [f64],
     model: PhantomData<M>,
 }
 
-impl<M: DamperModel> LaneJob for HistoryJob<'_, '_, M> {
-    type Output = ();
+impl<M: DamperModel> LaneJob for FollowingJob<'_, '_, M> {
+    type Output = Vec<f64>;
     #[inline(always)]
-    fn run<R: Lanes>(self) {
-        run_block::<M, R, _>(self.block, &mut History { rows: self.rows });
+    fn run<R: Lanes>(self) -> Vec<f64> {
+        let Block { laws, loading, substeps, .. } = *self.block;
+        let step = loading.dt() / f64::from(substeps);
+        let columns = columns::<R>(self.block);
+        let mut following = Following::<M, R>::new(laws, columns, self.command, step);
+        run_block::<M, R, _>(self.block, &mut following, self.keep)
     }
 }
 
-/// Simulates one block from rest. Lanes without a candidate repeat the last one.
+/// The columns of `theta`, one candidate per lane. Lanes without a candidate repeat the last one.
 #[inline(always)]
-fn run_block<M: DamperModel, R: Lanes, S: Sink<R>>(block: &Block<'_>, sink: &mut S) {
-    let Block { theta, laws, candidates, loading, substeps, .. } = *block;
+fn columns<R: Lanes>(block: &Block<'_>) -> Vec<R> {
+    let Block { theta, laws, candidates, .. } = *block;
     let n_columns = laws.n_columns();
     let last = candidates.len() - 1;
-    let columns: Vec<R> = (0..n_columns)
+    (0..n_columns)
         .map(|column| R::from_fn(|lane| theta[candidates[lane.min(last)] * n_columns + column]))
-        .collect();
-    if laws.are_constant() {
-        let mut steady = Steady { parameters: M::Parameters::from_slice(&columns) };
-        return run_driven::<M, R, S, _>(block, &mut steady, sink);
-    }
-    match loading.command() {
-        Command::Held(command) => {
-            let mut values = vec![R::splat(f64::NAN); laws.n_params()];
-            laws.evaluate(&columns, R::splat(*command), &mut values);
-            let mut steady = Steady { parameters: M::Parameters::from_slice(&values) };
-            run_driven::<M, R, S, _>(block, &mut steady, sink);
-        }
-        Command::Varying(command) => {
-            let step = loading.dt() / f64::from(substeps);
-            run_driven::<M, R, S, _>(block, &mut Following::<M, R>::new(laws, columns, command, step), sink);
-        }
-    }
+        .collect()
 }
 
 /// Simulates one block from rest with the parameters that its driver gives.
 #[inline(always)]
-fn run_driven<M: DamperModel, R: Lanes, S: Sink<R>, D: Driver<M, R>>(
+fn run_block<M: DamperModel, R: Lanes, D: Driver<M, R>>(
     block: &Block<'_>,
     driver: &mut D,
-    sink: &mut S,
-) {
-    let Block { loading, substeps, stop, .. } = *block;
+    keep: Keep<'_, '_>,
+) -> Vec<f64> {
+    let Block { candidates, loading, substeps, stop, .. } = *block;
+    let mut kept = Kept { keep, sum: R::splat(0.0) };
     let fraction = 1.0 / f64::from(substeps);
     let step = loading.dt() * fraction;
     // A power of two, as both are: a mask finds its multiples without a division per sample.
@@ -186,12 +181,12 @@ fn run_driven<M: DamperModel, R: Lanes, S: Sink<R>, D: Driver<M, R>>(
     let mut state = M::State::<R>::rest();
     for (sample, interval) in loading.intervals().iter().enumerate() {
         // Before the first sample too: the blocks that a stopped batch has left return at once.
-        if sample & (check_every - 1) == 0 && (stop() || sink.is_lost()) {
-            return;
+        if sample & (check_every - 1) == 0 && (stop() || kept.is_lost()) {
+            break;
         }
         let mut start = interval.motion(0.0);
         driver.begin(sample);
-        sink.take(sample, M::force(driver.parameters(), state, start.splat()));
+        kept.take(sample, M::force(driver.parameters(), state, start.splat()));
         if M::SPEC.n_states == 0 {
             driver.step();
         } else {
@@ -205,5 +200,9 @@ fn run_driven<M: DamperModel, R: Lanes, S: Sink<R>, D: Driver<M, R>>(
         }
     }
     driver.begin(loading.n_time() - 1);
-    sink.take(loading.n_time() - 1, M::force(driver.parameters(), state, loading.last().splat()));
+    kept.take(loading.n_time() - 1, M::force(driver.parameters(), state, loading.last().splat()));
+    let mut sums = Vec::with_capacity(R::WIDTH);
+    kept.sum.for_each(|_, sum| sums.push(sum));
+    sums.truncate(candidates.len());
+    sums
 }

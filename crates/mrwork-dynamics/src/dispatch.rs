@@ -75,7 +75,7 @@ impl InstructionSet {
         }
     }
 
-    /// Runs `job` in the widest lanes that `candidates` fill; a lone candidate runs as one `f64`.
+    /// Runs `job` in the widest lanes that `candidates` fill.
     ///
     /// An instruction set that this processor lacks falls back to [`InstructionSet::Plain`].
     pub fn run<J: LaneJob>(self, candidates: usize, job: J) -> J::Output {
@@ -83,10 +83,21 @@ impl InstructionSet {
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code)] // the features were asked for on the same line
             Self::Avx512 if self.is_supported() => unsafe { x86::run_avx512(candidates, job) },
+            _ => self.run_narrow(job),
+        }
+    }
+
+    /// Runs `job` in eight lanes, for work that is too rare to be compiled for every width.
+    ///
+    /// An instruction set that this processor lacks falls back to [`InstructionSet::Plain`].
+    pub fn run_narrow<J: LaneJob>(self, job: J) -> J::Output {
+        match self {
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code)] // the features were asked for on the same line
-            Self::Avx2 if self.is_supported() => unsafe { x86::run_avx2(candidates, job) },
-            _ if candidates == 1 => job.run::<f64>(),
+            Self::Avx512 if self.is_supported() => unsafe { x86::run_one_avx512(job) },
+            #[cfg(target_arch = "x86_64")]
+            #[allow(unsafe_code)] // the features were asked for on the same line
+            Self::Avx2 if self.is_supported() => unsafe { x86::run_avx2(job) },
             _ => job.run::<Plain>(),
         }
     }

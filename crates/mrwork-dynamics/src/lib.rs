@@ -16,7 +16,7 @@ pub mod error;
 pub mod integrate;
 pub mod lanes;
 pub mod loading;
-mod misfit;
+pub mod misfit;
 pub mod parameters;
 pub mod peak;
 pub mod real;

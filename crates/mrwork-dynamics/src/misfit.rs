@@ -2,51 +2,52 @@
 
 use crate::lanes::Lanes;
 
-/// Receives the force of every lane, sample after sample.
-pub(crate) trait Sink<R: Lanes> {
-    /// The force [N] at `sample`.
-    fn take(&mut self, sample: usize, force: R);
-    /// Whether every lane has left the finite numbers, so that the rest of the record can be skipped.
-    fn is_lost(&self) -> bool;
+/// What candidates are compared with.
+#[derive(Clone, Copy, Debug)]
+pub struct Target<'a> {
+    /// Measured force [N], one sample per time.
+    pub force: &'a [f64],
+    /// First sample that counts; those before it are simulated only.
+    pub first: usize,
 }
 
-/// Sum of squared residuals against a measured force [N^2] from sample `first` on, in sample order.
-pub(crate) struct SquaredError<'a, R> {
-    pub(crate) measured: &'a [f64],
-    pub(crate) first: usize,
-    pub(crate) sum: R,
-}
-
-impl<R: Lanes> Sink<R> for SquaredError<'_, R> {
-    #[inline(always)]
-    fn take(&mut self, sample: usize, force: R) {
-        if sample >= self.first {
-            let residual = force - R::splat(self.measured[sample]);
-            self.sum = residual.mul_add(residual, self.sum);
-        }
-    }
-    #[inline(always)]
-    fn is_lost(&self) -> bool {
-        !R::any(self.sum.less(R::splat(f64::INFINITY)))
-    }
-}
-
-/// The force itself, one row per lane; lanes beyond the rows are dropped.
-pub(crate) struct History<'a, 'b> {
+/// What is to be kept.
+pub(crate) struct Keep<'a, 'b> {
+    /// The sum of squared residuals against this, in sample order.
+    pub(crate) target: Option<Target<'a>>,
+    /// The force itself, one row per lane; lanes beyond the rows are dropped.
     pub(crate) rows: &'a mut [&'b mut [f64]],
 }
 
-impl<R: Lanes> Sink<R> for History<'_, '_> {
+/// What has been kept so far.
+pub(crate) struct Kept<'a, 'b, R> {
+    pub(crate) keep: Keep<'a, 'b>,
+    /// Sum of squared residuals [N^2].
+    pub(crate) sum: R,
+}
+
+impl<R: Lanes> Kept<'_, '_, R> {
+    /// Takes the force [N] of every lane at `sample`.
     #[inline(always)]
-    fn take(&mut self, sample: usize, force: R) {
-        force.for_each(|lane, value| {
-            if let Some(row) = self.rows.get_mut(lane) {
-                row[sample] = value;
+    pub(crate) fn take(&mut self, sample: usize, force: R) {
+        if let Some(Target { force: measured, first }) = self.keep.target {
+            if sample >= first {
+                let residual = force - R::splat(measured[sample]);
+                self.sum = residual.mul_add(residual, self.sum);
             }
-        });
+        }
+        if !self.keep.rows.is_empty() {
+            force.for_each(|lane, value| {
+                if let Some(row) = self.keep.rows.get_mut(lane) {
+                    row[sample] = value;
+                }
+            });
+        }
     }
+
+    /// Whether every lane has left the finite numbers, so that the rest of the record can be skipped.
     #[inline(always)]
-    fn is_lost(&self) -> bool {
-        false
+    pub(crate) fn is_lost(&self) -> bool {
+        self.keep.target.is_some() && !R::any(self.sum.less(R::splat(f64::INFINITY)))
     }
 }

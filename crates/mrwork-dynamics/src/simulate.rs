@@ -3,13 +3,14 @@
 //! A candidate's result does not depend on its neighbours, the block it falls into, the number of threads
 //! or the instruction set.
 
-use crate::block::{Block, Damper, Target};
+use crate::block::{Block, Damper};
 use crate::current_law::CurrentLaws;
 use crate::dispatch::InstructionSet;
 use crate::error::{DynamicsError, Outcome};
 use crate::integrate::MAX_SUBSTEP_FACTOR;
 use crate::lanes::VECTOR_WIDTH;
 use crate::loading::{Command, LoadingHistory};
+use crate::misfit::Target;
 use crate::threads::{StopRequested, on_threads, thread_count};
 
 /// Steps below which waking another thread costs more than it saves.
@@ -172,8 +173,10 @@ impl Plan {
             rows.iter().map(|row| u64::from(row.substeps)).sum::<u64>() * loading.n_time() as u64;
         let threads =
             thread_count(threads).min(usize::try_from(steps / STEPS_PER_THREAD).unwrap_or(usize::MAX) + 1);
+        let varying = matches!(loading.command(), Command::Varying(_)) && !laws.are_constant();
+        let widest = if varying { VECTOR_WIDTH } else { instruction_set.block_width() };
         let share = order.len().div_ceil(threads).next_multiple_of(VECTOR_WIDTH);
-        Ok(Self { rows, order, threads, block_width: share.min(instruction_set.block_width()) })
+        Ok(Self { rows, order, threads, block_width: share.min(widest) })
     }
 
     fn blocks<'a>(

@@ -6,12 +6,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use mrwork_dynamics::block::{Damper, Target};
+use mrwork_dynamics::block::Damper;
 use mrwork_dynamics::current_law::CurrentLaws;
 use mrwork_dynamics::damper::{REGISTRY, find};
 use mrwork_dynamics::dispatch::InstructionSet;
 use mrwork_dynamics::error::{DynamicsError, Outcome};
 use mrwork_dynamics::loading::LoadingHistory;
+use mrwork_dynamics::misfit::Target;
 use mrwork_dynamics::simulate::{Row, Settings, force_histories, misfits};
 
 const fn settings(threads: usize, instruction_set: InstructionSet) -> Settings<'static> {

@@ -1,9 +1,10 @@
 //! Damper models as Python sees them: specs, batches, single evaluations.
 
-use mrwork_dynamics::block::{Damper, Target};
+use mrwork_dynamics::block::Damper;
 use mrwork_dynamics::current_law::{CurrentLaw, CurrentLaws};
 use mrwork_dynamics::damper::{DamperSpec, Motion, REGISTRY, find};
 use mrwork_dynamics::error::DynamicsError;
+use mrwork_dynamics::misfit::Target;
 use mrwork_dynamics::parameters::ParamSpec;
 use mrwork_dynamics::simulate::{self, Row, Settings};
 use numpy::ndarray::Array2;
@@ -35,6 +36,7 @@ fn damper_dict<'py>(py: Python<'py>, spec: &DamperSpec) -> PyResult<Bound<'py, P
     entry.set_item("nominal_source", spec.nominal_source)?;
     entry.set_item("n_states", spec.n_states)?;
     entry.set_item("odd", spec.odd)?;
+    entry.set_item("relaxes", spec.relaxes)?;
     let parameters = spec.parameters.iter().map(|parameter| parameter_dict(py, parameter));
     entry.set_item("parameters", parameters.collect::<PyResult<Vec<_>>>()?)?;
     Ok(entry)

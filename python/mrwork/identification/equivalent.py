@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from mrwork.convert import bouc_wen_from_normalised
+from mrwork.convert import bouc_wen_from_normalised, modified_bouc_wen_from_normalised
 from mrwork.coordinates import Box
 from mrwork.errors import SettingError
 from mrwork.spec import DamperSpec, damper
@@ -31,7 +31,7 @@ class Form:
 def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]]) -> Form:
     """Return the form in which a model is identified, with the user's bounds.
 
-    The Spencer form of Bouc-Wen is searched as `normalised_bouc_wen`: its alpha, gamma, beta and A share one freedom
+    A Spencer form of Bouc-Wen is searched as its normalised one: its alpha, gamma, beta and A share one freedom
     of scale, so no search or standard error could settle them. A is held at the fixed value asked for,
     or at its nominal one.
 
@@ -40,12 +40,13 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
     SettingError
         Where a bound is impossible, or cannot be translated into that form.
     """
-    if spec.name == "bouc_wen" and spec.current is not None:
+    equivalent = _EQUIVALENTS.get(spec.name)
+    if equivalent is not None and spec.current is not None:
         raise SettingError(
-            "bouc_wen with current laws is identified as normalised_bouc_wen, whose parameters the data settle; "
-            "give the laws to that model (c for c0, k for k0, k_w for alpha)"
+            f"{spec.name} with current laws is identified as {equivalent.name}, whose parameters the data settle; "
+            "give the laws to that model"
         )
-    if spec.name != "bouc_wen":
+    if equivalent is None:
         box = Box.of(spec).with_bounds(bounds)
         return Form(spec=spec, box=box, back=lambda theta: theta, mirrored=_mirrored(box))
     checked = Box.of(spec).with_bounds(bounds)
@@ -55,30 +56,50 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
     for name, (lower, upper) in bounds.items():
         if name == "A" and lower == upper:
             scale = checked.lower[index]
-        elif name in _SAME:
-            translated[_SAME[name]] = (lower, upper)
+        elif name in equivalent.same:
+            translated[equivalent.same[name]] = (lower, upper)
         else:
             raise SettingError(
-                f"bounds of {name} cannot be kept: in bouc_wen the data settle alpha, gamma, beta and A only up to a "
-                "common scale; fix A=VALUE to choose the scale, or identify normalised_bouc_wen"
+                f"bounds of {name} cannot be kept: in {spec.name} the data settle alpha, gamma, beta and A only up to "
+                f"a common scale; fix A=VALUE to choose the scale, or identify {equivalent.name}"
             )
-    normalised = damper("normalised_bouc_wen")
+    normalised = damper(equivalent.name)
     box = Box.of(normalised).with_bounds(translated)
     return Form(
         spec=normalised,
         box=box,
-        back=partial(bouc_wen_from_normalised, A=scale),
+        back=partial(equivalent.back, A=scale),
         held=("A",),
         mirrored=_mirrored(box),
     )
 
 
 def _mirrored(box: Box) -> tuple[int, ...]:
-    """The stiffness k and its free length x0, where both are free and may have either sign."""
-    pair = tuple(box.names.index(name) for name in ("k", "x0") if name in box.names)
+    """The stiffness k, or k1, and its free length x0, where both are free and may have either sign."""
+    stiffness = "k1" if "k1" in box.names else "k"
+    pair = tuple(box.names.index(name) for name in (stiffness, "x0") if name in box.names)
     free = all(box.lower[index] < 0.0 < box.upper[index] for index in pair)
     return pair if len(pair) == 2 and free else ()
 
 
-# Parameters that mean the same in both forms.
-_SAME = {"c0": "c", "k0": "k", "x0": "x0", "n": "n"}
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Equivalent:
+    """The normalised form of a model, the way back, and the parameters that mean the same in both."""
+
+    name: str
+    back: Callable[..., Any]
+    same: Mapping[str, str]
+
+
+_EQUIVALENTS = {
+    "bouc_wen": _Equivalent(
+        name="normalised_bouc_wen",
+        back=bouc_wen_from_normalised,
+        same={"c0": "c", "k0": "k", "x0": "x0", "n": "n"},
+    ),
+    "modified_bouc_wen": _Equivalent(
+        name="normalised_modified_bouc_wen",
+        back=modified_bouc_wen_from_normalised,
+        same={name: name for name in ("c0", "k0", "c1", "k1", "x0", "n")},
+    ),
+}

@@ -24,10 +24,14 @@ class Theta(NamedTuple):
 
 
 def rate(p: Theta, state: Array, x: Array, v: Array) -> Array:
+    """z' of the loop at v."""
+    return jnp.stack([loop_rate(p.gamma, p.beta, p.A, p.n, state[0], v)])
+
+
+def loop_rate(gamma: Array, beta: Array, A: Array, n: Array, z: Array, v: Array) -> Array:
     """z' = -gamma |v| z |z|^(n-1) - beta v |z|^n + A v."""
-    z = state[0]
-    z_n = power(jnp.abs(z), p.n)
-    return jnp.stack([-p.gamma * jnp.abs(v) * jnp.sign(z) * z_n - p.beta * v * z_n + p.A * v])
+    z_n = power(jnp.abs(z), n)
+    return -gamma * jnp.abs(v) * jnp.sign(z) * z_n - beta * v * z_n + A * v
 
 
 def force(p: Theta, state: Array, x: Array, v: Array) -> Array:

@@ -23,10 +23,14 @@ class Theta(NamedTuple):
 
 
 def rate(p: Theta, state: Array, x: Array, v: Array) -> Array:
+    """w' of the loop at v."""
+    return jnp.stack([loop_rate(p.rho, p.sigma, p.n, state[0], v)])
+
+
+def loop_rate(rho: Array, sigma: Array, n: Array, w: Array, v: Array) -> Array:
     """w' = rho (v - sigma |v| |w|^(n-1) w + (sigma - 1) v |w|^n)."""
-    w = state[0]
-    w_n = power(jnp.abs(w), p.n)
-    return jnp.stack([p.rho * (v - p.sigma * jnp.abs(v) * jnp.sign(w) * w_n + (p.sigma - 1.0) * v * w_n)])
+    w_n = power(jnp.abs(w), n)
+    return rho * (v - sigma * jnp.abs(v) * jnp.sign(w) * w_n + (sigma - 1.0) * v * w_n)
 
 
 def force(p: Theta, state: Array, x: Array, v: Array) -> Array:

@@ -35,18 +35,14 @@ impl DamperModel for BoucWen {
         parameters: PARAMETERS,
         n_states: 1,
         odd: true,
+        relaxes: false,
     };
     type Parameters<R: Real> = Parameters<R>;
     type State<R: Real> = [R; 1];
 
     #[inline(always)]
     fn rate<R: Real>(p: &Parameters<R>, [z]: [R; 1], motion: Motion<R>) -> [R; 1] {
-        let v = motion.velocity;
-        let power = powf(z.abs(), p.n);
-        // |v| z |z|^(n-1) is |v| sgn(z) |z|^n: one power serves both terms.
-        let dissipative = p.gamma * v.abs().copysign(z);
-        let rounding = p.beta.mul_add(v, dissipative);
-        [(-power).mul_add(rounding, p.A * v)]
+        [loop_rate([p.gamma, p.beta, p.A, p.n], z, motion.velocity)]
     }
 
     #[inline(always)]
@@ -56,12 +52,33 @@ impl DamperModel for BoucWen {
     }
 
     fn stiffness_bound(p: &Parameters<f64>, loading: Severity) -> f64 {
-        let sum = p.beta + p.gamma;
-        if sum <= 0.0 {
-            // The loop has no bound, and neither has its stiffness.
-            return f64::INFINITY;
+        match normalised([p.gamma, p.beta, p.A, p.n]) {
+            Some(Normalised { rho, sigma, .. }) => fastest_relaxation(rho, sigma, p.n, loading),
+            None => f64::INFINITY,
         }
-        let z_max = (p.A / sum).powf(1.0 / p.n);
-        fastest_relaxation(p.A / z_max, p.gamma / sum, p.n, loading)
     }
+}
+
+/// z' of the loop [gamma, beta, A, n] driven at the velocity v.
+#[inline(always)]
+pub(super) fn loop_rate<R: Real>([gamma, beta, a, n]: [R; 4], z: R, v: R) -> R {
+    let power = powf(z.abs(), n);
+    // |v| z |z|^(n-1) is |v| sgn(z) |z|^n: one power serves both terms.
+    let dissipative = gamma * v.abs().copysign(z);
+    let rounding = beta.mul_add(v, dissipative);
+    (-power).mul_add(rounding, a * v)
+}
+
+/// The same loop on the scale of w = z/z_max.
+pub(super) struct Normalised {
+    pub z_max: f64,
+    pub rho: f64,
+    pub sigma: f64,
+}
+
+/// `None` where the loop [gamma, beta, A, n] has no bound, and so its stiffness has none.
+pub(super) fn normalised([gamma, beta, a, n]: [f64; 4]) -> Option<Normalised> {
+    let sum = beta + gamma;
+    let z_max = (a / sum).powf(1.0 / n);
+    (sum > 0.0).then_some(Normalised { z_max, rho: a / z_max, sigma: gamma / sum })
 }

@@ -27,6 +27,7 @@ impl DamperModel for Dahl {
         parameters: PARAMETERS,
         n_states: 1,
         odd: true,
+        relaxes: false,
     };
     type Parameters<R: Real> = Parameters<R>;
     type State<R: Real> = [R; 1];

@@ -32,6 +32,7 @@ impl DamperModel for HyperbolicTangentGavin {
         parameters: PARAMETERS,
         n_states: 0,
         odd: true,
+        relaxes: false,
     };
     type Parameters<R: Real> = Parameters<R>;
     type State<R: Real> = [R; 0];

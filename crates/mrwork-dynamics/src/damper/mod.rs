@@ -3,11 +3,15 @@
 mod bingham;
 mod bouc_wen;
 mod dahl;
+mod elasto_visco_plastic;
 mod hyperbolic_tangent_gavin;
 mod hyperbolic_tangent_guo;
 mod lugre;
+mod modified_bouc_wen;
 mod normalised_bouc_wen;
+mod normalised_modified_bouc_wen;
 mod polynomial_fitting;
+mod shear_thinning_modified_bouc_wen;
 mod static_hysteretic;
 mod viscous_dahl;
 
@@ -20,11 +24,15 @@ pub static REGISTRY: &[&dyn Damper] = &[
     &bingham::Bingham,
     &bouc_wen::BoucWen,
     &dahl::Dahl,
+    &elasto_visco_plastic::ElastoViscoPlastic,
     &hyperbolic_tangent_gavin::HyperbolicTangentGavin,
     &hyperbolic_tangent_guo::HyperbolicTangentGuo,
     &lugre::LuGre,
+    &modified_bouc_wen::ModifiedBoucWen,
     &normalised_bouc_wen::NormalisedBoucWen,
+    &normalised_modified_bouc_wen::NormalisedModifiedBoucWen,
     &polynomial_fitting::PolynomialFitting,
+    &shear_thinning_modified_bouc_wen::ShearThinningModifiedBoucWen,
     &static_hysteretic::StaticHysteretic,
     &viscous_dahl::ViscousDahl,
 ];
@@ -56,6 +64,8 @@ pub struct DamperSpec {
     pub n_states: usize,
     /// Whether `f(-x, -v) = -f(x, v)` once the offset parameters are zero.
     pub odd: bool,
+    /// Whether the states move while the damper is held still: a series dashpot creeps, a loop does not.
+    pub relaxes: bool,
 }
 
 /// Elongation of the damper and its rate.

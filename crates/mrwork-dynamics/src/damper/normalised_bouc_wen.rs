@@ -36,18 +36,14 @@ impl DamperModel for NormalisedBoucWen {
         parameters: PARAMETERS,
         n_states: 1,
         odd: true,
+        relaxes: false,
     };
     type Parameters<R: Real> = Parameters<R>;
     type State<R: Real> = [R; 1];
 
     #[inline(always)]
     fn rate<R: Real>(p: &Parameters<R>, [w]: [R; 1], motion: Motion<R>) -> [R; 1] {
-        let v = motion.velocity;
-        let power = powf(w.abs(), p.n);
-        // |w|^(n-1) w is sgn(w) |w|^n: one power serves both terms.
-        let dissipative = p.sigma * v.abs().copysign(w);
-        let rounding = (R::splat(1.0) - p.sigma).mul_add(v, dissipative);
-        [p.rho * (-power).mul_add(rounding, v)]
+        [loop_rate([p.rho, p.sigma, p.n], w, motion.velocity)]
     }
 
     #[inline(always)]
@@ -59,6 +55,16 @@ impl DamperModel for NormalisedBoucWen {
     fn stiffness_bound(p: &Parameters<f64>, loading: Severity) -> f64 {
         fastest_relaxation(p.rho, p.sigma, p.n, loading)
     }
+}
+
+/// w' of the loop [rho, sigma, n] driven at the velocity v.
+#[inline(always)]
+pub(super) fn loop_rate<R: Real>([rho, sigma, n]: [R; 3], w: R, v: R) -> R {
+    let power = powf(w.abs(), n);
+    // |w|^(n-1) w is sgn(w) |w|^n: one power serves both terms.
+    let dissipative = sigma * v.abs().copysign(w);
+    let rounding = (R::splat(1.0) - sigma).mul_add(v, dissipative);
+    rho * (-power).mul_add(rounding, v)
 }
 
 /// Largest |d w'/d w| along a trajectory [1/s].

@@ -32,6 +32,7 @@ impl DamperModel for StaticHysteretic {
         parameters: PARAMETERS,
         n_states: 0,
         odd: true,
+        relaxes: false,
     };
     type Parameters<R: Real> = Parameters<R>;
     type State<R: Real> = [R; 0];

@@ -13,8 +13,7 @@ use crate::real::{
 #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
 pub(super) unsafe fn run_avx512<J: LaneJob>(candidates: usize, job: J) -> J::Output {
     match candidates {
-        1 => job.run::<f64>(),
-        2..=8 => job.run::<Avx512>(),
+        ..=8 => job.run::<Avx512>(),
         9..=16 => job.run::<Pack<Avx512, 2>>(),
         17..=32 => job.run::<Pack<Avx512, 4>>(),
         _ => job.run::<Pack<Avx512, GROUPS>>(),
@@ -24,11 +23,15 @@ pub(super) unsafe fn run_avx512<J: LaneJob>(candidates: usize, job: J) -> J::Out
 /// # Safety
 /// The processor must have the enabled features.
 #[target_feature(enable = "avx2,fma")]
-pub(super) unsafe fn run_avx2<J: LaneJob>(candidates: usize, job: J) -> J::Output {
-    match candidates {
-        1 => job.run::<f64>(),
-        _ => job.run::<Pack<Avx2, 2>>(),
-    }
+pub(super) unsafe fn run_avx2<J: LaneJob>(job: J) -> J::Output {
+    job.run::<Pack<Avx2, 2>>()
+}
+
+/// # Safety
+/// The processor must have the enabled features.
+#[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
+pub(super) unsafe fn run_one_avx512<J: LaneJob>(job: J) -> J::Output {
+    job.run::<Avx512>()
 }
 
 const SIGN_BIT: i64 = i64::MIN;
