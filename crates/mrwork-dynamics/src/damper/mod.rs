@@ -2,7 +2,10 @@
 
 mod bouc_wen;
 mod elasto_visco_plastic;
+mod extended_bingham;
 mod modified_bouc_wen;
+mod non_symmetric_bouc_wen;
+mod non_symmetric_bouc_wen_displacement;
 mod normalised_bouc_wen;
 mod normalised_modified_bouc_wen;
 mod shear_thinning_modified_bouc_wen;
@@ -20,6 +23,9 @@ pub static REGISTRY: &[&dyn Damper] = &[
     &normalised_modified_bouc_wen::NormalisedModifiedBoucWen,
     &shear_thinning_modified_bouc_wen::ShearThinningModifiedBoucWen,
     &elasto_visco_plastic::ElastoViscoPlastic,
+    &non_symmetric_bouc_wen::NonSymmetricBoucWen,
+    &non_symmetric_bouc_wen_displacement::NonSymmetricBoucWenDisplacement,
+    &extended_bingham::ExtendedBingham,
     &static_hysteretic::StaticHysteretic,
 ];
 
