@@ -69,7 +69,7 @@ pub(super) fn loop_rate<R: Real>([gamma, beta, a, n]: [R; 4], z: R, v: R) -> R {
     (-power).mul_add(rounding, a * v)
 }
 
-/// The same loop on the scale of w = z/z_max.
+/// The same loop on the scale of `w = z/z_max`.
 pub(super) struct Normalised {
     pub z_max: f64,
     pub rho: f64,

@@ -52,10 +52,10 @@ impl DamperModel for ElastoViscoPlastic {
         p.k.mul_add(motion.displacement, core(p, u).flow + p.f0)
     }
 
-    /// The spring force relaxes at k_s/q' + r, k_s = rho f_y, fastest where the core is fastest, at |u| = |v|.
+    /// The spring force relaxes at `k_s/q' + r`, `k_s = rho f_y`, fastest where the core is fastest, at |u| = |v|.
     ///
-    /// While the core gives way, u itself runs off at u' |q''|/q', at most k_s (v - u)/(2 c v_r), reached where
-    /// f_y/v_r sech^2(u/v_r) = c; v there is what the acceleration after a reversal has made of it over the travel
+    /// While the core gives way, u itself runs off at u' |q''|/q', at most `k_s (v - u)/(2 c v_r)`, reached where
+    /// `f_y/v_r sech^2(u/v_r) = c`; v there is what the acceleration after a reversal has made of it over the travel
     /// that turns the spring round, 2/rho.
     fn stiffness_bound(p: &Parameters<f64>, loading: Severity) -> f64 {
         let Severity { peak_velocity, reversal_acceleration } = loading;
@@ -75,7 +75,7 @@ struct Core<R> {
     slope: R,
 }
 
-/// The core from e = exp(-2 |u|/v_r): tanh is (1 - e)/(1 + e), and sech^2 = 4 e/(1 + e)^2 keeps its digits where
+/// The core from `e = exp(-2 |u|/v_r)`: tanh is (1 - e)/(1 + e), and sech^2 = 4 e/(1 + e)^2 keeps its digits where
 /// 1 - tanh^2 would lose them all, which is where a small c leaves the slope to it.
 #[inline(always)]
 fn core<R: Real>(p: &Parameters<R>, u: R) -> Core<R> {

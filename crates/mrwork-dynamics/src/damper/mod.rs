@@ -4,10 +4,13 @@ mod bingham;
 mod bouc_wen;
 mod dahl;
 mod elasto_visco_plastic;
+mod extended_bingham;
 mod hyperbolic_tangent_gavin;
 mod hyperbolic_tangent_guo;
 mod lugre;
 mod modified_bouc_wen;
+mod non_symmetric_bouc_wen;
+mod non_symmetric_bouc_wen_displacement;
 mod normalised_bouc_wen;
 mod normalised_modified_bouc_wen;
 mod polynomial_fitting;
@@ -25,10 +28,13 @@ pub static REGISTRY: &[&dyn Damper] = &[
     &bouc_wen::BoucWen,
     &dahl::Dahl,
     &elasto_visco_plastic::ElastoViscoPlastic,
+    &extended_bingham::ExtendedBingham,
     &hyperbolic_tangent_gavin::HyperbolicTangentGavin,
     &hyperbolic_tangent_guo::HyperbolicTangentGuo,
     &lugre::LuGre,
     &modified_bouc_wen::ModifiedBoucWen,
+    &non_symmetric_bouc_wen::NonSymmetricBoucWen,
+    &non_symmetric_bouc_wen_displacement::NonSymmetricBoucWenDisplacement,
     &normalised_bouc_wen::NormalisedBoucWen,
     &normalised_modified_bouc_wen::NormalisedModifiedBoucWen,
     &polynomial_fitting::PolynomialFitting,

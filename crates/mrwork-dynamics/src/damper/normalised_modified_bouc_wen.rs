@@ -77,10 +77,10 @@ const SATURATED: f64 = 0.65;
 
 /// Largest relaxation of y and w along a trajectory [1/s].
 ///
-/// The loop is driven at g = (c1 v - k_w w - k0 (x - y))/(c0 + c1). While it loads, k_w w opposes c1 v, so |g| is at
-/// most c1 |v|/(c0 + c1), and so is its acceleration; where it is saturated, less by k_w/(c0 + c1). On its knee g is
+/// The loop is driven at `g = (c1 v - k_w w - k0 (x - y))/(c0 + c1)`. While it loads, `k_w w` opposes c1 v, so |g| is at
+/// most c1 |v|/(c0 + c1), and so is its acceleration; where it is saturated, less by `k_w/(c0 + c1)`. On its knee g is
 /// what that acceleration has made of it since the reversal, over a travel of 2/rho. Through g, w pulls back on
-/// itself at rho k_w/(c0 + c1) times the slope of the loop, 2 sigma at most, or 1; and y on itself at k0/(c0 + c1).
+/// itself at `rho k_w/(c0 + c1)` times the slope of the loop, 2 sigma at most, or 1; and y on itself at k0/(c0 + c1).
 /// A record that starts in motion crosses its first knee at full velocity, and errs there for a few sub-steps.
 pub(super) fn fastest_relaxation(
     [c0, k0, c1, k_w]: [f64; 4],
