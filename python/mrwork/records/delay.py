@@ -60,8 +60,9 @@ def force_delay(test: DamperTest) -> Measured | None:
     delays = np.array([delay for delay, _ in corners])
     if not (sharpness < _SHARPNESS and np.ptp(delays) <= _AGREEMENT):
         return None
-    # The step of the search is the least error, for what the windows agree on may be one and the same step.
-    error = float(np.hypot(np.ptp(delays) / 2.0, _STEP))
+    # The windows may agree on one and the same step of the search, and a corner lies anywhere between two samples.
+    between = test.dt / (np.sqrt(12.0) * period)
+    error = float(np.linalg.norm([np.ptp(delays) / 2.0, _STEP, between]))
     delay = float(delays.mean())
     time, force, _ = branch
     if delay < -_SIGNIFICANT * error and np.interp(0.0, time, force) > -_PASSED:
