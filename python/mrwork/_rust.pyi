@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 __all__ = [
     "LoadingHistory",
     "__version__",
+    "current_laws",
     "damper_specs",
     "flops_per_step",
     "fma_peak",
@@ -21,9 +22,15 @@ __version__: str
 @final
 class LoadingHistory:
     def __new__(
-        cls, dt: float, displacement: NDArray[np.float64], velocity: NDArray[np.float64] | None = None
+        cls,
+        dt: float,
+        displacement: NDArray[np.float64],
+        velocity: NDArray[np.float64] | None = None,
+        command: NDArray[np.float64] | None = None,
     ) -> LoadingHistory: ...
-    def __getnewargs__(self) -> tuple[float, NDArray[np.float64], NDArray[np.float64] | None]: ...
+    def __getnewargs__(
+        self,
+    ) -> tuple[float, NDArray[np.float64], NDArray[np.float64] | None, NDArray[np.float64] | None]: ...
     @property
     def dt(self) -> float: ...
     @property
@@ -32,8 +39,11 @@ class LoadingHistory:
     def peak_velocity(self) -> float: ...
     @property
     def reversal_acceleration(self) -> float: ...
+    @property
+    def command(self) -> NDArray[np.float64] | None: ...
     def stages(self, substeps: int) -> NDArray[np.float64]: ...
 
+def current_laws() -> list[tuple[str, int]]: ...
 def damper_specs() -> list[dict[str, Any]]: ...
 def misfits(
     model: str,
@@ -41,6 +51,8 @@ def misfits(
     loading: LoadingHistory,
     force: NDArray[np.float64],
     first: int = 0,
+    laws: list[str] | None = None,
+    lagged: bool = False,
     substep_factor: int = 1,
     threads: int = 0,
 ) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint32]]: ...
@@ -48,6 +60,8 @@ def force_histories(
     model: str,
     theta: NDArray[np.float64],
     loading: LoadingHistory,
+    laws: list[str] | None = None,
+    lagged: bool = False,
     substep_factor: int = 1,
     threads: int = 0,
 ) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint32]]: ...

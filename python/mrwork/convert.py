@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from math import isfinite
 from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.errors import SettingError
 
 # NumPy or JAX.
 Array = Any
@@ -32,3 +39,153 @@ def bouc_wen_from_normalised(theta: Array, A: float) -> Array:
     return xp.stack(
         [c, k, x0, k_w / z_max, sigma * sum_, (1.0 - sigma) * sum_, xp.full(n.shape, A), n], axis=-1
     )
+
+
+def rescaled_bouc_wen(theta: Array, A: float) -> Array:
+    """The same `bouc_wen`, shape (..., 8), with another `A`: z is multiplied by s = A_new/A, the force is not."""
+    xp = theta.__array_namespace__()
+    c0, k0, x0, alpha, gamma, beta, old, n = (theta[..., index] for index in range(8))
+    s = A / old
+    power = s ** (1.0 - n)
+    return xp.stack([c0, k0, x0, alpha / s, power * gamma, power * beta, xp.full(n.shape, A), n], axis=-1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OpenSeesBoucWen:
+    """Uniaxial material `BoucWen` of OpenSees, its names and its order of arguments.
+
+    f = alpha ko x + (1 - alpha) ko z, z' = (A - |z|^n (gamma + beta sgn(v z)) nu) v / eta, where A, nu and eta run
+    with the absorbed energy e: A = Ao - deltaA e, nu = 1 + deltaNu e, eta = 1 + deltaEta e (`setTrialStrain` in
+    SRC/material/uniaxial/BoucWenMaterial.cpp; its z after each step solves the backward Euler rule).
+    So beta multiplies |v| z, as Spencer's gamma does, and gamma multiplies v |z|, as his beta does.
+    """
+
+    alpha: float
+    ko: float
+    n: float
+    gamma: float
+    beta: float
+    Ao: float
+    deltaA: float = 0.0  # noqa: N815
+    deltaNu: float = 0.0  # noqa: N815
+    deltaEta: float = 0.0  # noqa: N815
+
+
+def opensees_from_bouc_wen(theta: NDArray[np.float64], *, Ao: float = 1.0) -> tuple[OpenSeesBoucWen, float]:
+    """The OpenSees material equal to a `bouc_wen`, shape (8,), and the dashpot c0 [N s/m] to put in parallel.
+
+    OpenSees has no dashpot inside `BoucWen`; c0 is a `Viscous` material beside it. With `Ao` = 1, ko is the initial
+    and alpha ko the post-yield stiffness, as its manual names them.
+
+    Raises
+    ------
+    SettingError
+        Where no such material exists; the message says why.
+    """
+    _finite(theta, ("c0", "k0", "x0", "alpha", "gamma", "beta", "A", "n"))
+    if not (isfinite(Ao) and Ao > 0.0):
+        raise SettingError(f"Ao is {Ao:g}; give a positive number, 1 to make ko the initial stiffness")
+    if theta[6] <= 0.0:
+        raise SettingError(f"A is {theta[6]:g}; the loop has a stiffness only where A is positive")
+    c0, k0, x0, alpha, gamma, beta, _, n = map(float, rescaled_bouc_wen(theta, Ao))
+    if k0 * x0 != 0.0:
+        raise SettingError(
+            f"x0 is {x0:g} m and offsets the force by -k0 x0 = {-k0 * x0:g} N, which OpenSees' BoucWen cannot; "
+            "convert with x0=0 and apply that force as a constant load"
+        )
+    if k0 < 0.0 or alpha <= 0.0:
+        raise SettingError(
+            f"k0 is {k0:g} N/m and alpha {theta[3]:g} N/m, so the post-yield ratio of OpenSees would be "
+            f"{k0 / (k0 + alpha) if k0 + alpha else float('inf'):g}, outside [0, 1); only k0 >= 0 and alpha > 0 convert"
+        )
+    ko = k0 + alpha
+    return OpenSeesBoucWen(alpha=k0 / ko, ko=ko, n=n, gamma=beta, beta=gamma, Ao=Ao), c0
+
+
+def bouc_wen_from_opensees(material: OpenSeesBoucWen, *, c0: float = 0.0) -> NDArray[np.float64]:
+    """Parameters of `bouc_wen`, shape (8,), equal in force to an OpenSees material and a dashpot c0 [N s/m] beside it.
+
+    A is Ao: z is the same variable in both.
+
+    Raises
+    ------
+    SettingError
+        Where the material degrades, or is outside what OpenSees' manual admits.
+    """
+    m = material
+    degradation = {"deltaA": m.deltaA, "deltaNu": m.deltaNu, "deltaEta": m.deltaEta}
+    if any(degradation.values()):
+        given = ", ".join(f"{name} = {value:g}" for name, value in degradation.items() if value)
+        raise SettingError(
+            f"{given}: the material degrades with absorbed energy, and a bouc_wen does not; set it to 0"
+        )
+    if not 0.0 <= m.alpha < 1.0:
+        raise SettingError(f"alpha is {m.alpha:g}; a ratio of post-yield to initial stiffness lies in [0, 1)")
+    if not (m.ko > 0.0 and m.Ao > 0.0):
+        raise SettingError(f"ko is {m.ko:g} and Ao {m.Ao:g}; both must be positive")
+    theta = np.array([c0, m.alpha * m.ko, 0.0, (1.0 - m.alpha) * m.ko, m.beta, m.gamma, m.Ao, m.n])
+    _finite(theta, ("c0", "ko", "x0", "ko", "beta", "gamma", "Ao", "n"))
+    return theta
+
+
+def solver_remarks(material: OpenSeesBoucWen) -> tuple[str, ...]:
+    """What OpenSees' own solution of z needs to be told: its tolerance is 1e-8 in the unit of z, whatever z is."""
+    bound = material.gamma + material.beta
+    if bound <= 0.0:
+        return ()
+    share = 1e-8 / (material.Ao / bound) ** (1.0 / material.n)
+    if share <= 1e-6:
+        return ()
+    return (
+        f"OpenSees solves for z to 1e-8, {share:.1e} of its largest value here; "
+        f"append the tolerance {1e-14 / share:.1e} to the command",
+    )
+
+
+def require_bounded_loop(theta: NDArray[np.float64]) -> None:
+    """Refuse a `bouc_wen`, shape (8,), that has no normalised form.
+
+    Raises
+    ------
+    SettingError
+        Where z has no bound z_max to normalise with, or the loop would not dissipate.
+    """
+    alpha, gamma, beta, A, n = map(float, theta[3:])
+    if not (alpha > 0.0 and A > 0.0 and n >= 1.0):
+        raise SettingError(
+            f"alpha is {alpha:g}, A {A:g} and n {n:g}; the normalised form wants alpha, A > 0 and n >= 1"
+        )
+    if gamma + beta <= 0.0:
+        raise SettingError(
+            f"gamma + beta is {gamma + beta:g}; z is bounded, and can be normalised, only where the sum is positive"
+        )
+    if gamma <= 0.0:
+        raise SettingError(
+            f"the factor of |v| z is {gamma:g}, so no loop dissipates; "
+            "if the source has it the other way round, swap gamma and beta"
+        )
+
+
+def convention_remarks(theta: NDArray[np.float64]) -> tuple[str, ...]:
+    """What is doubtful about a `bouc_wen`, shape (8,), whose source may name gamma and beta the other way round."""
+    gamma, beta = float(theta[4]), float(theta[5])
+    if gamma == beta or gamma + beta <= 0.0:
+        return ()
+    remarks = []
+    sigma = gamma / (gamma + beta)
+    if gamma > 0.0 and beta > 0.0:
+        remarks.append(
+            f"the factors of |v| z and v |z| differ and papers swap their names: here sigma is {sigma:.4g}, "
+            f"swapped {1.0 - sigma:.4g}, and both make sense; check which factor the source multiplies by |v|"
+        )
+    if sigma < 0.5:
+        remarks.append(
+            f"sigma is {sigma:.4g}, below 1/2: closed loops dissipate, but the element is not passive"
+        )
+    return tuple(remarks)
+
+
+def _finite(theta: NDArray[np.float64], names: tuple[str, ...]) -> None:
+    for name, value in zip(names, theta, strict=True):
+        if not isfinite(value):
+            raise SettingError(f"{name} is {value}; a finite number is expected")

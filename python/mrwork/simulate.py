@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
-from mrwork.errors import SettingError, SimulationError
+from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.records import DamperTest
-from mrwork.spec import DamperSpec
+from mrwork.spec import CommandUnit, DamperSpec
 
 
 class Outcome(IntEnum):
@@ -36,11 +36,14 @@ class Loading:
     """What is done to the damper: displacement [m] and velocity [m/s], shape (n_time,), every `dt` [s].
 
     Between samples both follow a C2 cubic spline; without a velocity, the derivative of the displacement's.
+    The `command` is one number, or one per sample, each held until the next; `command_unit` says amperes or volts.
     """
 
     dt: float
     displacement: NDArray[np.float64]
     velocity: NDArray[np.float64] | None = None
+    command: NDArray[np.float64] | float | None = None
+    command_unit: CommandUnit | None = None
 
     def history(self) -> _rust.LoadingHistory:
         """The splined history that simulations run on.
@@ -52,8 +55,13 @@ class Loading:
         """
         displacement = np.ascontiguousarray(self.displacement, dtype=np.float64)
         velocity = None if self.velocity is None else np.ascontiguousarray(self.velocity, dtype=np.float64)
+        command = None
+        if self.command is not None:
+            command = np.array(
+                np.broadcast_to(np.asarray(self.command, dtype=np.float64), displacement.shape)
+            )
         try:
-            return _rust.LoadingHistory(self.dt, displacement, velocity)
+            return _rust.LoadingHistory(self.dt, displacement, velocity, command)
         except ValueError as error:
             raise SettingError(str(error)) from error
 
@@ -76,9 +84,26 @@ class ForceHistories:
     substeps: NDArray[np.uint32]
 
 
-def loading_of(test: DamperTest) -> Loading:
-    """The motion of a test."""
-    return Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
+def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
+    """The motion of a test, with its command in the unit that the model takes.
+
+    Raises
+    ------
+    RecordError
+        Where the model depends on the command and the test has none in that unit.
+    """
+    motion = Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
+    if spec.current is None:
+        return motion
+    known: dict[CommandUnit, float | None] = {"A": test.current, "V": test.voltage}
+    command = known[spec.current.unit]
+    if command is None:
+        others = [f"{value:g} {unit}" for unit, value in known.items() if value is not None]
+        raise RecordError(
+            f"{test.path or test.name}: the model takes its command in {spec.current.unit}, the test has "
+            f"{others[0] if others else 'none'}; give a column for it, or a model in the other unit"
+        )
+    return replace(motion, command=command, command_unit=spec.current.unit)
 
 
 def simulate_misfits(
@@ -108,7 +133,7 @@ def simulate_misfits(
     """
     try:
         squared_error, outcome, substeps = _rust.misfits(
-            spec.name, _rows(spec, theta), history, force, first, substep_factor, threads
+            spec.name, _rows(spec, theta), history, force, first, *_laws(spec), substep_factor, threads
         )
     except ValueError as error:
         raise SettingError(str(error)) from error
@@ -126,7 +151,7 @@ def simulate_forces(
     """Simulate a batch and keep its force histories; parameters as in `simulate_misfits`."""
     try:
         force, outcome, substeps = _rust.force_histories(
-            spec.name, _rows(spec, theta), history, substep_factor, threads
+            spec.name, _rows(spec, theta), history, *_laws(spec), substep_factor, threads
         )
     except ValueError as error:
         raise SettingError(str(error)) from error
@@ -142,6 +167,8 @@ def simulate_force(
     ------
     SimulationError
         Where the simulation diverges or cannot be resolved.
+    SettingError
+        Where the model takes its command in another unit than the loading gives.
 
     Examples
     --------
@@ -152,12 +179,21 @@ def simulate_force(
     >>> force.shape
     (1000,)
     """
+    if spec.current is not None and loading.command_unit != spec.current.unit:
+        raise SettingError(
+            f"this {spec.name} takes its command in {spec.current.unit}, the loading's is in "
+            f"{loading.command_unit or 'no stated unit'}; set `command` and `command_unit`"
+        )
     histories = simulate_forces(spec, np.atleast_2d(theta), loading.history(), substep_factor=substep_factor)
     outcome = Outcome(histories.outcome[0])
     if outcome is not Outcome.FINISHED:
         raise SimulationError(f"{spec.name} ended as {outcome.name.lower()}: {outcome.remedy}")
     force: NDArray[np.float64] = histories.force[0]
     return force
+
+
+def _laws(spec: DamperSpec) -> tuple[list[str] | None, bool]:
+    return (None, False) if spec.current is None else (list(spec.current.laws), spec.current.lagged)
 
 
 def _rows(spec: DamperSpec, theta: ArrayLike) -> NDArray[np.float64]:

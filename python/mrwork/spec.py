@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Literal
 
@@ -10,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork import _rust
-from mrwork.errors import UnknownNameError
+from mrwork.errors import SettingError, UnknownNameError
 
 Scale = Literal["linear", "log", "offset"]
+LawName = Literal["constant", "linear", "quadratic", "cubic", "exponential"]
+CommandUnit = Literal["A", "V"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,8 +32,26 @@ class ParamSpec:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CurrentLaws:
+    """How each parameter of the plain model follows the command, which is in `unit`.
+
+    With `u` the command as the coil gets it: constant `p = p.0`; linear, quadratic and cubic
+    `p = p.0 + p.1 u + p.2 u^2 + p.3 u^3`; exponential `p = p.0 + p.1 exp(p.2 u)`. A parameter that follows the
+    command stays within the range the plain model admits. A lagged driver has `u' = -eta (u - command)`.
+    """
+
+    unit: CommandUnit
+    laws: tuple[LawName, ...]
+    lagged: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DamperSpec:
-    """A damper model: equations, source, parameters in order. Declared in Rust, beside the equations."""
+    """A damper model: equations, source, parameters in order. Declared in Rust, beside the equations.
+
+    A model with current laws has their coefficients for parameters, named `k_w.0`, `k_w.1`; `plain` has those of the
+    model itself.
+    """
 
     name: str
     title: str
@@ -41,6 +62,8 @@ class DamperSpec:
     n_states: int
     odd: bool
     parameters: tuple[ParamSpec, ...]
+    plain: tuple[ParamSpec, ...]
+    current: CurrentLaws | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -52,13 +75,131 @@ class DamperSpec:
         """Typical parameter values, shape (n_params,)."""
         return np.array([parameter.nominal for parameter in self.parameters])
 
+    def with_current_laws(
+        self, laws: Mapping[str, LawName], *, unit: CommandUnit = "A", lagged: bool = False
+    ) -> DamperSpec:
+        """Return the model with parameters that follow the command; those not named are constant.
+
+        Parameters
+        ----------
+        laws
+            Parameter name to the name of its law.
+        unit
+            What the command is measured in; a test in the other unit is refused.
+        lagged
+            Whether the command reaches the coil through a first-order lag, with its rate `eta` for a parameter.
+
+        Raises
+        ------
+        UnknownNameError
+            Where the model has no such parameter, or there is no such law.
+        SettingError
+            Where the model has current laws already.
+
+        Examples
+        --------
+        >>> import mrwork as mr
+        >>> model = mr.damper("dahl").with_current_laws({"k_w": "quadratic"})
+        >>> model.names
+        ('k_w.0', 'k_w.1', 'k_w.2', 'rho', 'f0')
+        """
+        if self.current is not None:
+            raise SettingError(
+                f"{self.name} has current laws already; give them to the plain model, all at once"
+            )
+        for name, law in laws.items():
+            if name not in self.names:
+                raise UnknownNameError(
+                    f"{self.name} has no parameter {name!r} to follow the command; it has {', '.join(self.names)}"
+                )
+            if law not in _coefficient_counts():
+                raise UnknownNameError(
+                    f"no current law is called {law!r}; choose one of {', '.join(_coefficient_counts())}"
+                )
+        chosen: tuple[LawName, ...] = tuple(laws.get(name, "constant") for name in self.names)
+        parameters: list[ParamSpec] = []
+        for parameter, law in zip(self.plain, chosen, strict=True):
+            parameters += _coefficients(parameter, law, unit)
+        if lagged:
+            parameters.append(_DRIVER_RATE)
+        return replace(
+            self,
+            parameters=tuple(parameters),
+            current=CurrentLaws(unit=unit, laws=chosen, lagged=lagged),
+        )
+
+
+# Lag of an MR damper's coil and driver: 190 1/s in Spencer et al. 1997 and Dyke et al. 1996.
+_DRIVER_RATE = ParamSpec(
+    name="eta",
+    unit="1/s",
+    scale="log",
+    lower=1.0,
+    upper=1e5,
+    nominal=190.0,
+    description="rate of the driver's first-order lag",
+)
+
+
+@cache
+def _coefficient_counts() -> dict[str, int]:
+    return dict(_rust.current_laws())
+
+
+def _coefficients(parameter: ParamSpec, law: LawName, unit: CommandUnit) -> list[ParamSpec]:
+    """The numbers of a parameter's law; the nominal ones make it constant."""
+    if law == "constant":
+        return [parameter]
+    widest = max(abs(parameter.lower), abs(parameter.upper))
+    entries = []
+    for power in range(_coefficient_counts()[law]):
+        exponent = law == "exponential" and power == 2
+        bound = 20.0 if exponent else widest
+        divisor = (
+            ""
+            if power == 0 or (law == "exponential" and not exponent)
+            else unit
+            if power == 1 or exponent
+            else f"{unit}^{power}"
+        )
+        own = "" if exponent else parameter.unit
+        entries.append(
+            replace(
+                parameter,
+                name=f"{parameter.name}.{power}",
+                unit=_per(own, divisor),
+                scale="linear",
+                lower=-bound,
+                upper=bound,
+                nominal=parameter.nominal if power == 0 else -1.0 if exponent else 0.0,
+                description=f"{parameter.description}; coefficient {power} of its {law} law",
+            )
+        )
+    return entries
+
+
+def _per(unit: str, divisor: str) -> str:
+    """`unit` divided by `divisor`, as units are written here: N/(m A), 1/A."""
+    if not divisor:
+        return unit
+    if unit in ("", "1"):
+        return f"1/{divisor}"
+    numerator, slash, denominator = unit.partition("/")
+    return f"{numerator}/({denominator} {divisor})" if slash else f"{numerator}/{divisor}"
+
 
 @cache
 def dampers() -> tuple[DamperSpec, ...]:
     """Every registered damper model."""
     return tuple(
         DamperSpec(
-            **(entry | {"parameters": tuple(ParamSpec(**parameter) for parameter in entry["parameters"])})
+            **(
+                entry
+                | dict.fromkeys(
+                    ("parameters", "plain"),
+                    tuple(ParamSpec(**parameter) for parameter in entry["parameters"]),
+                )
+            )
         )
         for entry in _rust.damper_specs()
     )

@@ -5,16 +5,17 @@ from __future__ import annotations
 import numpy as np
 from damper_samples import STROKE, noise, random_theta, sine
 
+from mrwork.records.window import settling_samples
 from mrwork.simulate import Loading, Outcome, simulate_forces
 
 FINEST = 64
 FACTORS = (1, 2, 4, 8)
 
 
-def errors(spec, theta, history):
+def errors(spec, theta, history, *, first=0):
     """Largest force error of each row over its peak force, shape (n_factors, n_rows).
 
-    The reference takes 64 times the steps.
+    The reference takes 64 times the steps. Samples before `first` are simulated and not compared.
     """
     fine = simulate_forces(spec, theta, history, substep_factor=FINEST)
     usable = fine.outcome == Outcome.FINISHED
@@ -24,7 +25,7 @@ def errors(spec, theta, history):
 
     def error(factor):
         force = simulate_forces(spec, theta[usable], history, substep_factor=factor).force
-        return np.max(np.abs(force - exact), axis=1) / peak
+        return np.max(np.abs(force - exact)[:, first:], axis=1) / peak
 
     return np.array([error(factor) for factor in FACTORS])
 
@@ -60,8 +61,11 @@ def test_second_order_over_reversals(spec):
 
 
 def test_error_of_the_stepping_rule_itself_is_small(spec):
-    # With the sub-steps that the stiffness bound asks for, no more: far below any force sensor.
+    # With the sub-steps that the stiffness bound asks for, no more: far below any force sensor. It counts from
+    # where a record is compared. Before, a motion that starts at full speed from a loop at rest asks for a jump,
+    # of which one step at the limit of 1.4 leaves 0.28 where exp(-1.4) = 0.25 is right.
+    motion = sine()
     theta = np.vstack([spec.nominal, random_theta(spec, 60, rng=42)])
-    error = errors(spec, theta, sine().history())
-    assert np.all(error[0] < 0.02)
-    assert np.median(error[0]) < 2e-3
+    error = errors(spec, theta, motion.history(), first=settling_samples(motion.displacement))
+    assert np.all(error[0] < 1e-3)
+    assert np.median(error[0]) < 1e-4

@@ -2,13 +2,15 @@
 
 use core::marker::PhantomData;
 
+use crate::current_law::CurrentLaws;
 use crate::damper::{DamperModel, DamperSpec, Motion, State};
 use crate::dispatch::{InstructionSet, LaneJob};
+use crate::driver::{Driver, Following, Steady};
 use crate::integrate::{advance, substeps};
 use crate::lanes::Lanes;
-use crate::loading::LoadingHistory;
+use crate::loading::{Command, LoadingHistory};
 use crate::misfit::{History, Sink, SquaredError};
-use crate::parameters::FromValues;
+use crate::parameters::FromSlice;
 use crate::threads::StopRequested;
 
 /// Steps between two looks at the stop flag and at lost lanes: well below a millisecond apart on a full block.
@@ -27,6 +29,8 @@ pub struct Target<'a> {
 pub struct Block<'a> {
     /// Parameters of the whole batch, row by row.
     pub theta: &'a [f64],
+    /// How the parameters follow the command.
+    pub laws: &'a CurrentLaws,
     /// Rows of `theta` that make up the block, at least one.
     pub candidates: &'a [usize],
     /// The motion.
@@ -42,7 +46,13 @@ pub trait Damper: Sync {
     /// What the model says of itself.
     fn spec(&self) -> &'static DamperSpec;
     /// Sub-steps per sample interval, `None` where the candidate cannot be resolved.
-    fn substeps(&self, theta: &[f64], loading: &LoadingHistory, factor: u32) -> Option<u32>;
+    fn substeps(
+        &self,
+        theta: &[f64],
+        laws: &CurrentLaws,
+        loading: &LoadingHistory,
+        factor: u32,
+    ) -> Option<u32>;
     /// Time derivative of the states.
     fn rate(&self, theta: &[f64], state: &[f64], motion: Motion<f64>) -> Vec<f64>;
     /// Force [N].
@@ -60,8 +70,14 @@ impl<M: DamperModel> Damper for M {
         const { &M::SPEC }
     }
 
-    fn substeps(&self, theta: &[f64], loading: &LoadingHistory, factor: u32) -> Option<u32> {
-        substeps::<M>(theta, loading.dt(), loading.severity(), factor)
+    fn substeps(
+        &self,
+        theta: &[f64],
+        laws: &CurrentLaws,
+        loading: &LoadingHistory,
+        factor: u32,
+    ) -> Option<u32> {
+        substeps::<M>(theta, laws, loading, factor)
     }
 
     fn rate(&self, theta: &[f64], state: &[f64], motion: Motion<f64>) -> Vec<f64> {
@@ -90,8 +106,8 @@ impl<M: DamperModel> Damper for M {
 }
 
 fn at_point<M: DamperModel>(theta: &[f64], state: &[f64]) -> (M::Parameters<f64>, M::State<f64>) {
-    let entry = |values: &[f64], index: usize| values.get(index).copied().unwrap_or(f64::NAN);
-    (M::Parameters::from_values(|index| entry(theta, index)), M::State::from_fn(|index| entry(state, index)))
+    let entry = |index: usize| state.get(index).copied().unwrap_or(f64::NAN);
+    (M::Parameters::from_slice(theta), M::State::from_fn(entry))
 }
 
 struct SquaredErrorJob<'a, M> {
@@ -131,12 +147,38 @@ impl<M: DamperModel> LaneJob for HistoryJob<'_, '_, M> {
 /// Simulates one block from rest. Lanes without a candidate repeat the last one.
 #[inline(always)]
 fn run_block<M: DamperModel, R: Lanes, S: Sink<R>>(block: &Block<'_>, sink: &mut S) {
-    let Block { theta, candidates, loading, substeps, stop } = *block;
-    let n_params = M::SPEC.parameters.len();
+    let Block { theta, laws, candidates, loading, substeps, .. } = *block;
+    let n_columns = laws.n_columns();
     let last = candidates.len() - 1;
-    let p = M::Parameters::<R>::from_values(|index| {
-        R::from_fn(|lane| theta[candidates[lane.min(last)] * n_params + index])
-    });
+    let columns: Vec<R> = (0..n_columns)
+        .map(|column| R::from_fn(|lane| theta[candidates[lane.min(last)] * n_columns + column]))
+        .collect();
+    if laws.are_constant() {
+        let mut steady = Steady { parameters: M::Parameters::from_slice(&columns) };
+        return run_driven::<M, R, S, _>(block, &mut steady, sink);
+    }
+    match loading.command() {
+        Command::Held(command) => {
+            let mut values = vec![R::splat(f64::NAN); laws.n_params()];
+            laws.evaluate(&columns, R::splat(*command), &mut values);
+            let mut steady = Steady { parameters: M::Parameters::from_slice(&values) };
+            run_driven::<M, R, S, _>(block, &mut steady, sink);
+        }
+        Command::Varying(command) => {
+            let step = loading.dt() / f64::from(substeps);
+            run_driven::<M, R, S, _>(block, &mut Following::<M, R>::new(laws, columns, command, step), sink);
+        }
+    }
+}
+
+/// Simulates one block from rest with the parameters that its driver gives.
+#[inline(always)]
+fn run_driven<M: DamperModel, R: Lanes, S: Sink<R>, D: Driver<M, R>>(
+    block: &Block<'_>,
+    driver: &mut D,
+    sink: &mut S,
+) {
+    let Block { loading, substeps, stop, .. } = *block;
     let fraction = 1.0 / f64::from(substeps);
     let step = loading.dt() * fraction;
     // A power of two, as both are: a mask finds its multiples without a division per sample.
@@ -148,16 +190,20 @@ fn run_block<M: DamperModel, R: Lanes, S: Sink<R>>(block: &Block<'_>, sink: &mut
             return;
         }
         let mut start = interval.motion(0.0);
-        sink.take(sample, M::force(&p, state, start.splat()));
-        if M::SPEC.n_states > 0 {
+        driver.begin(sample);
+        sink.take(sample, M::force(driver.parameters(), state, start.splat()));
+        if M::SPEC.n_states == 0 {
+            driver.step();
+        } else {
             for substep in 0..substeps {
                 let u = f64::from(substep) * fraction;
                 let middle = interval.motion(u + 0.5 * fraction);
                 let end = interval.motion(u + fraction);
-                state = advance::<M, R>(&p, state, [start, middle, end], step);
+                state = advance::<M, R>(driver.step(), state, [start, middle, end], step);
                 start = end;
             }
         }
     }
-    sink.take(loading.n_time() - 1, M::force(&p, state, loading.last().splat()));
+    driver.begin(loading.n_time() - 1);
+    sink.take(loading.n_time() - 1, M::force(driver.parameters(), state, loading.last().splat()));
 }

@@ -54,6 +54,19 @@ pub enum DynamicsError {
         /// Columns needed.
         expected: usize,
     },
+    /// A list of current laws of the wrong length.
+    #[error("{found} current laws were given, `{model}` has {expected} parameters; give one for each")]
+    LawCount {
+        /// The model.
+        model: &'static str,
+        /// Laws given.
+        found: usize,
+        /// Laws needed.
+        expected: usize,
+    },
+    /// A model that depends on the command, under a loading without one.
+    #[error("`{0}` depends on the command, the loading history has none; give one value per sample")]
+    NoCommand(&'static str),
     /// A sub-step factor that is not a power of two.
     #[error("the sub-step factor is {0}, it must be a power of two from 1 to {MAX_SUBSTEP_FACTOR}")]
     SubstepFactor(u32),

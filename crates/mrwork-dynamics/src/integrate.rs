@@ -1,8 +1,10 @@
 //! The one time-stepping rule: classical Runge-Kutta on the record's own grid, with as many equal
 //! sub-steps per sample as the candidate's stiffness asks for.
 
-use crate::damper::{DamperModel, Motion, Severity, State};
-use crate::parameters::FromValues;
+use crate::current_law::CurrentLaws;
+use crate::damper::{DamperModel, Motion, State};
+use crate::loading::LoadingHistory;
+use crate::parameters::FromSlice;
 use crate::real::Real;
 
 /// Most sub-steps per sample interval that a candidate may ask for.
@@ -20,15 +22,30 @@ const RESOLUTION: f64 = 1.4;
 
 /// Sub-steps per sample interval (a power of two, so that lanes group), times `factor`.
 ///
-/// `None` where the candidate needs more than [`MAX_SUBSTEPS`], or where its bound is not a number.
+/// The bound is that of the stiffest command of the loading. `None` where the candidate needs more than
+/// [`MAX_SUBSTEPS`], or where its bound is not a number.
 pub(crate) fn substeps<M: DamperModel>(
     theta: &[f64],
-    dt: f64,
-    loading: Severity,
+    laws: &CurrentLaws,
+    loading: &LoadingHistory,
     factor: u32,
 ) -> Option<u32> {
-    let p = M::Parameters::from_values(|index| theta.get(index).copied().unwrap_or(f64::NAN));
-    let wanted = dt * M::stiffness_bound(&p, loading) / RESOLUTION;
+    let severity = loading.severity();
+    let mut bound = 0.0;
+    if laws.are_constant() {
+        bound = M::stiffness_bound(&M::Parameters::from_slice(theta), severity);
+    } else {
+        let mut values = vec![f64::NAN; laws.n_params()];
+        for &command in loading.command_levels() {
+            laws.evaluate(theta, command, &mut values);
+            let at_command = M::stiffness_bound(&M::Parameters::from_slice(&values), severity);
+            // A bound that is not a number stays.
+            if at_command > bound || at_command.is_nan() {
+                bound = at_command;
+            }
+        }
+    }
+    let wanted = loading.dt() * bound / RESOLUTION;
     let mut count = 1;
     while f64::from(count) < wanted {
         count *= 2;
@@ -39,18 +56,18 @@ pub(crate) fn substeps<M: DamperModel>(
     wanted.is_finite().then_some(count * factor)
 }
 
-/// One classical Runge-Kutta step of length `step` [s], motions given at its start, middle and end.
+/// One classical Runge-Kutta step of length `step` [s], parameters and motions given at its start, middle and end.
 #[inline(always)]
 pub(crate) fn advance<M: DamperModel, R: Real>(
-    p: &M::Parameters<R>,
+    [p_start, p_middle, p_end]: [&M::Parameters<R>; 3],
     state: M::State<R>,
     [start, middle, end]: [Motion<f64>; 3],
     step: f64,
 ) -> M::State<R> {
     let half = R::splat(0.5 * step);
-    let first = M::rate(p, state, start.splat());
-    let second = M::rate(p, state.advance(half, first), middle.splat());
-    let third = M::rate(p, state.advance(half, second), middle.splat());
-    let fourth = M::rate(p, state.advance(R::splat(step), third), end.splat());
+    let first = M::rate(p_start, state, start.splat());
+    let second = M::rate(p_middle, state.advance(half, first), middle.splat());
+    let third = M::rate(p_middle, state.advance(half, second), middle.splat());
+    let fourth = M::rate(p_end, state.advance(R::splat(step), third), end.splat());
     state.advance_weighted(R::splat(step / 6.0), [first, second, third, fourth])
 }

@@ -6,9 +6,11 @@
 //! randomness, no printing.
 
 pub mod block;
+pub mod current_law;
 pub mod damper;
 #[allow(unsafe_code)] // the one module that enters an instruction set
 pub mod dispatch;
+mod driver;
 pub mod elementary;
 pub mod error;
 pub mod integrate;

@@ -29,6 +29,18 @@ fn evaluate(&[a, b, c, d]: &Cubic, u: f64) -> f64 {
     u.mul_add(u.mul_add(u.mul_add(d, c), b), a)
 }
 
+/// What the driver is told [A or V].
+#[derive(Clone, Debug, PartialEq)]
+pub enum Command {
+    /// The same throughout; not a number where none was given.
+    Held(f64),
+    /// One value per sample, held until the next.
+    Varying(Vec<f64>),
+}
+
+/// Commands between the smallest and the largest that are looked at for the stiffest.
+const COMMAND_LEVELS: u32 = 9;
+
 /// A motion history on a uniform grid with its C2 cubic spline, shared by all candidates.
 #[derive(Clone, Debug)]
 pub struct LoadingHistory {
@@ -36,6 +48,8 @@ pub struct LoadingHistory {
     intervals: Vec<Interval>,
     last: Motion<f64>,
     severity: Severity,
+    command: Command,
+    command_levels: Vec<f64>,
 }
 
 impl LoadingHistory {
@@ -73,7 +87,37 @@ impl LoadingHistory {
             last = Motion { displacement: x, velocity: v };
         }
         let severity = severity(dt, &intervals);
-        Ok(Self { dt, intervals, last, severity })
+        let (command, command_levels) = (Command::Held(f64::NAN), vec![f64::NAN]);
+        Ok(Self { dt, intervals, last, severity, command, command_levels })
+    }
+
+    /// The same motion under a command [A or V], one value per sample, each held until the next.
+    ///
+    /// # Errors
+    /// Where the array differs in length, or holds a value that is not finite.
+    pub fn with_command(self, command: &[f64]) -> Result<Self, DynamicsError> {
+        check("command", command, self.n_time())?;
+        let lowest = command.iter().copied().fold(f64::INFINITY, f64::min);
+        let highest = command.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        if lowest < highest {
+            let spacing = (highest - lowest) / f64::from(COMMAND_LEVELS - 1);
+            let levels = (0..COMMAND_LEVELS).map(|level| f64::from(level).mul_add(spacing, lowest));
+            let command_levels = levels.collect();
+            Ok(Self { command: Command::Varying(command.to_vec()), command_levels, ..self })
+        } else {
+            Ok(Self { command: Command::Held(lowest), command_levels: vec![lowest], ..self })
+        }
+    }
+
+    /// What the driver is told.
+    #[must_use]
+    pub fn command(&self) -> &Command {
+        &self.command
+    }
+
+    /// Commands to look at for the stiffest.
+    pub(crate) fn command_levels(&self) -> &[f64] {
+        &self.command_levels
     }
 
     /// Number of samples.

@@ -43,9 +43,9 @@ pub struct ParamSpec {
 }
 
 /// Parameters that can be filled in spec order.
-pub trait FromValues<R>: Copy {
-    /// Takes the value of parameter `index` from `value(index)`.
-    fn from_values(value: impl FnMut(usize) -> R) -> Self;
+pub trait FromSlice<R>: Copy {
+    /// Takes one value per parameter; those that are missing are not a number.
+    fn from_slice(values: &[R]) -> Self;
 }
 
 /// Declares the parameters of the model in this file: a struct `Parameters<R>` to compute with and a
@@ -64,12 +64,14 @@ macro_rules! parameters {
         #[allow(missing_docs, non_snake_case)] // described in PARAMETERS; letters as in the equation
         pub struct Parameters<R> { $(pub $name: R),+ }
 
-        impl<R: Copy> $crate::parameters::FromValues<R> for Parameters<R> {
+        impl<R: $crate::real::Real> $crate::parameters::FromSlice<R> for Parameters<R> {
             #[inline(always)]
-            fn from_values(mut value: impl FnMut(usize) -> R) -> Self {
-                let mut indices = 0..;
-                let mut next = || value(indices.next().unwrap_or(usize::MAX));
-                Self { $($name: next()),+ }
+            fn from_slice(values: &[R]) -> Self {
+                let mut values = values.iter();
+                Self { $($name: match values.next() {
+                    Some(&value) => value,
+                    None => R::splat(f64::NAN),
+                }),+ }
             }
         }
 

@@ -10,7 +10,7 @@ use crate::dispatch::{InstructionSet, LaneJob};
 use crate::error::DynamicsError;
 use crate::integrate::advance;
 use crate::lanes::Lanes;
-use crate::parameters::FromValues;
+use crate::parameters::FromSlice;
 use crate::real::Real;
 use crate::threads::{on_threads, thread_count};
 
@@ -63,12 +63,13 @@ impl LaneJob for FmaChains {
 
 /// Arithmetic operations of one Runge-Kutta step and one residual, counted by running them.
 pub(crate) fn flops_per_step<M: DamperModel>(theta: &[f64]) -> u64 {
-    let p = M::Parameters::from_values(|index| Counted(theta.get(index).copied().unwrap_or(f64::NAN)));
+    let theta: Vec<Counted> = theta.iter().map(|&value| Counted(value)).collect();
+    let p = M::Parameters::from_slice(&theta);
     let motion = Motion { displacement: 1e-3, velocity: 1e-2 };
     FLOPS.set(0);
     let mut state = M::State::<Counted>::from_fn(|_| Counted(0.5));
     if M::SPEC.n_states > 0 {
-        state = advance::<M, Counted>(&p, state, [motion; 3], 1e-3);
+        state = advance::<M, Counted>([&p; 3], state, [motion; 3], 1e-3);
     }
     let residual = M::force(&p, state, motion.splat()) - Counted(1.0);
     let _squared = residual.mul_add(residual, Counted(0.0));

@@ -4,11 +4,12 @@
 //! or the instruction set.
 
 use crate::block::{Block, Damper, Target};
+use crate::current_law::CurrentLaws;
 use crate::dispatch::InstructionSet;
 use crate::error::{DynamicsError, Outcome};
 use crate::integrate::MAX_SUBSTEP_FACTOR;
 use crate::lanes::VECTOR_WIDTH;
-use crate::loading::LoadingHistory;
+use crate::loading::{Command, LoadingHistory};
 use crate::threads::{StopRequested, on_threads, thread_count};
 
 /// Steps below which waking another thread costs more than it saves.
@@ -40,12 +41,13 @@ pub struct Row {
 
 /// Misfits of a batch by running reduction: no force is stored.
 ///
-/// `theta` is row-major, shape (batch, `n_params`).
+/// `theta` is row-major, shape (batch, `laws.n_columns()`).
 ///
 /// # Errors
 /// Where shapes do not fit, or the batch was stopped from outside.
 pub fn misfits(
     damper: &dyn Damper,
+    laws: &CurrentLaws,
     theta: &[f64],
     loading: &LoadingHistory,
     target: Target<'_>,
@@ -61,8 +63,8 @@ pub fn misfits(
     if target.first >= loading.n_time() {
         return Err(DynamicsError::EmptyWindow { first: target.first, n_time: loading.n_time() });
     }
-    let plan = Plan::new(damper, theta, loading, settings)?;
-    let blocks = plan.blocks(theta, loading, settings.stop);
+    let plan = Plan::new(damper, laws, theta, loading, settings)?;
+    let blocks = plan.blocks(theta, laws, loading, settings.stop);
     let sums = on_threads(plan.threads, blocks.iter().collect(), |block| {
         damper.squared_errors(settings.instruction_set, block, target)
     })?;
@@ -89,18 +91,19 @@ pub fn misfits(
 /// Where shapes do not fit, or the batch was stopped from outside.
 pub fn force_histories(
     damper: &dyn Damper,
+    laws: &CurrentLaws,
     theta: &[f64],
     loading: &LoadingHistory,
     force: &mut [f64],
     settings: Settings<'_>,
 ) -> Result<Vec<Row>, DynamicsError> {
-    let mut plan = Plan::new(damper, theta, loading, settings)?;
+    let mut plan = Plan::new(damper, laws, theta, loading, settings)?;
     let expected = plan.rows.len() * loading.n_time();
     if force.len() != expected {
         return Err(DynamicsError::LengthMismatch { name: "force", found: force.len(), expected });
     }
     force.fill(f64::INFINITY);
-    let blocks = plan.blocks(theta, loading, settings.stop);
+    let blocks = plan.blocks(theta, laws, loading, settings.stop);
     let mut unclaimed: Vec<Option<&mut [f64]>> = force.chunks_mut(loading.n_time()).map(Some).collect();
     let work: Vec<(&Block<'_>, Vec<&mut [f64]>)> = blocks
         .iter()
@@ -134,6 +137,7 @@ struct Plan {
 impl Plan {
     fn new(
         damper: &dyn Damper,
+        laws: &CurrentLaws,
         theta: &[f64],
         loading: &LoadingHistory,
         settings: Settings<'_>,
@@ -142,18 +146,21 @@ impl Plan {
         if !(substep_factor.is_power_of_two() && substep_factor <= MAX_SUBSTEP_FACTOR) {
             return Err(DynamicsError::SubstepFactor(substep_factor));
         }
-        let n_params = damper.spec().parameters.len();
-        if !theta.len().is_multiple_of(n_params) {
+        if !laws.are_constant() && matches!(loading.command(), Command::Held(command) if command.is_nan()) {
+            return Err(DynamicsError::NoCommand(damper.spec().name));
+        }
+        let n_columns = laws.n_columns();
+        if !theta.len().is_multiple_of(n_columns) {
             return Err(DynamicsError::ParameterCount {
                 model: damper.spec().name,
                 found: theta.len(),
-                expected: n_params,
+                expected: n_columns,
             });
         }
         let rows: Vec<Row> = theta
-            .chunks_exact(n_params)
+            .chunks_exact(n_columns)
             .map(|theta| {
-                let substeps = damper.substeps(theta, loading, substep_factor);
+                let substeps = damper.substeps(theta, laws, loading, substep_factor);
                 let outcome = if substeps.is_some() { Outcome::Finished } else { Outcome::Unresolved };
                 Row { squared_error: f64::INFINITY, outcome, substeps: substeps.unwrap_or(0) }
             })
@@ -172,6 +179,7 @@ impl Plan {
     fn blocks<'a>(
         &'a self,
         theta: &'a [f64],
+        laws: &'a CurrentLaws,
         loading: &'a LoadingHistory,
         stop: &'a StopRequested<'a>,
     ) -> Vec<Block<'a>> {
@@ -180,6 +188,7 @@ impl Plan {
             .flat_map(|group| group.chunks(self.block_width))
             .map(|candidates| Block {
                 theta,
+                laws,
                 candidates,
                 loading,
                 substeps: self.rows[candidates[0]].substeps,

@@ -7,6 +7,7 @@ use std::thread;
 use std::time::Duration;
 
 use mrwork_dynamics::block::{Damper, Target};
+use mrwork_dynamics::current_law::CurrentLaws;
 use mrwork_dynamics::damper::{REGISTRY, find};
 use mrwork_dynamics::dispatch::InstructionSet;
 use mrwork_dynamics::error::{DynamicsError, Outcome};
@@ -26,6 +27,10 @@ fn loading(n_time: usize) -> LoadingHistory {
     let omega = 2.0 * std::f64::consts::PI * 2.5;
     let x: Vec<f64> = (0..n_time).map(|i| 0.01 * (omega * i as f64 * 1e-3).sin()).collect();
     LoadingHistory::new(1e-3, &x, None).expect("a valid history")
+}
+
+fn constant(damper: &dyn Damper) -> CurrentLaws {
+    CurrentLaws::constant(damper.spec())
 }
 
 fn nominal(damper: &dyn Damper) -> Vec<f64> {
@@ -50,7 +55,8 @@ fn forces(
 ) -> (Vec<Row>, Vec<f64>) {
     let n_batch = theta.len() / damper.spec().parameters.len();
     let mut force = vec![0.0; n_batch * loading.n_time()];
-    let rows = force_histories(damper, theta, loading, &mut force, settings).expect("a batch that runs");
+    let rows = force_histories(damper, &constant(damper), theta, loading, &mut force, settings)
+        .expect("a batch that runs");
     (rows, force)
 }
 
@@ -74,15 +80,16 @@ fn a_row_of_a_batch_has_the_bits_of_a_call_of_its_own() {
         let target = Target { force: measured, first: 20 };
         for set in supported() {
             let (rows, force) = forces(damper, &theta, &loading, settings(2, set));
-            let fits =
-                misfits(damper, &theta, &loading, target, settings(2, set)).expect("a batch that runs");
+            let fits = misfits(damper, &constant(damper), &theta, &loading, target, settings(2, set))
+                .expect("a batch that runs");
             for (i, (single, history)) in alone.iter().enumerate() {
                 let name = damper.spec().name;
                 assert_eq!(rows[i], single[0], "row {i} of {name} on {}", set.name());
                 let row = &force[i * loading.n_time()..(i + 1) * loading.n_time()];
                 assert_eq!(bits(row), bits(history), "row {i} of {name} on {}", set.name());
                 let theta = &theta[i * n_params..(i + 1) * n_params];
-                let fit = misfits(damper, theta, &loading, target, default()).expect("a batch that runs");
+                let fit = misfits(damper, &constant(damper), theta, &loading, target, default())
+                    .expect("a batch that runs");
                 assert_eq!(fits[i].squared_error.to_bits(), fit[0].squared_error.to_bits());
             }
             assert_eq!(fits[0].squared_error, 0.0, "the first row made the measurement");
@@ -99,8 +106,15 @@ fn threads_do_not_change_a_bit() {
         let measured = vec![100.0; loading.n_time()];
         let target = Target { force: &measured, first: 0 };
         let run = |threads| {
-            misfits(damper, &theta, &loading, target, settings(threads, InstructionSet::detect()))
-                .expect("a batch that runs")
+            misfits(
+                damper,
+                &constant(damper),
+                &theta,
+                &loading,
+                target,
+                settings(threads, InstructionSet::detect()),
+            )
+            .expect("a batch that runs")
         };
         let one = run(1);
         for threads in [0, 2, 3] {
@@ -132,15 +146,21 @@ fn a_loop_without_bound_is_unresolved() {
 fn a_candidate_whose_force_overflows_diverges_and_leaves_its_neighbours_alone() {
     let loading = loading(600);
     for &damper in REGISTRY {
-        let n_params = damper.spec().parameters.len();
+        let parameters = damper.spec().parameters;
         let clean = batch(damper, 20);
         let mut theta = clean.clone();
-        theta[7 * n_params] = f64::MAX; // a dashpot, the first parameter of every model here
-        theta[7 * n_params + 1] = f64::MAX; // and a spring: their sum overflows
+        // The force is a sum of terms with one of these each: it overflows, or its square does.
+        for (value, parameter) in theta[7 * parameters.len()..].iter_mut().zip(parameters) {
+            if parameter.unit.starts_with('N') {
+                *value = f64::MAX;
+            }
+        }
         let measured = vec![0.0; loading.n_time()];
         let target = Target { force: &measured, first: 0 };
-        let before = misfits(damper, &clean, &loading, target, default()).expect("a batch that runs");
-        let after = misfits(damper, &theta, &loading, target, default()).expect("a batch that runs");
+        let before = misfits(damper, &constant(damper), &clean, &loading, target, default())
+            .expect("a batch that runs");
+        let after = misfits(damper, &constant(damper), &theta, &loading, target, default())
+            .expect("a batch that runs");
         assert_eq!(after[7].outcome, Outcome::Diverged);
         assert_eq!(after[7].squared_error, f64::INFINITY);
         for row in (0..20).filter(|&row| row != 7) {
@@ -159,7 +179,8 @@ fn parameters_that_are_no_numbers_fail_by_name() {
                 let mut theta = nominal(damper);
                 theta[parameter] = bad;
                 let target = Target { force: &measured, first: 0 };
-                let rows = misfits(damper, &theta, &loading, target, default()).expect("a batch that runs");
+                let rows = misfits(damper, &constant(damper), &theta, &loading, target, default())
+                    .expect("a batch that runs");
                 let name = damper.spec().parameters[parameter].name;
                 assert!(!rows[0].squared_error.is_nan());
                 assert_eq!(rows[0].squared_error.is_finite(), rows[0].outcome == Outcome::Finished);
@@ -180,9 +201,12 @@ fn a_batch_that_was_stopped_says_so() {
         let theta = batch(damper, 9);
         let settings = Settings { stop: &|| true, ..default() };
         let target = Target { force: &measured, first: 0 };
-        assert_eq!(misfits(damper, &theta, &loading, target, settings), Err(DynamicsError::Cancelled));
+        assert_eq!(
+            misfits(damper, &constant(damper), &theta, &loading, target, settings),
+            Err(DynamicsError::Cancelled)
+        );
         let mut force = vec![0.0; 9 * loading.n_time()];
-        let refusal = force_histories(damper, &theta, &loading, &mut force, settings);
+        let refusal = force_histories(damper, &constant(damper), &theta, &loading, &mut force, settings);
         assert_eq!(refusal, Err(DynamicsError::Cancelled));
     }
 }
@@ -203,7 +227,10 @@ fn a_batch_can_be_stopped_while_it_runs() {
             stop.store(true, Ordering::Relaxed);
         });
         let target = Target { force: &measured, first: 0 };
-        assert_eq!(misfits(damper, &theta, &loading, target, settings), Err(DynamicsError::Cancelled));
+        assert_eq!(
+            misfits(damper, &constant(damper), &theta, &loading, target, settings),
+            Err(DynamicsError::Cancelled)
+        );
     });
 }
 
@@ -216,18 +243,18 @@ fn shapes_that_do_not_fit_are_refused() {
         let measured = vec![0.0; 49];
         let target = Target { force: &measured, first: 0 };
         assert_eq!(
-            misfits(damper, &theta, &loading, target, default()),
+            misfits(damper, &constant(damper), &theta, &loading, target, default()),
             Err(DynamicsError::LengthMismatch { name: "force", found: 49, expected: 50 })
         );
         let measured = vec![0.0; 50];
         for first in [50, 60] {
             let target = Target { force: &measured, first };
             let refusal = Err(DynamicsError::EmptyWindow { first, n_time: 50 });
-            assert_eq!(misfits(damper, &theta, &loading, target, default()), refusal);
+            assert_eq!(misfits(damper, &constant(damper), &theta, &loading, target, default()), refusal);
         }
         let mut force = vec![0.0; 50];
         assert_eq!(
-            force_histories(damper, &theta[1..], &loading, &mut force, default()),
+            force_histories(damper, &constant(damper), &theta[1..], &loading, &mut force, default()),
             Err(DynamicsError::ParameterCount {
                 model: damper.spec().name,
                 found: n_params - 1,
@@ -237,7 +264,7 @@ fn shapes_that_do_not_fit_are_refused() {
         for substep_factor in [0, 3, 65, 128, u32::MAX] {
             let settings = Settings { substep_factor, ..default() };
             assert_eq!(
-                force_histories(damper, &theta, &loading, &mut force, settings),
+                force_histories(damper, &constant(damper), &theta, &loading, &mut force, settings),
                 Err(DynamicsError::SubstepFactor(substep_factor))
             );
         }

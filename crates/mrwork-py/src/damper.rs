@@ -1,6 +1,7 @@
 //! Damper models as Python sees them: specs, batches, single evaluations.
 
 use mrwork_dynamics::block::{Damper, Target};
+use mrwork_dynamics::current_law::{CurrentLaw, CurrentLaws};
 use mrwork_dynamics::damper::{DamperSpec, Motion, REGISTRY, find};
 use mrwork_dynamics::error::DynamicsError;
 use mrwork_dynamics::parameters::ParamSpec;
@@ -53,7 +54,7 @@ fn parameter_dict<'py>(py: Python<'py>, parameter: &ParamSpec) -> PyResult<Bound
 
 /// Sums of squared residuals of a batch from sample `first` on; no force is stored.
 #[pyfunction]
-#[pyo3(signature = (model, theta, loading, force, first=0, substep_factor=1, threads=0))]
+#[pyo3(signature = (model, theta, loading, force, first=0, laws=None, lagged=false, substep_factor=1, threads=0))]
 #[allow(clippy::too_many_arguments)] // a boundary function takes plain values, by keyword from Python
 pub fn misfits<'py>(
     py: Python<'py>,
@@ -62,15 +63,17 @@ pub fn misfits<'py>(
     loading: &LoadingHistory,
     force: PyReadonlyArray1<'py, f64>,
     first: usize,
+    laws: Option<Vec<String>>,
+    lagged: bool,
     substep_factor: u32,
     threads: usize,
 ) -> PyResult<(Floats<'py>, Outcomes<'py>, Substeps<'py>)> {
-    let (damper, theta) = batch(model, &theta)?;
+    let (damper, laws, theta) = batch(model, laws, lagged, &theta)?;
     let target = Target { force: contiguous("force", &force)?, first };
     let instruction_set = chosen_instruction_set()?;
     let rows = interruptible(py, |stop| {
         let settings = Settings { substep_factor, threads, instruction_set, stop };
-        simulate::misfits(damper, theta, &loading.dynamics, target, settings)
+        simulate::misfits(damper, &laws, theta, &loading.dynamics, target, settings)
     })?;
     let squared_errors: Vec<f64> = rows.iter().map(|row| row.squared_error).collect();
     let (outcome, substeps) = columns(py, &rows);
@@ -79,22 +82,25 @@ pub fn misfits<'py>(
 
 /// Force histories of a batch, shape (`n_batch`, `n_time`); rows that did not finish are infinite.
 #[pyfunction]
-#[pyo3(signature = (model, theta, loading, substep_factor=1, threads=0))]
+#[pyo3(signature = (model, theta, loading, laws=None, lagged=false, substep_factor=1, threads=0))]
+#[allow(clippy::too_many_arguments)] // a boundary function takes plain values, by keyword from Python
 pub fn force_histories<'py>(
     py: Python<'py>,
     model: &str,
     theta: PyReadonlyArray2<'py, f64>,
     loading: &LoadingHistory,
+    laws: Option<Vec<String>>,
+    lagged: bool,
     substep_factor: u32,
     threads: usize,
 ) -> PyResult<(Bound<'py, PyArray2<f64>>, Outcomes<'py>, Substeps<'py>)> {
     let n_batch = theta.shape()[0];
-    let (damper, theta) = batch(model, &theta)?;
+    let (damper, laws, theta) = batch(model, laws, lagged, &theta)?;
     let instruction_set = chosen_instruction_set()?;
     let mut force = vec![0.0; n_batch * loading.dynamics.n_time()];
     let rows = interruptible(py, |stop| {
         let settings = Settings { substep_factor, threads, instruction_set, stop };
-        simulate::force_histories(damper, theta, &loading.dynamics, &mut force, settings)
+        simulate::force_histories(damper, &laws, theta, &loading.dynamics, &mut force, settings)
     })?;
     let force = Array2::from_shape_vec((n_batch, loading.dynamics.n_time()), force)
         .map_err(|error| PyValueError::new_err(error.to_string()))?;
@@ -139,14 +145,40 @@ pub fn named(model: &str) -> PyResult<&'static dyn Damper> {
     })
 }
 
-/// The model and its batch of parameters, which must have one column per parameter.
+/// The model, its laws and its batch of parameters, which must have one column per coefficient.
 fn batch<'a>(
     model: &str,
+    laws: Option<Vec<String>>,
+    lagged: bool,
     theta: &'a PyReadonlyArray2<'_, f64>,
-) -> PyResult<(&'static dyn Damper, &'a [f64])> {
+) -> PyResult<(&'static dyn Damper, CurrentLaws, &'a [f64])> {
     let damper = named(model)?;
-    check_count(damper, theta.shape()[1])?;
-    Ok((damper, contiguous("theta", theta)?))
+    let spec = damper.spec();
+    let laws = match laws {
+        Some(names) => {
+            let laws = names.iter().map(|name| law(name)).collect::<PyResult<_>>()?;
+            CurrentLaws::new(spec, laws, lagged).map_err(value_error)?
+        }
+        None => CurrentLaws::constant(spec),
+    };
+    let (found, expected) = (theta.shape()[1], laws.n_columns());
+    if found != expected {
+        return Err(value_error(DynamicsError::ParameterCount { model: spec.name, found, expected }));
+    }
+    Ok((damper, laws, contiguous("theta", theta)?))
+}
+
+fn law(name: &str) -> PyResult<CurrentLaw> {
+    CurrentLaw::ALL.into_iter().find(|law| law.name() == name).ok_or_else(|| {
+        let known = CurrentLaw::ALL.map(CurrentLaw::name).join(", ");
+        PyValueError::new_err(format!("no current law is called {name:?}; there are {known}"))
+    })
+}
+
+/// Every current law by name, with its number of coefficients.
+#[pyfunction]
+pub fn current_laws() -> Vec<(&'static str, usize)> {
+    CurrentLaw::ALL.map(|law| (law.name(), law.n_coefficients())).to_vec()
 }
 
 fn point<'a>(

@@ -1,7 +1,7 @@
 //! Loading histories as Python sees them.
 
 use mrwork_dynamics::integrate::{MAX_SUBSTEP_FACTOR, MAX_SUBSTEPS};
-use mrwork_dynamics::loading::LoadingHistory as Dynamics;
+use mrwork_dynamics::loading::{Command, LoadingHistory as Dynamics};
 use numpy::ndarray::Array3;
 use numpy::{IntoPyArray, PyArray1, PyArray3, PyReadonlyArray1, PyUntypedArrayMethods, ToPyArray};
 use pyo3::exceptions::PyValueError;
@@ -9,7 +9,8 @@ use pyo3::prelude::*;
 
 use crate::enter::value_error;
 
-type Arguments<'py> = (f64, Bound<'py, PyArray1<f64>>, Option<Bound<'py, PyArray1<f64>>>);
+type Floats<'py> = Bound<'py, PyArray1<f64>>;
+type Arguments<'py> = (f64, Floats<'py>, Option<Floats<'py>>, Option<Floats<'py>>);
 
 /// Displacement and velocity on a uniform grid with their C2 cubic splines.
 #[pyclass(frozen, module = "mrwork._rust")]
@@ -22,24 +23,28 @@ pub struct LoadingHistory {
 #[pymethods]
 impl LoadingHistory {
     #[new]
-    #[pyo3(signature = (dt, displacement, velocity=None))]
+    #[pyo3(signature = (dt, displacement, velocity=None, command=None))]
     fn new(
         dt: f64,
         displacement: PyReadonlyArray1<'_, f64>,
         velocity: Option<PyReadonlyArray1<'_, f64>>,
+        command: Option<PyReadonlyArray1<'_, f64>>,
     ) -> PyResult<Self> {
         let displacement = contiguous("displacement", &displacement)?.to_vec();
         let velocity = match velocity {
             Some(velocity) => Some(contiguous("velocity", &velocity)?.to_vec()),
             None => None,
         };
-        let dynamics = Dynamics::new(dt, &displacement, velocity.as_deref()).map_err(value_error)?;
+        let mut dynamics = Dynamics::new(dt, &displacement, velocity.as_deref()).map_err(value_error)?;
+        if let Some(command) = command {
+            dynamics = dynamics.with_command(contiguous("command", &command)?).map_err(value_error)?;
+        }
         Ok(Self { dynamics, displacement, velocity })
     }
 
     fn __getnewargs__<'py>(&self, py: Python<'py>) -> Arguments<'py> {
         let velocity = self.velocity.as_ref().map(|velocity| velocity.to_pyarray(py));
-        (self.dynamics.dt(), self.displacement.to_pyarray(py), velocity)
+        (self.dynamics.dt(), self.displacement.to_pyarray(py), velocity, self.command(py))
     }
 
     fn __repr__(&self) -> String {
@@ -64,6 +69,16 @@ impl LoadingHistory {
     #[getter]
     fn reversal_acceleration(&self) -> f64 {
         self.dynamics.severity().reversal_acceleration
+    }
+
+    /// Command [A or V] at the samples, shape (`n_time`,); `None` where none was given.
+    #[getter]
+    fn command<'py>(&self, py: Python<'py>) -> Option<Floats<'py>> {
+        match self.dynamics.command() {
+            Command::Held(command) if command.is_nan() => None,
+            Command::Held(command) => Some(vec![*command; self.dynamics.n_time()].into_pyarray(py)),
+            Command::Varying(command) => Some(command.to_pyarray(py)),
+        }
     }
 
     fn stages<'py>(&self, py: Python<'py>, substeps: u32) -> PyResult<Bound<'py, PyArray3<f64>>> {

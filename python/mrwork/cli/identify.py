@@ -17,7 +17,8 @@ from mrwork.cli.options import add_files, add_json, parse_bounds, read_tests
 from mrwork.cli.progress import ProgressLine
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
-from mrwork.identification.identify import IdentificationInterrupted, identify, judge
+from mrwork.identification.identify import IdentificationInterrupted, identify
+from mrwork.identification.judge import judge
 from mrwork.records import DamperTest
 from mrwork.report.run_directory import check_destination, write_run
 from mrwork.search import EfficientGA

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from mrwork.cli.options import add_files, add_json, read_tests
-from mrwork.identification.identify import judge
+from mrwork.identification.judge import judge
 from mrwork.report.run_directory import read_fit
 from mrwork.spec import damper
 

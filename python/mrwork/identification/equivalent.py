@@ -40,6 +40,11 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
     SettingError
         Where a bound is impossible, or cannot be translated into that form.
     """
+    if spec.name == "bouc_wen" and spec.current is not None:
+        raise SettingError(
+            "bouc_wen with current laws is identified as normalised_bouc_wen, whose parameters the data settle; "
+            "give the laws to that model (c for c0, k for k0, k_w for alpha)"
+        )
     if spec.name != "bouc_wen":
         box = Box.of(spec).with_bounds(bounds)
         return Form(spec=spec, box=box, back=lambda theta: theta, mirrored=_mirrored(box))

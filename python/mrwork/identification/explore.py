@@ -18,8 +18,10 @@ _POSITIVE = {
     "m": (1e-4, 20.0),
     "1/m": (1.0, 300.0),
     "s/m": (0.1, 1e3),
+    "m/s": (1e-3, 2.0),
+    "1/s": (1e-2, 3.0),
 }
-_SIGNED = {"N/m": (-1.0, 1.0), "m": (-2.0, 2.0), "N": (-1.0, 1.0), "1": (-4.0, 4.0)}
+_SIGNED = {"N/m": (-1.0, 1.0), "m": (-2.0, 2.0), "N": (-1.0, 1.0), "1": (-4.0, 4.0), "m/s": (-0.5, 0.5)}
 
 
 def search_box(spec: DamperSpec, bounds: Box, tests: tuple[DamperTest, ...]) -> Box:
@@ -37,6 +39,8 @@ def search_box(spec: DamperSpec, bounds: Box, tests: tuple[DamperTest, ...]) -> 
         "m": stroke,
         "1/m": 1 / stroke,
         "s/m": 1 / speed,
+        "m/s": speed,
+        "1/s": speed / stroke,
         "1": 1.0,
     }
     narrowed: dict[str, tuple[float, float]] = {}

@@ -5,6 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
+from mrwork.records import AS_IT_IS, Observation
+from mrwork.spec import CurrentLaws, DamperSpec, damper
+
 FitStatus = Literal["converged", "not_converged", "interrupted"]
 
 
@@ -38,7 +42,8 @@ class ErrorNorms:
 class FitQuality:
     """How a free-run simulation compares with one measured test, over the `n_time` samples that count.
 
-    The first `settle_seconds` are simulated but not compared, see `DamperTest`.
+    The first `settle_seconds` are simulated but not compared, see `DamperTest`. The simulated force was observed
+    and relieved of nuisance parameters as said here.
     """
 
     test: str
@@ -50,6 +55,8 @@ class FitQuality:
     n_time: int
     settle_seconds: float
     substeps: int
+    observation: Observation = AS_IT_IS
+    nuisance: Nuisance = NONE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,6 +104,17 @@ class Fit:
     seconds: float
     n_time: int
     provenance: Provenance
+    current: CurrentLaws | None = None
+    nuisances: tuple[NuisanceName, ...] = ()
+
+    @property
+    def spec(self) -> DamperSpec:
+        """The model, with the current laws that were identified."""
+        plain = damper(self.model)
+        if self.current is None:
+            return plain
+        laws = dict(zip(plain.names, self.current.laws, strict=True))
+        return plain.with_current_laws(laws, unit=self.current.unit, lagged=self.current.lagged)
 
     @property
     def theta(self) -> tuple[float, ...]:

@@ -2,47 +2,43 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.errors import SettingError, SimulationError
+from mrwork.errors import SettingError
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.estimate import estimates_of
-from mrwork.identification.explore import search_box
-from mrwork.identification.fit import ErrorNorms, Fit, FitQuality, FitStatus, SearchTrace
+from mrwork.identification.exploration import ExplorationInterrupted, explore
+from mrwork.identification.fit import ErrorNorms, Fit, FitStatus, SearchTrace
+from mrwork.identification.interruptible import interruptible
+from mrwork.identification.judge import judge
+from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.objective import Objective
 from mrwork.identification.provenance import provenance_of
-from mrwork.identification.quality import fit_quality
 from mrwork.records import DamperTest
-from mrwork.search import EfficientGA, GAState, SearchInterrupted, SearchResult, run_search
-from mrwork.search.loop import GenerationEvent
-from mrwork.simulate import Outcome, simulate_forces
+from mrwork.search import EfficientGA
 from mrwork.spec import DamperSpec, damper
 
 if TYPE_CHECKING:
-    from mrwork.identification.refine import Refined
-    from mrwork.identification.screen import Screened
+    from mrwork.identification.descent import Descended
+    from mrwork.identification.polish import Polished
 
-_STARTS = 16
-# How often a wait looks for Ctrl-C [s].
-_WATCH = 0.05
-
-T = TypeVar("T")
+Stage = Literal["search", "screening", "refinement"]
+Unit = Literal["simulations", "%", "steps"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
     """Where an identification stands; `share` is the part of the stage's allowance that is used up."""
 
-    stage: Literal["search", "screening", "refinement"]
+    stage: Stage
     count: int
-    unit: Literal["simulations", "%", "steps"]
+    unit: Unit
     fit_percent: float
     share: float
     seconds: float
@@ -62,11 +58,16 @@ def identify(
     *,
     search: EfficientGA | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
+    nuisances: Sequence[NuisanceName] = (),
     rng: int = 0,
     threads: int = 0,
     on_progress: Callable[[Progress], None] | None = None,
 ) -> Fit:
     """Identify one damper model from one or several tests of the same damper.
+
+    A plain model is searched, its starts are screened and the best finished on the JAX twin. A model with current
+    laws starts from fits of the plain model at each command. With current laws, with nuisance parameters, or where a
+    test has an observation model, the descent ends in lanes, not on the twin.
 
     Parameters
     ----------
@@ -78,6 +79,9 @@ def identify(
         Settings of the genetic search; default `EfficientGA()`.
     bounds
         Parameter name to (lower, upper); equal bounds hold it fixed. Others have their admissible range.
+    nuisances
+        What may differ from test to test and is estimated along with the damper: "offset", "level" or "delay" of
+        the force channel.
     rng
         Seed of the search. The same seed gives the same bits on any number of threads.
     threads
@@ -112,68 +116,46 @@ def identify(
     search = search or EfficientGA()
     bounds = dict(bounds or {})
     form = identifiable_form(spec, bounds)
-    objective = Objective.of(form.spec, tests, threads=threads)
+    objective = Objective.of(form.spec, tests, nuisances=tuple(nuisances), threads=threads)
     if not form.box.free:
         raise SettingError(f"every parameter of {spec.name} is fixed; leave at least one free")
     run = _Run(spec=spec, form=form, objective=objective, search=search, bounds=bounds, rng=rng, began=began)
-    box = search_box(form.spec, form.box, tests)
 
-    def on_generation(event: GenerationEvent[GAState]) -> None:
+    def tell(stage: Stage, count: int, unit: Unit, misfit: float, share: float) -> None:
         if on_progress is not None:
-            share = event.generation / search.max_generations
-            on_progress(run.progress("search", event.evaluations, "simulations", event.best_misfit, share))
+            on_progress(run.progress(stage, count, unit, misfit, share))
+
+    def on_search(simulations: int, misfit: float, share: float) -> None:
+        tell("search", simulations, "simulations", misfit, share)
 
     try:
-        found = run_search(
-            search,
-            lambda unit: objective(np.asarray(box.theta_from_unit(unit))),
-            rng=rng,
-            n_params=len(box.free),
-            on_generation=on_generation,
-        )
-    except SearchInterrupted as interrupt:
-        result = interrupt.result
-        if not np.isfinite(result.best_misfit):
-            raise
-        theta = np.asarray(box.theta_from_unit(result.best_unit))
-        raise IdentificationInterrupted(run.fit(theta, None, result, 0, "interrupted")) from interrupt
-    if len(found.elite) == 0:
-        raise SimulationError(
-            f"none of {found.evaluations} candidates of {spec.name} could be simulated on these tests; "
-            "check the units of the record, or narrow the bounds"
-        )
-    starts = np.asarray(box.theta_from_unit(found.elite[:_STARTS]))
-    best = starts[0]
+        explored = explore(objective, form, search, rng=rng, on_search=on_search)
+    except ExplorationInterrupted as interrupt:
+        raise IdentificationInterrupted(
+            run.fit(interrupt.theta, None, interrupt.trace, 0, "interrupted")
+        ) from interrupt
+    best = explored.starts[0]
 
-    def on_start(screened: Screened, share: float) -> None:
+    def on_start(descended: Descended, share: float) -> None:
         nonlocal best
-        best = screened.theta
-        if on_progress is not None:
-            on_progress(run.progress("screening", round(share * 100), "%", screened.misfit, share))
+        best = descended.theta
+        tell("screening", round(share * 100), "%", descended.misfit, share)
 
     def on_step(steps: int, misfit: float) -> None:
-        if on_progress is not None:
-            on_progress(run.progress("refinement", steps, "steps", misfit, 0.0))
+        tell("refinement", steps, "steps", misfit, 0.0)
 
-    def polish() -> tuple[Refined, NDArray[np.float64]]:
+    def polish() -> Polished:
         # SciPy's optimisers and JAX are slow to load and needed from here on only.
-        from mrwork.identification.refine import refine
-        from mrwork.identification.screen import best_few
-        from mrwork.identification.standard_error import standard_errors
+        from mrwork.identification.polish import polish
 
-        finalists = best_few(objective, form.box, box, starts, mirrored=form.mirrored, on_start=on_start)
-        refined = min(
-            (refine(objective, form.box, each.theta, on_step=on_step) for each in finalists),
-            key=lambda refined: refined.misfit,
-        )
-        return refined, standard_errors(objective, form, refined.theta, refined.misfit)
+        return polish(objective, form, explored, on_start=on_start, on_step=on_step)
 
     try:
-        refined, errors = _interruptible(polish)
+        polished = interruptible(polish)
     except KeyboardInterrupt as interrupt:
-        raise IdentificationInterrupted(run.fit(best, None, found, 0, "interrupted")) from interrupt
-    status: FitStatus = "converged" if refined.converged else "not_converged"
-    return run.fit(refined.theta, errors, found, refined.steps, status)
+        raise IdentificationInterrupted(run.fit(best, None, explored.trace, 0, "interrupted")) from interrupt
+    status: FitStatus = "converged" if polished.converged else "not_converged"
+    return run.fit(polished.theta, polished.standard_errors, explored.trace, polished.steps, status)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -190,9 +172,9 @@ class _Run:
 
     def progress(
         self,
-        stage: Literal["search", "screening", "refinement"],
+        stage: Stage,
         count: int,
-        unit: Literal["simulations", "%", "steps"],
+        unit: Unit,
         misfit: float,
         share: float,
     ) -> Progress:
@@ -209,19 +191,20 @@ class _Run:
         self,
         theta: NDArray[np.float64],
         errors: NDArray[np.float64] | None,
-        found: SearchResult[GAState],
+        trace: SearchTrace,
         steps: int,
         status: FitStatus,
     ) -> Fit:
         values = np.asarray(self.form.back(theta))
         tests = self.objective.tests
-        quality = tuple(judge(self.spec, values, test)[1] for test in tests)
+        nuisances = self.objective.nuisances
+        quality = tuple(judge(self.spec, values, test, nuisances=nuisances)[1] for test in tests)
         nrmse = _rms([each.nrmse for each in quality])
         return Fit(
             model=self.spec.name,
             estimates=estimates_of(self.spec, self.form, theta, errors, self.bounds),
             status=status,
-            stop_reason=found.stop_reason,
+            stop_reason=trace.stop_reason,
             nrmse=nrmse,
             fit_percent=100.0 * (1.0 - nrmse),
             rmse_n=_rms([each.rmse_n for each in quality]),
@@ -231,61 +214,18 @@ class _Run:
                 velocity=_rms([each.error_norms.velocity for each in quality]),
             ),
             quality=quality,
-            trace=SearchTrace(
-                evaluations=tuple(found.trace.evaluations.tolist()),
-                best=tuple(found.trace.best.tolist()),
-                median=tuple(found.trace.median.tolist()),
-                stop_reason=found.stop_reason,
-            ),
-            evaluations=self.objective.tally.simulations,
+            trace=trace,
+            evaluations=trace.evaluations[-1] + self.objective.tally.simulations
+            if self.spec.current
+            else self.objective.tally.simulations,
             refinement_steps=steps,
             seconds=time.perf_counter() - self.began,
             n_time=sum(each.n_time for each in quality),
             provenance=provenance_of(tests, search=self.search, bounds=self.bounds, rng=self.rng),
+            current=self.spec.current,
+            nuisances=nuisances,
         )
-
-
-def judge(
-    spec: DamperSpec, theta: NDArray[np.float64], test: DamperTest, *, substep_factor: int = 1
-) -> tuple[NDArray[np.float64], FitQuality]:
-    """Free-run a model on a test: its force [N], shape (n_time,), and how it compares.
-
-    Raises
-    ------
-    SimulationError
-        Where the simulation diverges or cannot be resolved.
-    """
-    history = Objective.of(spec, (test,)).histories[0]
-    result = simulate_forces(spec, theta[None], history, substep_factor=substep_factor)
-    outcome = Outcome(result.outcome[0])
-    if outcome is not Outcome.FINISHED:
-        raise SimulationError(f"{spec.name} on {test.name} ended as {outcome.name.lower()}: {outcome.remedy}")
-    force = result.force[0]
-    return force, fit_quality(test, force, substeps=int(result.substeps[0]))
 
 
 def _rms(values: Sequence[float]) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
-
-
-def _interruptible(work: Callable[[], T]) -> T:
-    """Run `work` where Ctrl-C can reach the caller while compiled code holds no interpreter.
-
-    On an interrupt the work is left behind on its thread; it ends with the process.
-    """
-    outcome: list[T] = []
-    failure: list[BaseException] = []
-
-    def body() -> None:
-        try:
-            outcome.append(work())
-        except BaseException as error:  # handed to the caller's thread, whatever it is
-            failure.append(error)
-
-    thread = threading.Thread(target=body, name="mrwork-refinement", daemon=True)
-    thread.start()
-    while thread.is_alive():
-        thread.join(_WATCH)
-    if failure:
-        raise failure[0]
-    return outcome[0]

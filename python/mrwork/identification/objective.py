@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,9 +10,13 @@ from numpy.typing import NDArray
 
 from mrwork import _rust
 from mrwork.errors import RecordError
-from mrwork.records import DamperTest
-from mrwork.simulate import Misfits, loading_of, simulate_forces, simulate_misfits
+from mrwork.identification.nuisance import NuisanceName, without_nuisance
+from mrwork.records import AS_IT_IS, DamperTest
+from mrwork.simulate import Misfits, Outcome, loading_of, simulate_forces, simulate_misfits
 from mrwork.spec import DamperSpec
+
+# Rows whose residuals are held in memory at once where a misfit needs the whole history.
+_ROWS = 64
 
 
 @dataclass(slots=True)
@@ -26,22 +31,36 @@ class Objective:
     """Free-run misfit of a model against one or several tests.
 
     Each test weighs the same: its residuals are divided by the deviation of its force, so the misfit is
-    the root mean square over tests of the NRMSE.
+    the root mean square over tests of the NRMSE. A simulated force is observed as the test's rig did, and relieved of
+    the nuisance parameters, before the two are compared.
     """
 
     spec: DamperSpec
     tests: tuple[DamperTest, ...]
     histories: tuple[_rust.LoadingHistory, ...]
+    nuisances: tuple[NuisanceName, ...] = ()
     threads: int = 0
     tally: Tally = field(default_factory=Tally)
 
     @classmethod
-    def of(cls, spec: DamperSpec, tests: tuple[DamperTest, ...], *, threads: int = 0) -> Objective:
+    def of(
+        cls,
+        spec: DamperSpec,
+        tests: tuple[DamperTest, ...],
+        *,
+        nuisances: tuple[NuisanceName, ...] = (),
+        threads: int = 0,
+    ) -> Objective:
         """Spline the motions of the tests once, for all candidates."""
         if not tests:
             raise RecordError("no test was given to identify from; name at least one file")
-        histories = tuple(loading_of(test).history() for test in tests)
-        return cls(spec=spec, tests=tests, histories=histories, threads=threads)
+        histories = tuple(loading_of(test, spec).history() for test in tests)
+        return cls(spec=spec, tests=tests, histories=histories, nuisances=nuisances, threads=threads)
+
+    @property
+    def is_direct(self) -> bool:
+        """Whether the simulated force itself is compared: nothing was observed differently, nothing is a nuisance."""
+        return not self.nuisances and all(test.observation == AS_IT_IS for test in self.tests)
 
     @property
     def n_time(self) -> int:
@@ -50,11 +69,21 @@ class Objective:
 
     def __call__(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """Misfit of each row of `theta`, shape (n_batch,); infinite where a simulation failed."""
+        if not self.is_direct:
+            return np.concatenate(
+                [self._indirect(rows) for rows in np.array_split(theta, -(-len(theta) // _ROWS) or 1)]
+            )
         total = np.zeros(len(theta))
         for test, misfits in zip(self.tests, self.misfits(theta), strict=True):
             counted = test.force[test.counted]
             total += misfits.squared_error / (counted.size * np.var(counted))
         return np.sqrt(total / len(self.tests))
+
+    def _indirect(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+        squared = np.zeros(len(theta))
+        for part in self._parts(theta, failure=np.inf):
+            squared += np.einsum("bt,bt->b", part, part)
+        return np.sqrt(squared)
 
     def misfits(self, theta: NDArray[np.float64]) -> tuple[Misfits, ...]:
         """Misfits of each row of `theta`, test by test."""
@@ -69,13 +98,20 @@ class Objective:
 
         A simulation that failed has residuals of one, far beyond any that fits.
         """
+        return np.concatenate(list(self._parts(theta, failure=1.0)), axis=1)
+
+    def _parts(self, theta: NDArray[np.float64], *, failure: float) -> Iterator[NDArray[np.float64]]:
+        """Weighted residuals test by test, shape (n_batch, n_counted); rows that failed have this value."""
         self.tally.simulations += len(theta)
-        parts = []
         for test, history in zip(self.tests, self.histories, strict=True):
-            force = simulate_forces(self.spec, theta, history, threads=self.threads).force[:, test.counted]
-            parts.append((force - test.force[test.counted]) * weight_of(test, len(self.tests)))
-        residuals = np.concatenate(parts, axis=1)
-        return np.where(np.isfinite(residuals), residuals, 1.0)
+            run = simulate_forces(self.spec, theta, history, threads=self.threads)
+            failed = run.outcome != Outcome.FINISHED
+            run.force[failed] = 0.0
+            observed = test.observation.observe(run.force, test.dt)[:, test.counted]
+            residuals = without_nuisance(observed, test.force[test.counted], self.nuisances)
+            residuals *= weight_of(test, len(self.tests))
+            residuals[failed] = failure
+            yield residuals
 
 
 def weight_of(test: DamperTest, n_tests: int) -> float:

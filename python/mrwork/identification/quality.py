@@ -6,11 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.identification.fit import ErrorNorms, FitQuality
+from mrwork.identification.nuisance import NONE, Nuisance
 from mrwork.records import DamperTest
 
 
-def fit_quality(test: DamperTest, force: NDArray[np.float64], *, substeps: int) -> FitQuality:
-    """Compare a free-run force [N], shape (n_time,), with the measured one.
+def fit_quality(
+    test: DamperTest, force: NDArray[np.float64], *, substeps: int, nuisance: Nuisance = NONE
+) -> FitQuality:
+    """Compare a free-run force [N], shape (n_time,), as the rig would have recorded it, with the measured one.
 
     `E_t = e_t/s_F` and likewise `E_x`, `E_v`, with `e_t^2 = int r^2 dt`, `e_x^2 = int r^2 |x'| dt`,
     `e_v^2 = int r^2 |v'| dt` and `s_F^2 = int (F - mean F)^2 dt` (Spencer et al. 1997, eqs. 13-16);
@@ -36,6 +39,8 @@ def fit_quality(test: DamperTest, force: NDArray[np.float64], *, substeps: int) 
         n_time=residual.size,
         settle_seconds=test.n_settle * test.dt,
         substeps=substeps,
+        observation=test.observation,
+        nuisance=nuisance,
     )
 
 

@@ -1,6 +1,8 @@
-"""Standard errors from the Jacobian of the twin, under residuals that are independent and of one variance."""
+"""Standard errors from the Jacobian of the residuals, under residuals that are independent and of one variance."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
@@ -10,8 +12,6 @@ from numpy.typing import NDArray
 from mrwork.coordinates import Box
 from mrwork.identification.equivalent import Form
 from mrwork.identification.estimate import remark_of
-from mrwork.identification.objective import Objective
-from mrwork.identification.refine import jacobian
 
 # A combination of parameters (each scaled to unit sensitivity) that moves the residuals less than this, relative
 # to the one that moves them most, is not seen by the data. Rounding leaves about 1e-11.
@@ -19,11 +19,19 @@ _UNSEEN = 1e-7
 
 
 def standard_errors(
-    objective: Objective, form: Form, theta: NDArray[np.float64], misfit: float
+    derivative: Callable[[Box, NDArray[np.float64]], NDArray[np.float64]],
+    form: Form,
+    theta: NDArray[np.float64],
+    misfit: float,
 ) -> NDArray[np.float64]:
     """Standard error of each parameter of the model asked for, shape (n_params,); 0 for those that do not vary.
 
     A parameter on its bound counts as known: the data push it no further inward.
+
+    Parameters
+    ----------
+    derivative
+        Jacobian of the residuals with respect to the free parameters of a box, shape (n_residuals, n_free).
     """
     box = form.box
     interior = [index for index in box.free if remark_of(box, index, theta[index]) == ""]
@@ -34,7 +42,7 @@ def standard_errors(
         for index in set(box.free) - set(interior):
             lower[index] = upper[index] = float(theta[index])
         free = Box(names=box.names, lower=tuple(lower), upper=tuple(upper), log=box.log)
-        cov[np.ix_(interior, interior)] = covariance(jacobian(objective, free, theta), misfit)
+        cov[np.ix_(interior, interior)] = covariance(derivative(free, theta), misfit)
     mapped = np.asarray(jax.jacfwd(form.back)(jnp.asarray(theta)))
     return spread_through(mapped, cov)
 

@@ -6,14 +6,17 @@ from mrwork.records.build import build_damper_test
 from mrwork.records.columns import parse_column_option
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.labels import mislabelled
+from mrwork.records.observation import AS_IT_IS, Observation
 from mrwork.records.read import read_damper_test, read_damper_tests
 from mrwork.records.repair import repair
 from mrwork.records.smoothing import Smoothing, detect_smoothing
 
 __all__ = [
+    "AS_IT_IS",
     "DamperTest",
     "Finding",
     "Measured",
+    "Observation",
     "Smoothing",
     "build_damper_test",
     "detect_smoothing",

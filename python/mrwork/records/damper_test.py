@@ -8,6 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.records.observation import AS_IT_IS, Observation
+
 Severity = Literal["note", "warning", "repaired"]
 
 
@@ -41,6 +43,7 @@ class DamperTest:
     `velocity_source` says whether the velocity is a measured column or a derivative.
     `n_settle` samples at the start are simulated but not compared: until the damper has travelled half its
     peak-to-peak stroke, its force depends on where the hysteresis stood before the record began.
+    `observation` is what happened to the force on its way into the record.
     `original` is the record as it came, where it has been repaired since.
     """
 
@@ -59,6 +62,7 @@ class DamperTest:
     amplitude: float | None = None
     frequency: float | None = None
     synthetic: bool = False
+    observation: Observation = AS_IT_IS
     findings: tuple[Finding, ...] = ()
     original: DamperTest | None = None
 

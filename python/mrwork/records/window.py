@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
 from mrwork.records.damper_test import DamperTest
+from mrwork.records.motion import spectrum
 
 _FEWEST = 10
 
@@ -56,6 +57,31 @@ def cut(
         start_time=test.start_time + first * test.dt,
         n_settle=settling_samples(displacement),
     )
+
+
+# Enough cycles for a settled loop to count, enough samples for its knees.
+_EXCERPT_CYCLES = 3
+_EXCERPT_PER_CYCLE = 150
+
+
+def excerpt(test: DamperTest) -> DamperTest:
+    """Return the first cycles of a test that repeats itself, thinned to what shows its loop.
+
+    A search needs no more, and a cyclic test of ten cycles has little more to say. A motion whose band reaches beyond
+    a few times its dominant frequency keeps its length.
+    """
+    motion = spectrum(test.displacement, test.dt)
+    if motion.dominant <= 0.0:
+        return test
+    thin = max(1, int(1.0 / (motion.dominant * test.dt * _EXCERPT_PER_CYCLE)))
+    if motion.band_edge > _FEW * motion.dominant:
+        return cut(test, every=max(1, int(1.0 / (motion.band_edge * test.dt * _PER_FASTEST))))
+    whole = test.n_settle * test.dt + _EXCERPT_CYCLES / motion.dominant
+    return cut(test, end=test.start_time + whole, every=thin)
+
+
+_FEW = 5.0
+_PER_FASTEST = 30
 
 
 def counted_from(test: DamperTest, settle: float) -> DamperTest:

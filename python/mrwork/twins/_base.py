@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from mrwork.errors import UnknownNameError
-from mrwork.spec import DamperSpec
+from mrwork.spec import CurrentLaws, DamperSpec
 
 # The physics is double precision in Rust; a twin in single precision would not be one.
 jax.config.update("jax_enable_x64", True)  # type: ignore[no-untyped-call] # jax leaves it unannotated
@@ -42,9 +42,10 @@ def twin_of(spec: DamperSpec) -> Twin:
         twin: Any = import_module(f"mrwork.twins.{spec.name}")
     except ModuleNotFoundError as error:
         raise UnknownNameError(f"{spec.name} has no JAX twin; write mrwork/twins/{spec.name}.py") from error
-    if twin.Theta._fields != spec.names:
+    names = tuple(parameter.name for parameter in spec.plain)
+    if twin.Theta._fields != names:
         raise UnknownNameError(
-            f"the twin of {spec.name} has parameters {twin.Theta._fields}, the spec has {spec.names}; "
+            f"the twin of {spec.name} has parameters {twin.Theta._fields}, the spec has {names}; "
             "give them the same names in the same order"
         )
     found: Twin = twin
@@ -57,7 +58,27 @@ def power(base: Array, exponent: Array) -> Array:
     return jnp.where(positive, jnp.where(positive, base, 1.0) ** exponent, 0.0)
 
 
-def simulate(spec: DamperSpec, theta: Array, stages: Array, dt: float) -> Array:
+_DEGREE = {"constant": 0, "linear": 1, "quadratic": 2, "cubic": 3}
+
+
+def parameters_at(spec: DamperSpec, theta: Array, received: Array) -> Any:
+    """Parameters of the plain model, as the twin's `Theta`, where the coil gets this command; see `CurrentLaws`."""
+    columns = iter(theta[index] for index in range(len(spec.parameters)))
+    if spec.current is None:
+        return twin_of(spec).Theta(*columns)
+    values = []
+    for parameter, law in zip(spec.plain, spec.current.laws, strict=True):
+        value = next(columns)
+        if law == "exponential":
+            value = value + next(columns) * jnp.exp(next(columns) * received)
+        else:
+            for power in range(1, _DEGREE[law] + 1):
+                value = value + next(columns) * received**power
+        values.append(value if law == "constant" else jnp.clip(value, parameter.lower, parameter.upper))
+    return twin_of(spec).Theta(*values)
+
+
+def simulate(spec: DamperSpec, theta: Array, stages: Array, dt: float, command: Array | float = 0.0) -> Array:
     """Force of a damper from rest, by the stepping rule of the Rust core.
 
     Parameters
@@ -69,6 +90,8 @@ def simulate(spec: DamperSpec, theta: Array, stages: Array, dt: float) -> Array:
         from `_rust.LoadingHistory.stages`.
     dt
         Sampling step [s].
+    command
+        Command [A or V], one number, or shape (n_time,), each held until the next; the driver starts at rest.
 
     Returns
     -------
@@ -76,29 +99,55 @@ def simulate(spec: DamperSpec, theta: Array, stages: Array, dt: float) -> Array:
         Force [N], shape (n_time,).
     """
     twin = twin_of(spec)
-    p = twin.Theta(*(theta[index] for index in range(len(spec.parameters))))
     substeps = (stages.shape[1] - 1) // 2
     samples = jnp.concatenate([stages[:, 0, :], stages[-1:, -1, :]])
+    command = jnp.asarray(command, dtype=jnp.float64)
+    at_samples, at_steps = None, None
+    if spec.current is not None and command.ndim > 0:
+        at_samples, at_steps = _received(spec.current, theta, command, dt, substeps)
+    else:
+        steady = parameters_at(spec, theta, command)
+
+    def parameters(received: Array | None) -> Any:
+        return steady if received is None else parameters_at(spec, theta, received)
+
+    def force(state: Array, motion: Array, received: Array | None) -> Array:
+        return twin.force(parameters(received), state, motion[0], motion[1])
+
     if spec.n_states == 0:
-        no_state = jnp.zeros(0)
-        return jax.vmap(lambda motion: twin.force(p, no_state, motion[0], motion[1]))(samples)
+        return jax.vmap(force)(jnp.zeros((len(samples), 0)), samples, at_samples)
     h = dt / substeps
 
-    def rate(state: Array, motion: Array) -> Array:
-        return twin.rate(p, state, motion[0], motion[1])
-
-    def substep(state: Array, motions: Array) -> Array:
-        first = rate(state, motions[0])
-        second = rate(state + 0.5 * h * first, motions[1])
-        third = rate(state + 0.5 * h * second, motions[1])
-        fourth = rate(state + h * third, motions[2])
+    def substep(state: Array, motions: Array, received: Array | None) -> Array:
+        start, middle, end = (parameters(None if received is None else received[stage]) for stage in range(3))
+        first = twin.rate(start, state, motions[0, 0], motions[0, 1])
+        second = twin.rate(middle, state + 0.5 * h * first, motions[1, 0], motions[1, 1])
+        third = twin.rate(middle, state + 0.5 * h * second, motions[1, 0], motions[1, 1])
+        fourth = twin.rate(end, state + h * third, motions[2, 0], motions[2, 1])
         return state + h / 6.0 * (first + 2.0 * (second + third) + fourth)
 
-    def record(state: Array, motions: Array) -> tuple[Array, Array]:
-        return substep(state, motions), state
+    def record(state: Array, step: tuple[Array, Array | None]) -> tuple[Array, Array]:
+        return substep(state, *step), state
 
-    # One scan over all sub-steps, each with the motion at its start, middle and end.
+    # One scan over all sub-steps, each with motion and received command at its start, middle and end.
     motions = jnp.stack([stages[:, :-1:2], stages[:, 1::2], stages[:, 2::2]], axis=2)
-    last, states = jax.lax.scan(record, jnp.zeros(spec.n_states), motions.reshape(-1, 3, 2))
+    last, states = jax.lax.scan(record, jnp.zeros(spec.n_states), (motions.reshape(-1, 3, 2), at_steps))
     states = jnp.concatenate([states[::substeps], last[None]])
-    return jax.vmap(lambda state, motion: twin.force(p, state, motion[0], motion[1]))(states, samples)
+    return jax.vmap(force)(states, samples, at_samples)
+
+
+def _received(
+    current: CurrentLaws, theta: Array, command: Array, dt: float, substeps: int
+) -> tuple[Array, Array]:
+    """What the coil gets: at the samples, shape (n_time,), and at start, middle, end of each step, (n_steps, 3)."""
+    if not current.lagged:
+        return command, jnp.repeat(command[:-1], 3 * substeps).reshape(-1, 3)
+    left = jnp.exp(-theta[-1] * dt / (2 * substeps) * jnp.arange(2 * substeps + 1))
+
+    def interval(received: Array, held: Array) -> tuple[Array, Array]:
+        inside = held + (received - held) * left
+        return inside[-1], inside
+
+    last, inside = jax.lax.scan(interval, command[0], command[:-1])
+    steps = jnp.stack([inside[:, :-1:2], inside[:, 1::2], inside[:, 2::2]], axis=2)
+    return jnp.append(inside[:, 0], last), steps.reshape(-1, 3)

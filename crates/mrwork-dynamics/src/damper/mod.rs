@@ -1,16 +1,33 @@
 //! Damper models: what an author writes, and the list of all that exist.
 
+mod bingham;
 mod bouc_wen;
+mod dahl;
+mod hyperbolic_tangent_gavin;
+mod hyperbolic_tangent_guo;
+mod lugre;
 mod normalised_bouc_wen;
+mod polynomial_fitting;
 mod static_hysteretic;
+mod viscous_dahl;
 
 use crate::block::Damper;
-use crate::parameters::{FromValues, ParamSpec};
+use crate::parameters::{FromSlice, ParamSpec};
 use crate::real::Real;
 
 /// Every damper model, by one line each.
-pub static REGISTRY: &[&dyn Damper] =
-    &[&bouc_wen::BoucWen, &normalised_bouc_wen::NormalisedBoucWen, &static_hysteretic::StaticHysteretic];
+pub static REGISTRY: &[&dyn Damper] = &[
+    &bingham::Bingham,
+    &bouc_wen::BoucWen,
+    &dahl::Dahl,
+    &hyperbolic_tangent_gavin::HyperbolicTangentGavin,
+    &hyperbolic_tangent_guo::HyperbolicTangentGuo,
+    &lugre::LuGre,
+    &normalised_bouc_wen::NormalisedBoucWen,
+    &polynomial_fitting::PolynomialFitting,
+    &static_hysteretic::StaticHysteretic,
+    &viscous_dahl::ViscousDahl,
+];
 
 /// The model of that name.
 #[must_use]
@@ -122,7 +139,7 @@ pub trait DamperModel: Sync {
     /// Name, prose, parameters.
     const SPEC: DamperSpec;
     /// The struct that `parameters!` declares.
-    type Parameters<R: Real>: FromValues<R>;
+    type Parameters<R: Real>: FromSlice<R>;
     /// `[R; n]` for a model with n states.
     type State<R: Real>: State<R>;
 

@@ -1,0 +1,51 @@
+//! Viscous and Dahl model of Ikhouane and Dyke (2007).
+
+use super::dahl::build_up;
+use super::{DamperModel, DamperSpec, Motion, Severity};
+use crate::parameters::parameters;
+use crate::real::Real;
+
+parameters! {
+    k_x: "N s/m", Log, 1e-3 .. 1e9, nominal 2500.0, "viscous damping";
+    k_w: "N", Log, 1e-3 .. 1e9, nominal 700.0, "yield force: the loop lies between +-k_w";
+    rho: "1/m", Log, 1e-2 .. 1e7, nominal 3000.0, "initial slope: the loop yields within about 1/rho of travel";
+    f0: "N", Offset, -1e8 .. 1e8, nominal 40.0, "force offset";
+}
+
+/// Dahl's friction beside a dashpot.
+pub struct ViscousDahl;
+
+impl DamperModel for ViscousDahl {
+    const SPEC: DamperSpec = DamperSpec {
+        name: "viscous_dahl",
+        title: "Viscous and Dahl",
+        equation: "f = k_x v + k_w w + f0\n\
+                   w' = rho (v - |v| w)",
+        description: "Dahl's friction and a dashpot: the fewest numbers that still give a hysteresis loop, and \
+                      passive under any motion but for f0, which the published model lacks. No stiffness in \
+                      parallel, so no accumulator, and the knee has one shape, an exponential. k_x multiplies the \
+                      velocity: it is a damping. It is normalised_bouc_wen with n = 1, sigma = 1, k = 0.",
+        source: "Ikhouane, Dyke, Smart Mater. Struct. 16(3), 2007, 605-616",
+        nominal_source: "our own, typical of a small damper of 1-3 kN; not verified against a record",
+        parameters: PARAMETERS,
+        n_states: 1,
+        odd: true,
+    };
+    type Parameters<R: Real> = Parameters<R>;
+    type State<R: Real> = [R; 1];
+
+    #[inline(always)]
+    fn rate<R: Real>(p: &Parameters<R>, [w]: [R; 1], motion: Motion<R>) -> [R; 1] {
+        [build_up(p.rho, w, motion.velocity)]
+    }
+
+    #[inline(always)]
+    fn force<R: Real>(p: &Parameters<R>, [w]: [R; 1], motion: Motion<R>) -> R {
+        p.k_x.mul_add(motion.velocity, p.k_w.mul_add(w, p.f0))
+    }
+
+    /// Largest |d w'/d w| along a trajectory [1/s]: it is rho |v|, loading and unloading alike.
+    fn stiffness_bound(p: &Parameters<f64>, loading: Severity) -> f64 {
+        p.rho * loading.peak_velocity
+    }
+}

@@ -1,0 +1,106 @@
+//! The driver of the coil: a model's parameters over time, as the command and its lag prescribe them.
+
+use core::mem::swap;
+
+use crate::current_law::CurrentLaws;
+use crate::damper::DamperModel;
+use crate::elementary::exp;
+use crate::lanes::Lanes;
+use crate::parameters::FromSlice;
+
+/// Gives the parameters of each step.
+pub(crate) trait Driver<M: DamperModel, R: Lanes> {
+    /// Begins the interval of `sample`, whose command is held until the next.
+    fn begin(&mut self, sample: usize);
+    /// Parameters now.
+    fn parameters(&self) -> &M::Parameters<R>;
+    /// Goes on by one step: parameters at its start, middle and end.
+    fn step(&mut self) -> [&M::Parameters<R>; 3];
+}
+
+/// Parameters that never change: no law depends on the command, or the command does not change.
+pub(crate) struct Steady<P> {
+    pub(crate) parameters: P,
+}
+
+impl<M: DamperModel, R: Lanes> Driver<M, R> for Steady<M::Parameters<R>> {
+    #[inline(always)]
+    fn begin(&mut self, _: usize) {}
+    #[inline(always)]
+    fn parameters(&self) -> &M::Parameters<R> {
+        &self.parameters
+    }
+    #[inline(always)]
+    fn step(&mut self) -> [&M::Parameters<R>; 3] {
+        [&self.parameters; 3]
+    }
+}
+
+/// Parameters that follow a command held between samples, through the driver's first-order lag if there is one.
+///
+/// Between two changes of the command the lag is an exponential, so it is stepped exactly and adds nothing to the
+/// stiffness.
+pub(crate) struct Following<'a, M: DamperModel, R: Lanes> {
+    laws: &'a CurrentLaws,
+    columns: Vec<R>,
+    values: Vec<R>,
+    command: &'a [f64],
+    held: R,
+    /// What the coil has got of the command.
+    u: R,
+    /// What is left of the difference after half a step; zero without a lag.
+    half_step_decay: R,
+    at: [M::Parameters<R>; 3],
+}
+
+impl<'a, M: DamperModel, R: Lanes> Following<'a, M, R> {
+    /// The driver at rest at the first command.
+    #[inline(always)]
+    pub(crate) fn new(laws: &'a CurrentLaws, columns: Vec<R>, command: &'a [f64], step: f64) -> Self {
+        let start = R::splat(command.first().copied().unwrap_or(f64::NAN));
+        let half_step_decay = match laws.lag_column() {
+            Some(column) => exp(columns[column] * R::splat(-0.5 * step)),
+            None => R::splat(0.0),
+        };
+        let mut values = vec![R::splat(f64::NAN); laws.n_params()];
+        laws.evaluate(&columns, start, &mut values);
+        let at = [M::Parameters::from_slice(&values); 3];
+        Self { laws, columns, values, command, held: start, u: start, half_step_decay, at }
+    }
+
+    #[inline(always)]
+    fn half_step(&mut self) -> M::Parameters<R> {
+        self.u = (self.u - self.held).mul_add(self.half_step_decay, self.held);
+        self.now()
+    }
+
+    #[inline(always)]
+    fn now(&mut self) -> M::Parameters<R> {
+        self.laws.evaluate(&self.columns, self.u, &mut self.values);
+        M::Parameters::from_slice(&self.values)
+    }
+}
+
+impl<M: DamperModel, R: Lanes> Driver<M, R> for Following<'_, M, R> {
+    #[inline(always)]
+    fn begin(&mut self, sample: usize) {
+        self.held = R::splat(self.command[sample]);
+        if self.laws.lag_column().is_none() {
+            self.u = self.held;
+            self.at[2] = self.now();
+        }
+    }
+    #[inline(always)]
+    fn parameters(&self) -> &M::Parameters<R> {
+        &self.at[2]
+    }
+    #[inline(always)]
+    fn step(&mut self) -> [&M::Parameters<R>; 3] {
+        let [start, _, end] = &mut self.at;
+        swap(start, end);
+        self.at[1] = self.half_step();
+        self.at[2] = self.half_step();
+        let [start, middle, end] = &self.at;
+        [start, middle, end]
+    }
+}

@@ -1,0 +1,166 @@
+"""`mrwork convert`: Bouc-Wen parameters from one convention to another, without a change of force."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict
+from math import isfinite
+from typing import Any, Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.cli.options import add_json
+from mrwork.convert import (
+    OpenSeesBoucWen,
+    bouc_wen_from_normalised,
+    bouc_wen_from_opensees,
+    convention_remarks,
+    normalised_from_bouc_wen,
+    opensees_from_bouc_wen,
+    require_bounded_loop,
+    rescaled_bouc_wen,
+    solver_remarks,
+)
+from mrwork.errors import SettingError
+from mrwork.spec import damper
+
+Convention = Literal["spencer", "normalised", "opensees"]
+
+_SPENCER = damper("bouc_wen").names
+_NORMALISED = damper("normalised_bouc_wen").names
+_OPENSEES = ("alpha", "ko", "n", "gamma", "beta", "Ao", "deltaA", "deltaNu", "deltaEta", "c0")
+_NAMES: dict[Convention, tuple[str, ...]] = {
+    "spencer": _SPENCER,
+    "normalised": _NORMALISED,
+    "opensees": _OPENSEES,
+}
+# An element that is not given is not there.
+_ABSENT = ("c0", "k0", "x0", "c", "k", "deltaA", "deltaNu", "deltaEta")
+
+
+def add_parser(verbs: Any) -> None:
+    """Declare the verb."""
+    parser = verbs.add_parser(
+        "convert",
+        help="convert Bouc-Wen parameters between conventions",
+        description="Bouc-Wen parameters from one convention to another, equal in force. "
+        f"spencer: {' '.join(_SPENCER)}; normalised: {' '.join(_NORMALISED)}; opensees: {' '.join(_OPENSEES)} "
+        "(c0 is a dashpot in parallel). SI units.",
+    )
+    parser.add_argument(
+        "source", choices=get_args(Convention), metavar="FROM", help="convention of the values"
+    )
+    parser.add_argument(
+        "--to",
+        required=True,
+        choices=get_args(Convention),
+        metavar="TO",
+        help="spencer, normalised or opensees",
+    )
+    parser.add_argument("values", nargs="+", metavar="NAME=VALUE", help="parameters, as in n=2")
+    parser.add_argument(
+        "--scale",
+        type=float,
+        metavar="VALUE",
+        help="A of spencer or Ao of opensees, which no data settle; default: that of the source, "
+        "120 from normalised; Ao 1",
+    )
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Print the converted parameters."""
+    _check_scale(options)
+    theta = _spencer(options.source, _parse(options.source, options.values), options.scale)
+    converted, remarks = _converted(options.to, theta, options.scale)
+    if options.source != "normalised":
+        remarks = (*convention_remarks(theta), *remarks)
+    if options.json:
+        print(json.dumps({"convention": options.to, "parameters": converted, "remarks": list(remarks)}))
+        return 0
+    units = dict.fromkeys(converted, "") | _units(options.to)
+    width = max(map(len, converted))
+    for name, value in converted.items():
+        print(f"{name:<{width}}  {value:.12g}  {units[name]}".rstrip())
+    if options.to == "opensees":
+        arguments = " ".join(f"{converted[name]:.12g}" for name in _OPENSEES if name != "c0")
+        print(f"\nuniaxialMaterial BoucWen $tag {arguments}")
+        if converted["c0"]:
+            print(f"uniaxialMaterial Viscous $tag {converted['c0']:.12g} 1  ;# in parallel")
+    for remark in remarks:
+        print(f"note: {remark}")
+    return 0
+
+
+def _check_scale(options: argparse.Namespace) -> None:
+    if options.source == options.to and options.scale is None:
+        raise SettingError(f"the values already are {options.to}; choose another --to, or a --scale")
+    if options.scale is None:
+        return
+    if options.to == "normalised":
+        raise SettingError("--scale sets A or Ao, and normalised has neither; leave it out")
+    if not (isfinite(options.scale) and options.scale > 0.0):
+        raise SettingError(f"--scale is {options.scale:g}; give a positive number, as in 120")
+
+
+def _parse(convention: Convention, texts: list[str]) -> dict[str, float]:
+    names = _NAMES[convention]
+    values: dict[str, float] = {}
+    for text in texts:
+        name, equals, number = text.partition("=")
+        if not (name and equals):
+            raise SettingError(f"{text!r} is not NAME=VALUE; write it as in n=2")
+        if name not in names:
+            raise SettingError(f"{convention} has no parameter {name!r}; it has {', '.join(names)}")
+        if name in values:
+            raise SettingError(f"{name} is given twice; give it once")
+        try:
+            values[name] = float(number)
+        except ValueError:
+            values[name] = float("nan")
+        if not isfinite(values[name]):
+            raise SettingError(f"{number!r} in {text!r} is not a number; write it as 1500 or 1.5e3")
+    missing = [name for name in names if name not in values and name not in _ABSENT]
+    if missing:
+        raise SettingError(f"{convention} wants {', '.join(missing)} too; give each as NAME=VALUE")
+    return {name: values.get(name, 0.0) for name in names}
+
+
+def _spencer(convention: Convention, values: dict[str, float], scale: float | None) -> NDArray[np.float64]:
+    """The given parameters as those of `bouc_wen`, shape (8,)."""
+    if convention == "opensees":
+        c0 = values.pop("c0")
+        return bouc_wen_from_opensees(OpenSeesBoucWen(**values), c0=c0)
+    theta = np.array(list(values.values()))
+    if convention == "spencer":
+        return theta
+    for name in ("k_w", "rho", "sigma"):
+        if values[name] <= 0.0:
+            raise SettingError(f"{name} is {values[name]:g}; it must be positive for the loop to dissipate")
+    nominal = damper("bouc_wen").nominal[_SPENCER.index("A")]
+    spencer: NDArray[np.float64] = bouc_wen_from_normalised(theta, A=nominal if scale is None else scale)
+    return spencer
+
+
+def _converted(
+    convention: Convention, theta: NDArray[np.float64], scale: float | None
+) -> tuple[dict[str, float], tuple[str, ...]]:
+    """The parameters in a convention, and what to know before they are used."""
+    if convention == "opensees":
+        material, c0 = opensees_from_bouc_wen(theta, Ao=1.0 if scale is None else scale)
+        return asdict(material) | {"c0": c0}, solver_remarks(material)
+    if convention == "normalised":
+        require_bounded_loop(theta)
+        return dict(zip(_NORMALISED, normalised_from_bouc_wen(theta).tolist(), strict=True)), ()
+    spencer = theta if scale is None else rescaled_bouc_wen(theta, scale)
+    return dict(zip(_SPENCER, spencer.tolist(), strict=True)), ()
+
+
+def _units(convention: Convention) -> dict[str, str]:
+    if convention == "opensees":
+        return {"ko": "N/m", "gamma": "m^-n", "beta": "m^-n", "c0": "N s/m, in parallel"}
+    spec = damper("bouc_wen" if convention == "spencer" else "normalised_bouc_wen")
+    return {parameter.name: parameter.unit for parameter in spec.parameters if parameter.unit != "1"}

@@ -1,0 +1,167 @@
+"""Where descents start: found by a genetic search, of the model itself or of the plain model at each command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.coordinates import Box
+from mrwork.errors import SimulationError
+from mrwork.identification.equivalent import Form
+from mrwork.identification.explore import search_box
+from mrwork.identification.fit import SearchTrace
+from mrwork.identification.objective import Objective
+from mrwork.records.window import excerpt
+from mrwork.search import EfficientGA, GAState, SearchInterrupted, SearchResult, run_search
+from mrwork.search.loop import GenerationEvent
+from mrwork.spec import DamperSpec
+
+# Of a plain model, and of a model whose starts are drawn through fits at each command.
+_STARTS = 16
+_JOINT_STARTS = 8
+
+# Called with simulations so far, best misfit, and the share of the allowance that is used up.
+OnSearch = Callable[[int, float, float], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exploration:
+    """Starts, shape (n_starts, n_params), best first, what they are screened against, and how they were found."""
+
+    objective: Objective
+    searched: Box
+    starts: NDArray[np.float64]
+    trace: SearchTrace
+
+
+class ExplorationInterrupted(KeyboardInterrupt):
+    """Ctrl-C during an exploration; `theta` is the best so far, shape (n_params,)."""
+
+    def __init__(self, theta: NDArray[np.float64], trace: SearchTrace) -> None:
+        super().__init__("exploration interrupted")
+        self.theta = theta
+        self.trace = trace
+
+
+def explore(
+    objective: Objective, form: Form, search: EfficientGA, *, rng: int, on_search: OnSearch
+) -> Exploration:
+    """Search the parameters of a plain model, or of the plain model at each command.
+
+    Raises
+    ------
+    SimulationError
+        Where no candidate could be simulated.
+    ExplorationInterrupted
+        On Ctrl-C, carrying the best so far.
+    """
+    if form.spec.current is None:
+        return _explore_plain(objective, form, search, rng=rng, on_search=on_search)
+    return _explore_levels(objective, form, search, rng=rng, on_search=on_search)
+
+
+def _explore_plain(
+    objective: Objective, form: Form, search: EfficientGA, *, rng: int, on_search: OnSearch
+) -> Exploration:
+    box = search_box(form.spec, form.box, objective.tests)
+
+    def on_generation(event: GenerationEvent[GAState]) -> None:
+        on_search(event.evaluations, event.best_misfit, event.generation / search.max_generations)
+
+    try:
+        found = run_search(
+            search,
+            lambda unit: objective(np.asarray(box.theta_from_unit(unit))),
+            rng=rng,
+            n_params=len(box.free),
+            on_generation=on_generation,
+        )
+    except SearchInterrupted as interrupt:
+        result = interrupt.result
+        if not np.isfinite(result.best_misfit):
+            raise
+        theta = np.asarray(box.theta_from_unit(result.best_unit))
+        raise ExplorationInterrupted(theta, _trace([result])) from interrupt
+    _check_found(form.spec, found)
+    starts = np.asarray(box.theta_from_unit(found.elite[:_STARTS]))
+    return Exploration(objective=objective, searched=box, starts=starts, trace=_trace([found]))
+
+
+def _explore_levels(
+    objective: Objective, form: Form, search: EfficientGA, *, rng: int, on_search: OnSearch
+) -> Exploration:
+    # SciPy's optimisers are slow to load and needed from here on only.
+    from mrwork.identification.starts import LevelFit, fit_level, joint_starts, law_scales, levels_of
+    from mrwork.spec import damper
+
+    excerpts = tuple(excerpt(test) for test in objective.tests)
+    plain = damper(form.spec.name)
+    box = Box.of(plain).with_bounds(
+        {
+            name: (form.box.lower[index], form.box.upper[index])
+            for index, name in enumerate(form.box.names)
+            if name in plain.names
+        }
+    )
+    levels = levels_of(form.spec, excerpts)
+    fits: list[LevelFit] = []
+    simulated = 0
+
+    def on_generation(event: GenerationEvent[GAState]) -> None:
+        share = event.generation / search.max_generations
+        on_search(simulated + event.evaluations, event.best_misfit, (len(fits) + share) / len(levels))
+
+    try:
+        for command, tests in levels.items():
+            fit = fit_level(
+                plain,
+                box,
+                command,
+                tests,
+                search=search,
+                nuisances=objective.nuisances,
+                rng=rng,
+                threads=objective.threads,
+                on_generation=on_generation,
+            )
+            fits.append(fit)
+            simulated += fit.search.evaluations
+            _check_found(form.spec, fit.search)
+    except KeyboardInterrupt as interrupt:
+        if not fits:
+            raise
+        theta = joint_starts(form.spec, fits, 1, rng=rng)[0]
+        raise ExplorationInterrupted(theta, _trace([fit.search for fit in fits])) from interrupt
+    joint = Objective.of(form.spec, excerpts, nuisances=objective.nuisances, threads=objective.threads)
+    starts = joint_starts(form.spec, fits, _JOINT_STARTS, rng=rng)
+    return Exploration(
+        objective=joint,
+        searched=law_scales(form.spec, search_box(plain, box, excerpts), np.array(list(levels))),
+        starts=np.array([form.box.inside(start) for start in starts]),
+        trace=_trace([fit.search for fit in fits]),
+    )
+
+
+def _trace(searches: list[SearchResult[GAState]]) -> SearchTrace:
+    """Traces one after the other; `evaluations` goes on counting."""
+    evaluations: list[int] = []
+    for search in searches:
+        before = evaluations[-1] if evaluations else 0
+        evaluations += [before + int(count) for count in search.trace.evaluations]
+    return SearchTrace(
+        evaluations=tuple(evaluations),
+        best=tuple(float(value) for search in searches for value in search.trace.best),
+        median=tuple(float(value) for search in searches for value in search.trace.median),
+        stop_reason=", ".join(dict.fromkeys(search.stop_reason for search in searches)),
+    )
+
+
+def _check_found(spec: DamperSpec, found: SearchResult[GAState]) -> None:
+    if len(found.elite) == 0:
+        raise SimulationError(
+            f"none of {found.evaluations} candidates of {spec.name} could be simulated on these tests; "
+            "check the units of the record, or narrow the bounds"
+        )

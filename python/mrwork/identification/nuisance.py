@@ -1,0 +1,73 @@
+"""What may differ from test to test without being the damper's: offset, level and delay of the force channel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+NuisanceName = Literal["offset", "level", "delay"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Nuisance:
+    """Estimates for one test: `F = level f(t - delay) + offset`, offset [N], delay [s]."""
+
+    offset: float = 0.0
+    level: float = 1.0
+    delay: float = 0.0
+
+
+NONE = Nuisance()
+
+
+def without_nuisance(
+    force: NDArray[np.float64], measured: NDArray[np.float64], names: tuple[NuisanceName, ...]
+) -> NDArray[np.float64]:
+    """Residuals [N] of `force`, shape (n_batch, n_time), once the nuisance parameters are at their best.
+
+    They are linear (the delay to first order), so the best ones follow in closed form for each row and no search
+    has to look for them.
+    """
+    residuals = force - measured
+    if names:
+        coefficients, columns = _best(force, residuals, names)
+        residuals = residuals - np.einsum("kb,kbt->bt", coefficients, columns)
+    return residuals
+
+
+def nuisance_of(
+    force: NDArray[np.float64], measured: NDArray[np.float64], dt: float, names: tuple[NuisanceName, ...]
+) -> Nuisance:
+    """The best nuisance parameters for one `force` [N], shape (n_time,)."""
+    if not names:
+        return NONE
+    coefficients, _ = _best(force[None], (force - measured)[None], names)
+    best = dict(zip(names, -coefficients[:, 0], strict=True))
+    return Nuisance(
+        offset=float(best.get("offset", 0.0)),
+        level=1.0 + float(best.get("level", 0.0)),
+        delay=-float(best.get("delay", 0.0)) * dt,
+    )
+
+
+def _best(
+    force: NDArray[np.float64], residuals: NDArray[np.float64], names: tuple[NuisanceName, ...]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Least-squares coefficients, shape (n_names, n_batch), of the columns, (n_names, n_batch, n_time)."""
+    columns = np.stack([_column(name, force) for name in names])
+    # In columns of unit length: a force of 1e3 N and its slope per sample differ by far.
+    length = np.maximum(np.linalg.norm(columns, axis=-1), np.finfo(float).tiny)
+    unit = columns / length[..., None]
+    gram = np.einsum("jbt,kbt->bjk", unit, unit)
+    right = np.einsum("jbt,bt->bj", unit, residuals)
+    return (np.linalg.pinv(gram) @ right[..., None])[..., 0].T / length, columns
+
+
+def _column(name: NuisanceName, force: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What the residuals change by, to first order, with each nuisance parameter."""
+    if name == "offset":
+        return np.ones_like(force)
+    return force if name == "level" else np.gradient(force, axis=-1)

@@ -1,0 +1,162 @@
+"""Starts of a joint descent: the plain model fitted at each command, and laws drawn through what came out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.coordinates import Box
+from mrwork.errors import SettingError
+from mrwork.identification.descent import descend
+from mrwork.identification.explore import search_box
+from mrwork.identification.nuisance import NuisanceName
+from mrwork.identification.objective import Objective
+from mrwork.records import DamperTest
+from mrwork.search import EfficientGA, GAState, SearchResult, run_search
+from mrwork.search.loop import GenerationEvent
+from mrwork.simulate import loading_of
+from mrwork.spec import DamperSpec, LawName
+
+# Finds of a search that are descended from at each command, and how far.
+_FINDS = 6
+_EVALUATIONS = 25
+# Starts beside the first are drawn through values spread by this share of a parameter.
+_SPREAD = 0.25
+
+# Range of the exponent of a law [1/A or 1/V].
+_EXPONENT = 5.0
+
+_DEGREE: Mapping[LawName, int] = {"constant": 0, "linear": 1, "quadratic": 2, "cubic": 3, "exponential": 1}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LevelFit:
+    """The plain model at one command [A or V]: finds, shape (n_finds, n_plain), best first, and their search."""
+
+    command: float
+    finds: NDArray[np.float64]
+    search: SearchResult[GAState]
+
+
+def levels_of(spec: DamperSpec, tests: tuple[DamperTest, ...]) -> dict[float, tuple[DamperTest, ...]]:
+    """The tests at each command, lowest first.
+
+    Raises
+    ------
+    SettingError
+        Where there are fewer commands than the laws have numbers.
+    """
+    commands = [float(np.mean(np.asarray(loading_of(test, spec).command))) for test in tests]
+    # A command that was measured is never twice the same.
+    level_of = np.round(np.array(commands), 2)
+    levels = {
+        float(level): tuple(test for test, own in zip(tests, level_of, strict=True) if own == level)
+        for level in np.unique(level_of)
+    }
+    current = spec.current
+    if current is not None:
+        needed = 1 + max(_DEGREE[law] for law in current.laws)
+        if len(levels) < needed:
+            raise SettingError(
+                f"the tests run at {len(levels)} command(s), the laws asked for need {needed}; "
+                "add tests at other commands, or choose laws of a lower degree"
+            )
+    return levels
+
+
+def fit_level(
+    plain: DamperSpec,
+    box: Box,
+    command: float,
+    tests: tuple[DamperTest, ...],
+    *,
+    search: EfficientGA,
+    nuisances: tuple[NuisanceName, ...],
+    rng: int,
+    threads: int,
+    on_generation: Callable[[GenerationEvent[GAState]], None],
+) -> LevelFit:
+    """Fit the plain model to the tests at one command."""
+    objective = Objective.of(plain, tests, nuisances=nuisances, threads=threads)
+    searched = search_box(plain, box, tests)
+    found = run_search(
+        search,
+        lambda unit: objective(np.asarray(searched.theta_from_unit(unit))),
+        rng=rng,
+        n_params=len(searched.free),
+        on_generation=on_generation,
+    )
+    starts = np.asarray(searched.theta_from_unit(found.elite[:_FINDS]))
+    finds = sorted(
+        (descend(objective, box, searched, start, max_evaluations=_EVALUATIONS) for start in starts),
+        key=lambda descended: descended.misfit,
+    )
+    return LevelFit(command=command, finds=np.array([find.theta for find in finds]), search=found)
+
+
+def joint_starts(spec: DamperSpec, levels: list[LevelFit], n_starts: int, *, rng: int) -> NDArray[np.float64]:
+    """Coefficients of the laws drawn through fits at several commands, shape (n_starts, n_params).
+
+    The first start goes through the best fit of each command, the others through a find taken at random, spread by a
+    quarter of each parameter.
+    """
+    random = np.random.default_rng([rng, n_starts])
+    commands = np.array([level.command for level in levels])
+    starts = []
+    for start in range(n_starts):
+        values = np.array(
+            [level.finds[0 if start == 0 else random.integers(len(level.finds))] for level in levels]
+        )
+        if start > 0:
+            values = values * np.exp(_SPREAD * random.standard_normal(values.shape))
+        starts.append(_through(spec, commands, values))
+    return np.array(starts)
+
+
+def _through(
+    spec: DamperSpec, commands: NDArray[np.float64], values: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Coefficients whose laws come closest to `values`, shape (n_levels, n_plain)."""
+    if spec.current is None:
+        return np.asarray(values[0])
+    theta: list[float] = []
+    for parameter, law, column in zip(spec.plain, spec.current.laws, values.T, strict=True):
+        if law == "constant":
+            log = parameter.scale == "log"
+            theta.append(float(np.exp(np.mean(np.log(column))) if log else np.median(column)))
+            continue
+        degree = min(_DEGREE[law], len(commands) - 1)
+        straight = list(np.polyfit(commands, column, degree)[::-1]) + [0.0] * (_DEGREE[law] - degree)
+        if law == "exponential":
+            # a + b exp(-u) with the end values of the straight line.
+            lowest, highest = commands.min(), commands.max()
+            rise = straight[1] * (highest - lowest) / (np.exp(-highest) - np.exp(-lowest) or 1.0)
+            straight = [straight[0] + straight[1] * lowest - rise * np.exp(-lowest), rise, -1.0]
+        theta += straight
+    if spec.current.lagged:
+        theta.append(spec.parameters[-1].nominal)
+    box = Box.of(spec)
+    return np.clip(theta, box.lower, box.upper)
+
+
+def law_scales(spec: DamperSpec, searched: Box, commands: NDArray[np.float64]) -> Box:
+    """The searched ranges of the plain model, handed on to the coefficients of its laws."""
+    largest = max(float(np.max(np.abs(commands))), 1e-3)
+    bounds: dict[str, tuple[float, float]] = {}
+    whole = Box.of(spec)
+    for index, parameter in enumerate(spec.parameters):
+        name, dot, power = parameter.name.partition(".")
+        if name not in searched.names:
+            continue
+        plain = searched.names.index(name)
+        lower, upper = searched.lower[plain], searched.upper[plain]
+        if parameter.unit.startswith("1/") and parameter.nominal == -1.0 and dot:
+            lower, upper = -_EXPONENT, _EXPONENT
+        elif dot:
+            reach = max(abs(lower), abs(upper)) / largest ** int(power)
+            lower, upper = -reach, reach
+        bounds[parameter.name] = (max(lower, whole.lower[index]), min(upper, whole.upper[index]))
+    return whole.with_bounds(bounds)

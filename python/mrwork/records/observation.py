@@ -1,0 +1,99 @@
+"""The observation model: what a rig and its authors did to the force before it reached the record."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isfinite
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.errors import SettingError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observation:
+    """How a recorded force follows from the damper's, in this order; the default leaves it as it is.
+
+    Late by `delay_seconds`; through a causal Butterworth low-pass of second order at `lowpass_hz` (0 for none);
+    through a centred moving average over `average_seconds`; times `gain`; plus `offset` [N]. It is applied to the
+    force of a model before the two are compared, never to the record.
+    """
+
+    delay_seconds: float = 0.0
+    lowpass_hz: float = 0.0
+    average_seconds: float = 0.0
+    gain: float = 1.0
+    offset: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse what no rig does.
+
+        Raises
+        ------
+        SettingError
+            Where a window or a frequency is negative, the gain is zero, or a number is not finite.
+        """
+        for name in ("delay_seconds", "lowpass_hz", "average_seconds", "gain", "offset"):
+            value = getattr(self, name)
+            negative = name in ("lowpass_hz", "average_seconds") and value < 0.0
+            if not isfinite(value) or negative or (name == "gain" and value == 0.0):
+                raise SettingError(
+                    f"{name} of an observation is {value:g}; give a finite number that makes sense of it"
+                )
+
+    def observe(self, force: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
+        """What the record would hold of `force` [N], shape (..., n_time), sampled every `dt` [s]."""
+        observed = force
+        if self.delay_seconds != 0.0:
+            observed = delayed(observed, self.delay_seconds / dt)
+        if self.lowpass_hz > 0.0:
+            observed = _low_passed(observed, self.lowpass_hz, dt)
+        if self.average_seconds > 0.0:
+            observed = averaged(observed, self.average_seconds / dt)
+        if self.gain != 1.0:
+            observed = self.gain * observed
+        return observed + self.offset if self.offset != 0.0 else observed
+
+
+AS_IT_IS = Observation()
+
+
+def delayed(signal: NDArray[np.float64], samples: float) -> NDArray[np.float64]:
+    """`signal`, shape (..., n_time), later by that many samples, linear in between; its ends are held."""
+    last = signal.shape[-1] - 1
+    place = np.clip(np.arange(last + 1) - samples, 0.0, last)
+    before = np.minimum(np.floor(place).astype(int), last - 1)
+    share = place - before
+    return np.asarray(signal[..., before] * (1.0 - share) + signal[..., before + 1] * share)
+
+
+def averaged(signal: NDArray[np.float64], samples: float) -> NDArray[np.float64]:
+    """Mean of `signal`, shape (..., n_time), linear in between, over a centred window of so many samples.
+
+    At the ends the window covers what there is of the record.
+    """
+    last = signal.shape[-1] - 1
+    middles = 0.5 * (signal[..., 1:] + signal[..., :-1])
+    integral = np.concatenate([np.zeros((*signal.shape[:-1], 1)), np.cumsum(middles, axis=-1)], axis=-1)
+
+    def integral_at(place: NDArray[np.float64]) -> NDArray[np.float64]:
+        before = np.minimum(np.floor(place).astype(int), last - 1)
+        share = place - before
+        slope = signal[..., before + 1] - signal[..., before]
+        return np.asarray(integral[..., before] + share * (signal[..., before] + 0.5 * share * slope))
+
+    start = np.clip(np.arange(last + 1) - 0.5 * samples, 0.0, last)
+    end = np.clip(np.arange(last + 1) + 0.5 * samples, 0.0, last)
+    return np.asarray((integral_at(end) - integral_at(start)) / (end - start))
+
+
+def _low_passed(signal: NDArray[np.float64], corner_hz: float, dt: float) -> NDArray[np.float64]:
+    # SciPy's filters are slow to load and rarely asked for.
+    from scipy.signal import butter, lfilter, lfilter_zi
+
+    if corner_hz * dt >= 0.5:
+        return signal
+    numerator, denominator = butter(2, 2.0 * corner_hz * dt)
+    start = lfilter_zi(numerator, denominator) * signal[..., :1]
+    return np.asarray(lfilter(numerator, denominator, signal, axis=-1, zi=start)[0])

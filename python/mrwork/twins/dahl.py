@@ -1,0 +1,26 @@
+"""Dahl's model of solid friction (1968)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jax import Array
+
+
+class Theta(NamedTuple):
+    """Parameters, in spec order."""
+
+    k_w: Array
+    rho: Array
+    f0: Array
+
+
+def rate(p: Theta, state: Array, x: Array, v: Array) -> Array:
+    """w' = rho (v - |v| w)."""
+    return jnp.stack([p.rho * (v - jnp.abs(v) * state[0])])
+
+
+def force(p: Theta, state: Array, x: Array, v: Array) -> Array:
+    """f = k_w w + f0."""
+    return p.k_w * state[0] + p.f0

@@ -1,0 +1,150 @@
+"""Current laws of every model: names, plain model at a held command, steps of the command, twin, refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pytest
+from damper_samples import DT, N_TIME, noise, sine
+
+from mrwork.errors import MrworkError, SettingError, UnknownNameError
+from mrwork.simulate import Outcome, simulate_force, simulate_forces
+from mrwork.twins._base import parameters_at, simulate
+
+LAWS = ("linear", "quadratic", "cubic", "exponential")
+
+
+def followed(spec):
+    """Parameters that follow the command here: all of log scale, which are forces, stiffnesses, rates."""
+    return [parameter.name for parameter in spec.plain if parameter.scale == "log"]
+
+
+def with_laws(spec, *, lagged=False):
+    """The model with a different law for one parameter after the other."""
+    laws = {name: LAWS[index % len(LAWS)] for index, name in enumerate(followed(spec))}
+    return spec.with_current_laws(laws, lagged=lagged)
+
+
+def theta_of(model):
+    """A fifth more of each followed parameter per ampere, a twentieth of curvature, -1 1/A in the exponents."""
+    values = []
+    base = 0.0
+    for parameter in model.parameters:
+        _, _, power = parameter.name.partition(".")
+        if power == "" or power == "0":
+            base = parameter.nominal
+            values.append(base)
+        elif parameter.nominal == -1.0:
+            values.append(-1.0)
+        else:
+            values.append(base * {"1": 0.2, "2": 0.05, "3": -0.05}[power])
+    return np.array(values)
+
+
+def stepped_command():
+    """0.4 A, then 1 A, then a ramp down."""
+    command = np.full(N_TIME, 0.4)
+    command[200:500] = 1.0
+    command[500:] = np.linspace(1.0, 0.1, N_TIME - 500)
+    return command
+
+
+def test_coefficients_are_named_after_their_parameter(spec):
+    model = with_laws(spec)
+    names = {parameter.name.partition(".")[0] for parameter in model.parameters}
+    assert names == {parameter.name for parameter in spec.plain}
+    assert len(model.names) == len(set(model.names)) > len(spec.names)
+    assert with_laws(spec, lagged=True).names == (*model.names, "eta")
+
+
+def test_held_command_is_the_plain_model_at_its_values(spec):
+    model = with_laws(spec)
+    theta = theta_of(model)
+    for command in (0.0, 0.6):
+        plain = np.array(parameters_at(model, theta, command))
+        loading = replace(noise(), command=command, command_unit="A")
+        # The laws are evaluated with fused multiply-adds here and without there: one rounding apart.
+        expected = simulate_force(spec, plain, noise())
+        difference = simulate_force(model, theta, loading) - expected
+        assert np.max(np.abs(difference)) <= 1e-9 * np.max(np.abs(expected))
+
+
+def test_a_constant_array_is_a_held_command_bit_for_bit(spec):
+    model = with_laws(spec, lagged=True)
+    theta = theta_of(model)
+    held = simulate_force(model, theta, replace(noise(), command=0.7, command_unit="A"))
+    array = simulate_force(model, theta, replace(noise(), command=np.full(N_TIME, 0.7), command_unit="A"))
+    np.testing.assert_array_equal(held, array)
+
+
+@pytest.mark.parametrize("lagged", [False, True])
+def test_twin_agrees_under_a_stepped_command(spec, lagged):
+    model = with_laws(spec, lagged=lagged)
+    theta = theta_of(model)
+    history = replace(sine(), command=stepped_command(), command_unit="A").history()
+    run = simulate_forces(model, theta[None], history)
+    assert run.outcome[0] == Outcome.FINISHED
+    twin = jax.jit(lambda theta, stages, command: simulate(model, theta, stages, DT, command))
+    force = np.asarray(twin(theta, history.stages(int(run.substeps[0])), history.command))
+    assert np.max(np.abs(force - run.force[0])) <= 1e-10 * np.max(np.abs(run.force[0]))
+    steady = simulate_force(model, theta, replace(sine(), command=0.4, command_unit="A"))
+    # Before the step nothing is known of it, but its stiffness decides the sub-steps; after it the force is another.
+    change = np.abs(run.force[0] - steady) / np.max(np.abs(steady))
+    assert np.max(change[:200]) < 5e-3 < 5e-2 < np.max(change[210:])
+
+
+def test_a_fast_driver_is_no_driver(spec):
+    # At 1e5 1/s a step of the command is followed within a hundredth of a sample.
+    model, lagged = with_laws(spec), with_laws(spec, lagged=True)
+    loading = replace(sine(), command=stepped_command(), command_unit="A")
+    theta = theta_of(model)
+    immediate = simulate_force(model, theta, loading)
+    fast = simulate_force(lagged, np.append(theta, 1e5), loading)
+    slow = simulate_force(lagged, np.append(theta, 20.0), loading)
+    scale = np.max(np.abs(immediate))
+    after = np.ones(N_TIME, dtype=bool)
+    # At the sample of a step the coil still has the old command: no lag is infinitely fast.
+    after[[200, *range(500, N_TIME)]] = False
+    assert np.max(np.abs(fast - immediate)[after]) < 1e-3 * scale
+    assert np.max(np.abs(slow - immediate)[after]) > 1e-3 * scale
+
+
+def test_rows_of_a_batch_are_independent_under_a_stepped_command(spec):
+    model = with_laws(spec, lagged=True)
+    history = replace(sine(n_time=150), command=stepped_command()[120:270], command_unit="A").history()
+    rng = np.random.default_rng(4)
+    theta = theta_of(model) * rng.uniform(0.8, 1.2, (37, len(model.parameters)))
+    batch = simulate_forces(model, theta, history)
+    alone = np.vstack([simulate_forces(model, row[None], history).force for row in theta])
+    np.testing.assert_array_equal(batch.force.view(np.uint64), alone.view(np.uint64))
+
+
+def test_parameters_stay_admissible_at_any_command(spec):
+    name = followed(spec)[0]
+    model = spec.with_current_laws({name: "linear"})
+    index = model.names.index(f"{name}.1")
+    theta = model.nominal
+    theta[index] = -10.0 * spec.nominal[spec.names.index(name)]
+    at_one = parameters_at(model, theta, 1.0)
+    assert getattr(at_one, name) == next(p.lower for p in spec.plain if p.name == name)
+
+
+def test_a_command_in_the_other_unit_is_refused(spec):
+    name = followed(spec)[0]
+    model = spec.with_current_laws({name: "linear"}, unit="V")
+    with pytest.raises(SettingError, match=r"takes its command in V, the loading's is in A"):
+        simulate_force(model, model.nominal, replace(sine(), command=1.0, command_unit="A"))
+    with pytest.raises(SettingError, match="no stated unit"):
+        simulate_force(model, model.nominal, sine())
+
+
+def test_laws_that_do_not_exist_are_refused(spec):
+    name = followed(spec)[0]
+    with pytest.raises(UnknownNameError, match="no parameter 'nothing'"):
+        spec.with_current_laws({"nothing": "linear"})
+    with pytest.raises(UnknownNameError, match=r"no current law is called 'parabolic'.*quadratic"):
+        spec.with_current_laws({name: "parabolic"})
+    with pytest.raises(MrworkError, match="has current laws already"):
+        with_laws(spec).with_current_laws({})
