@@ -186,6 +186,20 @@ def test_a_drift_of_the_loop_is_measured(change: float) -> None:
     assert len(drift_finding(test)) == 1
 
 
+def test_a_chirp_is_no_drift() -> None:
+    time = 0.002 * np.arange(6000)
+    phase = 2.0 * np.pi * (0.5 * time + 0.1 * time**2)
+    velocity = 0.01 * np.cos(phase) * np.gradient(phase, time)
+    test = build_damper_test(
+        name="chirp",
+        time=time,
+        displacement=0.01 * np.sin(phase),
+        velocity=velocity,
+        force=300.0 * np.tanh(velocity / 0.01) + 2000.0 * velocity,
+    )
+    assert loop_drift(test) is None
+
+
 def test_a_stroke_that_decays_is_no_drift() -> None:
     time = 0.002 * np.arange(6000)
     envelope = 0.01 * np.exp(-0.04 * time)

@@ -21,6 +21,7 @@ _FOLDED: Final = 0.25
 _FALL: Final = 0.3
 _FEWEST: Final = 12
 _FEWEST_TURNS: Final = 2
+_ALIKE: Final = 0.1
 # Mean square of the corner's residual by that of a smooth curve of one parameter more: 0.1 to 0.7 on models
 # with hysteresis of their displacement, 0.9 to 1.1 where the force is a smooth function of the motion.
 _SHARPNESS: Final = 0.7
@@ -52,6 +53,10 @@ def force_delay(test: DamperTest) -> Measured | None:
     motion = motion_of(test.displacement, test.dt)
     period = 1.0 / motion.frequency
     place, direction = turning_points(motion.displacement, motion.velocity)
+    # Turns of unlike sharpness have their corners spread differently, and do not fold into one.
+    sharp = np.abs(np.interp(place, np.arange(test.n_time), motion.acceleration))
+    if place.size < _FEWEST_TURNS or np.std(sharp) > _ALIKE * np.mean(sharp):
+        return None
     branch = _folded(test.force, place, direction, period / test.dt)
     if branch is None:
         return None
@@ -60,8 +65,9 @@ def force_delay(test: DamperTest) -> Measured | None:
     delays = np.array([delay for delay, _ in corners])
     if not (sharpness < _SHARPNESS and np.ptp(delays) <= _AGREEMENT):
         return None
-    # The step of the search is the least error, for what the windows agree on may be one and the same step.
-    error = float(np.hypot(np.ptp(delays) / 2.0, _STEP))
+    # The windows may agree on one and the same step of the search, and a corner lies anywhere between two samples.
+    between = test.dt / (np.sqrt(12.0) * period)
+    error = float(np.linalg.norm([np.ptp(delays) / 2.0, _STEP, between]))
     delay = float(delays.mean())
     time, force, _ = branch
     if delay < -_SIGNIFICANT * error and np.interp(0.0, time, force) > -_PASSED:

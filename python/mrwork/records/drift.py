@@ -12,7 +12,7 @@ from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.motion import motion_of
 
 _FEWEST_CYCLES: Final = 5
-# A stroke that varies less than this does not explain a change of force.
+# A stroke that varies less than this does not explain a change of force. Durations are whole samples besides.
 _STEADY: Final = 0.01
 # A stroke that falls as steadily as this leaves nothing to tell a drift by.
 _COLLINEAR: Final = 0.9
@@ -25,11 +25,14 @@ def loop_drift(test: DamperTest) -> Measured | None:
 
     The force of a cycle is its dissipated energy per distance travelled, int F v dt / int |v| dt. Its logarithm
     is regressed on the number of the cycle and, where that varies, on the logarithm of the stroke. Fewer than five
-    cycles, or a stroke that falls steadily, leave it untold.
+    cycles, cycles of unequal duration, or a stroke that falls steadily, leave it untold.
     """
     motion = motion_of(test.displacement, test.dt)
     spans = whole_cycles(motion.displacement)
     if len(spans) < _FEWEST_CYCLES:
+        return None
+    duration = np.array([span.stop - span.start for span in spans])
+    if np.std(duration) > _STEADY * np.mean(duration) + 1.0:
         return None
     force = test.force - mean_over_travel(test.force, motion.velocity)
     # A cycle that goes nowhere, or creates energy, is kept out of the logarithm by the smallest number there is.

@@ -18,6 +18,8 @@ _HARMONICS: Final = np.arange(1, 5)
 # One sample less and the spectrum of the noise has a single null, at the Nyquist frequency or near it, that a
 # low-pass filter makes as well.
 _SHORTEST: Final = 4
+# Of a period. Nobody averages over more, and harmonics repeat themselves there.
+_LONGEST: Final = 0.5
 # Of the depth that a moving average gives; what the noise is averaged over before it is rounded again fills the
 # nulls a little. Combs of harmonics can be as deep in the mean, but not at w and 2 w alike.
 _DEPTH: Final = 0.6
@@ -41,17 +43,20 @@ def detect_smoothing(test: DamperTest) -> Smoothing | None:
     """Moving average that displacement and force of a test passed, or `None` where none is seen.
 
     Where the two were averaged over different windows, that of the force is given, which has the higher
-    harmonics. A window of less than 4 samples, or of more than an eighth of the record, is not seen; nor is one
-    in a record without noise.
+    harmonics. A window of less than 4 samples, or of more than an eighth of the record or half a period, is
+    not seen; nor is one in a record without noise.
     """
     channels: tuple[tuple[Channel, NDArray[np.float64]], ...] = (
         ("force", test.force),
         ("displacement", test.displacement),
     )
     windows = {name: averaged_over(samples) for name, samples in channels}
+    period = round(1.0 / (spectrum(test.displacement, test.dt).dominant * test.dt))
+    for name, n_window in windows.items():
+        if n_window is not None and n_window > _LONGEST * period:
+            windows[name] = None
     if len(set(windows.values())) > 1:
         # A pulse in every cycle has the spectrum of an average; what differs from cycle to cycle has not.
-        period = round(1.0 / (spectrum(test.displacement, test.dt).dominant * test.dt))
         for name, samples in channels:
             if averaged_over(samples[period:] - samples[:-period]) != windows[name]:
                 windows[name] = None
