@@ -94,7 +94,14 @@ def _explore_levels(
     objective: Objective, form: Form, search: EfficientGA, *, rng: int, on_search: OnSearch
 ) -> Exploration:
     # SciPy's optimisers are slow to load and needed from here on only.
-    from mrwork.identification.starts import LevelFit, fit_level, joint_starts, law_scales, levels_of
+    from mrwork.identification.starts import (
+        LevelFit,
+        follow_level,
+        joint_starts,
+        law_scales,
+        levels_of,
+        search_level,
+    )
     from mrwork.spec import damper
 
     excerpts = tuple(excerpt(test) for test in objective.tests)
@@ -107,41 +114,56 @@ def _explore_levels(
         }
     )
     levels = levels_of(form.spec, excerpts)
+    commands = sorted(levels)
     fits: list[LevelFit] = []
-    simulated = 0
+    searches: list[SearchResult[GAState]] = []
+
+    def at(command: float) -> Objective:
+        return Objective.of(
+            plain,
+            levels[command],
+            nuisances=objective.nuisances,
+            threads=objective.threads,
+            tally=objective.tally,
+        )
 
     def on_generation(event: GenerationEvent[GAState]) -> None:
         share = event.generation / search.max_generations
-        on_search(simulated + event.evaluations, event.best_misfit, (len(fits) + share) / len(levels))
+        on_search(event.evaluations, event.best_misfit, share / len(levels))
 
     try:
-        for command, tests in levels.items():
-            fit = fit_level(
-                plain,
-                box,
-                command,
-                tests,
-                search=search,
-                nuisances=objective.nuisances,
-                rng=rng,
-                threads=objective.threads,
-                on_generation=on_generation,
-            )
-            fits.append(fit)
-            simulated += fit.search.evaluations
-            _check_found(form.spec, fit.search)
+        # The middle one is searched; from there each command starts at what its neighbour found.
+        middle = len(commands) // 2
+        first = search_level(
+            at(commands[middle]), box, commands[middle], search=search, rng=rng, on_generation=on_generation
+        )
+        fits.append(first)
+        if first.search is not None:
+            searches.append(first.search)
+            _check_found(form.spec, first.search)
+        for outward in (commands[middle + 1 :], commands[:middle][::-1]):
+            neighbour = first
+            for command in outward:
+                here = at(command)
+                neighbour = follow_level(here, box, command, neighbour)
+                fits.append(neighbour)
+                best = float(here(neighbour.finds[:1])[0])
+                on_search(objective.tally.simulations, best, len(fits) / len(levels))
     except KeyboardInterrupt as interrupt:
         if not fits:
             raise
         theta = joint_starts(form.spec, fits, 1, rng=rng)[0]
-        raise ExplorationInterrupted(theta, _trace([fit.search for fit in fits])) from interrupt
-    joint = Objective.of(form.spec, excerpts, nuisances=objective.nuisances, threads=objective.threads)
+        raise ExplorationInterrupted(theta, _trace(searches)) from interrupt
+    fits.sort(key=lambda fit: fit.command)
+    joint = Objective.of(
+        form.spec, excerpts, nuisances=objective.nuisances, threads=objective.threads, tally=objective.tally
+    )
     starts = joint_starts(form.spec, fits, _JOINT_STARTS, rng=rng)
     return Exploration(
         objective=joint,
-        searched=law_scales(form.spec, search_box(plain, box, excerpts), np.array(list(levels))),
+        searched=law_scales(form.spec, search_box(plain, box, excerpts), np.array(commands)),
         starts=np.array([form.box.inside(start) for start in starts]),
-        trace=_trace([fit.search for fit in fits]),
+        trace=_trace(searches),
     )
 
 

@@ -215,9 +215,7 @@ class _Run:
             ),
             quality=quality,
             trace=trace,
-            evaluations=trace.evaluations[-1] + self.objective.tally.simulations
-            if self.spec.current
-            else self.objective.tally.simulations,
+            evaluations=self.objective.tally.simulations,
             refinement_steps=steps,
             seconds=time.perf_counter() - self.began,
             n_time=sum(each.n_time for each in quality),

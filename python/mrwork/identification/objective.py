@@ -50,12 +50,20 @@ class Objective:
         *,
         nuisances: tuple[NuisanceName, ...] = (),
         threads: int = 0,
+        tally: Tally | None = None,
     ) -> Objective:
         """Spline the motions of the tests once, for all candidates."""
         if not tests:
             raise RecordError("no test was given to identify from; name at least one file")
         histories = tuple(loading_of(test, spec).history() for test in tests)
-        return cls(spec=spec, tests=tests, histories=histories, nuisances=nuisances, threads=threads)
+        return cls(
+            spec=spec,
+            tests=tests,
+            histories=histories,
+            nuisances=nuisances,
+            threads=threads,
+            tally=tally or Tally(),
+        )
 
     @property
     def is_direct(self) -> bool:

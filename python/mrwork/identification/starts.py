@@ -12,7 +12,6 @@ from mrwork.coordinates import Box
 from mrwork.errors import SettingError
 from mrwork.identification.descent import descend
 from mrwork.identification.explore import search_box
-from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.objective import Objective
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, GAState, SearchResult, run_search
@@ -34,11 +33,11 @@ _DEGREE: Mapping[LawName, int] = {"constant": 0, "linear": 1, "quadratic": 2, "c
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelFit:
-    """The plain model at one command [A or V]: finds, shape (n_finds, n_plain), best first, and their search."""
+    """The plain model at one command [A or V]: finds, shape (n_finds, n_plain), best first; the search, if any."""
 
     command: float
     finds: NDArray[np.float64]
-    search: SearchResult[GAState]
+    search: SearchResult[GAState] | None
 
 
 def levels_of(spec: DamperSpec, tests: tuple[DamperTest, ...]) -> dict[float, tuple[DamperTest, ...]]:
@@ -67,21 +66,17 @@ def levels_of(spec: DamperSpec, tests: tuple[DamperTest, ...]) -> dict[float, tu
     return levels
 
 
-def fit_level(
-    plain: DamperSpec,
+def search_level(
+    objective: Objective,
     box: Box,
     command: float,
-    tests: tuple[DamperTest, ...],
     *,
     search: EfficientGA,
-    nuisances: tuple[NuisanceName, ...],
     rng: int,
-    threads: int,
     on_generation: Callable[[GenerationEvent[GAState]], None],
 ) -> LevelFit:
-    """Fit the plain model to the tests at one command."""
-    objective = Objective.of(plain, tests, nuisances=nuisances, threads=threads)
-    searched = search_box(plain, box, tests)
+    """Fit the plain model at one command from a genetic search."""
+    searched = search_box(objective.spec, box, objective.tests)
     found = run_search(
         search,
         lambda unit: objective(np.asarray(searched.theta_from_unit(unit))),
@@ -90,11 +85,21 @@ def fit_level(
         on_generation=on_generation,
     )
     starts = np.asarray(searched.theta_from_unit(found.elite[:_FINDS]))
+    return LevelFit(command=command, finds=_finds(objective, box, searched, starts), search=found)
+
+
+def follow_level(objective: Objective, box: Box, command: float, neighbour: LevelFit) -> LevelFit:
+    """Fit the plain model at one command from what was found at its neighbour."""
+    searched = search_box(objective.spec, box, objective.tests)
+    return LevelFit(command=command, finds=_finds(objective, box, searched, neighbour.finds), search=None)
+
+
+def _finds(objective: Objective, box: Box, searched: Box, starts: NDArray[np.float64]) -> NDArray[np.float64]:
     finds = sorted(
         (descend(objective, box, searched, start, max_evaluations=_EVALUATIONS) for start in starts),
         key=lambda descended: descended.misfit,
     )
-    return LevelFit(command=command, finds=np.array([find.theta for find in finds]), search=found)
+    return np.array([find.theta for find in finds])
 
 
 def joint_starts(spec: DamperSpec, levels: list[LevelFit], n_starts: int, *, rng: int) -> NDArray[np.float64]:
