@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mrwork import _rust
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.presets import PUBLISHED_SETS, PublishedSet
 
 Scale = Literal["linear", "log", "offset"]
 LawName = Literal["constant", "linear", "quadratic", "cubic", "exponential"]
@@ -133,6 +134,72 @@ class DamperSpec:
             parameters=tuple(parameters),
             current=CurrentLaws(unit=unit, laws=chosen, lagged=lagged),
         )
+
+    @property
+    def presets(self) -> tuple[str, ...]:
+        """Names of the model's published parameter sets."""
+        return tuple(entry.name for entry in PUBLISHED_SETS if entry.model == self.name)
+
+    def preset(self, name: str) -> Preset:
+        """Return a published parameter set of the model.
+
+        Raises
+        ------
+        UnknownNameError
+            Where the model has no such set; the message lists those it has.
+
+        Examples
+        --------
+        >>> import mrwork as mr
+        >>> prototype = mr.damper("modified_bouc_wen").preset("dyke1996")
+        >>> prototype.status, prototype.spec.current.unit, len(prototype.theta)
+        ('verified', 'V', 14)
+        """
+        for entry in PUBLISHED_SETS:
+            if (entry.model, entry.name) == (self.name, name):
+                return _preset(self, entry)
+        known = ", ".join(self.presets) or "none"
+        raise UnknownNameError(f"{self.name} has no published set called {name!r}; it has {known}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Preset:
+    """A published set ready to be simulated: the model with its current laws, and `theta` in its order.
+
+    `status` says whether the set was verified or is only published; see `PublishedSet`.
+    """
+
+    name: str
+    spec: DamperSpec
+    theta: tuple[float, ...]
+    source: str
+    status: Literal["verified", "published"]
+    largest_command: float | None
+    note: str
+
+
+def _preset(plain: DamperSpec, entry: PublishedSet) -> Preset:
+    degrees: tuple[LawName, ...] = ("constant", "linear", "quadratic", "cubic")
+    laws: dict[str, LawName] = {}
+    theta: list[float] = []
+    for name in plain.names:
+        value = entry.values[name]
+        coefficients = value if isinstance(value, tuple) else (value,)
+        laws[name] = degrees[len(coefficients) - 1]
+        theta += coefficients
+    spec = plain
+    if entry.unit is not None:
+        spec = plain.with_current_laws(laws, unit=entry.unit, lagged=entry.eta is not None)
+        theta += () if entry.eta is None else (entry.eta,)
+    return Preset(
+        name=entry.name,
+        spec=spec,
+        theta=tuple(theta),
+        source=entry.source,
+        status=entry.status,
+        largest_command=entry.largest_command,
+        note=entry.note,
+    )
 
 
 # Lag of an MR damper's coil and driver: 190 1/s in Spencer et al. 1997 and Dyke et al. 1996.

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from mrwork.cli.options import add_json
-from mrwork.spec import DamperSpec, damper, dampers
+from mrwork.spec import DamperSpec, Preset, damper, dampers
 
 
 def add_parser(verbs: Any) -> None:
@@ -23,15 +23,22 @@ def run(options: argparse.Namespace) -> int:
     """Print the list or the model."""
     if options.name is None:
         if options.json:
-            print(json.dumps({"models": [asdict(spec) for spec in dampers()]}))
+            print(json.dumps({"models": [_as_dict(spec) for spec in dampers()]}))
             return 0
         width = max(len(spec.name) for spec in dampers())
         for spec in dampers():
             print(f"{spec.name:<{width}}  {len(spec.parameters)} parameters  {spec.title}")
         return 0
     spec = damper(options.name)
-    print(json.dumps(asdict(spec)) if options.json else _in_full(spec))
+    print(json.dumps(_as_dict(spec)) if options.json else _in_full(spec))
     return 0
+
+
+def _as_dict(spec: DamperSpec) -> dict[str, Any]:
+    entry = asdict(spec)
+    # The same as the parameters where no law has replaced them.
+    del entry["plain"]
+    return entry | {"presets": [asdict(spec.preset(name)) for name in spec.presets]}
 
 
 def _in_full(spec: DamperSpec) -> str:
@@ -47,4 +54,22 @@ def _in_full(spec: DamperSpec) -> str:
     lines += [
         "  ".join(cell.ljust(width) for cell, width in zip(row, [*widths, 0], strict=True)) for row in rows
     ]
+    for name in spec.presets:
+        lines += ["", *_preset_lines(spec.preset(name))]
+    lines += [
+        "",
+        "Any parameter can follow the command, constant, linear, quadratic, cubic or exponential: "
+        f"mrwork identify FILE... --model {spec.name} --law {spec.names[0]}=linear",
+    ]
     return "\n".join(lines)
+
+
+def _preset_lines(preset: Preset) -> list[str]:
+    note = f" ({preset.note})" if preset.note else ""
+    current = preset.spec.current
+    command = f", command 0 to {preset.largest_command:g} {current.unit}" if current is not None else ""
+    values = ", ".join(
+        f"{parameter.name} = {value:g} {parameter.unit if parameter.unit != '1' else ''}".rstrip()
+        for parameter, value in zip(preset.spec.parameters, preset.theta, strict=True)
+    )
+    return [f"Preset {preset.name}, {preset.status}{command}: {preset.source}{note}", f"  {values}"]

@@ -1,0 +1,88 @@
+"""Published sets of every model: complete, admissible, sourced, and they run and dissipate."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from damper_samples import DT, sine
+
+from mrwork.errors import UnknownNameError
+from mrwork.presets import PUBLISHED_SETS
+from mrwork.simulate import Loading, simulate_force
+from mrwork.spec import damper, dampers
+from mrwork.twins._base import parameters_at
+
+
+def presets():
+    return [spec.preset(name) for spec in dampers() for name in spec.presets]
+
+
+@pytest.fixture(params=presets(), ids=lambda preset: f"{preset.spec.name}-{preset.name}")
+def preset(request):
+    """Every published set in turn."""
+    return request.param
+
+
+def test_every_published_set_belongs_to_a_model():
+    assert {entry.model for entry in PUBLISHED_SETS} <= {spec.name for spec in dampers()}
+    assert len(presets()) == len(PUBLISHED_SETS)
+
+
+def test_all_parameters_are_given_and_admissible_at_every_command(preset):
+    assert len(preset.theta) == len(preset.spec.parameters)
+    largest = preset.largest_command or 0.0
+    for command in (0.0, 0.5 * largest, largest):
+        values = parameters_at(preset.spec, np.array(preset.theta), command)
+        assert np.all(np.isfinite(values))
+        for parameter, value in zip(preset.spec.plain, values, strict=True):
+            assert parameter.lower <= value <= parameter.upper
+    if preset.spec.current is not None and preset.spec.current.lagged:
+        assert 0.0 < preset.theta[-1] == preset.theta[preset.spec.names.index("eta")]
+
+
+def test_source_and_status_are_said(preset):
+    assert re.search(r"\b(19|20)\d\d\b", preset.source)
+    assert preset.status in ("verified", "published")
+
+
+def test_it_runs_and_dissipates(preset):
+    unit = None if preset.spec.current is None else preset.spec.current.unit
+    motion = sine()
+    loading = Loading(
+        dt=DT,
+        displacement=motion.displacement,
+        velocity=motion.velocity,
+        command=preset.largest_command,
+        command_unit=unit,
+    )
+    force = simulate_force(preset.spec, np.array(preset.theta), loading)
+    assert np.trapezoid((force * motion.velocity)[400:], dx=DT) > 0.0
+
+
+def test_more_command_makes_more_force(preset):
+    if preset.spec.current is None:
+        pytest.skip("this set holds at one command")
+
+    def work(command):
+        motion = sine()
+        loading = Loading(
+            dt=DT,
+            displacement=motion.displacement,
+            velocity=motion.velocity,
+            command=command,
+            command_unit=preset.spec.current.unit,
+        )
+        return np.trapezoid(
+            simulate_force(preset.spec, np.array(preset.theta), loading) * motion.velocity, dx=DT
+        )
+
+    assert work(preset.largest_command) > 1.5 * work(0.0)
+
+
+def test_an_unknown_set_is_refused_with_those_that_exist():
+    with pytest.raises(UnknownNameError, match=r"'dyke'; it has dyke1996, leva2002"):
+        damper("modified_bouc_wen").preset("dyke")
+    with pytest.raises(UnknownNameError, match="it has none"):
+        damper("dahl").preset("dyke")
