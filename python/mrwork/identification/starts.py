@@ -130,8 +130,7 @@ def _through(
     theta: list[float] = []
     for parameter, law, column in zip(spec.plain, spec.current.laws, values.T, strict=True):
         if law == "constant":
-            log = parameter.scale == "log"
-            theta.append(float(np.exp(np.mean(np.log(column))) if log else np.median(column)))
+            theta.append(float(np.median(column)))
             continue
         degree = min(_DEGREE[law], len(commands) - 1)
         straight = list(np.polyfit(commands, column, degree)[::-1]) + [0.0] * (_DEGREE[law] - degree)
