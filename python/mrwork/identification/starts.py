@@ -128,7 +128,7 @@ def _through(
     if spec.current is None:
         return np.asarray(values[0])
     theta: list[float] = []
-    for parameter, law, column in zip(spec.plain, spec.current.laws, values.T, strict=True):
+    for law, column in zip(spec.current.laws, values.T, strict=True):
         if law == "constant":
             theta.append(float(np.median(column)))
             continue

@@ -1,0 +1,204 @@
+"""One current-dependent model per family, identified jointly from the UTFSM sinusoids, and tried on tests left out.
+
+python studies/one_model_for_a_rig/study.py [--family NAME ...] [--observed yes|no|both] [--leave-out] [--json]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+import tomllib
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+
+from mrwork.coordinates import Box
+from mrwork.identification.descent import descend
+from mrwork.identification.fit import Fit
+from mrwork.identification.identify import Progress, identify
+from mrwork.identification.judge import judge
+from mrwork.identification.objective import Objective
+from mrwork.records import AS_IT_IS, DamperTest, Observation, detect_smoothing, read_damper_tests
+from mrwork.spec import DamperSpec, LawName, damper
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+DATA = Path(os.environ.get("MRWORK_DATA", ROOT.parent / "shared" / "data"))
+RECORDS = DATA / "dampers" / "utfsm"
+EVALUATIONS = 60
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Family:
+    """A model, the laws of its parameters, and ranges narrower than it admits."""
+
+    model: str
+    laws: dict[str, LawName]
+    bounds: dict[str, tuple[float, float]]
+
+    @property
+    def spec(self) -> DamperSpec:
+        return damper(self.model).with_current_laws(self.laws)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeftOut:
+    """Fit % of tests that the descent did not see: which were left out, median and worst."""
+
+    what: str
+    median: float
+    worst: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """One family: fit % over all tests with what it took, and on tests left out."""
+
+    family: str
+    observed: bool
+    n_free: int
+    median: float
+    worst: float
+    worst_test: str
+    seconds: float
+    status: str
+    parameters: dict[str, float]
+    left_out: tuple[LeftOut, ...]
+
+
+def families() -> dict[str, Family]:
+    """The families of settings.toml."""
+    with (HERE / "settings.toml").open("rb") as file:
+        table = tomllib.load(file)
+    result = {}
+    for name, entry in table.items():
+        laws = entry.get("laws", {})
+        unknown = set(laws.values()) - set(get_args(LawName))
+        if unknown:
+            raise SystemExit(f"settings.toml: {name} has the law {unknown.pop()!r}, which does not exist")
+        bounds = {key: (float(low), float(high)) for key, (low, high) in entry.get("bounds", {}).items()}
+        result[name] = Family(model=entry["model"], laws=laws, bounds=bounds)
+    return result
+
+
+def sinusoids(*, observed: bool) -> tuple[DamperTest, ...]:
+    """The 30 filtered sinusoids; if `observed`, with the moving average of their authors in the observation model."""
+    tests = read_damper_tests(sorted(str(path) for path in RECORDS.glob("[0-9]*.csv")))
+    return tuple(replace(test, observation=_smoothing(test) if observed else AS_IT_IS) for test in tests)
+
+
+def _smoothing(test: DamperTest) -> Observation:
+    smoothing = detect_smoothing(test)
+    return AS_IT_IS if smoothing is None else Observation(average_seconds=smoothing.window_seconds)
+
+
+def left_out(family: Family, fit: Fit, tests: tuple[DamperTest, ...]) -> tuple[LeftOut, ...]:
+    """Descend without the tests at one current, or of one motion, from the joint fit, and predict them.
+
+    The start has seen them; the minimum it leads to has not.
+    """
+    results = []
+    for what, key in (
+        ("one current", lambda test: test.current),
+        ("one frequency", lambda test: test.frequency),
+    ):
+        predicted = []
+        for value in sorted({key(test) for test in tests}):
+            rest = tuple(test for test in tests if key(test) != value)
+            objective = Objective.of(family.spec, rest)
+            box = Box.of(family.spec).with_bounds(family.bounds)
+            theta = descend(
+                objective, box, box_of_scales(fit), np.array(fit.theta), max_evaluations=EVALUATIONS
+            ).theta
+            predicted += [
+                judge(family.spec, theta, test)[1].fit_percent for test in tests if key(test) == value
+            ]
+        results.append(LeftOut(what=what, median=float(np.median(predicted)), worst=min(predicted)))
+    return tuple(results)
+
+
+def box_of_scales(fit: Fit) -> Box:
+    """A box as wide as each parameter is large, for the steps of the difference quotients."""
+    spec = fit.spec
+    size = np.maximum(np.abs(fit.theta), 1e-9)
+    return Box(
+        names=spec.names,
+        lower=tuple(-size / 2),
+        upper=tuple(size / 2),
+        log=tuple(parameter.scale == "log" for parameter in spec.parameters),
+    )
+
+
+def run(name: str, family: Family, *, observed: bool, leave_out: bool, seed: int) -> Row:
+    """Identify one family from all tests."""
+    tests = sinusoids(observed=observed)
+    begun = time.perf_counter()
+
+    def show(progress: Progress) -> None:
+        if sys.stderr.isatty():
+            print(f"\r{name}: {progress.stage}, fit {progress.fit_percent:.2f} %   ", end="", file=sys.stderr)
+
+    fit = identify(family.spec, tests, bounds=family.bounds, rng=seed, on_progress=show)
+    seconds = time.perf_counter() - begun
+    worst = min(fit.quality, key=lambda quality: quality.fit_percent)
+    return Row(
+        family=name,
+        observed=observed,
+        n_free=sum(estimate.remark != "fixed" for estimate in fit.estimates),
+        median=float(np.median([quality.fit_percent for quality in fit.quality])),
+        worst=worst.fit_percent,
+        worst_test=worst.test,
+        seconds=seconds,
+        status=fit.status,
+        parameters=dict(zip(fit.spec.names, fit.theta, strict=True)),
+        left_out=left_out(family, fit, tests) if leave_out else (),
+    )
+
+
+def line(row: Row) -> str:
+    observed = "averaged" if row.observed else ""
+    outside = "".join(f"   without {each.what} {each.median:6.2f} {each.worst:6.2f}" for each in row.left_out)
+    return (
+        f"{row.family:<28} {observed:<9} {row.n_free:>3} {row.median:7.2f} {row.worst:7.2f}  {row.worst_test:<16}"
+        f"{row.seconds:7.1f} s{outside}"
+    )
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument(
+        "--family", action="append", choices=list(families()), help="default: all of settings.toml"
+    )
+    parser.add_argument("--observed", choices=["yes", "no", "both"], default="both")
+    parser.add_argument("--leave-out", action="store_true")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    if not RECORDS.is_dir():
+        print(f"skipped: {RECORDS} is not there; set MRWORK_DATA to the folder of the measured records")
+        return 0
+    known = families()
+    rows = []
+    if not options.json:
+        print(
+            f"{'family':<28} {'force':<9} {'n':>3} {'median':>7} {'worst':>7}  {'worst test':<16}{'time':>9}"
+        )
+    for name in options.family or known:
+        for observed in {"yes": (True,), "no": (False,), "both": (False, True)}[options.observed]:
+            rows.append(
+                run(name, known[name], observed=observed, leave_out=options.leave_out, seed=options.seed)
+            )
+            if not options.json:
+                print(line(rows[-1]), flush=True)
+    if options.json:
+        print(json.dumps({"rows": [asdict(row) for row in rows]}))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
