@@ -35,6 +35,7 @@ format: $(VENV)/.dev
 
 bench: $(VENV)/.built $(VENV)/.dev
 	$(BIN)/mrwork bench kernels
+	$(BIN)/mrwork bench models
 
 clean:
 	rm -rf $(VENV) target out

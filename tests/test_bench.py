@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -10,7 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from mrwork.bench.kernels import bench_kernels, format_table, summarise
-from mrwork.bench.worker import Measurement, Peer, fastest_variant
+from mrwork.bench.timing import Peer, fastest_variant
+from mrwork.bench.worker import Measurement
 from mrwork.bench.workload import DT, PowerForm, Workload, candidates, displacement_record, measured_force
 from mrwork.errors import MrworkError, SettingError
 
@@ -88,9 +90,9 @@ def test_a_misfit_that_differs_stops_the_benchmark() -> None:
     workload = a_workload("square")
     wrong = reference(workload)
     wrong[4] *= 1.0 + 1e-8
-    peer = Peer(start=numba_peer.START, changes=(), prepare=numba_peer.prepare)
+    peer = Peer(start=numba_peer.START, changes=(), prepare=partial(numba_peer.prepare, workload, "square"))
     with pytest.raises(MrworkError, match="agree on every misfit"):
-        fastest_variant("numba", peer, workload, "square", wrong)
+        fastest_variant("numba", peer, wrong)
 
 
 def test_candidates_yield_and_stay_resolved_by_one_step_per_sample() -> None:

@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
+from numpy.typing import NDArray
 
 from mrwork.bench.workload import PowerForm, Run, Workload
 
@@ -82,20 +83,37 @@ def prepare(workload: Workload, form: PowerForm, variant: JaxVariant) -> Run:
         return total
 
     batched = jax.vmap(misfit, in_axes=(0, None, None)) if variant.layout == "vmap" else misfit
+    return compiled_run(
+        batched,
+        workload.theta,
+        workload.stages,
+        workload.force,
+        vector_bits=variant.vector_bits,
+        split=variant.split,
+    )
+
+
+def compiled_run(
+    misfits: Callable[..., Array],
+    theta: NDArray[np.float64],
+    *shared: NDArray[np.float64],
+    vector_bits: int,
+    split: bool,
+) -> Run:
+    """Place the inputs, compile `misfits(theta, *shared)`, (n_batch,), and return the call to be timed."""
     width: dict[str, str | bool] | None = None
-    if variant.vector_bits:
-        width = {"xla_cpu_prefer_vector_width": str(variant.vector_bits)}
-    compiled = jax.jit(batched, compiler_options=width)
+    if vector_bits:
+        width = {"xla_cpu_prefer_vector_width": str(vector_bits)}
+    compiled = jax.jit(misfits, compiler_options=width)
 
     devices = jax.devices()
-    if not variant.split or len(workload.theta) % len(devices) != 0:
+    if not split or len(theta) % len(devices) != 0:
         devices = devices[:1]
     mesh = Mesh(np.array(devices), ("candidates",))
     rows = NamedSharding(mesh, PartitionSpec("candidates"))  # type: ignore[no-untyped-call] # jax leaves it unannotated
     whole = NamedSharding(mesh, PartitionSpec())  # type: ignore[no-untyped-call] # jax leaves it unannotated
-    theta = jax.device_put(workload.theta, rows)
-    stages, force = jax.device_put(workload.stages, whole), jax.device_put(workload.force, whole)
-    return lambda: compiled(theta, stages, force).block_until_ready()
+    placed = jax.device_put(theta, rows), *(jax.device_put(array, whole) for array in shared)
+    return lambda: compiled(*placed).block_until_ready()
 
 
 def _power(w: Array, n: Array, form: PowerForm) -> Array:

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from mrwork.bench.processes import cores_for, run_worker
 from mrwork.bench.worker import Measurement
 from mrwork.bench.workload import MODEL, N_TIME
-from mrwork.errors import MrworkError, SettingError
+from mrwork.errors import SettingError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,22 +97,18 @@ def bench_kernels(
     MrworkError
         If a peer's misfits differ from ours or a process fails.
     """
-    cores = _cores()
     if not batches or not threads or min(*batches, *threads, rounds, 1) < 1:
         raise SettingError("`batches`, `threads` and `rounds` must be 1 or more; give positive numbers")
-    if max(threads) > len(cores):
-        raise SettingError(
-            f"{max(threads)} threads were asked for, this machine offers {len(cores)} core(s); "
-            "give fewer threads"
-        )
+    cores = cores_for(threads)
     total = len(threads) * len(batches) * 2
     measurements: list[Measurement] = []
     for count in threads:
-        for event in _worker_events(cores[:count], batches, rounds):
-            if isinstance(event, Measurement):
-                measurements.append(event)
+        arguments = [",".join(map(str, batches)), str(rounds)]
+        for kind, content in run_worker("mrwork.bench.worker", cores[:count], arguments):
+            if kind == "measurement":
+                measurements.append(Measurement(**content))
             elif on_progress is not None:
-                on_progress(f"[{len(measurements) + 1} of {total}] {event}")
+                on_progress(f"[{len(measurements) + 1} of {total}] {content}")
     return summarise(measurements, rounds)
 
 
@@ -225,49 +217,4 @@ def _scalings(rows: Sequence[KernelRow]) -> Iterator[ThreadScaling]:
                 general_exponent=row.general_exponent,
                 threads=row.threads,
                 scaling=row.ours / alone[key],
-            )
-
-
-def _cores() -> list[int]:
-    if sys.platform == "linux":
-        return sorted(os.sched_getaffinity(0))
-    return list(range(os.cpu_count() or 1))
-
-
-def _worker_events(cores: Sequence[int], batches: Sequence[int], rounds: int) -> Iterator[Measurement | str]:
-    """Yield what the worker pinned to `cores` reports: progress as text, results as measurements."""
-    count = str(len(cores))
-    environment = os.environ | {
-        "NUMBA_NUM_THREADS": count,
-        "OMP_NUM_THREADS": count,
-        "RAYON_NUM_THREADS": count,
-        "JAX_PLATFORMS": "cpu",
-        "JAX_NUM_CPU_DEVICES": count,
-    }
-    arguments = [",".join(map(str, numbers)) for numbers in (cores, batches, [rounds])]
-    command = [sys.executable, "-m", "mrwork.bench.worker", *arguments]
-    with (
-        tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as errors,
-        subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=errors, env=environment, text=True
-        ) as worker,
-    ):
-        try:
-            for line in worker.stdout or ():
-                event = json.loads(line)
-                if "failure" in event:
-                    raise MrworkError(event["failure"])
-                if "measurement" in event:
-                    yield Measurement(**event["measurement"])
-                else:
-                    yield str(event["progress"])
-        except BaseException:
-            # Also when the caller is interrupted or stops listening: leaving the block waits for the worker.
-            worker.kill()
-            raise
-        if worker.wait() != 0:
-            errors.seek(0)
-            last = (errors.read().strip().splitlines() or ["it said nothing"])[-1]
-            raise MrworkError(
-                f"the benchmark process on {count} core(s) ended with code {worker.returncode}: {last}"
             )

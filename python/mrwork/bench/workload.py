@@ -50,17 +50,17 @@ class Workload:
         return len(self.theta) * (len(self.force) - 1)
 
 
-def displacement_record() -> NDArray[np.float64]:
-    """Return 10 mm at 1 Hz with a 1 mm sweep from 1 to 8 Hz on top, (N_TIME,) [m]; 0.12 m/s at the most."""
-    time = np.arange(N_TIME) * DT
+def displacement_record(n_time: int = N_TIME, dt: float = DT) -> NDArray[np.float64]:
+    """Return 10 mm at 1 Hz with a 1 mm sweep from 1 to 8 Hz on top, (n_time,) [m]; 0.12 m/s at the most."""
+    time = np.arange(n_time) * dt
     sweep = np.sin(2.0 * np.pi * (1.0 + 1.75 * time) * time)
     displacement: NDArray[np.float64] = 0.010 * np.sin(2.0 * np.pi * time) + 0.001 * sweep
     return displacement
 
 
-def measured_force(displacement: NDArray[np.float64]) -> NDArray[np.float64]:
+def measured_force(displacement: NDArray[np.float64], dt: float = DT) -> NDArray[np.float64]:
     """Return a plausible force for the residuals, (n_time,) [N]: smoothed friction and a dashpot."""
-    velocity: NDArray[np.float64] = np.gradient(displacement, DT)
+    velocity: NDArray[np.float64] = np.gradient(displacement, dt)
     return 600.0 * np.tanh(velocity / 0.02) + 1500.0 * velocity
 
 
