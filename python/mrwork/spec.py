@@ -30,6 +30,7 @@ class ParamSpec:
     upper: float
     nominal: float
     description: str
+    is_exponent: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -244,6 +245,7 @@ def _coefficients(parameter: ParamSpec, law: LawName, unit: CommandUnit) -> list
                 scale="linear",
                 lower=-bound,
                 upper=bound,
+                is_exponent=exponent,
                 nominal=parameter.nominal if power == 0 else -1.0 if exponent else 0.0,
                 description=f"{parameter.description}; coefficient {power} of its {law} law",
             )

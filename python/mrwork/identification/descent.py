@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import leastsq
 
 from mrwork.coordinates import Box
 from mrwork.identification.objective import Objective
@@ -18,6 +19,8 @@ from mrwork.identification.objective import Objective
 # Of the size of a parameter, or of the width it was searched over: rounding and curvature both stay below 1e-8.
 _STEP = 1e-6
 _TOLERANCE = 1e-7
+# Longest first step, in root sum of squares of the normalised residuals.
+_FIRST_STEP = 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,24 +66,30 @@ def descend(
         slope = np.asarray(np.exp(box.log_slope(latent)))
         return np.asarray(difference_quotient(objective, box, theta, searched) * slope)
 
-    solution = least_squares(
-        residuals,
-        box.latent_from_theta(box.inside(start)),
-        jac=jacobian,
-        method="lm",
-        x_scale="jac",
+    # In coordinates of unit sensitivity from the start on, so that the length of a step is about the change of the
+    # residuals that it makes: MINPACK's first step may be a hundred times as long and leave the valley.
+    origin = np.asarray(box.latent_from_theta(box.inside(start)))
+    sensitivity = np.linalg.norm(jacobian(origin), axis=0)
+    scale = 1.0 / np.maximum(sensitivity, 1e-9 * max(float(np.max(sensitivity)), 1e-300))
+    arrived: Any = leastsq(  # type: ignore[call-overload] # its stub wants a bool where it takes the mode of the report
+        lambda position: residuals(origin + scale * position),
+        np.zeros_like(origin),
+        Dfun=lambda position: jacobian(origin + scale * position) * scale,
+        full_output=True,
         ftol=_TOLERANCE,
         xtol=_TOLERANCE,
-        max_nfev=max_evaluations,
+        maxfev=max_evaluations,
+        factor=_FIRST_STEP,
     )
-    candidates = np.stack([start, box.theta_from_latent(solution.x)])
+    position, _, report, _, status = arrived
+    candidates = np.stack([start, box.theta_from_latent(origin + scale * position)])
     misfits = objective(candidates)
     best = int(np.argmin(misfits))
     return Descended(
         theta=candidates[best],
         misfit=float(misfits[best]),
-        evaluations=int(solution.nfev),
-        converged=bool(solution.status > 0),
+        evaluations=int(report["nfev"]),
+        converged=status in (1, 2, 3, 4),
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ from mrwork.spec import DamperSpec
 # Of a plain model, and of a model whose starts are drawn through fits at each command.
 _STARTS = 16
 _JOINT_STARTS = 8
+# Coefficients may reach so many times the range that is searched.
+_MARGIN = 10.0
 
 # Called with simulations so far, best misfit, and the share of the allowance that is used up.
 OnSearch = Callable[[int, float, float], None]
@@ -29,9 +31,13 @@ OnSearch = Callable[[int, float, float], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exploration:
-    """Starts, shape (n_starts, n_params), best first, what they are screened against, and how they were found."""
+    """Starts, shape (n_starts, n_params), best first, what they are screened against, and how they were found.
+
+    `form` has the box to descend in.
+    """
 
     objective: Objective
+    form: Form
     searched: Box
     starts: NDArray[np.float64]
     trace: SearchTrace
@@ -87,7 +93,7 @@ def _explore_plain(
         raise ExplorationInterrupted(theta, _trace([result])) from interrupt
     _check_found(form.spec, found)
     starts = np.asarray(box.theta_from_unit(found.elite[:_STARTS]))
-    return Exploration(objective=objective, searched=box, starts=starts, trace=_trace([found]))
+    return Exploration(objective=objective, form=form, searched=box, starts=starts, trace=_trace([found]))
 
 
 def _explore_levels(
@@ -98,7 +104,7 @@ def _explore_levels(
         LevelFit,
         follow_level,
         joint_starts,
-        law_scales,
+        law_box,
         levels_of,
         search_level,
     )
@@ -142,10 +148,10 @@ def _explore_levels(
             searches.append(first.search)
             _check_found(form.spec, first.search)
         for outward in (commands[middle + 1 :], commands[:middle][::-1]):
-            neighbour = first
+            neighbour, there = first, at(first.command)
             for command in outward:
                 here = at(command)
-                neighbour = follow_level(here, box, command, neighbour)
+                neighbour, there = follow_level(here, box, command, neighbour, there), here
                 fits.append(neighbour)
                 best = float(here(neighbour.finds[:1])[0])
                 on_search(objective.tally.simulations, best, len(fits) / len(levels))
@@ -159,12 +165,31 @@ def _explore_levels(
         form.spec, excerpts, nuisances=objective.nuisances, threads=objective.threads, tally=objective.tally
     )
     starts = joint_starts(form.spec, fits, _JOINT_STARTS, rng=rng)
+    searched = search_box(plain, box, excerpts)
+    joint_form = replace(
+        form, box=_reached(form, law_box(form.spec, searched, np.array(commands), margin=_MARGIN))
+    )
     return Exploration(
         objective=joint,
-        searched=law_scales(form.spec, search_box(plain, box, excerpts), np.array(commands)),
-        starts=np.array([form.box.inside(start) for start in starts]),
+        form=joint_form,
+        searched=law_box(form.spec, searched, np.array(commands)),
+        starts=np.array([joint_form.box.inside(start) for start in starts]),
         trace=_trace(searches),
     )
+
+
+def _reached(form: Form, reach: Box) -> Box:
+    """The box of a form, with coefficients that the user left alone no wider than `reach`.
+
+    Over a range of 1e9 either way the logit, in which descents run, tells one useful value from another poorly.
+    """
+    whole = Box.of(form.spec)
+    narrowed = {}
+    for index, name in enumerate(whole.names):
+        own = (form.box.lower[index], form.box.upper[index])
+        if own == (whole.lower[index], whole.upper[index]):
+            narrowed[name] = (reach.lower[index], reach.upper[index])
+    return form.box.with_bounds(narrowed)
 
 
 def _trace(searches: list[SearchResult[GAState]]) -> SearchTrace:

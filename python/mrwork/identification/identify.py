@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -134,6 +134,7 @@ def identify(
         raise IdentificationInterrupted(
             run.fit(interrupt.theta, None, interrupt.trace, 0, "interrupted")
         ) from interrupt
+    run = replace(run, form=explored.form)
     best = explored.starts[0]
 
     def on_start(descended: Descended, share: float) -> None:
@@ -148,7 +149,7 @@ def identify(
         # SciPy's optimisers and JAX are slow to load and needed from here on only.
         from mrwork.identification.polish import polish
 
-        return polish(objective, form, explored, on_start=on_start, on_step=on_step)
+        return polish(objective, explored, on_start=on_start, on_step=on_step)
 
     try:
         polished = interruptible(polish)

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.identification.descent import Descended, descend, difference_quotient
-from mrwork.identification.equivalent import Form
 from mrwork.identification.exploration import Exploration
 from mrwork.identification.objective import Objective
 from mrwork.identification.refine import OnStep, jacobian, refine
@@ -32,7 +31,6 @@ class Polished:
 
 def polish(
     objective: Objective,
-    form: Form,
     explored: Exploration,
     *,
     on_start: Callable[[Descended, float], None],
@@ -43,6 +41,7 @@ def polish(
     The twin compares the simulated force itself, for one set of parameters; an observed force, nuisance parameters and
     current laws over many tests are descended in lanes, with central differences.
     """
+    form = explored.form
     finalists = best_few(
         explored.objective,
         form.box,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mrwork.coordinates import Box
 from mrwork.errors import SettingError
-from mrwork.identification.descent import descend
+from mrwork.identification.descent import Descended, descend
 from mrwork.identification.explore import search_box
 from mrwork.identification.objective import Objective
 from mrwork.records import DamperTest
@@ -19,9 +19,14 @@ from mrwork.search.loop import GenerationEvent
 from mrwork.simulate import loading_of
 from mrwork.spec import DamperSpec, LawName
 
-# Finds of a search that are descended from at each command, and how far.
-_FINDS = 6
-_EVALUATIONS = 25
+# Starts that are descended from at each command; how far, and how far the best of them.
+_STARTS = 10
+_EVALUATIONS = 15
+_FINDS = 3
+_LAST_EVALUATIONS = 60
+# At one command a descent may go so many times beyond what is searched: laws are drawn through what it finds, and a
+# dashpot that ran away to 1e9 N s/m because nothing saw it would spoil them.
+_BEYOND = 10.0
 # Starts beside the first are drawn through values spread by this share of a parameter.
 _SPREAD = 0.25
 
@@ -84,22 +89,49 @@ def search_level(
         n_params=len(searched.free),
         on_generation=on_generation,
     )
-    starts = np.asarray(searched.theta_from_unit(found.elite[:_FINDS]))
+    starts = np.asarray(searched.theta_from_unit(found.elite[:_STARTS]))
     return LevelFit(command=command, finds=_finds(objective, box, searched, starts), search=found)
 
 
-def follow_level(objective: Objective, box: Box, command: float, neighbour: LevelFit) -> LevelFit:
-    """Fit the plain model at one command from what was found at its neighbour."""
+def follow_level(
+    objective: Objective, box: Box, command: float, neighbour: LevelFit, neighbours: Objective
+) -> LevelFit:
+    """Fit the plain model at one command from what was found at its neighbour, in proportion to the forces."""
     searched = search_box(objective.spec, box, objective.tests)
-    return LevelFit(command=command, finds=_finds(objective, box, searched, neighbour.finds), search=None)
+    ratio = _force(objective) / _force(neighbours)
+    is_force = np.array([parameter.unit.startswith("N") for parameter in objective.spec.parameters])
+    starts = np.concatenate([neighbour.finds, np.where(is_force, ratio * neighbour.finds, neighbour.finds)])
+    return LevelFit(command=command, finds=_finds(objective, box, searched, starts), search=None)
+
+
+def _force(objective: Objective) -> float:
+    return float(np.mean([np.std(test.force) for test in objective.tests]))
 
 
 def _finds(objective: Objective, box: Box, searched: Box, starts: NDArray[np.float64]) -> NDArray[np.float64]:
-    finds = sorted(
-        (descend(objective, box, searched, start, max_evaluations=_EVALUATIONS) for start in starts),
-        key=lambda descended: descended.misfit,
-    )
-    return np.array([find.theta for find in finds])
+    """The best minima, best first, shape (n_finds, n_params)."""
+    near = box.with_bounds(_widened(searched, box))
+
+    def descents(starts: NDArray[np.float64], evaluations: int) -> list[Descended]:
+        found = (descend(objective, near, searched, start, max_evaluations=evaluations) for start in starts)
+        return sorted(found, key=lambda descended: descended.misfit)
+
+    inside = np.clip(starts, near.lower, near.upper)
+    first = np.array([descended.theta for descended in descents(inside, _EVALUATIONS)[:_FINDS]])
+    return np.array([descended.theta for descended in descents(first, _LAST_EVALUATIONS)])
+
+
+def _widened(searched: Box, box: Box) -> dict[str, tuple[float, float]]:
+    bounds = {}
+    for index, name in enumerate(searched.names):
+        lower, upper = searched.lower[index], searched.upper[index]
+        if searched.log[index]:
+            lower, upper = lower / _BEYOND, upper * _BEYOND
+        else:
+            middle, half = (lower + upper) / 2, (upper - lower) / 2
+            lower, upper = middle - _BEYOND * half, middle + _BEYOND * half
+        bounds[name] = (max(lower, box.lower[index]), min(upper, box.upper[index]))
+    return bounds
 
 
 def joint_starts(spec: DamperSpec, levels: list[LevelFit], n_starts: int, *, rng: int) -> NDArray[np.float64]:
@@ -146,21 +178,23 @@ def _through(
     return np.clip(theta, box.lower, box.upper)
 
 
-def law_scales(spec: DamperSpec, searched: Box, commands: NDArray[np.float64]) -> Box:
-    """The searched ranges of the plain model, handed on to the coefficients of its laws."""
+def law_box(spec: DamperSpec, searched: Box, commands: NDArray[np.float64], *, margin: float = 1.0) -> Box:
+    """The searched ranges of the plain model, `margin` times as wide, handed on to the coefficients of its laws.
+
+    A coefficient may have either sign, and at the largest command its term reaches the end of the parameter's range.
+    """
     largest = max(float(np.max(np.abs(commands))), 1e-3)
     bounds: dict[str, tuple[float, float]] = {}
     whole = Box.of(spec)
     for index, parameter in enumerate(spec.parameters):
         name, dot, power = parameter.name.partition(".")
-        if name not in searched.names:
+        if not dot:
             continue
         plain = searched.names.index(name)
-        lower, upper = searched.lower[plain], searched.upper[plain]
-        if parameter.unit.startswith("1/") and parameter.nominal == -1.0 and dot:
-            lower, upper = -_EXPONENT, _EXPONENT
-        elif dot:
-            reach = max(abs(lower), abs(upper)) / largest ** int(power)
-            lower, upper = -reach, reach
-        bounds[parameter.name] = (max(lower, whole.lower[index]), min(upper, whole.upper[index]))
+        reach = margin * max(abs(searched.lower[plain]), abs(searched.upper[plain]))
+        if parameter.is_exponent:
+            reach = _EXPONENT
+        elif spec.current is not None and spec.current.laws[plain] != "exponential":
+            reach /= largest ** int(power)
+        bounds[parameter.name] = (max(-reach, whole.lower[index]), min(reach, whole.upper[index]))
     return whole.with_bounds(bounds)

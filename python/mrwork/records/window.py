@@ -61,7 +61,7 @@ def cut(
 
 # Enough cycles for a settled loop to count, enough samples for its knees.
 _EXCERPT_CYCLES = 3
-_EXCERPT_PER_CYCLE = 150
+_EXCERPT_PER_CYCLE = 400
 
 
 def excerpt(test: DamperTest) -> DamperTest:
@@ -81,7 +81,7 @@ def excerpt(test: DamperTest) -> DamperTest:
 
 
 _FEW = 5.0
-_PER_FASTEST = 30
+_PER_FASTEST = 40
 
 
 def counted_from(test: DamperTest, settle: float) -> DamperTest:
