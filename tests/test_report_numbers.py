@@ -83,6 +83,9 @@ def test_cutting_a_number_at_its_point_loses_nothing(value: float, digits: int) 
         ("c0a", "<i>c</i><sub>0a</sub>"),
         ("alpha_a", "<i>α</i><sub>a</sub>"),
         ("n", "<i>n</i>"),
+        ("k_w.1", "<i>k</i><sub>w,1</sub>"),
+        ("rho.0", "<i>ρ</i><sub>0</sub>"),
+        ("A1.2", "<i>A</i><sub>1,2</sub>"),
         ("stiffness", "stiffness"),
         ("a<b", "a&lt;b"),
     ],
@@ -94,6 +97,9 @@ def test_a_name_is_set_as_a_symbol(name: str, shown: str) -> None:
 def test_an_equation_is_set_as_mathematics() -> None:
     assert equation_html("w' = rho |w|^(n-1) - tanh(x0)") == (
         "<i>w</i>′ = <i>ρ</i> |<i>w</i>|<sup><i>n</i>−1</sup> − tanh(<i>x</i><sub>0</sub>)"
+    )
+    assert equation_html("k_w = k_w.0 + k_w.1 u [A]") == (
+        "<i>k</i><sub>w</sub> = <i>k</i><sub>w,0</sub> + <i>k</i><sub>w,1</sub> <i>u</i> [<i>A</i>]"
     )
     assert equation_html("|f| < f_y & v<sub>0</sub>") == (
         "|<i>f</i>| &lt; <i>f</i><sub>y</sub> &amp; <i>v</i><sub>0</sub>"

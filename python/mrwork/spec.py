@@ -128,7 +128,7 @@ class DamperSpec:
         followed = [
             _equation(name, law) for name, law in zip(self.names, chosen, strict=True) if law != "constant"
         ]
-        driver = f"u' = -eta (u - command), in {unit}" if lagged else f"u = command, in {unit}"
+        driver = f"u' = -eta (u - command) [{unit}]" if lagged else f"u = command [{unit}]"
         return replace(
             self,
             equation="\n".join([self.equation, *followed, driver]),

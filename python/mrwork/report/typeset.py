@@ -36,7 +36,7 @@ _TOKEN = re.compile(
     r"(?P<tag></?(?:" + "|".join(_TAGS) + r")\s*/?>)"
     r"|\^\((?P<power>[^()]*)\)"
     r"|\^(?P<exponent>-?\w+)"
-    r"|(?P<name>[A-Za-z]\w*)(?P<primes>'*)"
+    r"|(?P<name>[A-Za-z]\w*(?:\.\d)?)(?P<primes>'*)"
     r"|(?P<minus>-)"
     r"|(?P<other>.)",
     re.DOTALL,
@@ -44,15 +44,20 @@ _TOKEN = re.compile(
 
 
 def symbol(name: str) -> str:
-    """A parameter's name as a symbol: `k_w` as k with subscript w, `alpha` as its Greek letter."""
+    """A parameter's name as a symbol: `k_w` as k with subscript w, `alpha` as its Greek letter.
+
+    A coefficient of a current law has its number as one more subscript: `k_w.1`.
+    """
+    name, dot, coefficient = name.partition(".")
     match = re.fullmatch(r"([A-Za-z]+?)_?(\d\w*|(?<=_).+)?", name)
     if match is None:
-        return escape(name)
+        return escape(name + dot + coefficient)
     base, subscript = match.group(1), match.group(2)
     letter = _GREEK.get(base, base)
     if len(letter) > 1:
-        return escape(name)
-    set_subscript = f"<sub>{escape(_GREEK.get(subscript, subscript))}</sub>" if subscript else ""
+        return escape(name + dot + coefficient)
+    subscripts = [part for part in (_GREEK.get(subscript or "", subscript), coefficient) if part]
+    set_subscript = f"<sub>{escape(','.join(subscripts))}</sub>" if subscripts else ""
     return f"<i>{escape(letter)}</i>{set_subscript}"
 
 
@@ -85,6 +90,6 @@ def _set(match: re.Match[str]) -> str:
 def _name(name: str) -> str:
     if name in _FUNCTIONS:
         return name
-    if len(name) == 1 or name in _GREEK or re.fullmatch(r"[A-Za-z]+(\d\w*|_\w+)", name):
+    if len(name) == 1 or name in _GREEK or re.fullmatch(r"[A-Za-z]+(\d\w*|_\w+|(\w*\.\d))", name):
         return symbol(name)
     return escape(name)
