@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from mrwork.cli.observe import add_observation, described, nuisances_of, observed
+from mrwork.cli.observe import add_observation, nuisances_of, observed
 from mrwork.cli.options import add_files, add_json, parse_bounds, read_tests
 from mrwork.cli.progress import ProgressLine
 from mrwork.errors import SettingError
@@ -238,10 +238,10 @@ def _text(fit: Fit, tests: tuple[DamperTest, ...], place: Path) -> str:
     lines.append("")
     for test, quality in zip(tests, fit.quality, strict=True):
         settle = f", first {quality.settle_seconds:.2g} s not compared" if quality.settle_seconds > 0 else ""
-        recorded = described(quality.observation)
+        recorded = ", ".join(filter(None, (quality.observation.in_words, quality.nuisance.in_words)))
         lines.append(
             f"  {test.path or test.name}: fit {quality.fit_percent:.2f} %, RMSE {quality.rmse_n:.4g} N "
-            f"over {quality.n_time} samples{settle}{f'; the force {recorded}' if recorded else ''}"
+            f"over {quality.n_time} samples{settle}{f'; the model force {recorded}' if recorded else ''}"
         )
         lines += [f"    {finding.severity}: {finding.message}" for finding in test.findings]
     lines += ["", f"Report: {place / 'report.html'}"]

@@ -81,15 +81,3 @@ def _number(value: str, text: str, test: DamperTest) -> float:
         raise SettingError(
             f"{value!r} in --observe {text} is not a number; write it as 0.002, or 0.1T"
         ) from None
-
-
-def described(observation: Observation) -> str:
-    """The observation in a few words, for people; empty where there is none."""
-    parts = [
-        (observation.delay_seconds, f"late by {observation.delay_seconds:.3g} s"),
-        (observation.lowpass_hz, f"low-passed at {observation.lowpass_hz:.3g} Hz"),
-        (observation.average_seconds, f"averaged over {observation.average_seconds:.3g} s"),
-        (observation.gain - 1.0, f"times {observation.gain:.4g}"),
-        (observation.offset, f"offset by {observation.offset:.4g} N"),
-    ]
-    return ", ".join(text for value, text in parts if value != 0.0)

@@ -19,6 +19,16 @@ class Nuisance:
     level: float = 1.0
     delay: float = 0.0
 
+    @property
+    def in_words(self) -> str:
+        """The estimates, for people; empty where nothing was estimated."""
+        parts = [
+            (self.offset, f"offset by {self.offset:.4g} N"),
+            (self.level - 1.0, f"times {self.level:.4g}"),
+            (self.delay, f"late by {1e3 * self.delay:.3g} ms"),
+        ]
+        return ", ".join(text for value, text in parts if value != 0.0)
+
 
 NONE = Nuisance()
 

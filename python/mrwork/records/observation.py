@@ -42,6 +42,18 @@ class Observation:
                     f"{name} of an observation is {value:g}; give a finite number that makes sense of it"
                 )
 
+    @property
+    def in_words(self) -> str:
+        """What was done, for people; empty where nothing was."""
+        parts = [
+            (self.delay_seconds, f"late by {self.delay_seconds:.3g} s"),
+            (self.lowpass_hz, f"low-passed at {self.lowpass_hz:.3g} Hz"),
+            (self.average_seconds, f"averaged over {self.average_seconds:.3g} s"),
+            (self.gain - 1.0, f"times {self.gain:.4g}"),
+            (self.offset, f"offset by {self.offset:.4g} N"),
+        ]
+        return ", ".join(text for value, text in parts if value != 0.0)
+
     def observe(self, force: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
         """What the record would hold of `force` [N], shape (..., n_time), sampled every `dt` [s]."""
         observed = force

@@ -162,7 +162,7 @@ def _test_block(
         anchor=f"test-{number}",
         name=test.name,
         synthetic=test.synthetic,
-        conditions=tables.conditions(test),
+        conditions=tables.conditions(test, comparison.quality),
         agreement=agreement,
         findings=tuple(sorted(test.findings, key=lambda finding: finding.severity != "warning")),
         panels=_test_panels(f"t{number}", comparison, agreement, unit),

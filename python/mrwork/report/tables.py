@@ -120,8 +120,9 @@ def agreement_rows(fit: Fit, comparisons: Sequence[Comparison]) -> list[Agreemen
     ]
 
 
-def conditions(test: DamperTest) -> str:
-    """The command, the motion and the sampling of a test in one line."""
+def conditions(test: DamperTest, quality: FitQuality) -> str:
+    """The command, the motion and the sampling of a test, and what was done to the model's force, in one line."""
+    observed = ", ".join(filter(None, (quality.observation.in_words, quality.nuisance.in_words)))
     parts = [
         _quantity(test.current, "A"),
         _quantity(test.voltage, "V"),
@@ -130,6 +131,7 @@ def conditions(test: DamperTest) -> str:
         f"{numbers.fixed(test.n_time, 0)} samples every {numbers.shortest(1e3 * test.dt)}{_THIN}ms",
         f"velocity {test.velocity_source}",
         f"first {numbers.shortest(test.n_settle * test.dt, 2)}{_THIN}s not compared" if test.n_settle else "",
+        f"model force {observed}" if observed else "",
     ]
     return _MIDDLE_DOT.join(part for part in parts if part)
 
