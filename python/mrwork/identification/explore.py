@@ -20,6 +20,8 @@ _POSITIVE = {
     "s/m": (0.1, 1e3),
     "m/s": (1e-3, 2.0),
     "1/s": (1e-3, 3.0),
+    # Of a Bouc-Wen loop, how much steeper it unloads than it loads: beyond this at once, to any eye.
+    "1": (0.1, 100.0),
 }
 _SIGNED = {"N/m": (-1.0, 1.0), "m": (-2.0, 2.0), "N": (-1.0, 1.0), "1": (-4.0, 4.0), "m/s": (-0.5, 0.5)}
 
