@@ -20,9 +20,9 @@ from mrwork.simulate import loading_of
 from mrwork.spec import DamperSpec, LawName
 
 # Starts that are descended from at each command; how far, and how far the best of them.
-_STARTS = 10
+_STARTS = 12
 _EVALUATIONS = 15
-_FINDS = 3
+_FINDS = 5
 _LAST_EVALUATIONS = 60
 # At one command a descent may go so many times beyond what is searched: laws are drawn through what it finds, and a
 # dashpot that ran away to 1e9 N s/m because nothing saw it would spoil them.
