@@ -18,7 +18,7 @@ _POSITIVE = {
     "m": (1e-4, 20.0),
     "1/m": (1.0, 300.0),
     "s/m": (0.1, 1e3),
-    "m/s": (1e-3, 2.0),
+    "m/s": (1e-2, 2.0),
     "1/s": (1e-3, 3.0),
     # Of a Bouc-Wen loop, how much steeper it unloads than it loads: beyond this at once, to any eye.
     "1": (0.1, 100.0),
