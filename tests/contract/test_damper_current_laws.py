@@ -107,8 +107,10 @@ def test_a_fast_driver_is_no_driver(spec):
     after = np.ones(N_TIME, dtype=bool)
     # At the sample of a step the coil still has the old command: no lag is infinitely fast.
     after[[200, *range(500, N_TIME)]] = False
-    assert np.max(np.abs(fast - immediate)[after]) < 1e-3 * scale
-    assert np.max(np.abs(slow - immediate)[after]) > 1e-3 * scale
+    behind = np.max(np.abs(slow - immediate)[after])
+    assert behind > 1e-3 * scale
+    # The first step after a change still begins with the old parameters, which a stiff loop feels for a while.
+    assert np.max(np.abs(fast - immediate)[after]) < 0.1 * behind
 
 
 def test_rows_of_a_batch_are_independent_under_a_stepped_command(spec):

@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import leastsq
+from scipy.optimize import least_squares
 
 from mrwork.coordinates import Box
 from mrwork.identification.objective import Objective
@@ -67,29 +66,35 @@ def descend(
         return np.asarray(difference_quotient(objective, box, theta, searched) * slope)
 
     # In coordinates of unit sensitivity from the start on, so that the length of a step is about the change of the
-    # residuals that it makes: MINPACK's first step may be a hundred times as long and leave the valley.
+    # residuals that it makes. MINPACK's first step is up to a hundred of its units, which could leave the valley.
     origin = np.asarray(box.latent_from_theta(box.inside(start)))
     sensitivity = np.linalg.norm(jacobian(origin), axis=0)
     scale = 1.0 / np.maximum(sensitivity, 1e-9 * max(float(np.max(sensitivity)), 1e-300))
-    arrived: Any = leastsq(  # type: ignore[call-overload] # its stub wants a bool where it takes the mode of the report
-        lambda position: residuals(origin + scale * position),
+
+    def residuals_at(position: NDArray[np.float64]) -> NDArray[np.float64]:
+        return residuals(origin + scale * position)
+
+    def jacobian_at(position: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(jacobian(origin + scale * position) * scale)
+
+    solution = least_squares(
+        residuals_at,
         np.zeros_like(origin),
-        Dfun=lambda position: jacobian(origin + scale * position) * scale,
-        full_output=True,
+        jac=jacobian_at,
+        method="lm",
+        x_scale=_FIRST_STEP / 100.0,
         ftol=_TOLERANCE,
         xtol=_TOLERANCE,
-        maxfev=max_evaluations,
-        factor=_FIRST_STEP,
+        max_nfev=max_evaluations,
     )
-    position, _, report, _, status = arrived
-    candidates = np.stack([start, box.theta_from_latent(origin + scale * position)])
+    candidates = np.stack([start, box.theta_from_latent(origin + scale * solution.x)])
     misfits = objective(candidates)
     best = int(np.argmin(misfits))
     return Descended(
         theta=candidates[best],
         misfit=float(misfits[best]),
-        evaluations=int(report["nfev"]),
-        converged=status in (1, 2, 3, 4),
+        evaluations=steps,
+        converged=bool(solution.status > 0),
     )
 
 
