@@ -108,6 +108,19 @@ def test_nuisance_parameters_are_told_from_the_damper(tests: tuple[DamperTest, .
         assert quality.rmse_n < 2.0 * NOISE_N
 
 
+def test_an_offset_of_each_test_leaves_none_to_the_model(tests: tuple[DamperTest, ...]) -> None:
+    shifted = [replace(test, force=test.force + 130.0) for test in tests]
+    shifted_fit = identify(PRESET.spec, shifted, search=SEARCH, bounds=FIXED, nuisances=("offset",), rng=2)
+    values = dict(zip(shifted_fit.spec.names, shifted_fit.theta, strict=True))
+    assert (values["f0.0"], values["f0.1"]) == (0.0, 0.0)
+    assert values["alpha.1"] == pytest.approx(918.0, rel=0.01)
+    plain = damper("static_hysteretic")
+    held = identify(plain, shifted[2], search=SEARCH, bounds=FIXED, nuisances=("offset",), rng=2)
+    by_name = {estimate.name: estimate for estimate in held.estimates}
+    assert (by_name["f0"].value, by_name["f0"].remark) == (0.0, "fixed")
+    assert held.quality[0].nuisance.offset == pytest.approx(130.0 + 57.0 - 18.0, abs=2.0)
+
+
 def test_nuisance_parameters_of_rows_are_those_of_each_alone() -> None:
     rng = np.random.default_rng(3)
     force, measured = rng.normal(size=(4, 300)).cumsum(axis=1), rng.normal(size=300).cumsum()

@@ -24,6 +24,7 @@ from mrwork.identification.identify import Progress, identify
 from mrwork.identification.judge import judge
 from mrwork.identification.objective import Objective
 from mrwork.records import AS_IT_IS, DamperTest, Observation, detect_smoothing, read_damper_tests, repair
+from mrwork.records.window import excerpt
 from mrwork.spec import DamperSpec, LawName, damper
 
 HERE = Path(__file__).parent
@@ -102,7 +103,7 @@ def _smoothing(test: DamperTest) -> Observation:
 def left_out(family: Family, fit: Fit, tests: tuple[DamperTest, ...]) -> tuple[LeftOut, ...]:
     """Descend without the tests at one current, or of one motion, from the joint fit, and predict them.
 
-    The start has seen them; the minimum it leads to has not.
+    The start has seen them; the minimum it leads to has not. Excerpts are fitted, whole records predicted.
     """
     results = []
     for what, key in (
@@ -111,7 +112,7 @@ def left_out(family: Family, fit: Fit, tests: tuple[DamperTest, ...]) -> tuple[L
     ):
         predicted = []
         for value in sorted({key(test) for test in tests}):
-            rest = tuple(test for test in tests if key(test) != value)
+            rest = tuple(excerpt(test) for test in tests if key(test) != value)
             objective = Objective.of(family.spec, rest)
             box = Box.of(family.spec).with_bounds(family.bounds)
             theta = descend(

@@ -30,11 +30,11 @@ impl<R: Lanes> Kept<'_, '_, R> {
     /// Takes the force [N] of every lane at `sample`.
     #[inline(always)]
     pub(crate) fn take(&mut self, sample: usize, force: R) {
-        if let Some(Target { force: measured, first }) = self.keep.target {
-            if sample >= first {
-                let residual = force - R::splat(measured[sample]);
-                self.sum = residual.mul_add(residual, self.sum);
-            }
+        if let Some(Target { force: measured, first }) = self.keep.target
+            && sample >= first
+        {
+            let residual = force - R::splat(measured[sample]);
+            self.sum = residual.mul_add(residual, self.sum);
         }
         if !self.keep.rows.is_empty() {
             force.for_each(|lane, value| {

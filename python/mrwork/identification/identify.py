@@ -17,7 +17,7 @@ from mrwork.identification.exploration import ExplorationInterrupted, explore
 from mrwork.identification.fit import ErrorNorms, Fit, FitStatus, SearchTrace
 from mrwork.identification.interruptible import interruptible
 from mrwork.identification.judge import judge
-from mrwork.identification.nuisance import NuisanceName
+from mrwork.identification.nuisance import NuisanceName, offsets_left_to
 from mrwork.identification.objective import Objective
 from mrwork.identification.provenance import provenance_of
 from mrwork.records import DamperTest
@@ -81,7 +81,7 @@ def identify(
         Parameter name to (lower, upper); equal bounds hold it fixed. Others have their admissible range.
     nuisances
         What may differ from test to test and is estimated along with the damper: "offset", "level" or "delay" of
-        the force channel.
+        the force channel. With "offset" the model's own force offset is held at zero, for no test tells the two apart.
     rng
         Seed of the search. The same seed gives the same bits on any number of threads.
     threads
@@ -114,7 +114,7 @@ def identify(
     spec = damper(model) if isinstance(model, str) else model
     tests = (tests,) if isinstance(tests, DamperTest) else tuple(tests)
     search = search or EfficientGA()
-    bounds = dict(bounds or {})
+    bounds = offsets_left_to(tuple(nuisances), spec) | dict(bounds or {})
     form = identifiable_form(spec, bounds)
     objective = Objective.of(form.spec, tests, nuisances=tuple(nuisances), threads=threads)
     if not form.box.free:

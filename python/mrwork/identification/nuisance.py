@@ -8,6 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.spec import DamperSpec
+
 NuisanceName = Literal["offset", "level", "delay"]
 
 
@@ -31,6 +33,14 @@ class Nuisance:
 
 
 NONE = Nuisance()
+
+
+def offsets_left_to(names: tuple[NuisanceName, ...], spec: DamperSpec) -> dict[str, tuple[float, float]]:
+    """Bounds that hold at zero what offsets the force of a model, where each test has an offset of its own."""
+    if "offset" not in names:
+        return {}
+    shifts = {each.name for each in spec.plain if each.scale == "offset" and each.unit in ("N", "m")}
+    return {name: (0.0, 0.0) for name in spec.names if name.partition(".")[0] in shifts}
 
 
 def without_nuisance(
