@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
 from mrwork.errors import RecordError, SettingError, SimulationError
+from mrwork.parameters import CommandUnit
 from mrwork.records import DamperTest
-from mrwork.spec import CommandUnit, DamperSpec
+from mrwork.spec import DamperSpec
 
 
 class Outcome(IntEnum):

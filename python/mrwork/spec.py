@@ -12,39 +12,16 @@ from numpy.typing import NDArray
 
 from mrwork import _rust
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.parameters import (
+    CommandUnit,
+    CurrentLaws,
+    LawName,
+    ParamSpec,
+    coefficients,
+    law_equations,
+    laws_in_order,
+)
 from mrwork.presets import PUBLISHED_SETS, PublishedSet
-
-Scale = Literal["linear", "log", "offset"]
-LawName = Literal["constant", "linear", "quadratic", "cubic", "exponential"]
-CommandUnit = Literal["A", "V"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ParamSpec:
-    """One parameter: SI unit, admissible range, how it is spread over it, a typical value."""
-
-    name: str
-    unit: str
-    scale: Scale
-    lower: float
-    upper: float
-    nominal: float
-    description: str
-    is_exponent: bool = False
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CurrentLaws:
-    """How each parameter of the plain model follows the command, which is in `unit`.
-
-    With `u` the command as the coil gets it: constant `p = p.0`; linear, quadratic and cubic
-    `p = p.0 + p.1 u + p.2 u^2 + p.3 u^3`; exponential `p = p.0 + p.1 exp(p.2 u)`. A parameter that follows the
-    command stays within the range the plain model admits. A lagged driver has `u' = -eta (u - command)`.
-    """
-
-    unit: CommandUnit
-    laws: tuple[LawName, ...]
-    lagged: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,30 +87,12 @@ class DamperSpec:
             raise SettingError(
                 f"{self.name} has current laws already; give them to the plain model, all at once"
             )
-        for name, law in laws.items():
-            if name not in self.names:
-                raise UnknownNameError(
-                    f"{self.name} has no parameter {name!r} to follow the command; it has {', '.join(self.names)}"
-                )
-            if law not in _coefficient_counts():
-                raise UnknownNameError(
-                    f"no current law is called {law!r}; choose one of {', '.join(_coefficient_counts())}"
-                )
-        chosen: tuple[LawName, ...] = tuple(laws.get(name, "constant") for name in self.names)
-        parameters: list[ParamSpec] = []
-        for parameter, law in zip(self.plain, chosen, strict=True):
-            parameters += _coefficients(parameter, law, unit)
-        if lagged:
-            parameters.append(_DRIVER_RATE)
-        followed = [
-            _equation(name, law) for name, law in zip(self.names, chosen, strict=True) if law != "constant"
-        ]
-        driver = f"u' = -eta (u - command) [{unit}]" if lagged else f"u = command [{unit}]"
+        current = CurrentLaws(unit=unit, laws=laws_in_order(self.plain, laws, self.name), lagged=lagged)
         return replace(
             self,
-            equation="\n".join([self.equation, *followed, driver]),
-            parameters=tuple(parameters),
-            current=CurrentLaws(unit=unit, laws=chosen, lagged=lagged),
+            equation="\n".join([self.equation, *law_equations(self.plain, current)]),
+            parameters=coefficients(self.plain, current),
+            current=current,
         )
 
     @property
@@ -201,73 +160,6 @@ def _preset(plain: DamperSpec, entry: PublishedSet) -> Preset:
         largest_command=entry.largest_command,
         note=entry.note,
     )
-
-
-# Lag of an MR damper's coil and driver: 190 1/s in Spencer et al. 1997 and Dyke et al. 1996.
-_DRIVER_RATE = ParamSpec(
-    name="eta",
-    unit="1/s",
-    scale="log",
-    lower=1.0,
-    upper=1e5,
-    nominal=190.0,
-    description="rate of the driver's first-order lag",
-)
-
-
-@cache
-def _coefficient_counts() -> dict[str, int]:
-    return dict(_rust.current_laws())
-
-
-def _coefficients(parameter: ParamSpec, law: LawName, unit: CommandUnit) -> list[ParamSpec]:
-    """The numbers of a parameter's law; the nominal ones make it constant."""
-    if law == "constant":
-        return [parameter]
-    widest = max(abs(parameter.lower), abs(parameter.upper))
-    entries = []
-    for power in range(_coefficient_counts()[law]):
-        exponent = law == "exponential" and power == 2
-        bound = 20.0 if exponent else widest
-        divisor = (
-            ""
-            if power == 0 or (law == "exponential" and not exponent)
-            else unit
-            if power == 1 or exponent
-            else f"{unit}^{power}"
-        )
-        own = "" if exponent else parameter.unit
-        entries.append(
-            replace(
-                parameter,
-                name=f"{parameter.name}.{power}",
-                unit=_per(own, divisor),
-                scale="linear",
-                lower=-bound,
-                upper=bound,
-                is_exponent=exponent,
-                nominal=parameter.nominal if power == 0 else -1.0 if exponent else 0.0,
-                description=f"{parameter.description}; coefficient {power} of its {law} law",
-            )
-        )
-    return entries
-
-
-def _equation(name: str, law: LawName) -> str:
-    if law == "exponential":
-        return f"{name} = {name}.0 + {name}.1 exp({name}.2 u)"
-    powers = ["", " u", " u^2", " u^3"][: _coefficient_counts()[law]]
-    return f"{name} = " + " + ".join(f"{name}.{power}{factor}" for power, factor in enumerate(powers))
-
-
-def _per(unit: str, divisor: str) -> str:
-    """`unit` divided by `divisor`, as units are written here: N/(m A), 1/A."""
-    if not divisor:
-        return unit
-    if unit in ("", "1"):
-        return f"1/{divisor}"
-    numerator, slash, denominator = unit.partition("/")
-    return f"{numerator}/({denominator} {divisor})" if slash else f"{numerator}/{divisor}"
 
 
 @cache

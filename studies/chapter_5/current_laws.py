@@ -12,8 +12,9 @@ import mrwork as mr
 from damper_tests import SIDE_M, STATIC_LAWS, TestSet
 from mrwork.identification.fit import Fit
 from mrwork.identification.judge import judge
+from mrwork.parameters import LawName
 from mrwork.search import EfficientGA
-from mrwork.spec import DamperSpec, LawName
+from mrwork.spec import DamperSpec
 
 Floats = NDArray[np.float64]
 

@@ -23,9 +23,10 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.identify import Progress, identify
 from mrwork.identification.judge import judge
 from mrwork.identification.objective import Objective
+from mrwork.parameters import LawName
 from mrwork.records import AS_IT_IS, DamperTest, Observation, detect_smoothing, read_damper_tests, repair
 from mrwork.records.window import excerpt
-from mrwork.spec import DamperSpec, LawName, damper
+from mrwork.spec import DamperSpec, damper
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

@@ -20,10 +20,11 @@ from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import IdentificationInterrupted, identify
 from mrwork.identification.judge import judge
+from mrwork.parameters import CommandUnit, LawName
 from mrwork.records import DamperTest
 from mrwork.report.run_directory import check_destination, write_run
 from mrwork.search import EfficientGA
-from mrwork.spec import CommandUnit, DamperSpec, LawName, damper
+from mrwork.spec import DamperSpec, damper
 
 
 def add_parser(verbs: Any) -> None:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from mrwork.coordinates import Box
+from mrwork.parameters import ParamSpec
 from mrwork.records import DamperTest
-from mrwork.spec import DamperSpec, ParamSpec
+from mrwork.spec import DamperSpec
 
 # Multiples of the record's own scale of the unit, smallest and largest: a dashpot that makes a
 # thousandth of the force up to one that makes twice of it, a knee as wide as the stroke down to a

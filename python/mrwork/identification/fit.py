@@ -6,8 +6,9 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
+from mrwork.parameters import CurrentLaws
 from mrwork.records import AS_IT_IS, Observation
-from mrwork.spec import CurrentLaws, DamperSpec, damper
+from mrwork.spec import DamperSpec, damper
 
 FitStatus = Literal["converged", "not_converged", "interrupted"]
 

@@ -13,11 +13,12 @@ from mrwork.errors import SettingError
 from mrwork.identification.descent import Descended, descend
 from mrwork.identification.explore import search_box
 from mrwork.identification.objective import Objective
+from mrwork.parameters import LawName
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, GAState, SearchResult, run_search
 from mrwork.search.loop import GenerationEvent
 from mrwork.simulate import loading_of
-from mrwork.spec import DamperSpec, LawName
+from mrwork.spec import DamperSpec
 
 # Starts that are descended from at each command; how far, and how far the best of them.
 _STARTS = 12

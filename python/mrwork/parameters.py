@@ -1,0 +1,148 @@
+"""Parameters of damper models, and the laws by which they follow the command."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Literal
+
+from mrwork import _rust
+from mrwork.errors import UnknownNameError
+
+Scale = Literal["linear", "log", "offset"]
+LawName = Literal["constant", "linear", "quadratic", "cubic", "exponential"]
+CommandUnit = Literal["A", "V"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParamSpec:
+    """One parameter: SI unit, admissible range, how it is spread over it, a typical value."""
+
+    name: str
+    unit: str
+    scale: Scale
+    lower: float
+    upper: float
+    nominal: float
+    description: str
+    is_exponent: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CurrentLaws:
+    """How each parameter of the plain model follows the command, which is in `unit`.
+
+    With `u` the command as the coil gets it: constant `p = p.0`; linear, quadratic and cubic
+    `p = p.0 + p.1 u + p.2 u^2 + p.3 u^3`; exponential `p = p.0 + p.1 exp(p.2 u)`. A parameter that follows the
+    command stays within the range the plain model admits. A lagged driver has `u' = -eta (u - command)`.
+    """
+
+    unit: CommandUnit
+    laws: tuple[LawName, ...]
+    lagged: bool
+
+
+def laws_in_order(
+    plain: tuple[ParamSpec, ...], laws: Mapping[str, LawName], model: str
+) -> tuple[LawName, ...]:
+    """One law per parameter of the plain model; those not named are constant.
+
+    Raises
+    ------
+    UnknownNameError
+        Where `model` has no such parameter, or there is no such law.
+    """
+    names = [parameter.name for parameter in plain]
+    for name, law in laws.items():
+        if name not in names:
+            raise UnknownNameError(
+                f"{model} has no parameter {name!r} to follow the command; it has {', '.join(names)}"
+            )
+        if law not in _coefficient_counts():
+            known = ", ".join(_coefficient_counts())
+            raise UnknownNameError(f"no current law is called {law!r}; choose one of {known}")
+    return tuple(laws.get(name, "constant") for name in names)
+
+
+def coefficients(plain: tuple[ParamSpec, ...], current: CurrentLaws) -> tuple[ParamSpec, ...]:
+    """The parameters of a model with current laws: the coefficients of each law, then the driver's rate."""
+    parameters: list[ParamSpec] = []
+    for parameter, law in zip(plain, current.laws, strict=True):
+        parameters += _coefficients(parameter, law, current.unit)
+    return (*parameters, _DRIVER_RATE) if current.lagged else tuple(parameters)
+
+
+def law_equations(plain: tuple[ParamSpec, ...], current: CurrentLaws) -> list[str]:
+    """The laws that are not constant, and the driver, one equation each."""
+    pairs = zip(plain, current.laws, strict=True)
+    lines = [_equation(parameter.name, law) for parameter, law in pairs if law != "constant"]
+    driver = "u' = -eta (u - command)" if current.lagged else "u = command"
+    return [*lines, f"{driver} [{current.unit}]"]
+
+
+# Lag of an MR damper's coil and driver: 190 1/s in Spencer et al. 1997 and Dyke et al. 1996.
+_DRIVER_RATE = ParamSpec(
+    name="eta",
+    unit="1/s",
+    scale="log",
+    lower=1.0,
+    upper=1e5,
+    nominal=190.0,
+    description="rate of the driver's first-order lag",
+)
+
+
+@cache
+def _coefficient_counts() -> dict[str, int]:
+    return dict(_rust.current_laws())
+
+
+def _coefficients(parameter: ParamSpec, law: LawName, unit: CommandUnit) -> list[ParamSpec]:
+    """The numbers of a parameter's law; the nominal ones make it constant."""
+    if law == "constant":
+        return [parameter]
+    widest = max(abs(parameter.lower), abs(parameter.upper))
+    entries = []
+    for power in range(_coefficient_counts()[law]):
+        exponent = law == "exponential" and power == 2
+        bound = 20.0 if exponent else widest
+        divisor = (
+            ""
+            if power == 0 or (law == "exponential" and not exponent)
+            else unit
+            if power == 1 or exponent
+            else f"{unit}^{power}"
+        )
+        own = "" if exponent else parameter.unit
+        entries.append(
+            replace(
+                parameter,
+                name=f"{parameter.name}.{power}",
+                unit=_per(own, divisor),
+                scale="linear",
+                lower=-bound,
+                upper=bound,
+                is_exponent=exponent,
+                nominal=parameter.nominal if power == 0 else -1.0 if exponent else 0.0,
+                description=f"{parameter.description}; coefficient {power} of its {law} law",
+            )
+        )
+    return entries
+
+
+def _equation(name: str, law: LawName) -> str:
+    if law == "exponential":
+        return f"{name} = {name}.0 + {name}.1 exp({name}.2 u)"
+    powers = ["", " u", " u^2", " u^3"][: _coefficient_counts()[law]]
+    return f"{name} = " + " + ".join(f"{name}.{power}{factor}" for power, factor in enumerate(powers))
+
+
+def _per(unit: str, divisor: str) -> str:
+    """`unit` divided by `divisor`, as units are written here: N/(m A), 1/A."""
+    if not divisor:
+        return unit
+    if unit in ("", "1"):
+        return f"1/{divisor}"
+    numerator, slash, denominator = unit.partition("/")
+    return f"{numerator}/({denominator} {divisor})" if slash else f"{numerator}/{divisor}"
