@@ -248,9 +248,10 @@ impl LaneJob for Width {
 }
 
 #[test]
-fn a_lone_candidate_runs_as_one_number_and_a_full_block_in_one_pack() {
+fn candidates_run_in_lanes_that_hold_them_and_a_full_block_in_one_pack() {
     for set in supported() {
-        assert_eq!(set.run(1, Width), 1);
+        assert_eq!(set.run(1, Width), 8);
+        assert_eq!(set.run_narrow(Width), 8);
         assert_eq!(set.run(set.block_width(), Width), set.block_width());
         for candidates in 1..=set.block_width() {
             assert!(set.run(candidates, Width) >= candidates, "{candidates} candidates on {}", set.name());
