@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mrwork.errors import RecordError, SettingError
-from mrwork.identification.identify import identify
+from mrwork.identification.identify import IdentificationInterrupted, Progress, identify
 from mrwork.identification.judge import judge
 from mrwork.identification.nuisance import nuisance_of, without_nuisance
 from mrwork.identification.objective import Objective
@@ -153,6 +153,21 @@ def test_a_test_without_the_models_command_is_refused(tests: tuple[DamperTest, .
     in_volts = [replace(test, current=None, voltage=test.current) for test in tests]
     with pytest.raises(RecordError, match="takes its command in A, the test has 0 V"):
         identify(PRESET.spec, in_volts, search=SEARCH)
+
+
+def test_an_interrupt_of_the_first_search_keeps_its_best(tests: tuple[DamperTest, ...]) -> None:
+    def interrupt(progress: Progress) -> None:
+        if progress.stage == "search" and progress.count > 500:
+            raise KeyboardInterrupt
+
+    with pytest.raises(IdentificationInterrupted) as caught:
+        identify(PRESET.spec, tests, search=SEARCH, bounds=FIXED, rng=2, on_progress=interrupt)
+    kept = caught.value.fit
+    assert kept.status == "interrupted"
+    assert kept.spec == PRESET.spec
+    # One command was looked at: every law is flat, and fits that command better than nothing.
+    assert kept.theta[kept.spec.names.index("alpha.1")] == 0.0
+    assert max(quality.fit_percent for quality in kept.quality) > 30.0
 
 
 def test_an_excerpt_keeps_three_cycles_and_their_shape() -> None:

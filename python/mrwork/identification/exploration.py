@@ -137,9 +137,9 @@ def _explore_levels(
         share = event.generation / search.max_generations
         on_search(event.evaluations, event.best_misfit, share / len(levels))
 
+    # The middle one is searched; from there each command starts at what its neighbour found.
+    middle = len(commands) // 2
     try:
-        # The middle one is searched; from there each command starts at what its neighbour found.
-        middle = len(commands) // 2
         first = search_level(
             at(commands[middle]), box, commands[middle], search=search, rng=rng, on_generation=on_generation
         )
@@ -156,6 +156,11 @@ def _explore_levels(
                 best = float(here(neighbour.finds[:1])[0])
                 on_search(objective.tally.simulations, best, len(fits) / len(levels))
     except KeyboardInterrupt as interrupt:
+        if isinstance(interrupt, SearchInterrupted) and np.isfinite(interrupt.result.best_misfit):
+            searched = search_box(plain, box, levels[commands[middle]])
+            find = np.asarray(searched.theta_from_unit(interrupt.result.best_unit))
+            fits.append(LevelFit(command=commands[middle], finds=find[None], search=None))
+            searches.append(interrupt.result)
         if not fits:
             raise
         theta = joint_starts(form.spec, fits, 1, rng=rng)[0]
