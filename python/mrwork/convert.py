@@ -66,9 +66,9 @@ class OpenSeesBoucWen:
     gamma: float
     beta: float
     Ao: float
-    deltaA: float = 0.0  # noqa: N815
-    deltaNu: float = 0.0  # noqa: N815
-    deltaEta: float = 0.0  # noqa: N815
+    deltaA: float = 0.0  # noqa: N815 - OpenSees' own spelling
+    deltaNu: float = 0.0  # noqa: N815 - OpenSees' own spelling
+    deltaEta: float = 0.0  # noqa: N815 - OpenSees' own spelling
 
 
 def opensees_from_bouc_wen(theta: NDArray[np.float64], *, Ao: float = 1.0) -> tuple[OpenSeesBoucWen, float]:

@@ -62,6 +62,10 @@ def cut(
 # Enough cycles for a settled loop to count, enough samples for its knees.
 _EXCERPT_CYCLES = 3
 _EXCERPT_PER_CYCLE = 400
+# A motion whose band ends beyond so many times its dominant frequency is not cyclic; it is only thinned, to so many
+# samples in a period of its fastest part.
+_CYCLIC_BAND = 5.0
+_PER_FASTEST = 40
 
 
 def excerpt(test: DamperTest) -> DamperTest:
@@ -74,14 +78,10 @@ def excerpt(test: DamperTest) -> DamperTest:
     if motion.dominant <= 0.0:
         return test
     thin = max(1, int(1.0 / (motion.dominant * test.dt * _EXCERPT_PER_CYCLE)))
-    if motion.band_edge > _FEW * motion.dominant:
+    if motion.band_edge > _CYCLIC_BAND * motion.dominant:
         return cut(test, every=max(1, int(1.0 / (motion.band_edge * test.dt * _PER_FASTEST))))
     whole = test.n_settle * test.dt + _EXCERPT_CYCLES / motion.dominant
     return cut(test, end=test.start_time + whole, every=thin)
-
-
-_FEW = 5.0
-_PER_FASTEST = 40
 
 
 def counted_from(test: DamperTest, settle: float) -> DamperTest:
