@@ -5,8 +5,9 @@
 
 use crate::lanes::{Lanes, Pack, Plain};
 
-/// Vectors interleaved in one pack of a full block: the latency of a power is that of about eight of them.
-const GROUPS: usize = 8;
+/// Vectors interleaved in one pack of a full block: enough to hide the latency of a power, few enough that a step
+/// of the larger models stays in the instruction cache.
+const GROUPS: usize = 6;
 
 /// Work that is written once for any number of lanes.
 pub trait LaneJob {

@@ -70,17 +70,39 @@ pub fn ln<R: Real>(x: R) -> R {
     of_any_base(x, high + e.mul_add(R::splat(LN_2_TAIL), low), R::splat(f64::NEG_INFINITY))
 }
 
-/// Power x^n of a magnitude x (no sign bit) and an exponent n >= 1, one for each lane.
+/// An exponent n >= 1 of [`powf`], one for each lane, and what can be said of it before any base is known.
+#[derive(Clone, Copy)]
+pub struct Exponent<R: Real> {
+    n: R,
+    /// n log2(e), which turns a natural logarithm into the binary exponent of the power.
+    n_log2_e: R,
+    /// Whether n is exactly 1, 2 or 3.
+    whole: R::Mask,
+    all_whole: bool,
+    any_whole: bool,
+}
+
+impl<R: Real> Exponent<R> {
+    /// Examines n.
+    #[inline(always)]
+    pub fn of(n: R) -> Self {
+        let near = (n - R::splat(2.0)).abs().less(R::splat(1.5));
+        let whole = R::select(near, n.round_ties_even(), R::splat(f64::NAN)).equal(n);
+        let n_log2_e = n * R::splat(LOG2_E);
+        Self { n, n_log2_e, whole, all_whole: R::all(whole), any_whole: R::any(whole) }
+    }
+}
+
+/// Power x^n of a magnitude x (no sign bit).
 ///
 /// At most 1.5 units in the last place off for n <= 10 wherever the result is a normal number; 0 where it would be
 /// subnormal. An exponent of exactly 1, 2 or 3 gives x, x x or (x x) x to the last bit, whatever the other lanes
 /// hold; where all lanes have one of these, nothing else is computed. An infinite base and a NaN give a result that
 /// is not finite. No state of a model asks for a negative base or a smaller exponent, and they are not looked for.
 #[inline(always)]
-pub fn powf<R: Real>(x: R, n: R) -> R {
-    let near = (n - R::splat(2.0)).abs().less(R::splat(1.5));
-    let whole = R::select(near, n.round_ties_even(), R::splat(f64::NAN)).equal(n);
-    if R::all(whole) {
+pub fn powf<R: Real>(x: R, exponent: &Exponent<R>) -> R {
+    let &Exponent { n, n_log2_e, whole, all_whole, any_whole } = exponent;
+    if all_whole {
         return whole_power(x, n);
     }
 
@@ -88,14 +110,14 @@ pub fn powf<R: Real>(x: R, n: R) -> R {
     // e ln 2 and of k ln 2: what remains of it, (n e - k) times the tail, is below 0.6 units for n = 10.
     let logarithm = logarithm(x);
     let high = n * logarithm.high;
-    let k = (logarithm.estimate * (n * R::splat(LOG2_E))).round_ties_even();
+    let k = (logarithm.estimate * n_log2_e).round_ties_even();
     let error = n.mul_add(logarithm.high, -high);
     let remainder = k.mul_add(R::splat(-LN_2), high);
     let low = n.mul_add(logarithm.low, error);
     // The bits of 0 and of infinity read as 2^-1023 and 2^1024, whose powers fall out of range by themselves.
     let general = within_range(high + low, exp_reduced(k, remainder, low));
 
-    if R::any(whole) { R::select(whole, whole_power(x, n), general) } else { general }
+    if any_whole { R::select(whole, whole_power(x, n), general) } else { general }
 }
 
 /// x^n for n = 1, 2 or 3, as products.

@@ -49,29 +49,36 @@ pub trait FromSlice<R>: Copy {
 }
 
 /// Declares the parameters of the model in this file: a struct `Parameters<R>` to compute with and a
-/// list `PARAMETERS` to read.
+/// list `PARAMETERS` to read. What every step would work out anew from the parameters alone can be listed after
+/// them: it becomes a field too, and is worked out once.
 ///
 /// ```text
 /// parameters! {
-///     c: "N s/m", Log, 1.0 .. 1e7, nominal 5e3, "viscous damping";
+///     f_c: "N", Log, 1e-3 .. 1e9, nominal 300.0, "yield force";
+///     v_s: "m/s", Log, 1e-6 .. 1.0, nominal 0.01, "velocity over which the force changes side";
+///     => per_v_s: R = R::splat(1.0) / v_s;
 /// }
 /// ```
 macro_rules! parameters {
     ($($name:ident: $unit:literal, $scale:ident, $lower:literal .. $upper:literal,
-       nominal $nominal:expr, $description:literal;)+) => {
-        /// The model's parameters, in spec order.
-        #[derive(Clone, Copy, Debug)]
-        #[allow(missing_docs, non_snake_case)] // described in PARAMETERS; letters as in the equation
-        pub struct Parameters<R> { $(pub $name: R),+ }
+       nominal $nominal:expr, $description:literal;)+
+     $(=> $($derived:ident: $kind:ty = $value:expr;)+)?) => {
+        /// The model's parameters, in spec order, and what follows from them.
+        #[derive(Clone, Copy)]
+        // Described in PARAMETERS; letters as in the equation; some are read only through what follows from them.
+        #[allow(missing_docs, non_snake_case, dead_code)]
+        pub struct Parameters<R: $crate::real::Real> { $(pub $name: R,)+ $($(pub $derived: $kind,)+)? }
 
         impl<R: $crate::real::Real> $crate::parameters::FromSlice<R> for Parameters<R> {
             #[inline(always)]
+            #[allow(non_snake_case)]
             fn from_slice(values: &[R]) -> Self {
                 let mut values = values.iter();
-                Self { $($name: match values.next() {
+                $(let $name = match values.next() {
                     Some(&value) => value,
                     None => R::splat(f64::NAN),
-                }),+ }
+                };)+
+                Self { $($($derived: $value,)+)? $($name),+ }
             }
         }
 

@@ -188,7 +188,10 @@ impl Plan {
     ) -> Vec<Block<'a>> {
         self.order
             .chunk_by(|&a, &b| self.rows[a].substeps == self.rows[b].substeps)
-            .flat_map(|group| group.chunks(self.block_width))
+            .flat_map(|group| {
+                let blocks = group.len().div_ceil(self.block_width);
+                group.chunks(group.len().div_ceil(blocks).next_multiple_of(VECTOR_WIDTH))
+            })
             .map(|candidates| Block {
                 theta,
                 laws,

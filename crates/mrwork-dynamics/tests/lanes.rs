@@ -5,12 +5,12 @@
 use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
 use mrwork_dynamics::dispatch::{InstructionSet, LaneJob};
-use mrwork_dynamics::elementary::{exp, ln, powf, tanh};
+use mrwork_dynamics::elementary::{self, exp, ln, powf, tanh};
 use mrwork_dynamics::lanes::Lanes;
 use mrwork_dynamics::real::Real;
 
-/// Batch sizes that reach every width of pack: one number, then 8, 16, 32 and 64 lanes.
-const BATCHES: [usize; 5] = [1, 8, 16, 32, 64];
+/// Batch sizes that reach every width of pack: one number, then 8, 16, 32 and 48 lanes.
+const BATCHES: [usize; 5] = [1, 8, 16, 32, 48];
 
 const SPECIAL: [f64; 24] = [
     0.0,
@@ -93,7 +93,7 @@ mod of_normal {
         TimesTwoTo: |a, b, c| a.times_two_to(b);
         Exponential: |a, b, c| exp(b);
         Logarithm: |a, b, c| ln(a);
-        Power: |a, b, c| powf(a, c);
+        Power: |a, b, c| powf(a, &elementary::Exponent::of(c));
         HyperbolicTangent: |a, b, c| tanh(b);
     }
 }

@@ -10,6 +10,7 @@ parameters! {
     v_s: "m/s", Log, 1e-7 .. 1e2, nominal 5e-3, "velocity over which the yield force changes sign";
     c0: "N s/m", Log, 1e-3 .. 1e9, nominal 5000.0, "viscous damping";
     f0: "N", Offset, -1e8 .. 1e8, nominal -95.0, "force offset";
+    => per_v_s: R = R::splat(1.0) / v_s;
 }
 
 /// Coulomb friction, smoothed, beside a dashpot.
@@ -43,7 +44,7 @@ impl DamperModel for Bingham {
     #[inline(always)]
     fn force<R: Real>(p: &Parameters<R>, _: [R; 0], motion: Motion<R>) -> R {
         let v = motion.velocity;
-        p.f_c.mul_add(tanh(v / p.v_s), p.c0.mul_add(v, p.f0))
+        p.f_c.mul_add(tanh(v * p.per_v_s), p.c0.mul_add(v, p.f0))
     }
 
     #[inline(always)]

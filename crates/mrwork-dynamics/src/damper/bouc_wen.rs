@@ -2,7 +2,7 @@
 
 use super::normalised_bouc_wen::fastest_relaxation;
 use super::{DamperModel, DamperSpec, Motion, Severity};
-use crate::elementary::powf;
+use crate::elementary::{Exponent, powf};
 use crate::parameters::parameters;
 use crate::real::Real;
 
@@ -15,6 +15,7 @@ parameters! {
     beta: "m^-n", Linear, -1e15 .. 1e15, nominal 1e6, "rounds the loop reversibly (multiplies v |z|^n); above -gamma";
     A: "1", Log, 1e-3 .. 1e6, nominal 120.0, "initial slope of z over x";
     n: "1", Linear, 1.0 .. 6.0, nominal 2.0, "sharpness of the knee";
+    => hysteresis: Hysteresis<R> = Hysteresis::of([gamma, beta, A, n]);
 }
 
 /// The Bouc-Wen element in parallel with a spring and a dashpot.
@@ -42,7 +43,7 @@ impl DamperModel for BoucWen {
 
     #[inline(always)]
     fn rate<R: Real>(p: &Parameters<R>, [z]: [R; 1], motion: Motion<R>) -> [R; 1] {
-        [loop_rate([p.gamma, p.beta, p.A, p.n], z, motion.velocity)]
+        [p.hysteresis.rate(z, motion.velocity)]
     }
 
     #[inline(always)]
@@ -59,14 +60,30 @@ impl DamperModel for BoucWen {
     }
 }
 
-/// z' of the loop [gamma, beta, A, n] driven at the velocity v.
-#[inline(always)]
-pub(super) fn loop_rate<R: Real>([gamma, beta, a, n]: [R; 4], z: R, v: R) -> R {
-    let power = powf(z.abs(), n);
-    // |v| z |z|^(n-1) is |v| sgn(z) |z|^n: one power serves both terms.
-    let dissipative = gamma * v.abs().copysign(z);
-    let rounding = beta.mul_add(v, dissipative);
-    (-power).mul_add(rounding, a * v)
+/// The loop [gamma, beta, A, n], made ready for many steps.
+#[derive(Clone, Copy)]
+pub struct Hysteresis<R: Real> {
+    gamma: R,
+    beta: R,
+    a: R,
+    exponent: Exponent<R>,
+}
+
+impl<R: Real> Hysteresis<R> {
+    #[inline(always)]
+    pub(super) fn of([gamma, beta, a, n]: [R; 4]) -> Self {
+        Self { gamma, beta, a, exponent: Exponent::of(n) }
+    }
+
+    /// z' driven at the velocity v.
+    #[inline(always)]
+    pub(super) fn rate(&self, z: R, v: R) -> R {
+        let power = powf(z.abs(), &self.exponent);
+        // |v| z |z|^(n-1) is |v| sgn(z) |z|^n: one power serves both terms.
+        let dissipative = self.gamma * v.abs().copysign(z);
+        let rounding = self.beta.mul_add(v, dissipative);
+        (-power).mul_add(rounding, self.a * v)
+    }
 }
 
 /// The same loop on the scale of `w = z/z_max`.

@@ -13,6 +13,9 @@ parameters! {
     r: "1/s", Log, 1e-6 .. 1e4, nominal 5.0, "creep: rate at which the spring force relaxes while the damper is held";
     k: "N/m", Linear, -1e9 .. 1e9, nominal 1500.0, "stiffness in parallel, of the accumulator";
     f0: "N", Offset, -1e8 .. 1e8, nominal 40.0, "force offset";
+    => decay: R = R::splat(-2.0) / v_r;
+    spring: R = rho * f_y;
+    yielding: R = R::splat(4.0) * f_y / v_r;
 }
 
 /// A series spring and a visco-plastic core; the state is the velocity of the core.
@@ -43,13 +46,17 @@ impl DamperModel for ElastoViscoPlastic {
 
     #[inline(always)]
     fn rate<R: Real>(p: &Parameters<R>, [u]: [R; 1], motion: Motion<R>) -> [R; 1] {
-        let Core { flow, slope } = core(p, u);
-        [(-p.r).mul_add(flow, p.rho * p.f_y * (motion.velocity - u)) / slope]
+        // Numerator and denominator of u' times (1 + e)^2, so that there is one division.
+        let Core { e, one_plus_e, flow } = core(p, u);
+        let driven = (-p.r).mul_add(flow, p.spring * (motion.velocity - u) * one_plus_e);
+        let slope = p.yielding.mul_add(e, p.c * one_plus_e * one_plus_e);
+        [driven * one_plus_e / slope]
     }
 
     #[inline(always)]
     fn force<R: Real>(p: &Parameters<R>, [u]: [R; 1], motion: Motion<R>) -> R {
-        p.k.mul_add(motion.displacement, core(p, u).flow + p.f0)
+        let Core { one_plus_e, flow, .. } = core(p, u);
+        p.k.mul_add(motion.displacement, flow / one_plus_e + p.f0)
     }
 
     /// The spring force relaxes at `k_s/q' + r`, `k_s = rho f_y`, fastest where the core is fastest, at |u| = |v|.
@@ -69,20 +76,20 @@ impl DamperModel for ElastoViscoPlastic {
     }
 }
 
-/// q(u) and q'(u).
+/// The core in terms of `e = exp(-2 |u|/v_r)`: tanh is (1 - e)/(1 + e), and sech^2 = 4 e/(1 + e)^2 keeps its digits
+/// where 1 - tanh^2 would lose them all, which is where a small c leaves the slope to it.
 struct Core<R> {
+    e: R,
+    one_plus_e: R,
+    /// q(u) (1 + e).
     flow: R,
-    slope: R,
 }
 
-/// The core from `e = exp(-2 |u|/v_r)`: tanh is (1 - e)/(1 + e), and sech^2 = 4 e/(1 + e)^2 keeps its digits where
-/// 1 - tanh^2 would lose them all, which is where a small c leaves the slope to it.
 #[inline(always)]
 fn core<R: Real>(p: &Parameters<R>, u: R) -> Core<R> {
     let one = R::splat(1.0);
-    let e = exp(R::splat(-2.0) * (u.abs() / p.v_r));
-    let share = one / (one + e);
-    let side = ((one - e) * share).copysign(u);
-    let yielding = R::splat(4.0) * (p.f_y / p.v_r) * (e * share);
-    Core { flow: p.c.mul_add(u, p.f_y * side), slope: yielding.mul_add(share, p.c) }
+    let e = exp(u.abs() * p.decay);
+    let one_plus_e = one + e;
+    let yielded = p.f_y * (one - e).copysign(u);
+    Core { e, one_plus_e, flow: (p.c * u).mul_add(one_plus_e, yielded) }
 }

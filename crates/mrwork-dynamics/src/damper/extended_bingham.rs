@@ -11,6 +11,8 @@ parameters! {
     a: "1", Log, 1e-3 .. 1e3, nominal 1.0, "that spring over the one of the Kelvin-Voigt element, k2/k1";
     tau: "s", Log, 1e-6 .. 1e3, nominal 0.007, "retardation time of the Kelvin-Voigt element, c1/k1";
     f0: "N", Offset, -1e8 .. 1e8, nominal -95.0, "force offset";
+    => per_c0: R = R::splat(1.0) / c0;
+    per_tau: R = R::splat(1.0) / tau;
 }
 
 /// A Bingham element, a Kelvin-Voigt element and a spring, one behind the other.
@@ -46,7 +48,7 @@ impl DamperModel for ExtendedBingham {
         let excess = q.abs() - p.f_c;
         let zero = R::splat(0.0);
         let flowing = R::select(zero.less(excess), excess.copysign(q), zero);
-        [flowing / p.c0, p.a.mul_add(stretch, -x_k) / p.tau]
+        [flowing * p.per_c0, p.a.mul_add(stretch, -x_k) * p.per_tau]
     }
 
     #[inline(always)]

@@ -12,6 +12,8 @@ parameters! {
     k0: "N/m", Linear, -1e9 .. 1e9, nominal 1500.0, "stiffness in parallel";
     c0: "N s/m", Log, 1e-3 .. 1e9, nominal 2500.0, "viscous damping";
     f0: "N", Offset, -1e8 .. 1e8, nominal 40.0, "force offset";
+    => per_V_r: R = R::splat(1.0) / V_r;
+    per_d_r: R = R::splat(1.0) / d_r;
 }
 
 /// A yield force that depends on velocity and displacement together.
@@ -45,7 +47,7 @@ impl DamperModel for HyperbolicTangentGavin {
     #[inline(always)]
     fn force<R: Real>(p: &Parameters<R>, _: [R; 0], motion: Motion<R>) -> R {
         let Motion { displacement: x, velocity: v } = motion;
-        let hysteresis = tanh(v / p.V_r + x / p.d_r);
+        let hysteresis = tanh(v.mul_add(p.per_V_r, x * p.per_d_r));
         p.c0.mul_add(v, p.k0.mul_add(x, p.f_o.mul_add(hysteresis, p.f0)))
     }
 

@@ -106,8 +106,6 @@ pub trait State<R: Real>: Copy {
     fn rest() -> Self;
     /// `self + step * rate`.
     fn advance(self, step: R, rate: Self) -> Self;
-    /// `self + step * (first + 2 second + 2 third + fourth)`, the sum of the classical Runge-Kutta step.
-    fn advance_weighted(self, step: R, rates: [Self; 4]) -> Self;
     /// States from and to plain numbers, entry by entry.
     fn from_fn(value: impl FnMut(usize) -> R) -> Self;
     /// Hands every entry to `receive(index, value)`.
@@ -124,15 +122,6 @@ impl<R: Real, const N: usize> State<R> for [R; N] {
         let mut next = self;
         for i in 0..N {
             next[i] = step.mul_add(rate[i], self[i]);
-        }
-        next
-    }
-    #[inline(always)]
-    fn advance_weighted(self, step: R, [first, second, third, fourth]: [Self; 4]) -> Self {
-        let mut next = self;
-        for i in 0..N {
-            let sum = (second[i] + third[i]).mul_add(R::splat(2.0), first[i] + fourth[i]);
-            next[i] = step.mul_add(sum, self[i]);
         }
         next
     }

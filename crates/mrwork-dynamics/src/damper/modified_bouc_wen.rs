@@ -1,12 +1,12 @@
 //! Modified Bouc-Wen model of Spencer et al. (1997).
 
-use super::bouc_wen::{Normalised, loop_rate, normalised};
+use super::bouc_wen::{Hysteresis, Normalised, normalised};
 use super::normalised_modified_bouc_wen::fastest_relaxation;
 use super::{DamperModel, DamperSpec, Motion, Severity};
 use crate::parameters::parameters;
 use crate::real::Real;
 
-/// Driver voltage at which the nominal values hold [V].
+/// Motionr voltage at which the nominal values hold [V].
 const VOLTAGE: f64 = 2.25;
 
 parameters! {
@@ -20,6 +20,8 @@ parameters! {
     beta: "m^-n", Linear, -1e15 .. 1e15, nominal 3.63e6, "rounds the loop reversibly; above -gamma";
     A: "1", Log, 1e-3 .. 1e6, nominal 301.0, "initial slope of z over x - y";
     n: "1", Linear, 1.0 .. 6.0, nominal 2.0, "sharpness of the knee";
+    => hysteresis: Hysteresis<R> = Hysteresis::of([gamma, beta, A, n]);
+    mobility: R = R::splat(1.0) / (c0 + c1);
 }
 
 /// The Bouc-Wen element behind a dashpot.
@@ -51,7 +53,7 @@ impl DamperModel for ModifiedBoucWen {
     #[inline(always)]
     fn rate<R: Real>(p: &Parameters<R>, [y, z]: [R; 2], motion: Motion<R>) -> [R; 2] {
         let y_rate = series_rate(p, [y, z], motion);
-        [y_rate, loop_rate([p.gamma, p.beta, p.A, p.n], z, motion.velocity - y_rate)]
+        [y_rate, p.hysteresis.rate(z, motion.velocity - y_rate)]
     }
 
     #[inline(always)]
@@ -73,5 +75,5 @@ impl DamperModel for ModifiedBoucWen {
 #[inline(always)]
 fn series_rate<R: Real>(p: &Parameters<R>, [y, z]: [R; 2], motion: Motion<R>) -> R {
     let elastic = p.k0.mul_add(motion.displacement - y, p.alpha * z);
-    p.c0.mul_add(motion.velocity, elastic) / (p.c0 + p.c1)
+    p.c0.mul_add(motion.velocity, elastic) * p.mobility
 }

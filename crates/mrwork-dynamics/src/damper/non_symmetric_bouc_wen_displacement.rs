@@ -1,6 +1,6 @@
 //! Non-symmetric Bouc-Wen model of Kwok et al., its shift following the displacement.
 
-use super::normalised_bouc_wen::{fastest_relaxation, loop_rate};
+use super::normalised_bouc_wen::{Hysteresis, fastest_relaxation};
 use super::{DamperModel, DamperSpec, Motion, Severity};
 use crate::elementary::tanh;
 use crate::parameters::parameters;
@@ -20,6 +20,8 @@ parameters! {
     mu: "m/s", Log, 1e-6 .. 1.0, nominal 0.004, "velocity by which the loop is shifted";
     share: "1", Linear, 0.0 .. 1.0, nominal 0.5, "share of that shift in the dashpot: 1 as in the thesis, 0 none";
     x_s: "m", Log, 1e-7 .. 1e2, nominal 1e-3, "displacement over which the shift changes side";
+    => hysteresis: Hysteresis<R> = Hysteresis::of([rho, sigma, n]);
+    per_x_s: R = R::splat(1.0) / x_s;
 }
 
 /// The normalised Bouc-Wen model driven by a velocity shifted against the displacement.
@@ -49,13 +51,13 @@ impl DamperModel for NonSymmetricBoucWenDisplacement {
 
     #[inline(always)]
     fn rate<R: Real>(p: &Parameters<R>, [w]: [R; 1], motion: Motion<R>) -> [R; 1] {
-        let shifted = (-p.mu).mul_add(tanh(motion.displacement / p.x_s), motion.velocity);
-        [loop_rate([p.rho, p.sigma, p.n], w, shifted)]
+        let shifted = (-p.mu).mul_add(tanh(motion.displacement * p.per_x_s), motion.velocity);
+        [p.hysteresis.rate(w, shifted)]
     }
 
     #[inline(always)]
     fn force<R: Real>(p: &Parameters<R>, [w]: [R; 1], motion: Motion<R>) -> R {
-        let shifted = (-(p.share * p.mu)).mul_add(tanh(motion.displacement / p.x_s), motion.velocity);
+        let shifted = (-(p.share * p.mu)).mul_add(tanh(motion.displacement * p.per_x_s), motion.velocity);
         let elastic = p.k.mul_add(motion.displacement - p.x0, p.k_w * w);
         p.c.mul_add(shifted, elastic)
     }

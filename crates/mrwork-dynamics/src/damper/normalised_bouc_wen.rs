@@ -1,7 +1,7 @@
 //! Normalised Bouc-Wen model of Ikhouane and Rodellar.
 
 use super::{DamperModel, DamperSpec, Motion, Severity};
-use crate::elementary::powf;
+use crate::elementary::{Exponent, powf};
 use crate::parameters::parameters;
 use crate::real::Real;
 
@@ -16,6 +16,7 @@ parameters! {
     rho: "1/m", Log, 1e-2 .. 1e7, nominal 120.0 / Z_MAX, "initial slope: the loop yields within about 1/rho of travel";
     sigma: "1", Log, 0.1 .. 1e4, nominal 0.5, "unloading: the slope just after a reversal is 2 sigma rho";
     n: "1", Linear, 1.0 .. 6.0, nominal 2.0, "sharpness of the knee";
+    => hysteresis: Hysteresis<R> = Hysteresis::of([rho, sigma, n]);
 }
 
 /// The Bouc-Wen element with its redundancy taken out.
@@ -43,7 +44,7 @@ impl DamperModel for NormalisedBoucWen {
 
     #[inline(always)]
     fn rate<R: Real>(p: &Parameters<R>, [w]: [R; 1], motion: Motion<R>) -> [R; 1] {
-        [loop_rate([p.rho, p.sigma, p.n], w, motion.velocity)]
+        [p.hysteresis.rate(w, motion.velocity)]
     }
 
     #[inline(always)]
@@ -57,14 +58,29 @@ impl DamperModel for NormalisedBoucWen {
     }
 }
 
-/// w' of the loop [rho, sigma, n] driven at the velocity v.
-#[inline(always)]
-pub(super) fn loop_rate<R: Real>([rho, sigma, n]: [R; 3], w: R, v: R) -> R {
-    let power = powf(w.abs(), n);
-    // |w|^(n-1) w is sgn(w) |w|^n: one power serves both terms.
-    let dissipative = sigma * v.abs().copysign(w);
-    let rounding = (R::splat(1.0) - sigma).mul_add(v, dissipative);
-    rho * (-power).mul_add(rounding, v)
+/// The loop [rho, sigma, n], made ready for many steps.
+#[derive(Clone, Copy)]
+pub struct Hysteresis<R: Real> {
+    rho: R,
+    sigma: R,
+    exponent: Exponent<R>,
+}
+
+impl<R: Real> Hysteresis<R> {
+    #[inline(always)]
+    pub(super) fn of([rho, sigma, n]: [R; 3]) -> Self {
+        Self { rho, sigma, exponent: Exponent::of(n) }
+    }
+
+    /// w' driven at the velocity v.
+    #[inline(always)]
+    pub(super) fn rate(&self, w: R, v: R) -> R {
+        let power = powf(w.abs(), &self.exponent);
+        // |w|^(n-1) w is sgn(w) |w|^n: one power serves both terms.
+        let dissipative = self.sigma * v.abs().copysign(w);
+        let rounding = (R::splat(1.0) - self.sigma).mul_add(v, dissipative);
+        self.rho * (-power).mul_add(rounding, v)
+    }
 }
 
 /// Largest |d w'/d w| along a trajectory [1/s].

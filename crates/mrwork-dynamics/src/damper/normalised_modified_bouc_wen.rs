@@ -1,6 +1,6 @@
 //! Modified Bouc-Wen model with the loop of Ikhouane and Rodellar.
 
-use super::normalised_bouc_wen::{self, loop_rate};
+use super::normalised_bouc_wen::{self, Hysteresis};
 use super::{DamperModel, DamperSpec, Motion, Severity};
 use crate::parameters::parameters;
 use crate::real::Real;
@@ -18,6 +18,8 @@ parameters! {
     rho: "1/m", Log, 1e-2 .. 1e7, nominal 301.0 / Z_MAX, "initial slope: the loop yields within about 1/rho of x - y";
     sigma: "1", Log, 0.1 .. 1e4, nominal 0.5, "unloading: the slope just after a reversal is 2 sigma rho";
     n: "1", Linear, 1.0 .. 6.0, nominal 2.0, "sharpness of the knee";
+    => hysteresis: Hysteresis<R> = Hysteresis::of([rho, sigma, n]);
+    mobility: R = R::splat(1.0) / (c0 + c1);
 }
 
 /// The modified Bouc-Wen model with its redundancy taken out.
@@ -48,13 +50,13 @@ impl DamperModel for NormalisedModifiedBoucWen {
 
     #[inline(always)]
     fn rate<R: Real>(p: &Parameters<R>, state: [R; 2], motion: Motion<R>) -> [R; 2] {
-        let y_rate = series_rate([p.c0, p.k0, p.c1, p.k_w], state, motion);
-        [y_rate, loop_rate([p.rho, p.sigma, p.n], state[1], motion.velocity - y_rate)]
+        let y_rate = series_rate([p.c0, p.k0, p.k_w], p.mobility, state, motion);
+        [y_rate, p.hysteresis.rate(state[1], motion.velocity - y_rate)]
     }
 
     #[inline(always)]
     fn force<R: Real>(p: &Parameters<R>, state: [R; 2], motion: Motion<R>) -> R {
-        let y_rate = series_rate([p.c0, p.k0, p.c1, p.k_w], state, motion);
+        let y_rate = series_rate([p.c0, p.k0, p.k_w], p.mobility, state, motion);
         p.c1.mul_add(y_rate, p.k1 * (motion.displacement - p.x0))
     }
 
@@ -63,11 +65,16 @@ impl DamperModel for NormalisedModifiedBoucWen {
     }
 }
 
-/// y', the velocity of the dashpot c1.
+/// y', the velocity of the dashpot c1; `mobility` is 1/(c0 + c1).
 #[inline(always)]
-pub(super) fn series_rate<R: Real>([c0, k0, c1, k_w]: [R; 4], [y, w]: [R; 2], motion: Motion<R>) -> R {
+pub(super) fn series_rate<R: Real>(
+    [c0, k0, k_w]: [R; 3],
+    mobility: R,
+    [y, w]: [R; 2],
+    motion: Motion<R>,
+) -> R {
     let elastic = k0.mul_add(motion.displacement - y, k_w * w);
-    c0.mul_add(motion.velocity, elastic) / (c0 + c1)
+    c0.mul_add(motion.velocity, elastic) * mobility
 }
 
 /// Share of the relaxation of a saturated loop that counts. There it only has to be stable: w is within a few

@@ -15,6 +15,8 @@ parameters! {
     v1: "m/s", Offset, -1e2 .. 1e2, nominal -4e-3, "velocity at which the loop is thickest";
     w: "m/s", Log, 1e-7 .. 1e2, nominal 0.05, "half width of the loop over velocity";
     x_s: "m", Log, 1e-7 .. 1e2, nominal 5e-4, "displacement over which the branch changes";
+    => per_w: R = R::splat(1.0) / w;
+    per_x_s: R = R::splat(1.0) / x_s;
 }
 
 /// A mean curve over velocity and the distance of the two branches from it.
@@ -59,9 +61,9 @@ impl DamperModel for PolynomialFitting {
         // 2/(1 + exp(-y)) - 1 is tanh(y/2), which keeps its sign and its digits for small y.
         let sigmoid = tanh(half * p.b * (v - p.v0));
         let mean = p.a.mul_add(sigmoid, p.c.mul_add(v, p.f0));
-        let deviation = (v - p.v1) / p.w;
+        let deviation = (v - p.v1) * p.per_w;
         let thickness = p.h * exp(-half * deviation * deviation);
-        (half * tanh(x / p.x_s)).mul_add(thickness, mean)
+        (half * tanh(x * p.per_x_s)).mul_add(thickness, mean)
     }
 
     #[inline(always)]

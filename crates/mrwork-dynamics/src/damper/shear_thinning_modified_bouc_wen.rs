@@ -1,6 +1,6 @@
 //! Modified Bouc-Wen model whose dashpot thins with velocity.
 
-use super::normalised_bouc_wen::loop_rate;
+use super::normalised_bouc_wen::Hysteresis;
 use super::normalised_modified_bouc_wen::{fastest_relaxation, series_rate};
 use super::{DamperModel, DamperSpec, Motion, Severity};
 use crate::elementary::exp;
@@ -22,6 +22,8 @@ parameters! {
     rho: "1/m", Log, 1e-2 .. 1e7, nominal 301.0 / Z_MAX, "initial slope: the loop yields within about 1/rho of x - y";
     sigma: "1", Log, 0.1 .. 1e4, nominal 0.5, "unloading: the slope just after a reversal is 2 sigma rho";
     n: "1", Linear, 1.0 .. 6.0, nominal 2.0, "sharpness of the knee";
+    => hysteresis: Hysteresis<R> = Hysteresis::of([rho, sigma, n]);
+    per_v_s: R = R::splat(1.0) / v_s;
 }
 
 /// The normalised modified Bouc-Wen model with a dashpot c0 + c2 exp(-|v|/v_s).
@@ -50,14 +52,13 @@ impl DamperModel for ShearThinningModifiedBoucWen {
 
     #[inline(always)]
     fn rate<R: Real>(p: &Parameters<R>, state: [R; 2], motion: Motion<R>) -> [R; 2] {
-        let y_rate = series_rate([damping(p, motion), p.k0, p.c1, p.k_w], state, motion);
-        [y_rate, loop_rate([p.rho, p.sigma, p.n], state[1], motion.velocity - y_rate)]
+        let y_rate = velocity_of_c1(p, state, motion);
+        [y_rate, p.hysteresis.rate(state[1], motion.velocity - y_rate)]
     }
 
     #[inline(always)]
     fn force<R: Real>(p: &Parameters<R>, state: [R; 2], motion: Motion<R>) -> R {
-        let y_rate = series_rate([damping(p, motion), p.k0, p.c1, p.k_w], state, motion);
-        p.c1.mul_add(y_rate, p.k1 * (motion.displacement - p.x0))
+        p.c1.mul_add(velocity_of_c1(p, state, motion), p.k1 * (motion.displacement - p.x0))
     }
 
     /// The thinned dashpot is the softest: with it alone all relaxations are fastest.
@@ -66,8 +67,9 @@ impl DamperModel for ShearThinningModifiedBoucWen {
     }
 }
 
-/// The dashpot beside the loop at this velocity [N s/m].
+/// y', the velocity of the dashpot c1.
 #[inline(always)]
-fn damping<R: Real>(p: &Parameters<R>, motion: Motion<R>) -> R {
-    p.c2.mul_add(exp(-(motion.velocity.abs() / p.v_s)), p.c0)
+fn velocity_of_c1<R: Real>(p: &Parameters<R>, state: [R; 2], motion: Motion<R>) -> R {
+    let damping = p.c2.mul_add(exp(-(motion.velocity.abs() * p.per_v_s)), p.c0);
+    series_rate([damping, p.k0, p.k_w], R::splat(1.0) / (damping + p.c1), state, motion)
 }

@@ -13,6 +13,7 @@ parameters! {
     delta: "1", Linear, -10.0 .. 10.0, nominal 0.88, "half width of the hysteresis, in units of beta v";
     x_s: "m", Log, 1e-7 .. 1e2, nominal 1e-4, "displacement over which the hysteresis changes side";
     f0: "N", Offset, -1e8 .. 1e8, nominal 39.0, "force offset";
+    => per_x_s: R = R::splat(1.0) / x_s;
 }
 
 /// Force as a function of displacement and velocity alone.
@@ -45,7 +46,7 @@ impl DamperModel for StaticHysteretic {
     #[inline(always)]
     fn force<R: Real>(p: &Parameters<R>, _: [R; 0], motion: Motion<R>) -> R {
         let Motion { displacement: x, velocity: v } = motion;
-        let side = tanh(x / p.x_s);
+        let side = tanh(x * p.per_x_s);
         let hysteresis = tanh(p.beta.mul_add(v, p.delta * side));
         p.c.mul_add(v, p.k.mul_add(x, p.alpha.mul_add(hysteresis, p.f0)))
     }
