@@ -214,6 +214,17 @@ def test_backward_differences_are_recognised() -> None:
     assert "backward differences" in message(built(columns), "velocity_late")
 
 
+@pytest.mark.parametrize(("late", "expected"), [(0.5, ["velocity_late"]), (0.25, []), (1.0, [])])
+def test_a_phase_too_small_to_matter_is_told_only_of_backward_differences(
+    late: float, expected: list[str]
+) -> None:
+    columns = clean_columns()
+    omega = 0.015 / DT
+    columns["displacement_m"] = AMPLITUDE * np.sin(omega * columns["t_s"])
+    columns["velocity_mps"] = AMPLITUDE * omega * np.cos(omega * (columns["t_s"] - late * DT))
+    assert [code for code in codes(built(columns)) if code.startswith("velocity")] == expected
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.05, 0.2])
 def test_noise_alone_does_not_make_a_velocity_inconsistent(noise: float) -> None:
     columns = clean_columns()

@@ -36,7 +36,8 @@ def velocity_agrees(
     smoother
         Fitted to the displacement.
     frequency
-        Dominant frequency of the motion [Hz]; a delay below 0.02 rad of it is not worth a word.
+        Dominant frequency of the motion [Hz]; a delay below 0.02 rad of it is worth a word only where it is the half
+        sample of backward differences, which costs a fit more the sharper its knee.
     """
     comparison = _compared(velocity, displacement, smoother)
     measured = comparison.measured
@@ -52,10 +53,11 @@ def velocity_agrees(
     time = smoother.dt * np.arange(velocity.size)
     delay_explains = comparison.misfit(np.interp(time + delay, time, measured)) < 0.5 * difference
     if difference <= _MISFIT:
-        if not delay_explains or 2.0 * np.pi * frequency * abs(delay) < _PHASE:
+        half_sample = 0.4 < delay / smoother.dt < 0.6
+        if not delay_explains or not (half_sample or 2.0 * np.pi * frequency * abs(delay) >= _PHASE):
             return velocity, ()
         message = f"the velocity {_shift(delay, smoother.dt)}"
-        if 0.4 < delay / smoother.dt < 0.6:
+        if half_sample:
             message += ", as backward differences do"
         return velocity, (Finding(code="velocity_late", severity="note", message=message, measured=late),)
 
