@@ -55,7 +55,8 @@ def misfits(
     lagged: bool = False,
     substep_factor: int = 1,
     threads: int = 0,
-) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint32]]: ...
+    limits: NDArray[np.float64] | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint32], NDArray[np.uint64]]: ...
 def force_histories(
     model: str,
     theta: NDArray[np.float64],

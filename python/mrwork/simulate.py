@@ -21,6 +21,7 @@ class Outcome(IntEnum):
     FINISHED = 0
     DIVERGED = 1
     UNRESOLVED = 2
+    ABANDONED = 3
 
     @property
     def remedy(self) -> str:
@@ -29,6 +30,7 @@ class Outcome(IntEnum):
             Outcome.FINISHED: "nothing",
             Outcome.DIVERGED: "the state left the finite numbers; move the parameters towards their nominal values",
             Outcome.UNRESOLVED: "it is too stiff for the sampling step; resample the record more finely",
+            Outcome.ABANDONED: "it reached the limit it was given; raise the limit to know its misfit",
         }[self]
 
 
@@ -69,11 +71,15 @@ class Loading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Misfits:
-    """Sums of squared residuals [N^2] of a batch, shape (n_batch,); infinite where not finished."""
+    """Sums of squared residuals [N^2] of a batch, shape (n_batch,); infinite where not finished.
+
+    `steps` counts the time steps that were simulated of each candidate.
+    """
 
     squared_error: NDArray[np.float64]
     outcome: NDArray[np.uint8]
     substeps: NDArray[np.uint32]
+    steps: NDArray[np.uint64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,6 +120,7 @@ def simulate_misfits(
     force: NDArray[np.float64],
     *,
     first: int = 0,
+    limits: NDArray[np.float64] | None = None,
     substep_factor: int = 1,
     threads: int = 0,
 ) -> Misfits:
@@ -127,18 +134,21 @@ def simulate_misfits(
         Measured force [N], shape (n_time,).
     first
         First sample that counts; those before it are simulated only.
+    limits
+        Sums of squared residuals [N^2] at which a candidate is abandoned, shape (n_batch,). As the sum only grows,
+        the others come out as without limits, to the last bit.
     substep_factor
         Multiplies the sub-steps that the model's stiffness bound asks for; a power of two up to 64.
     threads
         Threads to use, 0 for all.
     """
     try:
-        squared_error, outcome, substeps = _rust.misfits(
-            spec.name, _rows(spec, theta), history, force, first, *_laws(spec), substep_factor, threads
+        squared_error, outcome, substeps, steps = _rust.misfits(
+            spec.name, _rows(spec, theta), history, force, first, *_laws(spec), substep_factor, threads, limits
         )
     except ValueError as error:
         raise SettingError(str(error)) from error
-    return Misfits(squared_error=squared_error, outcome=outcome, substeps=substeps)
+    return Misfits(squared_error=squared_error, outcome=outcome, substeps=substeps, steps=steps)
 
 
 def simulate_forces(

@@ -50,6 +50,11 @@ def test_wrong_number_of_columns_names_the_right_one(spec, theta, history, measu
             _rust.rate(spec.name, wrong[0], np.zeros(spec.n_states), 0.0, 0.0)
 
 
+def test_wrong_number_of_limits_is_refused(spec, theta, history, measured):
+    with pytest.raises(ValueError, match="2 limits were given for 3 candidates"):
+        _rust.misfits(spec.name, theta, history, measured, limits=np.full(2, np.inf))
+
+
 def test_wrong_number_of_states_is_refused(spec):
     state = np.zeros(spec.n_states + 1)
     sentence = f"`state` has {spec.n_states + 1} entries, the model has {spec.n_states}"

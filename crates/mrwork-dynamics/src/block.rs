@@ -1,6 +1,7 @@
 //! One block of lanes: candidates that run side by side through one loading history.
 
 use core::marker::PhantomData;
+use core::ops::Range;
 
 use crate::current_law::CurrentLaws;
 use crate::damper::{DamperModel, DamperSpec, Motion, State};
@@ -26,10 +27,59 @@ pub struct Block<'a> {
     pub candidates: &'a [usize],
     /// The motion.
     pub loading: &'a LoadingHistory,
+    /// Samples to simulate.
+    pub span: Range<usize>,
+    /// Where the candidates of the batch stand at the first of them.
+    pub standings: &'a Standings,
     /// Sub-steps per sample interval, a power of two.
     pub substeps: u32,
     /// Whether the block is to be given up.
     pub stop: &'a StopRequested<'a>,
+}
+
+/// Where the candidates of a batch stand between two spans of the record.
+pub struct Standings {
+    n_states: usize,
+    /// Row by row.
+    states: Vec<f64>,
+    /// Sums of squared residuals so far [N^2].
+    pub sums: Vec<f64>,
+    /// Sums at which candidates are given up [N^2], infinite where never.
+    pub limits: Vec<f64>,
+}
+
+impl Standings {
+    /// All at rest.
+    pub(crate) fn at_rest(spec: &DamperSpec, n_batch: usize, limits: Option<&[f64]>) -> Self {
+        Self {
+            n_states: spec.n_states,
+            states: vec![0.0; n_batch * spec.n_states],
+            sums: vec![0.0; n_batch],
+            limits: limits.map_or_else(|| vec![f64::INFINITY; n_batch], <[f64]>::to_vec),
+        }
+    }
+
+    /// Takes over how far a candidate has come.
+    pub(crate) fn take(&mut self, candidate: usize, reached: &Reached, lane: usize) {
+        let n = self.n_states;
+        self.sums[candidate] = reached.sums[lane];
+        self.states[candidate * n..][..n].copy_from_slice(&reached.states[lane * n..][..n]);
+    }
+
+    /// Whether a candidate is to be simulated further.
+    pub(crate) fn is_within(&self, candidate: usize) -> bool {
+        self.sums[candidate] < self.limits[candidate]
+    }
+}
+
+/// How far a block has come.
+pub struct Reached {
+    /// Sums of squared residuals [N^2], lane by lane; zero without a target.
+    pub sums: Vec<f64>,
+    /// States, lane by lane.
+    pub states: Vec<f64>,
+    /// Samples simulated.
+    pub samples: usize,
 }
 
 /// A damper model behind a pointer: whole blocks and single evaluations, nothing inside a time step.
@@ -50,8 +100,8 @@ pub trait Damper: Sync {
     fn force(&self, theta: &[f64], state: &[f64], motion: Motion<f64>) -> f64;
     /// Arithmetic operations of one step and one residual, a fused multiply-add counted as two.
     fn flops_per_step(&self, theta: &[f64]) -> u64;
-    /// Sums of squared residuals against a measured force, one per candidate of the block.
-    fn squared_errors(&self, set: InstructionSet, block: &Block<'_>, target: Target<'_>) -> Vec<f64>;
+    /// Goes on with the sums of squared residuals against a measured force.
+    fn squared_errors(&self, set: InstructionSet, block: &Block<'_>, target: Target<'_>) -> Reached;
     /// Force histories, one row per candidate of the block.
     fn histories(&self, set: InstructionSet, block: &Block<'_>, rows: &mut [&mut [f64]]);
 }
@@ -87,7 +137,7 @@ impl<M: DamperModel> Damper for M {
         crate::peak::flops_per_step::<M>(theta)
     }
 
-    fn squared_errors(&self, set: InstructionSet, block: &Block<'_>, target: Target<'_>) -> Vec<f64> {
+    fn squared_errors(&self, set: InstructionSet, block: &Block<'_>, target: Target<'_>) -> Reached {
         run::<M>(set, block, Keep { target: Some(target), rows: &mut [] })
     }
 
@@ -96,8 +146,8 @@ impl<M: DamperModel> Damper for M {
     }
 }
 
-/// Runs a block; returns the sum of squared residuals of each candidate, zero without a target.
-fn run<M: DamperModel>(set: InstructionSet, block: &Block<'_>, keep: Keep<'_, '_>) -> Vec<f64> {
+/// Runs a block.
+fn run<M: DamperModel>(set: InstructionSet, block: &Block<'_>, keep: Keep<'_, '_>) -> Reached {
     match block.loading.command() {
         Command::Varying(command) if !block.laws.are_constant() => {
             set.run_narrow(FollowingJob::<M> { block, keep, command, model: PhantomData })
@@ -119,9 +169,9 @@ struct SteadyJob<'a, 'b, M> {
 }
 
 impl<M: DamperModel> LaneJob for SteadyJob<'_, '_, M> {
-    type Output = Vec<f64>;
+    type Output = Reached;
     #[inline(always)]
-    fn run<R: Lanes>(self) -> Vec<f64> {
+    fn run<R: Lanes>(self) -> Reached {
         let Block { laws, loading, .. } = *self.block;
         let mut columns = columns::<R>(self.block);
         if let (false, Command::Held(command)) = (laws.are_constant(), loading.command()) {
@@ -143,9 +193,9 @@ struct FollowingJob<'a, 'b, M> {
 }
 
 impl<M: DamperModel> LaneJob for FollowingJob<'_, '_, M> {
-    type Output = Vec<f64>;
+    type Output = Reached;
     #[inline(always)]
-    fn run<R: Lanes>(self) -> Vec<f64> {
+    fn run<R: Lanes>(self) -> Reached {
         let Block { laws, loading, substeps, .. } = *self.block;
         let step = loading.dt() / f64::from(substeps);
         let columns = columns::<R>(self.block);
@@ -165,29 +215,39 @@ fn columns<R: Lanes>(block: &Block<'_>) -> Vec<R> {
         .collect()
 }
 
-/// Simulates one block from rest with the parameters that its driver gives.
+/// Simulates one block over its span with the parameters that its driver gives.
 #[inline(always)]
 fn run_block<M: DamperModel, R: Lanes, D: Driver<M, R>>(
     block: &Block<'_>,
     driver: &mut D,
     keep: Keep<'_, '_>,
-) -> Vec<f64> {
-    let Block { candidates, loading, substeps, stop, .. } = *block;
-    let mut kept = Kept { keep, sum: R::splat(0.0) };
+) -> Reached {
+    let Block { candidates, loading, ref span, standings, substeps, stop, .. } = *block;
+    let last = candidates.len() - 1;
+    let candidate = |lane: usize| candidates[lane.min(last)];
+    let n_states = M::SPEC.n_states;
+    let mut kept = Kept {
+        keep,
+        sum: R::from_fn(|lane| standings.sums[candidate(lane)]),
+        limit: R::from_fn(|lane| standings.limits[candidate(lane)]),
+    };
+    let mut state = M::State::<R>::from_fn(|entry| {
+        R::from_fn(|lane| standings.states[candidate(lane) * n_states + entry])
+    });
     let fraction = 1.0 / f64::from(substeps);
     let step = loading.dt() * fraction;
     // A power of two, as both are: a mask finds its multiples without a division per sample.
     let check_every = (STEPS_PER_CHECK / substeps).max(1) as usize;
-    let mut state = M::State::<R>::rest();
-    for (sample, interval) in loading.intervals().iter().enumerate() {
+    let mut samples = 0;
+    for (interval, sample) in loading.intervals()[span.start..].iter().zip(span.clone()) {
         // Before the first sample too: the blocks that a stopped batch has left return at once.
-        if sample & (check_every - 1) == 0 && (stop() || kept.is_lost()) {
+        if samples & (check_every - 1) == 0 && (stop() || kept.is_lost()) {
             break;
         }
         let mut start = interval.motion(0.0);
         driver.begin(sample);
         kept.take(sample, M::force(driver.parameters(), state, start.splat()));
-        if M::SPEC.n_states == 0 {
+        if n_states == 0 {
             driver.step();
         } else {
             for substep in 0..substeps {
@@ -198,11 +258,16 @@ fn run_block<M: DamperModel, R: Lanes, D: Driver<M, R>>(
                 start = end;
             }
         }
+        samples += 1;
     }
-    driver.begin(loading.n_time() - 1);
-    kept.take(loading.n_time() - 1, M::force(driver.parameters(), state, loading.last().splat()));
+    if span.start + samples == loading.n_time() - 1 && span.end == loading.n_time() {
+        driver.begin(loading.n_time() - 1);
+        kept.take(loading.n_time() - 1, M::force(driver.parameters(), state, loading.last().splat()));
+        samples += 1;
+    }
     let mut sums = Vec::with_capacity(R::WIDTH);
     kept.sum.for_each(|_, sum| sums.push(sum));
-    sums.truncate(candidates.len());
-    sums
+    let mut states = vec![0.0; R::WIDTH * n_states];
+    state.for_each(|entry, values| values.for_each(|lane, value| states[lane * n_states + entry] = value));
+    Reached { sums, states, samples }
 }

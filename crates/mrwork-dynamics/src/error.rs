@@ -54,6 +54,14 @@ pub enum DynamicsError {
         /// Columns needed.
         expected: usize,
     },
+    /// A list of limits of the wrong length.
+    #[error("{found} limits were given for {expected} candidates; give one for each")]
+    LimitCount {
+        /// Limits given.
+        found: usize,
+        /// Candidates.
+        expected: usize,
+    },
     /// A list of current laws of the wrong length.
     #[error("{found} current laws were given, `{model}` has {expected} parameters; give one for each")]
     LawCount {
@@ -88,4 +96,6 @@ pub enum Outcome {
     Diverged = 1,
     /// It would need more sub-steps than [`crate::integrate::MAX_SUBSTEPS`]; it was not simulated.
     Unresolved = 2,
+    /// Its misfit reached the limit it was given; it was simulated no further.
+    Abandoned = 3,
 }

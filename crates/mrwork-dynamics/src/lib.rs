@@ -19,6 +19,7 @@ pub mod loading;
 pub mod misfit;
 pub mod parameters;
 pub mod peak;
+mod plan;
 pub mod real;
 pub mod simulate;
 pub mod threads;

@@ -24,6 +24,8 @@ pub(crate) struct Kept<'a, 'b, R> {
     pub(crate) keep: Keep<'a, 'b>,
     /// Sum of squared residuals [N^2].
     pub(crate) sum: R,
+    /// Where a sum need not grow further [N^2].
+    pub(crate) limit: R,
 }
 
 impl<R: Lanes> Kept<'_, '_, R> {
@@ -45,9 +47,9 @@ impl<R: Lanes> Kept<'_, '_, R> {
         }
     }
 
-    /// Whether every lane has left the finite numbers, so that the rest of the record can be skipped.
+    /// Whether every lane has reached its limit, or left the finite numbers, so that the rest can be skipped.
     #[inline(always)]
     pub(crate) fn is_lost(&self) -> bool {
-        self.keep.target.is_some() && !R::any(self.sum.less(R::splat(f64::INFINITY)))
+        self.keep.target.is_some() && !R::any(self.sum.less(self.limit))
     }
 }

@@ -81,7 +81,7 @@ fn a_row_of_a_batch_has_the_bits_of_a_call_of_its_own() {
         let target = Target { force: measured, first: 20 };
         for set in supported() {
             let (rows, force) = forces(damper, &theta, &loading, settings(2, set));
-            let fits = misfits(damper, &constant(damper), &theta, &loading, target, settings(2, set))
+            let fits = misfits(damper, &constant(damper), &theta, &loading, target, None, settings(2, set))
                 .expect("a batch that runs");
             for (i, (single, history)) in alone.iter().enumerate() {
                 let name = damper.spec().name;
@@ -89,11 +89,56 @@ fn a_row_of_a_batch_has_the_bits_of_a_call_of_its_own() {
                 let row = &force[i * loading.n_time()..(i + 1) * loading.n_time()];
                 assert_eq!(bits(row), bits(history), "row {i} of {name} on {}", set.name());
                 let theta = &theta[i * n_params..(i + 1) * n_params];
-                let fit = misfits(damper, &constant(damper), theta, &loading, target, default())
+                let fit = misfits(damper, &constant(damper), theta, &loading, target, None, default())
                     .expect("a batch that runs");
                 assert_eq!(fits[i].squared_error.to_bits(), fit[0].squared_error.to_bits());
             }
             assert_eq!(fits[0].squared_error, 0.0, "the first row made the measurement");
+        }
+    }
+}
+
+#[test]
+fn a_candidate_is_abandoned_where_its_error_reaches_its_limit_and_nowhere_else() {
+    let loading = loading(2000);
+    for &damper in REGISTRY {
+        let theta = batch(damper, 150);
+        let measured = vec![100.0; loading.n_time()];
+        let target = Target { force: &measured, first: 40 };
+        let run = |limits, threads| {
+            let settings = settings(threads, InstructionSet::detect());
+            misfits(damper, &constant(damper), &theta, &loading, target, limits, settings)
+                .expect("a batch that runs")
+        };
+        let full = run(None, 1);
+        // At its own error exactly, at the next number above it, or at the median error.
+        let mut errors: Vec<f64> = full.iter().map(|row| row.squared_error).collect();
+        errors.sort_by(f64::total_cmp);
+        let limits: Vec<f64> = full
+            .iter()
+            .enumerate()
+            .map(|(i, row)| match i % 4 {
+                0 => row.squared_error,
+                1 => row.squared_error.next_up(),
+                _ => errors[errors.len() / 2],
+            })
+            .collect();
+        let limited = run(Some(&limits), 1);
+        for ((full, limited), &limit) in full.iter().zip(&limited).zip(&limits) {
+            if full.outcome == Outcome::Finished && full.squared_error >= limit {
+                let abandoned = (limited.outcome, limited.squared_error);
+                assert_eq!(abandoned, (Outcome::Abandoned, f64::INFINITY), "{}", damper.spec().name);
+            } else {
+                assert_eq!(limited, full, "{}", damper.spec().name);
+            }
+            assert!(limited.steps <= full.steps);
+        }
+        let steps = |rows: &[Row]| rows.iter().map(|row| row.steps).sum::<u64>();
+        assert!(steps(&limited) < steps(&full), "{} saves nothing", damper.spec().name);
+        for threads in [0, 2, 3] {
+            for (one, other) in limited.iter().zip(run(Some(&limits), threads)) {
+                assert_eq!(Row { steps: 0, ..*one }, Row { steps: 0, ..other }, "{threads} threads");
+            }
         }
     }
 }
@@ -113,6 +158,7 @@ fn threads_do_not_change_a_bit() {
                 &theta,
                 &loading,
                 target,
+                None,
                 settings(threads, InstructionSet::detect()),
             )
             .expect("a batch that runs")
@@ -130,7 +176,10 @@ fn a_stiff_candidate_is_unresolved_and_not_simulated() {
     let mut theta = nominal(damper);
     theta[4] = 1e9; // rho: yields within a nanometre
     let (rows, force) = forces(damper, &theta, &loading(100), default());
-    assert_eq!(rows[0], Row { squared_error: f64::INFINITY, outcome: Outcome::Unresolved, substeps: 0 });
+    assert_eq!(
+        rows[0],
+        Row { squared_error: f64::INFINITY, outcome: Outcome::Unresolved, substeps: 0, steps: 0 }
+    );
     assert!(force.iter().all(|&force| force == f64::INFINITY));
 }
 
@@ -158,9 +207,9 @@ fn a_candidate_whose_force_overflows_diverges_and_leaves_its_neighbours_alone() 
         }
         let measured = vec![0.0; loading.n_time()];
         let target = Target { force: &measured, first: 0 };
-        let before = misfits(damper, &constant(damper), &clean, &loading, target, default())
+        let before = misfits(damper, &constant(damper), &clean, &loading, target, None, default())
             .expect("a batch that runs");
-        let after = misfits(damper, &constant(damper), &theta, &loading, target, default())
+        let after = misfits(damper, &constant(damper), &theta, &loading, target, None, default())
             .expect("a batch that runs");
         // Where such a number enters the stiffness bound, the candidate is not even simulated.
         let row = &theta[7 * parameters.len()..8 * parameters.len()];
@@ -184,7 +233,7 @@ fn parameters_that_are_no_numbers_fail_by_name() {
                 let mut theta = nominal(damper);
                 theta[parameter] = bad;
                 let target = Target { force: &measured, first: 0 };
-                let rows = misfits(damper, &constant(damper), &theta, &loading, target, default())
+                let rows = misfits(damper, &constant(damper), &theta, &loading, target, None, default())
                     .expect("a batch that runs");
                 let name = damper.spec().parameters[parameter].name;
                 assert!(!rows[0].squared_error.is_nan());
@@ -207,7 +256,7 @@ fn a_batch_that_was_stopped_says_so() {
         let settings = Settings { stop: &|| true, ..default() };
         let target = Target { force: &measured, first: 0 };
         assert_eq!(
-            misfits(damper, &constant(damper), &theta, &loading, target, settings),
+            misfits(damper, &constant(damper), &theta, &loading, target, None, settings),
             Err(DynamicsError::Cancelled)
         );
         let mut force = vec![0.0; 9 * loading.n_time()];
@@ -233,7 +282,7 @@ fn a_batch_can_be_stopped_while_it_runs() {
         });
         let target = Target { force: &measured, first: 0 };
         assert_eq!(
-            misfits(damper, &constant(damper), &theta, &loading, target, settings),
+            misfits(damper, &constant(damper), &theta, &loading, target, None, settings),
             Err(DynamicsError::Cancelled)
         );
     });
@@ -248,14 +297,17 @@ fn shapes_that_do_not_fit_are_refused() {
         let measured = vec![0.0; 49];
         let target = Target { force: &measured, first: 0 };
         assert_eq!(
-            misfits(damper, &constant(damper), &theta, &loading, target, default()),
+            misfits(damper, &constant(damper), &theta, &loading, target, None, default()),
             Err(DynamicsError::LengthMismatch { name: "force", found: 49, expected: 50 })
         );
         let measured = vec![0.0; 50];
         for first in [50, 60] {
             let target = Target { force: &measured, first };
             let refusal = Err(DynamicsError::EmptyWindow { first, n_time: 50 });
-            assert_eq!(misfits(damper, &constant(damper), &theta, &loading, target, default()), refusal);
+            assert_eq!(
+                misfits(damper, &constant(damper), &theta, &loading, target, None, default()),
+                refusal
+            );
         }
         let mut force = vec![0.0; 50];
         assert_eq!(

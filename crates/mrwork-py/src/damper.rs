@@ -54,9 +54,12 @@ fn parameter_dict<'py>(py: Python<'py>, parameter: &ParamSpec) -> PyResult<Bound
     Ok(entry)
 }
 
-/// Sums of squared residuals of a batch from sample `first` on; no force is stored.
+/// Sums of squared residuals of a batch from sample `first` on, how each candidate fared, its sub-steps, and the steps
+/// simulated; a candidate that reaches its limit is abandoned.
 #[pyfunction]
-#[pyo3(signature = (model, theta, loading, force, first=0, laws=None, lagged=false, substep_factor=1, threads=0))]
+#[pyo3(signature = (
+    model, theta, loading, force, first=0, laws=None, lagged=false, substep_factor=1, threads=0, limits=None
+))]
 #[allow(clippy::too_many_arguments)] // a boundary function takes plain values, by keyword from Python
 pub fn misfits<'py>(
     py: Python<'py>,
@@ -69,17 +72,20 @@ pub fn misfits<'py>(
     lagged: bool,
     substep_factor: u32,
     threads: usize,
-) -> PyResult<(Floats<'py>, Outcomes<'py>, Substeps<'py>)> {
+    limits: Option<PyReadonlyArray1<'py, f64>>,
+) -> PyResult<(Floats<'py>, Outcomes<'py>, Substeps<'py>, Bound<'py, PyArray1<u64>>)> {
     let (damper, laws, theta) = batch(model, laws, lagged, &theta)?;
     let target = Target { force: contiguous("force", &force)?, first };
+    let limits = limits.as_ref().map(|limits| contiguous("limits", limits)).transpose()?;
     let instruction_set = chosen_instruction_set()?;
     let rows = interruptible(py, |stop| {
         let settings = Settings { substep_factor, threads, instruction_set, stop };
-        simulate::misfits(damper, &laws, theta, &loading.dynamics, target, settings)
+        simulate::misfits(damper, &laws, theta, &loading.dynamics, target, limits, settings)
     })?;
     let squared_errors: Vec<f64> = rows.iter().map(|row| row.squared_error).collect();
+    let steps: Vec<u64> = rows.iter().map(|row| row.steps).collect();
     let (outcome, substeps) = columns(py, &rows);
-    Ok((squared_errors.into_pyarray(py), outcome, substeps))
+    Ok((squared_errors.into_pyarray(py), outcome, substeps, steps.into_pyarray(py)))
 }
 
 /// Force histories of a batch, shape (`n_batch`, `n_time`); rows that did not finish are infinite.

@@ -44,7 +44,7 @@ class ModelWorkload:
 
     def misfits(self, threads: int) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint32]]:
         """Our kernel on the batch: misfit, outcome and sub-steps of each candidate, (n_batch,)."""
-        return _rust.misfits(self.spec.name, self.theta, self.loading, self.force, threads=threads)
+        return _rust.misfits(self.spec.name, self.theta, self.loading, self.force, threads=threads)[:3]
 
 
 def model_workload(spec: DamperSpec, n_batch: int, n_time: int = N_TIME) -> ModelWorkload:

@@ -102,8 +102,6 @@ impl Motion<f64> {
 
 /// The internal states of a model: an array, one entry per state.
 pub trait State<R: Real>: Copy {
-    /// All zero.
-    fn rest() -> Self;
     /// `self + step * rate`.
     fn advance(self, step: R, rate: Self) -> Self;
     /// States from and to plain numbers, entry by entry.
@@ -113,10 +111,6 @@ pub trait State<R: Real>: Copy {
 }
 
 impl<R: Real, const N: usize> State<R> for [R; N] {
-    #[inline(always)]
-    fn rest() -> Self {
-        [R::splat(0.0); N]
-    }
     #[inline(always)]
     fn advance(self, step: R, rate: Self) -> Self {
         let mut next = self;

@@ -1,0 +1,119 @@
+//! What of a batch runs beside what: candidates grouped by sub-steps, cut into blocks of lanes and spans of the record.
+
+use core::ops::Range;
+
+use crate::block::{Block, Damper, Standings};
+use crate::current_law::CurrentLaws;
+use crate::error::{DynamicsError, Outcome};
+use crate::integrate::MAX_SUBSTEP_FACTOR;
+use crate::lanes::VECTOR_WIDTH;
+use crate::loading::{Command, LoadingHistory};
+use crate::simulate::{Row, Settings};
+use crate::threads::thread_count;
+
+/// Steps below which waking another thread costs more than it saves.
+const STEPS_PER_THREAD: u64 = 60_000;
+/// Steps of each thread below which packing the remaining candidates anew costs more than it saves.
+const STEPS_PER_SPAN: u64 = 20_000;
+/// Spans of a record at most: the last of them wastes little of what a candidate beyond its limit could save.
+const MOST_SPANS: u64 = 16;
+
+/// A batch that was found in order.
+pub(crate) struct Plan<'a> {
+    pub(crate) laws: &'a CurrentLaws,
+    pub(crate) theta: &'a [f64],
+    pub(crate) loading: &'a LoadingHistory,
+    pub(crate) settings: Settings<'a>,
+    /// How each candidate would fare if it ran to the end.
+    pub(crate) rows: Vec<Row>,
+    /// Candidates that can be resolved, those with the most sub-steps first.
+    pub(crate) order: Vec<usize>,
+    pub(crate) threads: usize,
+    block_width: usize,
+    steps: u64,
+    varying: bool,
+}
+
+impl<'a> Plan<'a> {
+    pub(crate) fn new(
+        damper: &'a dyn Damper,
+        laws: &'a CurrentLaws,
+        theta: &'a [f64],
+        loading: &'a LoadingHistory,
+        settings: Settings<'a>,
+    ) -> Result<Self, DynamicsError> {
+        let Settings { substep_factor, threads, instruction_set, .. } = settings;
+        if !(substep_factor.is_power_of_two() && substep_factor <= MAX_SUBSTEP_FACTOR) {
+            return Err(DynamicsError::SubstepFactor(substep_factor));
+        }
+        if !laws.are_constant() && matches!(loading.command(), Command::Held(command) if command.is_nan()) {
+            return Err(DynamicsError::NoCommand(damper.spec().name));
+        }
+        let n_columns = laws.n_columns();
+        if !theta.len().is_multiple_of(n_columns) {
+            return Err(DynamicsError::ParameterCount {
+                model: damper.spec().name,
+                found: theta.len(),
+                expected: n_columns,
+            });
+        }
+        let rows: Vec<Row> = theta
+            .chunks_exact(n_columns)
+            .map(|theta| {
+                let substeps = damper.substeps(theta, laws, loading, substep_factor);
+                let outcome = if substeps.is_some() { Outcome::Finished } else { Outcome::Unresolved };
+                Row { squared_error: f64::INFINITY, outcome, substeps: substeps.unwrap_or(0), steps: 0 }
+            })
+            .collect();
+        let mut order: Vec<usize> = (0..rows.len()).filter(|&row| rows[row].substeps > 0).collect();
+        order.sort_by_key(|&row| core::cmp::Reverse(rows[row].substeps));
+        // A batch too small to fill every thread with full blocks is cut into narrower ones.
+        let steps: u64 =
+            rows.iter().map(|row| u64::from(row.substeps)).sum::<u64>() * loading.n_time() as u64;
+        let threads =
+            thread_count(threads).min(usize::try_from(steps / STEPS_PER_THREAD).unwrap_or(usize::MAX) + 1);
+        let varying = matches!(loading.command(), Command::Varying(_)) && !laws.are_constant();
+        let block_width = if varying { VECTOR_WIDTH } else { instruction_set.block_width() };
+        Ok(Self { laws, theta, loading, settings, rows, order, threads, block_width, steps, varying })
+    }
+
+    /// Blocks of these candidates, which are in order.
+    pub(crate) fn blocks<'b>(
+        &'b self,
+        candidates: &'b [usize],
+        span: &Range<usize>,
+        standings: &'b Standings,
+    ) -> Vec<Block<'b>> {
+        let share = candidates.len().div_ceil(self.threads).next_multiple_of(VECTOR_WIDTH);
+        let widest = self.block_width.min(share);
+        candidates
+            .chunk_by(|&a, &b| self.rows[a].substeps == self.rows[b].substeps)
+            .flat_map(|group| {
+                let blocks = group.len().div_ceil(widest);
+                group.chunks(group.len().div_ceil(blocks).next_multiple_of(VECTOR_WIDTH))
+            })
+            .map(|candidates| Block {
+                theta: self.theta,
+                laws: self.laws,
+                candidates,
+                loading: self.loading,
+                span: span.clone(),
+                standings,
+                substeps: self.rows[candidates[0]].substeps,
+                stop: self.settings.stop,
+            })
+            .collect()
+    }
+
+    /// Spans of the record, in samples, between which candidates beyond their limits are dropped.
+    ///
+    /// A driver that follows a varying command does not stop midway: its candidates have one span.
+    #[allow(clippy::cast_possible_truncation)] // at most MOST_SPANS
+    pub(crate) fn spans(&self) -> Vec<Range<usize>> {
+        let n_time = self.loading.n_time();
+        let worthwhile = self.steps / (self.threads as u64 * STEPS_PER_SPAN);
+        let count = if self.varying { 1 } else { worthwhile.clamp(1, MOST_SPANS) as usize };
+        let length = n_time.div_ceil(count);
+        (0..n_time).step_by(length).map(|start| start..(start + length).min(n_time)).collect()
+    }
+}
