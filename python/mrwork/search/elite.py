@@ -17,7 +17,7 @@ class EliteRule:
     Parameters
     ----------
     count
-        At most so many; 1 keeps the best alone and costs nothing.
+        At most so many; 1 keeps the best alone.
     distance
         Least distance (largest gene difference) of any two, a share of the box; 0 allows copies.
     """
@@ -51,24 +51,25 @@ def distinct_best(
     NDArray of int
         Shape (n_replicates, rule.count): indices, best first, then -1 where the population is not that varied.
     """
-    n_replicates, count = misfit.shape
-    taken = np.full((n_replicates, rule.count), -1, dtype=np.int64)
+    n_replicates, size = misfit.shape
+    n_params = population.shape[2]
     order = np.argsort(misfit, axis=1, kind="stable")
-    flat = (order + count * np.arange(n_replicates)[:, None]).ravel()
-    # Candidates of all replicates in one list, best first in each; it shrinks quickly as near ones are left out.
-    left = flat[np.isfinite(misfit.ravel()[flat])]
-    gene = np.ascontiguousarray(population.reshape(-1, population.shape[2]).T)
-    for place in range(rule.count):
-        if not left.size:
+    finite = np.isfinite(np.take_along_axis(misfit, order, axis=1))
+    row = size * np.arange(n_replicates)
+    gene = np.ascontiguousarray(population.reshape(-1, n_params).T)
+    taken = np.full((n_replicates, rule.count), -1, dtype=np.int64)
+    n_taken = np.zeros(n_replicates, dtype=np.int64)
+    # Where none is taken yet: outside the cube, far from everything.
+    taken_gene = np.full((n_params, n_replicates, rule.count), 9.0)
+    # The j-th best of every replicate at once.
+    for j in range(int(np.count_nonzero(finite, axis=1).max(initial=0))):
+        if n_taken.min() == rule.count:
             break
-        replicate = left // count
-        leads = np.ones(left.size, np.bool_)
-        np.not_equal(replicate[1:], replicate[:-1], out=leads[1:])
-        leader = left[leads]
-        taken[replicate[leads], place] = leader % count
-        if place + 1 < rule.count:
-            of_each = leader[np.cumsum(leads) - 1]
-            apart = np.abs(gene[:, left] - gene[:, of_each]).max(axis=0) >= rule.distance
-            # With no least distance the leader is apart from itself.
-            left = left[apart & ~leads]
+        member = order[:, j]
+        candidate = gene[:, row + member]
+        gap = np.abs(taken_gene - candidate[..., None]).max(axis=0).min(axis=1)
+        enters = np.flatnonzero(finite[:, j] & (gap >= rule.distance) & (n_taken < rule.count))
+        taken[enters, n_taken[enters]] = member[enters]
+        taken_gene[:, enters, n_taken[enters]] = candidate[:, enters]
+        n_taken[enters] += 1
     return taken
