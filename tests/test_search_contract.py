@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from mrwork.errors import SettingError
 from mrwork.search import (
     AbortableObjective,
+    Ceiling,
     EfficientGA,
     EliteRule,
     StandardGA,
@@ -269,7 +270,7 @@ def test_exact_values_beyond_the_threshold_change_not_a_bit(aborting, rng, n_par
     for own in OPTIMISERS.values():
         own = replace(own, stop=SHORT)
         if isinstance(own, EfficientGA | StandardGA):
-            own = replace(own, ceiling=0.5)
+            own = replace(own, ceiling=Ceiling(absolute=0.5, over_median=1.5))
         thresholds = []
 
         def aborted(unit, threshold, thresholds=thresholds):

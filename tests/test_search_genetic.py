@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mrwork.errors import SettingError
-from mrwork.search import EfficientGA, StandardGA, StopRules, run_replicates, run_search
+from mrwork.search import Ceiling, EfficientGA, StandardGA, StopRules, run_replicates, run_search
 from mrwork.search.efficient_genetic import _crossover, _fitness
 from mrwork.search.standard_genetic import _roulette
 from search_problems import (
@@ -163,11 +163,20 @@ def test_a_single_success_among_failures_is_kept():
     assert after.misfit.min() == 1.0
 
 
-@pytest.mark.parametrize("optimiser", [EfficientGA(ceiling=0.5), StandardGA(ceiling=0.5)])
+@pytest.mark.parametrize(
+    "optimiser", [EfficientGA(ceiling=Ceiling(absolute=0.5)), StandardGA(ceiling=Ceiling(absolute=0.5))]
+)
 def test_a_misfit_at_the_ceiling_is_a_failure(optimiser):
     for _, proposal, after in generations_of(optimiser, sphere, n_params=3, rng=0, most=10):
         assert np.all(proposal.threshold <= 0.5)
         assert np.all((after.misfit < 0.5) | np.isinf(after.misfit))
+
+
+def test_a_ceiling_over_the_median_follows_it():
+    optimiser = EfficientGA(ceiling=Ceiling(over_median=2.0))
+    for before, proposal, _ in generations_of(optimiser, sphere, n_params=3, rng=0, most=10):
+        median = math.inf if before.course.is_first else before.course.trace.median[0, -1]
+        assert np.all(proposal.threshold == 2.0 * median)
 
 
 # The standard algorithm
@@ -197,11 +206,11 @@ def test_an_odd_population_keeps_its_size(population):
     ("optimiser", "setting"),
     [
         (EfficientGA(), {"elite_share": 1.5}),
-        (EfficientGA(), {"ceiling": -1.0}),
+        (Ceiling(), {"absolute": -1.0}),
+        (Ceiling(), {"over_median": 0.9}),
         (StandardGA(), {"crossover_probability": 1.1}),
         (StandardGA(), {"mutation_probability": -0.1}),
         (StandardGA(), {"mutation_deviation": math.nan}),
-        (StandardGA(), {"ceiling": math.nan}),
     ],
 )
 def test_settings_out_of_range_are_refused_by_name(optimiser, setting):

@@ -1,5 +1,6 @@
 """Derivative-free search of the unit cube: an ask/tell loop, optimisers for it, and when to stop."""
 
+from mrwork.search.ceiling import Ceiling
 from mrwork.search.course import Course, Trace
 from mrwork.search.differential_evolution import DifferentialEvolution
 from mrwork.search.efficient_genetic import EfficientGA, GAState
@@ -26,6 +27,7 @@ from mrwork.search.termination import ExpectedTermination, expected_termination
 __all__ = [
     "CONSTRICTION",
     "AbortableObjective",
+    "Ceiling",
     "Course",
     "DifferentialEvolution",
     "EfficientGA",

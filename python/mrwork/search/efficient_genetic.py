@@ -31,6 +31,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.search.ceiling import Ceiling
 from mrwork.search.course import Course
 from mrwork.search.cube import latin_hypercube, reflect
 from mrwork.search.elite import EliteRule
@@ -67,7 +68,7 @@ class EfficientGA:
     elite_share
         Share of the slots that copies of the best take over in each generation; at least one slot does.
     ceiling
-        A chromosome with a misfit at or above it counts as failed, so its simulation may stop there.
+        From which misfit on a chromosome counts as failed, so that its simulation may stop there.
     stop
         When to end.
     elite
@@ -87,18 +88,13 @@ class EfficientGA:
 
     population: int = 60
     elite_share: float = 0.01
-    ceiling: float | None = None
-    ceiling_over_median: float = math.inf
+    ceiling: Ceiling = field(default_factory=Ceiling)
     stop: StopRules = field(default_factory=StopRules)
     elite: EliteRule = field(default_factory=EliteRule)
 
     def __post_init__(self) -> None:
         check_ranges(
-            {
-                "population": (self.population, 4, math.inf),
-                "elite_share": (self.elite_share, 0.0, 1.0),
-                "ceiling": (self.ceiling, 0.0, math.inf),
-            }
+            {"population": (self.population, 4, math.inf), "elite_share": (self.elite_share, 0.0, 1.0)}
         )
 
     def start(self, n_params: int, rng: int, replicates: Sequence[int] = (0,)) -> GAState:
@@ -117,13 +113,9 @@ class EfficientGA:
         course, rows = state.course, state.course.running
         before, misfit = state.population[rows], state.misfit[rows]
         if course.is_first:
-            return proposed(course, before, limit=math.inf if self.ceiling is None else self.ceiling)
+            return proposed(course, before, limit=self.ceiling.limit(course))
         population, known, changed = self._offspring(state, before, misfit)
-        ceiling = np.minimum(
-            (math.inf if self.ceiling is None else self.ceiling),
-            self.ceiling_over_median * course.trace.median[rows, -1],
-        )[:, None]
-        return proposed(course, population, known=known, changed=changed, limit=ceiling)
+        return proposed(course, population, known=known, changed=changed, limit=self.ceiling.limit(course))
 
     def tell(self, state: GAState, proposal: Proposal, misfit: NDArray[np.float64]) -> GAState:
         """State after the simulations asked for.

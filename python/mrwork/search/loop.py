@@ -167,7 +167,7 @@ def run_replicates(
     state
         A stored state to go on from; it must come from the same `rng`, `n_params` and `replicates`.
     on_generation
-        Called after every generation; a return of `True` stops all with reason "callback".
+        Called after every generation; where it returns true all stop, with reason "callback".
 
     Returns
     -------
@@ -206,7 +206,7 @@ def run_replicates(
                 misfit = objective(proposal.unit)
             misfit = proposal.accepted(misfit)
             state = optimiser.tell(state, proposal, misfit)
-            if on_generation is not None and on_generation(_event(state, misfit, began)) is True:
+            if on_generation is not None and on_generation(_event(state, misfit, began)):
                 reason = "callback"
                 break
     except KeyboardInterrupt as interrupt:

@@ -21,6 +21,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.search.ceiling import Ceiling
 from mrwork.search.course import Course
 from mrwork.search.cube import latin_hypercube, reflect
 from mrwork.search.elite import EliteRule
@@ -46,7 +47,7 @@ class StandardGA:
     mutation_deviation
         Of what is added, a share of the box.
     ceiling
-        A chromosome with a misfit at or above it counts as failed, so its simulation may stop there.
+        From which misfit on a chromosome counts as failed, so that its simulation may stop there.
     stop
         When to end; by default after 200 generations at most.
     elite
@@ -57,7 +58,7 @@ class StandardGA:
     crossover_probability: float = 0.8
     mutation_probability: float = 0.05
     mutation_deviation: float = 0.1
-    ceiling: float | None = None
+    ceiling: Ceiling = field(default_factory=Ceiling)
     stop: StopRules = field(default_factory=lambda: StopRules(max_generations=200))
     elite: EliteRule = field(default_factory=EliteRule)
 
@@ -68,7 +69,6 @@ class StandardGA:
                 "crossover_probability": (self.crossover_probability, 0.0, 1.0),
                 "mutation_probability": (self.mutation_probability, 0.0, 1.0),
                 "mutation_deviation": (self.mutation_deviation, 0.0, 1.0),
-                "ceiling": (self.ceiling, 0.0, math.inf),
             }
         )
 
@@ -82,7 +82,7 @@ class StandardGA:
         course, rows = state.course, state.course.running
         parents, misfit = state.population[rows], state.misfit[rows]
         if course.is_first:
-            return proposed(course, parents, limit=math.inf if self.ceiling is None else self.ceiling)
+            return proposed(course, parents, limit=self.ceiling.limit(course))
         size, n_params = parents.shape[1:]
         pairs = -(-size // 2)
         uniform = course.streams.uniform(4 * pairs + size * n_params)
@@ -110,7 +110,7 @@ class StandardGA:
             children,
             known=known,
             changed=changed,
-            limit=math.inf if self.ceiling is None else self.ceiling,
+            limit=self.ceiling.limit(course),
         )
 
     def tell(
