@@ -1,8 +1,11 @@
-"""Problems on the unit cube whose answers are known, and a run watched state by state."""
+"""Problems on the unit cube whose answers are known, optimisers by name, and a run watched state by state."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
+
+from mrwork.search.registry import OPTIMISERS, PEERS
 
 
 def sphere(unit):
@@ -40,6 +43,15 @@ def flat(unit):
 def all_failing(unit):
     """No simulation succeeds."""
     return np.full(len(unit), np.inf)
+
+
+def optimiser_named(name):
+    """An optimiser of the registry; the test is skipped where its library is absent."""
+    if name in OPTIMISERS:
+        return OPTIMISERS[name]
+    library = name.partition("_")[0]
+    pytest.importorskip(library, reason=f"{library} is not installed: pip install 'mrwork[peers]'")
+    return PEERS[name]
 
 
 def generations_of(optimiser, objective, *, n_params, rng, most, replicates=(0,)):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
 import pickle
 from dataclasses import replace
@@ -27,36 +26,29 @@ from mrwork.search import (
     state_from_arrays,
 )
 from mrwork.search.registry import OPTIMISERS, PEERS
-from search_problems import all_failing, generations_of, half_failing, rosenbrock, sphere, states
+from search_problems import (
+    all_failing,
+    generations_of,
+    half_failing,
+    optimiser_named,
+    rosenbrock,
+    sphere,
+    states,
+)
 
-LIBRARY = {"cma": "cma", "pymoo_ga": "pymoo", "scipy_differential_evolution": "scipy"}
 SHORT = StopRules(max_generations=15, min_generations=1, confidence=None, spread_tolerance=None)
 
 
-def needs_library(name):
-    absent = importlib.util.find_spec(LIBRARY[name]) is None
-    return pytest.param(
-        PEERS[name],
-        id=name,
-        marks=pytest.mark.skipif(
-            absent, reason=f"{LIBRARY[name]} is not installed: pip install 'mrwork[peers]'"
-        ),
-    )
-
-
-@pytest.fixture(params=[pytest.param(each, id=name) for name, each in OPTIMISERS.items()])
+@pytest.fixture(params=OPTIMISERS)
 def own(request):
     """Every optimiser of our own in turn, whose states are plain data."""
-    return request.param
+    return OPTIMISERS[request.param]
 
 
-@pytest.fixture(
-    params=[pytest.param(each, id=name) for name, each in OPTIMISERS.items()]
-    + [needs_library(name) for name in PEERS]
-)
+@pytest.fixture(params=[*OPTIMISERS, *PEERS])
 def optimiser(request):
     """Every optimiser in turn, those of other libraries included."""
-    return request.param
+    return optimiser_named(request.param)
 
 
 def bits(state):
