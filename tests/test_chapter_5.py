@@ -12,11 +12,11 @@ import mrwork as mr
 from current_laws import STATIC, PerCurrent, identify_each, laws_of
 from damper_tests import FORCE_NOISE_N, RD_1005_3, TestSet, measured_sets, synthetic_sets
 from law_tables import per_current_table
-from mrwork.search import EfficientGA
+from mrwork.search import EfficientGA, StopRules
 from outcome import SetOutcome, study_set
 from page import write_page
 
-SEARCH = EfficientGA(population=40, max_generations=40)
+SEARCH = EfficientGA(population=40, stop=StopRules(max_generations=40))
 # Three are the fewest that a quadratic law can be found from.
 CURRENTS = (0.5, 1.0, 1.5)
 # The RMS of n white samples scatters by 1/sqrt(2 n), 2.2 % for the thousand here.

@@ -20,11 +20,11 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.quality import fit_quality
 from mrwork.identification.standard_error import covariance
 from mrwork.records import DamperTest
-from mrwork.search import EfficientGA
+from mrwork.search import EfficientGA, StopRules
 from mrwork.spec import damper, dampers
 from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test
 
-SEARCH = EfficientGA(max_generations=60)
+SEARCH = EfficientGA(stop=StopRules(max_generations=60))
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def test_the_redundant_form_reaches_the_same_fit_and_names_what_it_held(record: 
 
 
 def test_one_seed_repeats_and_threads_do_not_matter(record: DamperTest) -> None:
-    short = EfficientGA(max_generations=8, min_generations=1)
+    short = EfficientGA(stop=StopRules(max_generations=8, min_generations=1))
     runs = [identify("static_hysteretic", record, search=short, rng=5, threads=n) for n in (1, 2, 1)]
     assert len({(run.theta, run.trace.best) for run in runs}) == 1
     other = identify("static_hysteretic", record, search=short, rng=6)

@@ -14,7 +14,7 @@ from mrwork.identification.nuisance import nuisance_of, without_nuisance
 from mrwork.identification.objective import Objective
 from mrwork.records import DamperTest, Observation
 from mrwork.records.window import excerpt
-from mrwork.search import EfficientGA
+from mrwork.search import EfficientGA, StopRules
 from mrwork.simulate import Loading, simulate_force
 from mrwork.spec import damper
 from mrwork.synthetic import synthetic_test
@@ -23,7 +23,7 @@ PRESET = damper("static_hysteretic").preset("kwok2006")
 TRUTH = np.array(PRESET.theta)
 CURRENTS = (0.0, 0.5, 1.0, 1.5)
 NOISE_N = 5.0
-SEARCH = EfficientGA(max_generations=40)
+SEARCH = EfficientGA(stop=StopRules(max_generations=40))
 # The hysteresis changes side within one sample, so no test tells over which displacement.
 FIXED = {"x_s": (1e-4, 1e-4)}
 

@@ -125,7 +125,7 @@ def _search(options: argparse.Namespace) -> EfficientGA:
     if options.population is not None:
         search = replace(search, population=options.population)
     if options.generations is not None:
-        search = replace(search, max_generations=options.generations)
+        search = replace(search, stop=replace(search.stop, max_generations=options.generations))
     return search
 
 

@@ -75,7 +75,7 @@ def _explore_plain(
     box = search_box(form.spec, form.box, objective.tests)
 
     def on_generation(event: GenerationEvent[GAState]) -> None:
-        on_search(event.evaluations, event.best_misfit, event.generation / search.max_generations)
+        on_search(event.evaluations, event.best_misfit, event.generation / search.stop.max_generations)
 
     try:
         found = run_search(
@@ -134,7 +134,7 @@ def _explore_levels(
         )
 
     def on_generation(event: GenerationEvent[GAState]) -> None:
-        share = event.generation / search.max_generations
+        share = event.generation / search.stop.max_generations
         on_search(event.evaluations, event.best_misfit, share / len(levels))
 
     # The middle one is searched; from there each command starts at what its neighbour found.

@@ -121,6 +121,8 @@ _ENDED = {
     "spread": "when the population had drawn together",
     "max_generations": "at the limit of generations",
     "max_evaluations": "at the limit of simulations",
+    "max_seconds": "at the limit of time",
+    "target": "at the misfit wanted",
     "callback": "on request",
     "interrupted": "by an interrupt",
 }

@@ -2,13 +2,13 @@
 
 The optimiser is pure (state in, state out), the objective is a batch function on the unit cube, and the
 loop is the only place that knows both. `on_generation` serves progress bars, journals and early stops alike:
-it sees every generation's state, which is all that is needed to go on later.
+it sees every generation's state, and the misfits by which it came about.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -16,35 +16,65 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
-from mrwork.search.state import SearchState, Trace
+from mrwork.search.elite import EliteRule
+from mrwork.search.proposal import Proposal
+from mrwork.search.result import ReplicatedSearch, SearchResult, results_of
+from mrwork.search.state import SearchState
+from mrwork.search.stop_rules import StopRules
 
 StateT = TypeVar("StateT", bound=SearchState)
 Objective = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AbortableObjective:
+    """An objective that need not go on with a candidate once its misfit reaches a threshold.
+
+    `misfits` maps unit vectors (m, n_params) and thresholds (m,) to misfits (m,) >= 0: exact below the threshold, any
+    number at or above it, or `inf`, otherwise.
+    """
+
+    misfits: Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.float64]]
+
+
 class Optimiser(Protocol[StateT]):
     """Derivative-free minimiser on the unit cube; settings only, all progress is in its states.
 
-    `tell` takes what the objective made of the rows of `ask`; the random numbers of a generation are
-    a function of the state's `rng` and `generation`, so that a stored state goes on as if never interrupted.
+    What it makes of a replicate depends on its seed, its number, its generation and its misfits, never on the others
+    beside it, so that a stored state goes on as if never interrupted. An adapter of another library keeps that
+    promise only as far as the library does.
     """
 
-    def start(self, n_params: int, rng: int) -> StateT:
-        """Make the initial state, nothing simulated yet."""
+    @property
+    def population(self) -> int:
+        """Candidates of one replicate."""
 
-    def ask(self, state: StateT) -> NDArray[np.float64]:
-        """Propose unit vectors to simulate next, shape (n_ask, n_params)."""
+    @property
+    def stop(self) -> StopRules:
+        """When a replicate ends."""
 
-    def tell(self, state: StateT, misfit: NDArray[np.float64]) -> StateT:
-        """Take in their misfits, shape (n_ask,); `inf` marks a failed simulation."""
+    @property
+    def elite(self) -> EliteRule:
+        """Which finds are kept."""
 
-    def stop_reason(self, state: StateT) -> str | None:
-        """Say why the search should end, or `None` to go on."""
+    def start(self, n_params: int, rng: int, replicates: Sequence[int] = (0,)) -> StateT:
+        """Make the initial state of the replicates with these numbers, nothing simulated yet."""
+
+    def ask(self, state: StateT) -> Proposal:
+        """Propose what to simulate next, of all replicates that run."""
+
+    def tell(self, state: StateT, proposal: Proposal, misfit: NDArray[np.float64]) -> StateT:
+        """Take in the misfits of the proposal's rows, shape (n_ask,); `inf` marks a failed simulation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GenerationEvent(Generic[StateT]):
-    """Progress after one generation; `seconds` since this call of `run_search` began."""
+    """Progress after one generation of all replicates that ran.
+
+    `evaluations` of all replicates; `best_misfit` and `best_unit` (n_params,) of the best of them, `median_misfit` of
+    their populations' medians; `n_running` go on. `seconds` since this call of the loop began. `misfit` (n_ask,)
+    as the optimiser took them, see `Proposal.accepted`: with them `tell` makes the same `state` again.
+    """
 
     generation: int
     evaluations: int
@@ -52,82 +82,41 @@ class GenerationEvent(Generic[StateT]):
     median_misfit: float
     seconds: float
     best_unit: NDArray[np.float64]
+    n_running: int
+    misfit: NDArray[np.float64]
     state: StateT
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SearchResult(Generic[StateT]):
-    """What a search found, why it stopped, and the state from which it can go on.
-
-    `best_unit` (n_params,) has `best_misfit`, `inf` if no simulation ever succeeded. `elite`
-    (n_elite, n_params) are the distinct good finds of the whole run with `elite_misfit` (n_elite,), best
-    first: starts of a local refinement; empty if no simulation ever succeeded. `evaluations` and
-    `generations` count from the very start, `seconds` this call only.
-    """
-
-    best_unit: NDArray[np.float64]
-    best_misfit: float
-    elite: NDArray[np.float64]
-    elite_misfit: NDArray[np.float64]
-    trace: Trace
-    evaluations: int
-    generations: int
-    stop_reason: str
-    seconds: float
-    state: StateT
+OnGeneration = Callable[[GenerationEvent[StateT]], bool | None]
 
 
 class SearchInterrupted(KeyboardInterrupt):
-    """Ctrl-C during a search; `result` holds what the completed generations found."""
+    """Ctrl-C during a search; `run` holds what the completed generations found."""
 
     # Any: an exception cannot be generic, and the state's type is the caller's own optimiser's.
-    result: SearchResult[Any]
+    run: ReplicatedSearch[Any]
 
-    def __init__(self, result: SearchResult[Any]) -> None:
-        super().__init__(f"search interrupted after {result.generations} generations")
-        self.result = result
+    def __init__(self, run: ReplicatedSearch[Any]) -> None:
+        generations = max(result.generations for result in run.results)
+        super().__init__(f"search interrupted after {generations} generations")
+        self.run = run
+
+    @property
+    def result(self) -> SearchResult[Any]:
+        """That of the best replicate."""
+        return self.run.best
 
 
 def run_search(
     optimiser: Optimiser[StateT],
-    objective: Objective,
+    objective: Objective | AbortableObjective,
     *,
     rng: int,
     n_params: int,
     state: StateT | None = None,
-    on_generation: Callable[[GenerationEvent[StateT]], bool | None] | None = None,
-    max_evaluations: int | None = None,
+    on_generation: OnGeneration[StateT] | None = None,
 ) -> SearchResult[StateT]:
-    """Minimise a batch objective over the unit cube.
-
-    Parameters
-    ----------
-    optimiser
-        For example `EfficientGA()`.
-    objective
-        Maps unit vectors (m, n_params) to misfits (m,) >= 0, `inf` for a failed simulation.
-    rng
-        Seed, a whole number >= 0; the same seed gives the same bits.
-    n_params
-        Dimension of the cube.
-    state
-        A stored state to go on from; it must come from the same `rng` and `n_params`.
-    on_generation
-        Called after every generation; a return of `True` stops with reason "callback".
-    max_evaluations
-        Never simulate more than this in all; stops with reason "max_evaluations".
-
-    Returns
-    -------
-    SearchResult
-        With `stop_reason` of the optimiser, "callback" or "max_evaluations".
-
-    Raises
-    ------
-    SearchInterrupted
-        On Ctrl-C, carrying the result of the completed generations with reason "interrupted".
-    SettingError
-        When `max_evaluations` is too small for a first generation, or `state` belongs to another search.
+    """Minimise a batch objective over the unit cube, once: replicate 0 of `run_replicates`.
 
     Examples
     --------
@@ -138,59 +127,116 @@ def run_search(
     >>> bool(np.all(np.abs(result.best_unit - 0.3) < 0.05))
     True
     """
+    run = run_replicates(
+        optimiser,
+        objective,
+        rng=rng,
+        n_params=n_params,
+        replicates=(0,),
+        state=state,
+        on_generation=on_generation,
+    )
+    return run.results[0]
+
+
+def run_replicates(
+    optimiser: Optimiser[StateT],
+    objective: Objective | AbortableObjective,
+    *,
+    rng: int,
+    n_params: int,
+    replicates: Sequence[int],
+    state: StateT | None = None,
+    on_generation: OnGeneration[StateT] | None = None,
+) -> ReplicatedSearch[StateT]:
+    """Minimise a batch objective over the unit cube many times, side by side.
+
+    Parameters
+    ----------
+    optimiser
+        For example `EfficientGA()`.
+    objective
+        Maps unit vectors (m, n_params) to misfits (m,) >= 0, `inf` for a failed simulation. It is called once per
+        generation with the candidates of all replicates that run. An `AbortableObjective` gets thresholds too.
+    rng
+        Seed, a whole number in [0, 2^64); the same seed gives the same bits.
+    n_params
+        Dimension of the cube.
+    replicates
+        Numbers of the replicates. Number k has the same course in whatever company.
+    state
+        A stored state to go on from; it must come from the same `rng`, `n_params` and `replicates`.
+    on_generation
+        Called after every generation; where it returns true all stop, with reason "callback".
+
+    Returns
+    -------
+    ReplicatedSearch
+        A result for each replicate; its `stop_reason` is a name of `StopRules` or "callback".
+
+    Raises
+    ------
+    SearchInterrupted
+        On Ctrl-C, carrying the results of the completed generations with reason "interrupted".
+    SettingError
+        Where not even a first generation is allowed, or `state` belongs to another search.
+    """
     began = time.perf_counter()
-    if state is None:
-        state = optimiser.start(n_params, rng)
-    elif state.rng != rng or state.population.shape[1] != n_params:
+    stop = optimiser.stop
+    if stop.max_evaluations is not None and stop.max_evaluations < optimiser.population:
         raise SettingError(
-            f"the stored state is of a search with rng={state.rng} and n_params={state.population.shape[1]}, "
-            f"asked for rng={rng} and n_params={n_params}; resume with its own or start afresh"
+            f"`max_evaluations` is {stop.max_evaluations}, the first generation alone takes "
+            f"{optimiser.population}; allow more or lower the population"
         )
+    if state is None:
+        state = optimiser.start(n_params, rng, replicates)
+    else:
+        _check_same_search(state, rng, n_params, replicates)
+    reason = ""
     try:
-        while (reason := optimiser.stop_reason(state)) is None:
-            unit = optimiser.ask(state)
-            if max_evaluations is not None and state.evaluations + len(unit) > max_evaluations:
-                if state.evaluations == 0:
-                    raise SettingError(
-                        f"`max_evaluations` is {max_evaluations}, the first generation alone takes "
-                        f"{len(unit)}; allow more or lower the population"
-                    )
-                reason = "max_evaluations"
+        while state.course.running.size:
+            seconds = time.perf_counter() - began
+            if stop.max_seconds is not None and seconds >= stop.max_seconds:
+                reason = "max_seconds"
                 break
-            state = optimiser.tell(state, objective(unit))
-            if on_generation is not None and on_generation(_event(state, began)) is True:
-                # The optimiser's own reason says more where both apply.
-                reason = optimiser.stop_reason(state) or "callback"
+            proposal = optimiser.ask(state)
+            if isinstance(objective, AbortableObjective):
+                misfit = objective.misfits(proposal.unit, proposal.threshold)
+            else:
+                misfit = objective(proposal.unit)
+            misfit = proposal.accepted(misfit)
+            state = optimiser.tell(state, proposal, misfit)
+            if on_generation is not None and on_generation(_event(state, misfit, began)):
+                reason = "callback"
                 break
     except KeyboardInterrupt as interrupt:
-        raise SearchInterrupted(_result(state, "interrupted", began)) from interrupt
-    return _result(state, reason, began)
+        raise SearchInterrupted(results_of(state, "interrupted", time.perf_counter() - began)) from interrupt
+    return results_of(state, reason, time.perf_counter() - began)
 
 
-def _event(state: StateT, began: float) -> GenerationEvent[StateT]:
+def _check_same_search(state: SearchState, rng: int, n_params: int, replicates: Sequence[int]) -> None:
+    stored = (state.course.rng, state.population.shape[2], state.course.replicate.tolist())
+    asked = (rng, n_params, list(replicates))
+    if stored != asked:
+        raise SettingError(
+            f"the stored state is of a search with rng={stored[0]} and n_params={stored[1]}, replicates "
+            f"{stored[2]}, asked for rng={rng} and n_params={n_params}, replicates {asked[2]}; "
+            "resume with its own or start afresh"
+        )
+
+
+def _event(state: StateT, misfit: NDArray[np.float64], began: float) -> GenerationEvent[StateT]:
     """Progress as the callback sees it."""
+    course = state.course
+    leader = int(np.argmin(course.best_misfit))
     return GenerationEvent(
-        generation=state.generation,
-        evaluations=state.evaluations,
-        best_misfit=state.best_misfit,
-        median_misfit=float(state.trace.median[-1]),
+        generation=int(course.generation.max()),
+        evaluations=int(course.evaluations.sum()),
+        best_misfit=float(course.best_misfit[leader]),
+        median_misfit=float(np.median(course.trace.median[:, -1])),
         seconds=time.perf_counter() - began,
-        best_unit=state.best_unit,
-        state=state,
-    )
-
-
-def _result(state: StateT, reason: str, began: float) -> SearchResult[StateT]:
-    """Sum up a search that ends on this state."""
-    return SearchResult(
-        best_unit=state.best_unit,
-        best_misfit=state.best_misfit,
-        elite=state.elite_unit,
-        elite_misfit=state.elite_misfit,
-        trace=state.trace,
-        evaluations=state.evaluations,
-        generations=state.generation,
-        stop_reason=reason,
-        seconds=time.perf_counter() - began,
+        best_unit=course.best_unit[leader],
+        n_running=course.running.size,
+        misfit=misfit,
         state=state,
     )

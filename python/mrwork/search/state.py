@@ -1,113 +1,89 @@
-"""What every optimiser remembers of its progress, and which of its finds are worth refining."""
+"""States of a search: what they have in common, some replicates of one, and one as plain arrays."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Protocol
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Protocol, TypeVar, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.errors import SettingError
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Trace:
-    """Progress, one entry per generation, each of shape (n_generations,).
-
-    `evaluations` simulations so far, `best` misfit so far, `median` misfit of the population
-    (`inf` while half of it fails).
-    """
-
-    evaluations: NDArray[np.int64]
-    best: NDArray[np.float64]
-    median: NDArray[np.float64]
-
-    def with_generation(self, evaluations: int, best: float, median: float) -> Trace:
-        """Longer by one entry."""
-        return Trace(
-            evaluations=np.append(self.evaluations, np.int64(evaluations)),
-            best=np.append(self.best, best),
-            median=np.append(self.median, median),
-        )
-
-
-EMPTY_TRACE = Trace(evaluations=np.empty(0, np.int64), best=np.empty(0), median=np.empty(0))
+from mrwork.search.course import Course
 
 
 class SearchState(Protocol):
-    """What the loop reads of an optimiser's state, whichever optimiser it is."""
+    """What the loop reads of an optimiser's state, whichever optimiser it is.
+
+    A frozen dataclass whose fields are a `Course` and arrays with a leading axis of replicates, so that `select`,
+    `arrays_of` and `state_from_arrays` serve all.
+    """
 
     @property
-    def rng(self) -> int:
-        """Seed from which every generation derives its own stream."""
-
-    @property
-    def generation(self) -> int:
-        """Generations told so far."""
-
-    @property
-    def evaluations(self) -> int:
-        """Simulations told so far."""
+    def course(self) -> Course:
+        """How far each replicate has come."""
 
     @property
     def population(self) -> NDArray[np.float64]:
-        """Current candidates, shape (n_population, n_params), in the unit cube."""
+        """Current candidates, shape (n_replicates, n_population, n_params), in the unit cube."""
 
     @property
-    def best_unit(self) -> NDArray[np.float64]:
-        """Best candidate so far, shape (n_params,)."""
-
-    @property
-    def best_misfit(self) -> float:
-        """Its misfit; `inf` while every simulation has failed."""
-
-    @property
-    def elite_unit(self) -> NDArray[np.float64]:
-        """Good and mutually distant finds of the whole run, best first, shape (n_elite, n_params)."""
-
-    @property
-    def elite_misfit(self) -> NDArray[np.float64]:
-        """Their misfits, shape (n_elite,), rising."""
-
-    @property
-    def trace(self) -> Trace:
-        """Progress per generation."""
+    def misfit(self) -> NDArray[np.float64]:
+        """Their misfits, shape (n_replicates, n_population); `inf` for failures, and before the first generation."""
 
 
-def distinct_best(
-    population: NDArray[np.float64], misfit: NDArray[np.float64], count: int, distance: float
-) -> NDArray[np.int64]:
-    """Rows of `population` that are good and mutually distant: starts for a local refinement.
+T = TypeVar("T")
 
-    Greedy: the best first, then the next best whose largest gene difference to every one taken is
-    at least `distance`. A copy or a near copy would only send the refinement to the same minimum.
 
-    Parameters
-    ----------
-    population
-        Candidates in the unit cube, shape (n, n_params).
-    misfit
-        Shape (n,); failures (`inf`) are never taken.
-    count
-        At most so many rows.
-    distance
-        Share of the box, 0 to 1; 0 allows copies.
+def select(state: T, rows: Sequence[int]) -> T:
+    """The same state with only these rows of its leading axis, in this order; traces end with the longest."""
+    index = np.asarray(rows, dtype=np.int64)
 
-    Returns
-    -------
-    NDArray of int
-        Row indices, best first; fewer than `count` where the population is not that varied.
-    """
-    if count < 1 or not 0.0 <= distance <= 1.0:
-        raise SettingError(
-            f"`count` is at least 1 and `distance` a share of the box in [0, 1], got {count} and {distance}"
-        )
-    taken: list[int] = []
-    for row in np.argsort(misfit, kind="stable"):
-        if len(taken) == count or not np.isfinite(misfit[row]):
-            break
-        apart = np.abs(population[taken] - population[row]).max(axis=1, initial=0.0)
-        if np.all(apart >= distance):
-            taken.append(int(row))
-    return np.array(taken, dtype=np.int64)
+    def part(value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            return value[index]
+        if isinstance(value, tuple):
+            return tuple(value[row] for row in index)
+        return _with_parts(value, part) if dataclasses.is_dataclass(value) else value
+
+    def shortened(value: Any) -> Any:
+        if isinstance(value, Course):
+            n_generations = int(value.generation.max(initial=0))
+            trace = _with_parts(value.trace, lambda entries: entries[:, :n_generations])
+            return dataclasses.replace(value, trace=trace)
+        return value
+
+    return _with_parts(_with_parts(state, part), shortened)
+
+
+def arrays_of(state: object) -> dict[str, NDArray[Any]]:
+    """Every number of a state as plain arrays, named by their fields: `course.best_unit` and so on."""
+    arrays: dict[str, NDArray[Any]] = {}
+    for field in dataclasses.fields(state):  # type: ignore[arg-type]
+        value = getattr(state, field.name)
+        if dataclasses.is_dataclass(value):
+            arrays |= {f"{field.name}.{name}": each for name, each in arrays_of(value).items()}
+        else:
+            # An unsigned number holds every seed.
+            arrays[field.name] = value if isinstance(value, np.ndarray) else np.array(value, np.uint64)
+    return arrays
+
+
+def state_from_arrays(kind: type[T], arrays: Mapping[str, NDArray[Any]]) -> T:
+    """Undo `arrays_of`, to the same bits; `kind` is the class of the state."""
+    hints = get_type_hints(kind)
+    values: dict[str, Any] = {}
+    for name, hint in hints.items():
+        if dataclasses.is_dataclass(hint):
+            inner = {key.removeprefix(f"{name}."): each for key, each in arrays.items()}
+            values[name] = state_from_arrays(hint, inner)  # type: ignore[arg-type]
+        else:
+            values[name] = int(arrays[name]) if hint is int else arrays[name]
+    return kind(**values)
+
+
+def _with_parts(value: T, change: Callable[[Any], Any]) -> T:
+    """A dataclass with each field changed."""
+    names = [field.name for field in dataclasses.fields(value)]  # type: ignore[arg-type]
+    changed = {name: change(getattr(value, name)) for name in names}
+    return dataclasses.replace(value, **changed)  # type: ignore[type-var]

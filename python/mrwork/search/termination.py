@@ -51,50 +51,57 @@ def threshold(confidence: float) -> float:
     return 1.0 / math.log(1.0 / (1.0 - confidence))
 
 
-def first_improvement(best: NDArray[np.float64]) -> int | None:
-    """Index g0 of the first entry below its predecessor; a first finite value after `inf` counts."""
-    improved = np.flatnonzero(best[1:] < best[:-1])
-    return int(improved[0]) + 1 if improved.size else None
+def first_improvement(best: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Index g0 of the first entry of each trace below its predecessor; a first finite value after `inf` counts.
+
+    Shape (...) for traces (..., n_generations); `n_generations` where none is.
+    """
+    count = best.shape[-1]
+    if count < 2:
+        return np.full(best.shape[:-1], count, dtype=np.int64)
+    improved = best[..., 1:] < best[..., :-1]
+    return np.asarray(np.where(improved.any(axis=-1), np.argmax(improved, axis=-1) + 1, count))
 
 
-def statistic(best: NDArray[np.float64], *, floor: float = 0.0) -> float:
+def statistic(best: NDArray[np.float64], *, floor: NDArray[np.float64] | float = 0.0) -> NDArray[np.float64]:
     """Mean over maximum of `e_g - floor` from the first improvement on.
 
     Parameters
     ----------
     best
-        Least misfit up to each generation, shape (n_generations,), never rising.
+        Least misfit up to each generation, shape (..., n_generations), never rising.
     floor
-        Misfit that no parameters can undercut; 0 gives the literal statistic.
+        Misfit that no parameters can undercut, shape (...); 0 gives the literal statistic.
 
     Returns
     -------
-    float
-        In (0, 1]; 1 while nothing has decayed, so that no threshold is met.
+    NDArray
+        Shape (...), in (0, 1]; 1 while nothing has decayed, so that no threshold is met.
     """
-    g0 = first_improvement(best)
-    if g0 is None:
-        return 1.0
-    excess = best[g0:] - floor
-    greatest = float(excess.max())
-    if greatest <= 0.0:
-        return 1.0
+    g0 = first_improvement(best)[..., None]
+    count = best.shape[-1]
+    excess = np.where(np.arange(count) >= g0, best - np.asarray(floor)[..., None], 0.0)
+    greatest = excess.max(axis=-1, keepdims=True, initial=0.0)
+    decayed = greatest[..., 0] > 0.0
     # Dividing first keeps the sum of near-overflowing misfits finite.
-    return float(np.mean(excess / greatest))
+    total = np.sum(excess / np.where(decayed[..., None], greatest, 1.0), axis=-1)
+    return np.where(decayed, total / np.maximum(count - g0[..., 0], 1), 1.0)
 
 
-def hypothesis_test(best: NDArray[np.float64], *, confidence: float = 0.95, floor: float = 0.0) -> bool:
-    """Whether the trace has decayed enough to stop at this confidence."""
-    return statistic(best, floor=floor) <= threshold(confidence)
+def hypothesis_test(
+    best: NDArray[np.float64], *, confidence: float = 0.95, floor: NDArray[np.float64] | float = 0.0
+) -> NDArray[np.bool_]:
+    """Whether each trace, (..., n_generations), has decayed enough to stop at this confidence."""
+    return np.asarray(statistic(best, floor=floor) <= threshold(confidence))
 
 
-def stalled(best: NDArray[np.float64], *, generations: int, tolerance: float) -> bool:
-    """Whether the best has not fallen by more than the share `tolerance` in the last `generations`."""
-    if best.size <= generations:
-        return False
-    before, now = float(best[-1 - generations]), float(best[-1])
+def stalled(best: NDArray[np.float64], *, generations: int, tolerance: float) -> NDArray[np.bool_]:
+    """Whether the best of each trace has not fallen by more than the share `tolerance` in the last `generations`."""
+    if best.shape[-1] <= generations:
+        return np.zeros(best.shape[:-1], np.bool_)
+    before, now = best[..., -1 - generations], best[..., -1]
     # Written as a product so that 0 after 0 and inf after inf count as stalled.
-    return now >= before * (1.0 - tolerance)
+    return np.asarray(now >= before * (1.0 - tolerance))
 
 
 def expected_termination(
@@ -123,9 +130,7 @@ def expected_termination(
         `(None, 0.0)` when fewer than three generations can be fitted or the fitted curve does not fall.
     """
     limit = threshold(confidence)
-    g0 = first_improvement(best)
-    if g0 is None:
-        return ExpectedTermination(None, 0.0)
+    g0 = int(first_improvement(best))
     excess = best[g0:] - floor
     age = np.flatnonzero((excess > 0.0) & np.isfinite(excess))
     if age.size < 3:

@@ -1,0 +1,97 @@
+"""Differential evolution (Storn & Price, J. Glob. Optim. 11, 1997, 341-359), the modern yardstick.
+
+The defaults of `scipy.optimize.differential_evolution` with deferred updating: best/1/bin, the mutation factor F
+drawn anew each generation ("dither"), binomial crossover with one gene from the mutant for certain. Two things differ:
+genes that leave the box are reflected, not drawn anew, and a trial as good as its parent is dropped, so that the
+parent's misfit is a threshold: a simulation may stop as soon as it gets there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.errors import SettingError
+from mrwork.search.course import Course
+from mrwork.search.cube import latin_hypercube, others, reflect
+from mrwork.search.elite import EliteRule
+from mrwork.search.population import PopulationState, better_told, proposed
+from mrwork.search.proposal import Proposal
+from mrwork.search.ranges import check_ranges
+from mrwork.search.stop_rules import StopRules
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DifferentialEvolution:
+    """Settings of differential evolution; its methods are pure functions of the state.
+
+    Parameters
+    ----------
+    population
+        Members, at least 5.
+    base
+        What is mutated: the "best" of the population (best/1/bin), or a "random" member (rand/1/bin).
+    factor
+        Least and greatest mutation factor F; each generation draws one between them.
+    crossover_probability
+        That a gene comes from the mutant, CR.
+    stop
+        When to end.
+    elite
+        Which finds of the run are kept.
+    """
+
+    population: int = 60
+    base: Literal["best", "random"] = "best"
+    factor: tuple[float, float] = (0.5, 1.0)
+    crossover_probability: float = 0.7
+    stop: StopRules = field(default_factory=StopRules)
+    elite: EliteRule = field(default_factory=EliteRule)
+
+    def __post_init__(self) -> None:
+        least, greatest = self.factor
+        check_ranges(
+            {
+                "population": (self.population, 5, math.inf),
+                "factor": (least, 0.0, greatest),
+                "factor, the greatest,": (greatest, 0.0, 2.0),
+                "crossover_probability": (self.crossover_probability, 0.0, 1.0),
+            }
+        )
+        if self.base not in ("best", "random"):
+            raise SettingError(f"`base` is 'best' or 'random', got {self.base!r}")
+
+    def start(self, n_params: int, rng: int, replicates: Sequence[int] = (0,)) -> PopulationState:
+        """Latin hypercube samples of the unit cube, not yet simulated."""
+        course = Course.begun(n_params, rng, replicates, self.elite)
+        return PopulationState.begun(course, latin_hypercube(course.streams, self.population, n_params))
+
+    def ask(self, state: PopulationState) -> Proposal:
+        """One trial for each member."""
+        course, rows = state.course, state.course.running
+        parents, misfit = state.population[rows], state.misfit[rows]
+        if course.is_first:
+            return proposed(course, parents)
+        size, n_params = parents.shape[1:]
+        uniform = course.streams.uniform(1 + size * (4 + n_params))
+        among = np.arange(len(rows))[:, None]
+        least, greatest = self.factor
+        factor = (least + (greatest - least) * uniform[:, 0])[:, None, None]
+        partner = others(uniform[:, 1 : 1 + 3 * size].reshape(-1, size, 3), size)
+        base = course.best_unit[rows][:, None] if self.base == "best" else parents[among, partner[..., 2]]
+        mutant = reflect(base + factor * (parents[among, partner[..., 0]] - parents[among, partner[..., 1]]))
+        certain = (uniform[:, 1 + 3 * size : 1 + 4 * size] * n_params).astype(np.int64)
+        crossed = uniform[:, 1 + 4 * size :].reshape(parents.shape) < self.crossover_probability
+        crossed |= np.arange(n_params) == certain[..., None]
+        return proposed(course, np.where(crossed, mutant, parents), limit=misfit)
+
+    def tell(
+        self, state: PopulationState, proposal: Proposal, misfit: NDArray[np.float64]
+    ) -> PopulationState:
+        """State after the simulations asked for; `misfit` (n_ask,), `inf` marks a failed one."""
+        return better_told(state, proposal, misfit, elite=self.elite, stop=self.stop)

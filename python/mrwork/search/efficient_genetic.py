@@ -1,0 +1,224 @@
+"""The computationally efficient genetic algorithm (Kwok et al., ISA Trans. 46, 2007, 167-179).
+
+Real-coded in the unit cube. Selection is absorbed in crossover, mutation adapts to fitness, and only
+chromosomes that changed are simulated again. What the source leaves open is decided as follows
+(our definitions):
+
+- *Fitness* `F = (e_max - e)/(e_max - e_min)` takes its extremes over the simulations that succeeded;
+  failures have fitness 0. Where all errors are equal the first chromosome has 1 and the others 0, so that
+  "best never mutates, worst always" holds and a flat misfit is explored instead of dividing by zero.
+- *One simulation per generation*: crossover, mutation and elitism all use the fitness known before them.
+  A chromosome changed twice in the `P` crossover draws is changed from where the first draw left it.
+- *Ties* go to the lower index, so that the best is one definite chromosome that never changes; of two
+  failures neither is fitter and both stay.
+- *Spread* of the initial population is its standard deviation per gene, about `1/sqrt(12)` of the box. It
+  does not shrink, so mutation explores to the end and convergence comes from crossover alone.
+- *Genes that leave the box* are reflected at its faces. Clipping would pile mutants up exactly on the faces,
+  where parameters then seem to want to be; reflection leaves a uniform population uniform.
+- *Elite copies* replace random slots after mutation: their misfit is known and needs no simulation. The
+  best is one chromosome; its copies have fitness 0, so they mutate next and seed a search around it. As fit
+  as the best they would never change again and, one more each generation, crowd the others out: with the
+  static model on a 2 mm, 5 Hz, 1 A test the worst of eight runs then stayed at NRMSE 0.123 after 8000
+  simulations, against 0.105 (best known 0.100).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.search.ceiling import Ceiling
+from mrwork.search.course import Course
+from mrwork.search.cube import latin_hypercube, reflect
+from mrwork.search.elite import EliteRule
+from mrwork.search.fitness import relative_fitness
+from mrwork.search.population import PopulationState, generation_told, proposed
+from mrwork.search.proposal import Proposal
+from mrwork.search.ranges import check_ranges
+from mrwork.search.stop_rules import StopRules
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class GAState:
+    """Everything a genetic search needs to go on; no hidden random state.
+
+    `population` (n_replicates, n_population, n_params) with `misfit` (n_replicates, n_population) is the last
+    generation told, or the initial one with misfit `inf` at generation 0. `mutation_spread` (n_replicates, n_params) is
+    the standard deviation of the initial population.
+    """
+
+    course: Course
+    population: NDArray[np.float64]
+    misfit: NDArray[np.float64]
+    mutation_spread: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class EfficientGA:
+    """Settings of the efficient genetic algorithm; its methods are pure functions of the state.
+
+    Parameters
+    ----------
+    population
+        Chromosomes P, at least 4.
+    elite_share
+        Share of the slots that copies of the best take over in each generation; at least one slot does.
+    ceiling
+        From which misfit on a chromosome counts as failed, so that its simulation may stop there.
+    stop
+        When to end.
+    elite
+        Which finds of the run are kept.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> search = EfficientGA(population=20)
+    >>> state = search.start(2, rng=0)
+    >>> while state.course.running.size:
+    ...     proposal = search.ask(state)
+    ...     state = search.tell(state, proposal, np.sum((proposal.unit - 0.3) ** 2, axis=1))
+    >>> bool(state.course.best_misfit[0] < 1e-2)
+    True
+    """
+
+    population: int = 60
+    elite_share: float = 0.01
+    ceiling: Ceiling = field(default_factory=Ceiling)
+    stop: StopRules = field(default_factory=StopRules)
+    elite: EliteRule = field(default_factory=EliteRule)
+
+    def __post_init__(self) -> None:
+        check_ranges(
+            {"population": (self.population, 4, math.inf), "elite_share": (self.elite_share, 0.0, 1.0)}
+        )
+
+    def start(self, n_params: int, rng: int, replicates: Sequence[int] = (0,)) -> GAState:
+        """Latin hypercube samples of the unit cube, not yet simulated."""
+        course = Course.begun(n_params, rng, replicates, self.elite)
+        population = latin_hypercube(course.streams, self.population, n_params)
+        return GAState(
+            course=course,
+            population=population,
+            misfit=np.full(population.shape[:2], math.inf),
+            mutation_spread=population.std(axis=1),
+        )
+
+    def ask(self, state: GAState) -> Proposal:
+        """Chromosomes of the next generation; those that changed need a simulation."""
+        course, rows = state.course, state.course.running
+        before, misfit = state.population[rows], state.misfit[rows]
+        if course.is_first:
+            return proposed(course, before, limit=self.ceiling.limit(course))
+        population, known, changed = self._offspring(state, before, misfit)
+        return proposed(course, population, known=known, changed=changed, limit=self.ceiling.limit(course))
+
+    def tell(self, state: GAState, proposal: Proposal, misfit: NDArray[np.float64]) -> GAState:
+        """State after the simulations asked for.
+
+        Parameters
+        ----------
+        state
+            The state that was asked.
+        proposal
+            What it asked.
+        misfit
+            Shape (n_ask,), not negative; `inf` marks a failed simulation.
+        """
+        told = PopulationState(course=state.course, population=state.population, misfit=state.misfit)
+        told = generation_told(told, proposal, misfit, elite=self.elite, stop=self.stop)
+        return GAState(
+            course=told.course,
+            population=told.population,
+            misfit=told.misfit,
+            mutation_spread=state.mutation_spread,
+        )
+
+    def _offspring(
+        self, state: GAState, before: NDArray[np.float64], misfit: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+        """Next populations, their misfits as far as known, and which chromosomes changed."""
+        course, rows = state.course, state.course.running
+        size = misfit.shape[1]
+        uniform = course.streams.uniform(2 + 3 * size)
+        cross, mutate, drawn = uniform[:, 0], uniform[:, 1], uniform[:, 2:].reshape(-1, 3, size)
+        population = _crossover(before, misfit, cross, _pairs(drawn[:, :2]))
+        chosen = _fitness(before, misfit) < mutate[:, None]
+        normal = course.streams.normal(np.count_nonzero(chosen, axis=1) * before.shape[2])
+        spread = np.broadcast_to(state.mutation_spread[rows][:, None], before.shape)[chosen]
+        population[chosen] = reflect(population[chosen] + spread * normal.reshape(spread.shape))
+        # Compared, not remembered: crossing equal chromosomes changes nothing and costs no simulation.
+        changed = np.any(population != before, axis=2)
+        copies = max(1, round(self.elite_share * size))
+        slots = np.argpartition(drawn[:, 2], copies - 1, axis=1)[:, :copies]
+        found = np.flatnonzero(np.isfinite(course.best_misfit[rows]))[:, None]
+        population[found, slots[found[:, 0]]] = course.best_unit[rows][found]
+        misfit[found, slots[found[:, 0]]] = course.best_misfit[rows][found]
+        changed[found, slots[found[:, 0]]] = False
+        return population, misfit, changed
+
+
+def _pairs(uniform: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Two different chromosomes in each column, shape (n_replicates, 2, n_population), from numbers in [0, 1)."""
+    size = uniform.shape[2]
+    first = (uniform[:, 0] * size).astype(np.int64)
+    second = (first + 1 + (uniform[:, 1] * (size - 1)).astype(np.int64)) % size
+    return np.stack([first, second], axis=1)
+
+
+def _fitness(population: NDArray[np.float64], misfit: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Fitness, shape (n_replicates, n_population): 1 for the best, 0 for its copies."""
+    fitness = relative_fitness(misfit)
+    among = np.arange(len(misfit))
+    leader = np.argmin(misfit, axis=1)
+    fitness[np.all(population == population[among, leader][:, None], axis=2)] = 0.0
+    fitness[among, leader] = np.isfinite(misfit[among, leader])
+    return fitness
+
+
+def _crossover(
+    population: NDArray[np.float64],
+    misfit: NDArray[np.float64],
+    share: NDArray[np.float64],
+    pairs: NDArray[np.int64],
+) -> NDArray[np.float64]:
+    """The less fit of each pair moves by one common share r towards the fitter, which stays; pair after pair."""
+    n_replicates, size, n_params = population.shape
+    rank = np.empty(misfit.shape, dtype=np.int64)
+    np.put_along_axis(rank, np.argsort(misfit, axis=1, kind="stable"), np.arange(size)[None], axis=1)
+    first, second = pairs[:, 0], pairs[:, 1]
+    swap = np.take_along_axis(rank, first, axis=1) > np.take_along_axis(rank, second, axis=1)
+    moved, guide = np.where(swap, first, second), np.where(swap, second, first)
+    offset = size * np.arange(n_replicates)[:, None]
+    # Towards a failure none moves.
+    counts = np.isfinite(np.take_along_axis(misfit, guide, axis=1))
+    to, at = (guide + offset)[counts], (moved + offset)[counts]
+    by = np.repeat(share, np.count_nonzero(counts, axis=1))
+    crossed = population.reshape(-1, n_params).copy()
+    while at.size:
+        now = _independent(to, at, len(crossed))
+        here = crossed[at[now]]
+        # r*fitter + (1-r)*less_fit, in the form that leaves equal chromosomes equal bit for bit.
+        crossed[at[now]] = here + by[now, None] * (crossed[to[now]] - here)
+        to, at, by = to[~now], at[~now], by[~now]
+    return crossed.reshape(population.shape)
+
+
+def _independent(to: NDArray[np.int64], at: NDArray[np.int64], size: int) -> NDArray[np.bool_]:
+    """Which of the pairs that are left can cross at once, with the outcome of one after the other.
+
+    A pair waits for those before it that move either of its two, or that look at the one it moves. That leaves about
+    ten rounds instead of one for each pair.
+    """
+    order = np.arange(at.size)
+    first_to_move = np.full(size, at.size)
+    first_to_look = np.full(size, at.size)
+    # Of several that assign to one place the last prevails: backwards, the first.
+    first_to_move[at[::-1]] = order[::-1]
+    first_to_look[to[::-1]] = order[::-1]
+    alone = (first_to_move[at] == order) & (first_to_move[to] > order) & (first_to_look[at] > order)
+    return np.asarray(alone)

@@ -1,0 +1,142 @@
+"""Particle swarm optimisation (Kennedy & Eberhart, ICNN 1995), as used for dampers by Kwok et al. (2006).
+
+Particle i remembers its own best `p` and knows the best `g` of all; in each generation, with u1, u2 ~ U(0, 1) per gene,
+
+    v <- w v + c1 u1 (p - x) + c2 u2 (g - x),   |v| <= v_max,   x <- x + v
+
+with the inertia w falling from 0.9 to 0.4 over the generations allowed (Shi & Eberhart, CEC 1998). `CONSTRICTION`
+is the other usual choice, w = 0.7298 and c1 = c2 = 1.49618 throughout, which is the same equation (Clerc & Kennedy,
+IEEE Trans. Evol. Comput. 6, 2002, 58-73).
+
+A particle that meets a face of the box is reflected, and goes on with the displacement it then made (our definition).
+Nothing attracts to a failure. A particle is told its misfit only if it improves on its own best: that is a threshold,
+a simulation may stop as soon as it gets there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.search.course import Course, put
+from mrwork.search.cube import latin_hypercube, reflect
+from mrwork.search.elite import EliteRule
+from mrwork.search.population import PopulationState, better_told, proposed
+from mrwork.search.proposal import Proposal
+from mrwork.search.ranges import check_ranges
+from mrwork.search.stop_rules import StopRules
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SwarmState:
+    """Everything a swarm needs to go on.
+
+    `population` (n_replicates, n_population, n_params) are the particles' own bests with `misfit`
+    (n_replicates, n_population), `position` and `velocity` (n_replicates, n_population, n_params) where they are
+    and what they moved last; at generation 0 the initial position and velocity, not yet simulated.
+    """
+
+    course: Course
+    population: NDArray[np.float64]
+    misfit: NDArray[np.float64]
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParticleSwarm:
+    """Settings of a particle swarm; its methods are pure functions of the state.
+
+    Parameters
+    ----------
+    population
+        Particles, at least 2.
+    inertia
+        Of the first and of the last generation allowed, w.
+    own_attraction, common_attraction
+        Towards the particle's own best and the best of all, c1 and c2.
+    velocity_limit
+        Greatest change of a gene in a generation, a share of the box.
+    stop
+        When to end.
+    elite
+        Which finds of the run are kept.
+    """
+
+    population: int = 60
+    inertia: tuple[float, float] = (0.9, 0.4)
+    own_attraction: float = 1.49618
+    common_attraction: float = 1.49618
+    velocity_limit: float = 0.2
+    stop: StopRules = field(default_factory=StopRules)
+    elite: EliteRule = field(default_factory=EliteRule)
+
+    def __post_init__(self) -> None:
+        check_ranges(
+            {
+                "population": (self.population, 2, math.inf),
+                "inertia": (min(self.inertia), 0.0, 1.0),
+                "inertia, the greater,": (max(self.inertia), 0.0, 1.0),
+                "own_attraction": (self.own_attraction, 0.0, 4.0),
+                "common_attraction": (self.common_attraction, 0.0, 4.0),
+                "velocity_limit": (self.velocity_limit, 0.0, 1.0),
+            }
+        )
+
+    def start(self, n_params: int, rng: int, replicates: Sequence[int] = (0,)) -> SwarmState:
+        """Latin hypercube samples of the unit cube, with velocities up to the limit, not yet simulated."""
+        course = Course.begun(n_params, rng, replicates, self.elite)
+        position = latin_hypercube(course.streams, self.population, n_params)
+        # The hypercube took the first numbers of the stream.
+        drawn = course.streams.uniform(3 * position[0].size)[:, 2 * position[0].size :]
+        return SwarmState(
+            course=course,
+            population=position,
+            misfit=np.full(position.shape[:2], math.inf),
+            position=position,
+            velocity=self.velocity_limit * (2.0 * drawn.reshape(position.shape) - 1.0),
+        )
+
+    def ask(self, state: SwarmState) -> Proposal:
+        """Where every particle goes."""
+        course, rows = state.course, state.course.running
+        position, velocity = state.position[rows], state.velocity[rows]
+        own, misfit = state.population[rows], state.misfit[rows]
+        if course.is_first:
+            return proposed(course, position)
+        uniform = course.streams.uniform(2 * position[0].size).reshape(-1, 2, *position.shape[1:])
+        first, last = self.inertia
+        done = np.minimum(course.generation[rows] / self.stop.max_generations, 1.0)[:, None, None]
+        to_own = np.where(np.isfinite(misfit)[..., None], own - position, 0.0)
+        found = np.isfinite(course.best_misfit[rows])[:, None, None]
+        to_common = np.where(found, course.best_unit[rows][:, None] - position, 0.0)
+        velocity = (
+            (first + (last - first) * done) * velocity
+            + self.own_attraction * uniform[:, 0] * to_own
+            + self.common_attraction * uniform[:, 1] * to_common
+        )
+        limited = np.clip(velocity, -self.velocity_limit, self.velocity_limit)
+        return proposed(course, reflect(position + limited), limit=misfit)
+
+    def tell(self, state: SwarmState, proposal: Proposal, misfit: NDArray[np.float64]) -> SwarmState:
+        """State after the simulations asked for; `misfit` (n_ask,), `inf` marks a failed one."""
+        rows = state.course.running
+        own = PopulationState(course=state.course, population=state.population, misfit=state.misfit)
+        own = better_told(own, proposal, misfit, elite=self.elite, stop=self.stop)
+        # Before the first move there is no displacement yet: the initial velocity stays.
+        moved = state.velocity if state.course.is_first else proposal.population - state.position[rows]
+        return SwarmState(
+            course=own.course,
+            population=own.population,
+            misfit=own.misfit,
+            position=put(state.position, rows, proposal.population),
+            velocity=put(state.velocity, rows, moved),
+        )
+
+
+# The swarm of Clerc & Kennedy.
+CONSTRICTION = ParticleSwarm(inertia=(0.7298, 0.7298))

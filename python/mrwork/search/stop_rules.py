@@ -1,0 +1,134 @@
+"""Rules that end a search, by name; the same for every optimiser."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.search.ranges import check_ranges
+from mrwork.search.termination import hypothesis_test, stalled, threshold
+
+# Place in the list = code in `Course.ended`. Where several apply the first is named.
+_REASONS = (
+    None,
+    "target",
+    "max_generations",
+    "max_evaluations",
+    "spread",
+    "hypothesis_test",
+    "stall",
+)
+_CODE = {reason: code for code, reason in enumerate(_REASONS)}
+
+
+def reason_of(code: int) -> str | None:
+    """Name of the rule with this code; `None` for 0, no rule."""
+    return _REASONS[code]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StopRules:
+    """When a replicate ends; each says which rule ended it. `None` switches a rule off.
+
+    Parameters
+    ----------
+    target
+        `target`: the best misfit is at or below this.
+    max_generations
+        `max_generations`: so many were told.
+    max_evaluations
+        `max_evaluations`: a whole population more might exceed so many simulations of a replicate, so that they
+        are never exceeded.
+    spread_tolerance
+        `spread`: half the population lies within this distance (largest gene difference) of the best.
+    confidence, floor_share
+        `hypothesis_test`: the decay of the best is significant at this confidence. The test is taken on the misfit
+        above this share of the least misfit so far: 0 is the literal statistic, 1 (our definition) asks how much
+        of the attainable decay is done. See `termination`.
+    stall_generations, stall_tolerance
+        `stall`: the best has not fallen by this share within so many generations (our definition): what ends a search
+        on measured data, where the literal test is out of reach.
+    min_generations
+        `spread`, `hypothesis_test` and `stall` do not end a replicate before; the others always do.
+    max_seconds
+        `max_seconds`: the loop has run so long; it is looked at between generations. The only rule that the seed does
+        not repeat: it depends on the machine and its load. So it is no part of a state. The loop keeps it, names it
+        for all replicates that still run, and their state goes on where it was left.
+    """
+
+    target: float | None = None
+    max_generations: int = 300
+    max_evaluations: int | None = None
+    spread_tolerance: float | None = 1e-6
+    confidence: float | None = 0.95
+    floor_share: float = 0.0
+    stall_generations: int | None = 80
+    stall_tolerance: float = 1e-3
+    min_generations: int = 80
+    max_seconds: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.confidence is not None:
+            threshold(self.confidence)
+        check_ranges(
+            {
+                "target": (self.target, 0.0, math.inf),
+                "max_generations": (self.max_generations, 1, math.inf),
+                "max_evaluations": (self.max_evaluations, 1, math.inf),
+                "spread_tolerance": (self.spread_tolerance, 0.0, 1.0),
+                "floor_share": (self.floor_share, 0.0, 1.0),
+                "stall_generations": (self.stall_generations, 1, math.inf),
+                "stall_tolerance": (self.stall_tolerance, 0.0, 1.0),
+                "min_generations": (self.min_generations, 1, math.inf),
+                "max_seconds": (self.max_seconds, 0.0, math.inf),
+            }
+        )
+
+    def judge(
+        self,
+        *,
+        trace: NDArray[np.float64],
+        evaluations: NDArray[np.int64],
+        population: NDArray[np.float64],
+        best_unit: NDArray[np.float64],
+    ) -> NDArray[np.int8]:
+        """Code of the rule that ends each replicate, shape (n,), 0 for none; `reason_of` names it.
+
+        Parameters
+        ----------
+        trace
+            Least misfit up to each generation, shape (n, n_generations).
+        evaluations
+            Simulations so far, shape (n,).
+        population
+            Shape (n, n_population, n_params).
+        best_unit
+            Shape (n, n_params).
+        """
+        ended = np.zeros(len(trace), np.int8)
+        generation, best = trace.shape[1], trace[:, -1]
+
+        def end(where: NDArray[np.bool_], reason: str) -> None:
+            ended[(ended == 0) & where] = _CODE[reason]
+
+        if self.target is not None:
+            end(best <= self.target, "target")
+        if generation >= self.max_generations:
+            end(np.ones(len(trace), np.bool_), "max_generations")
+        if self.max_evaluations is not None:
+            end(evaluations + population.shape[1] > self.max_evaluations, "max_evaluations")
+        if generation < self.min_generations:
+            return ended
+        if self.spread_tolerance is not None:
+            away = np.abs(population - best_unit[:, None]).max(axis=2)
+            end(np.median(away, axis=1) <= self.spread_tolerance, "spread")
+        found = np.isfinite(best)
+        if self.confidence is not None:
+            floor = self.floor_share * np.where(found, best, 0.0)
+            end(found & hypothesis_test(trace, confidence=self.confidence, floor=floor), "hypothesis_test")
+        if self.stall_generations is not None:
+            end(stalled(trace, generations=self.stall_generations, tolerance=self.stall_tolerance), "stall")
+        return ended

@@ -1,0 +1,75 @@
+"""Problems on the unit cube whose answers are known, optimisers by name, and a run watched state by state."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mrwork.search.registry import OPTIMISERS, PEERS
+
+
+def sphere(unit):
+    """Minimum 0 at 0.3 in every gene; the misfit at distance d is d squared."""
+    return np.sum((unit - 0.3) ** 2, axis=1)
+
+
+def rosenbrock(unit):
+    """Curved valley on [-2, 2]^n, n >= 2, minimum 0 at (1, 1, ...), that is 0.75 in the cube."""
+    x = 4.0 * unit - 2.0
+    return np.sum((1.0 - x[:, :-1]) ** 2 + 100.0 * (x[:, 1:] - x[:, :-1] ** 2) ** 2, axis=1)
+
+
+def ripples(unit):
+    """Rastrigin's shape on [-1.6, 2.4]^n: a dozen local minima >= 0.97, the least 0 at 0.4 in every gene."""
+    x = 4.0 * (unit - 0.4)
+    return np.sum(x**2 + 2.0 * (1.0 - np.cos(2.0 * np.pi * x)), axis=1)
+
+
+def half_failing(unit):
+    """Sphere with a forbidden half: every simulation with a first gene above 0.5 diverges."""
+    return np.where(unit[:, 0] > 0.5, np.inf, sphere(unit))
+
+
+def with_floor(unit):
+    """What measured data does: a model error of 0.1 that no parameters remove."""
+    return 0.1 + 0.1 * sphere(unit)
+
+
+def flat(unit):
+    """Every misfit alike."""
+    return np.ones(len(unit))
+
+
+def all_failing(unit):
+    """No simulation succeeds."""
+    return np.full(len(unit), np.inf)
+
+
+def optimiser_named(name):
+    """An optimiser of the registry; the test is skipped where its library is absent."""
+    if name in OPTIMISERS:
+        return OPTIMISERS[name]
+    library = name.partition("_")[0]
+    pytest.importorskip(library, reason=f"{library} is not installed: pip install 'mrwork[peers]'")
+    return PEERS[name]
+
+
+def generations_of(optimiser, objective, *, n_params, rng, most, replicates=(0,)):
+    """State before, proposal and state after of each generation of a run, while any replicate runs."""
+    state = optimiser.start(n_params, rng, replicates)
+    for _ in range(most):
+        if not state.course.running.size:
+            return
+        proposal = optimiser.ask(state)
+        before, state = state, optimiser.tell(state, proposal, objective(proposal.unit))
+        yield before, proposal, state
+
+
+def states(optimiser, objective, *, n_params, rng, generations, replicates=(0,)):
+    """Every state of a run, from the start, while any replicate runs."""
+    run = list(
+        generations_of(
+            optimiser, objective, n_params=n_params, rng=rng, most=generations, replicates=replicates
+        )
+    )
+    return [run[0][0]] + [after for _, _, after in run]
