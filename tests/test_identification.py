@@ -192,6 +192,29 @@ def test_the_misfit_of_the_objective_is_the_norm_of_its_residuals(record: Damper
     np.testing.assert_allclose(objective(theta), norms, rtol=1e-12)
 
 
+def test_thresholds_spare_steps_and_change_no_misfit_below_them(record: DamperTest) -> None:
+    tests = (record, synthetic_test("rd1005_1a"), replace(record, force=0.9 * record.force))
+    objective = Objective.of(damper("normalised_bouc_wen"), tests, threads=1)
+    box = search_box(objective.spec, Box.of(objective.spec), tests)
+    rng = np.random.default_rng(5)
+    theta = np.asarray(box.theta_from_unit(rng.random((200, len(box.free)))))
+    full = objective(theta)
+    whole = objective.tally.steps
+    # Each row's own misfit, a hair above it, and the quantiles of all; twice, for the order of the tests may differ.
+    spread = np.quantile(full[np.isfinite(full)], rng.random(200))
+    for thresholds in (full, np.nextafter(full, np.inf), spread, spread):
+        before = (objective.tally.steps, objective.tally.spared)
+        limited = objective(theta, thresholds)
+        below = full < thresholds
+        np.testing.assert_array_equal(limited[below], full[below])
+        assert np.all(limited[~below] >= thresholds[~below])
+        done, spared = objective.tally.steps - before[0], objective.tally.spared - before[1]
+        assert 0 < done <= whole
+    # A threshold that is reached only at the very end spares nothing; the last ones are reached on the way.
+    assert done < 0.8 * whole
+    assert spared > 0.2 * whole
+
+
 def test_standard_errors_cover_the_truth_of_a_linear_model() -> None:
     rng = np.random.default_rng(11)
     design = rng.standard_normal((200, 3))

@@ -144,7 +144,15 @@ def simulate_misfits(
     """
     try:
         squared_error, outcome, substeps, steps = _rust.misfits(
-            spec.name, _rows(spec, theta), history, force, first, *_laws(spec), substep_factor, threads, limits
+            spec.name,
+            _rows(spec, theta),
+            history,
+            force,
+            first,
+            *_laws(spec),
+            substep_factor,
+            threads,
+            limits,
         )
     except ValueError as error:
         raise SettingError(str(error)) from error

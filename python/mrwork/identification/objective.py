@@ -17,13 +17,22 @@ from mrwork.spec import DamperSpec
 
 # Rows whose residuals are held in memory at once where a misfit needs the whole history.
 _ROWS = 64
+# Limits are this much above what a threshold allows: sums are rounded in another order than the misfit is.
+_MARGIN = 1.0 + 1e-9
 
 
 @dataclass(slots=True)
 class Tally:
-    """How many candidates have been simulated."""
+    """How many candidates have been simulated, in how many time steps, and how many steps were spared.
+
+    Spared are those after a candidate reached its threshold; in a test that was not begun at all, they are counted
+    with the sub-steps of the last one that was. `told` is what each test has added to squared misfits per step so far.
+    """
 
     simulations: int = 0
+    steps: int = 0
+    spared: int = 0
+    told: dict[int, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -75,17 +84,53 @@ class Objective:
         """Samples that count, of all tests together."""
         return sum(test.n_time - test.n_settle for test in self.tests)
 
-    def __call__(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Misfit of each row of `theta`, shape (n_batch,); infinite where a simulation failed."""
+    def __call__(
+        self, theta: NDArray[np.float64], thresholds: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        """Misfit of each row of `theta`, shape (n_batch,); infinite where a simulation failed.
+
+        With `thresholds`, shape (n_batch,), a row is simulated only until its misfit reaches its own, and is infinite
+        then; rows below theirs come out as without, to the last bit.
+        """
         if not self.is_direct:
             return np.concatenate(
                 [self._indirect(rows) for rows in np.array_split(theta, -(-len(theta) // _ROWS) or 1)]
             )
+        if thresholds is not None:
+            return self._limited(theta, thresholds)
         total = np.zeros(len(theta))
         for test, misfits in zip(self.tests, self.misfits(theta), strict=True):
-            counted = test.force[test.counted]
-            total += misfits.squared_error / (counted.size * np.var(counted))
-        return np.sqrt(total / len(self.tests))
+            total += misfits.squared_error * weight_of(test, len(self.tests)) ** 2
+        return np.sqrt(total)
+
+    def _limited(self, theta: NDArray[np.float64], thresholds: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Misfits, test by test, the one first that has told most per step; the sum is in the order of the tests."""
+        n_tests = len(self.tests)
+        self.tally.simulations += len(theta)
+        parts = np.zeros((n_tests, len(theta)))
+        remaining = np.arange(len(theta))
+        substeps = np.ones(len(theta), dtype=np.int64)
+        for index in sorted(range(n_tests), key=lambda index: -self.tally.told.get(index, np.inf)):
+            test = self.tests[index]
+            weight = weight_of(test, n_tests) ** 2
+            allowed = thresholds[remaining] ** 2 - parts[:, remaining].sum(axis=0)
+            run = self._simulated(index, theta[remaining], np.maximum(allowed, 0.0) * (_MARGIN / weight))
+            substeps[remaining] = run.substeps
+            # Of all rows: those that were dropped before have no steps here.
+            self.tally.spared += int(test.n_time * substeps.sum() - run.steps.sum())
+            reached = np.where(run.outcome == Outcome.ABANDONED, allowed, run.squared_error * weight)
+            parts[index, remaining] = reached
+            finite = np.isfinite(run.squared_error)
+            self.tally.told[index] = float(
+                np.sum(reached, where=np.isfinite(reached)) / max(run.steps.sum(), 1)
+            )
+            remaining = remaining[finite]
+        misfit = np.full(len(theta), np.inf)
+        total = np.zeros(remaining.size)
+        for part in parts[:, remaining]:
+            total += part
+        misfit[remaining] = np.sqrt(total)
+        return misfit
 
     def _indirect(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         squared = np.zeros(len(theta))
@@ -96,10 +141,23 @@ class Objective:
     def misfits(self, theta: NDArray[np.float64]) -> tuple[Misfits, ...]:
         """Misfits of each row of `theta`, test by test."""
         self.tally.simulations += len(theta)
-        return tuple(
-            simulate_misfits(self.spec, theta, history, test.force, first=test.n_settle, threads=self.threads)
-            for test, history in zip(self.tests, self.histories, strict=True)
+        return tuple(self._simulated(index, theta) for index in range(len(self.tests)))
+
+    def _simulated(
+        self, index: int, theta: NDArray[np.float64], limits: NDArray[np.float64] | None = None
+    ) -> Misfits:
+        test, history = self.tests[index], self.histories[index]
+        run = simulate_misfits(
+            self.spec,
+            theta,
+            history,
+            test.force,
+            first=test.n_settle,
+            limits=limits,
+            threads=self.threads,
         )
+        self.tally.steps += int(run.steps.sum())
+        return run
 
     def residuals(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """Residuals of each row of `theta`, shape (n_batch, n_residuals), whose squares add up to the squared misfit.
