@@ -10,6 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from mrwork import _rust
 from mrwork.identification.fit import Provenance
+from mrwork.identification.multistart import Multistart
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA
 
@@ -17,7 +18,11 @@ _PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
 
 
 def provenance_of(
-    tests: tuple[DamperTest, ...], *, search: EfficientGA, bounds: Mapping[str, tuple[float, float]], rng: int
+    tests: tuple[DamperTest, ...],
+    *,
+    search: Multistart | EfficientGA,
+    bounds: Mapping[str, tuple[float, float]],
+    rng: int,
 ) -> Provenance:
     """Versions, inputs by hash, and settings of an identification."""
     return Provenance(
