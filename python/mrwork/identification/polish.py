@@ -38,8 +38,9 @@ def polish(
 ) -> Polished:
     """Screen the starts, then finish the best: on the twin, or in lanes where the twin does not reach.
 
-    The twin compares the simulated force itself, for one set of parameters; an observed force, nuisance parameters and
-    current laws over many tests are descended in lanes, with central differences.
+    The twin compares the simulated force itself, for one set of parameters, by least squares; an observed force,
+    nuisance parameters, current laws over many tests and other powers are descended in lanes, with central differences.
+    Standard errors are those of least squares there.
     """
     form = explored.form
     finalists = best_few(
@@ -50,7 +51,7 @@ def polish(
         mirrored=form.mirrored,
         on_start=on_start,
     )
-    if objective.is_direct and form.spec.current is None:
+    if objective.is_direct and objective.is_plain and form.spec.current is None:
         refined = min(
             (refine(objective, form.box, each.theta, on_step=on_step) for each in finalists),
             key=lambda refined: refined.misfit,
@@ -73,6 +74,8 @@ def polish(
             key=lambda descended: descended.misfit,
         )
         theta, misfit, steps, converged = ended.theta, ended.misfit, ended.evaluations, ended.converged
-        derivative = partial(difference_quotient, objective, searched=explored.searched)
+        if not objective.is_plain:
+            misfit = float(objective.plain(theta[None])[0])
+        derivative = partial(difference_quotient, objective.plain, searched=explored.searched)
     errors = standard_errors(derivative, form, theta, misfit)
     return Polished(theta=theta, standard_errors=errors, steps=steps, converged=converged)
