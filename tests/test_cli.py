@@ -136,6 +136,20 @@ def test_identify_writes_a_run_that_predict_reads(record: Path, tmp_path: Path) 
     assert {"file", "fit_percent", "nrmse", "rmse_n", "n_time"} <= set(predicted["files"][0])
 
 
+def test_identify_starts_from_an_earlier_run(tmp_path: Path) -> None:
+    first, second = tmp_path / "first", tmp_path / "second"
+    test = "synthetic:spencer1997"
+    assert mrwork("identify", test, "--generations", "30", "--quiet", "--out", first).returncode == 0
+    assert mrwork("identify", test, *FAST, "--start", first, "--out", second).returncode == 0
+    one, two = (json.loads((run / "fit.json").read_text()) for run in (first, second))
+    assert two["nrmse"] < 1.001 * one["nrmse"]
+    (start,) = two["provenance"]["settings"]["starts"]
+    assert start == {estimate["name"]: estimate["value"] for estimate in one["estimates"]}
+    model = ("--model", "hyperbolic_tangent_guo")
+    refused(mrwork("identify", test, *model, "--start", first), "shares no parameter")
+    refused(mrwork("identify", test, "--start", tmp_path / "none"), "does not exist")
+
+
 def test_explicit_columns_and_windows_are_used(tmp_path: Path, record: Path) -> None:
     other = tmp_path / "rig.csv"
     other.write_text(record.read_text().replace("force_kN", "F", 1))

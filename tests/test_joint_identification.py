@@ -140,8 +140,34 @@ def test_misfit_and_residuals_agree_whatever_is_observed(tests: tuple[DamperTest
         Objective.of(PRESET.spec, tests),
         Objective.of(PRESET.spec, tests, nuisances=("offset",)),
         Objective.of(PRESET.spec, observed, nuisances=("level", "delay")),
+        Objective.of(PRESET.spec, tests, power=4.0),
+        Objective.of(PRESET.spec, observed, power=3.0),
     ):
         np.testing.assert_allclose(case(theta), np.linalg.norm(case.residuals(theta), axis=1), rtol=1e-10)
+
+
+def test_the_power_of_the_mean_over_tests_is_what_is_minimised(tests: tuple[DamperTest, ...]) -> None:
+    theta = TRUTH[None] * np.linspace(0.9, 1.1, 5)[:, None]
+    each = np.array([Objective.of(PRESET.spec, (test,))(theta) for test in tests])
+    for power in (2.0, 4.0, 7.5):
+        mean = np.mean(each**power, axis=0) ** (1.0 / power)
+        np.testing.assert_allclose(Objective.of(PRESET.spec, tests, power=power)(theta), mean, rtol=1e-12)
+    for power in (1.0, float("nan"), 1e3):
+        with pytest.raises(SettingError, match="power of the mean over tests is"):
+            identify(PRESET.spec, tests, power=power)
+
+
+def test_a_higher_power_helps_the_worst_test(tests: tuple[DamperTest, ...]) -> None:
+    # One yield force for all currents: no model fits, and each power shares the misfit in its own way.
+    laws = {"c": "linear"}
+    spec = damper("static_hysteretic").with_current_laws(laws)
+    rest = tests[1:]
+    least, flatter = (
+        identify(spec, rest, search=SEARCH, bounds=FIXED, power=power, rng=2) for power in (2.0, 6.0)
+    )
+    assert max(each.nrmse for each in flatter.quality) < max(each.nrmse for each in least.quality)
+    assert flatter.nrmse > least.nrmse
+    assert flatter.provenance.settings["power"] == 6.0
 
 
 def test_too_few_commands_for_a_law_are_refused(tests: tuple[DamperTest, ...]) -> None:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from mrwork.errors import MrworkError
     from mrwork.identification.fit import Fit
     from mrwork.identification.identify import identify
+    from mrwork.identification.warm_start import start_from
     from mrwork.records import DamperTest, read_damper_test, read_damper_tests
     from mrwork.simulate import Loading, simulate_force
     from mrwork.spec import DamperSpec, damper, dampers
@@ -32,6 +33,7 @@ _HOME = {
     "read_damper_test": "mrwork.records",
     "read_damper_tests": "mrwork.records",
     "simulate_force": "mrwork.simulate",
+    "start_from": "mrwork.identification.warm_start",
     "synthetic_test": "mrwork.synthetic",
     "__version__": "mrwork._rust",
 }

@@ -21,9 +21,10 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.identify import IdentificationInterrupted, identify
 from mrwork.identification.judge import judge
 from mrwork.identification.multistart import Multistart
+from mrwork.identification.warm_start import start_from
 from mrwork.parameters import CommandUnit, LawName
 from mrwork.records import DamperTest
-from mrwork.report.run_directory import check_destination, write_run
+from mrwork.report.run_directory import check_destination, read_fit, write_run
 from mrwork.search import EfficientGA
 from mrwork.spec import DamperSpec, damper
 
@@ -56,6 +57,23 @@ def add_parser(verbs: Any) -> None:
         help="what the laws take, default A where the tests have a current",
     )
     add_observation(parser)
+    parser.add_argument(
+        "--start",
+        dest="starts",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="RUN",
+        help="descend also from an earlier fit of this model, or of one with some of its parameters; repeat for more",
+    )
+    parser.add_argument(
+        "--power",
+        type=float,
+        default=2.0,
+        metavar="P",
+        help="make (mean NRMSE^P)^(1/P) over the files small: 2, the default, is the root mean square, "
+        "more helps the worst file",
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the search, default 0")
     parser.add_argument(
         "--search",
@@ -93,6 +111,8 @@ def run(options: argparse.Namespace) -> int:
             search=search,
             bounds=bounds,
             nuisances=nuisances_of(options),
+            starts=[start_from(read_fit(run), spec) for run in options.starts],
+            power=options.power,
             rng=options.seed,
             threads=options.threads,
             on_progress=line,

@@ -7,7 +7,12 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from mrwork.convert import bouc_wen_from_normalised, modified_bouc_wen_from_normalised
+from mrwork.convert import (
+    bouc_wen_from_normalised,
+    modified_bouc_wen_from_normalised,
+    normalised_from_bouc_wen,
+    normalised_from_modified_bouc_wen,
+)
 from mrwork.coordinates import Box
 from mrwork.errors import SettingError
 from mrwork.spec import DamperSpec, damper
@@ -15,7 +20,7 @@ from mrwork.spec import DamperSpec, damper
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Form:
-    """What is searched: a model, its bounds, the map to the parameters asked for, and what that map holds fixed.
+    """What is searched: a model, its bounds, the maps to the parameters asked for and from them, what is held fixed.
 
     `mirrored` parameters can change sign together with little effect: an offset -k x0 can be made by either
     sign of a small k, but a descent cannot cross k = 0, where x0 is infinite.
@@ -24,6 +29,7 @@ class Form:
     spec: DamperSpec
     box: Box
     back: Callable[[Any], Any]
+    forth: Callable[[Any], Any]
     held: tuple[str, ...] = ()
     mirrored: tuple[int, ...] = ()
 
@@ -48,7 +54,7 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
         )
     if equivalent is None:
         box = Box.of(spec).with_bounds(bounds)
-        return Form(spec=spec, box=box, back=lambda theta: theta, mirrored=_mirrored(box))
+        return Form(spec=spec, box=box, back=_same, forth=_same, mirrored=_mirrored(box))
     checked = Box.of(spec).with_bounds(bounds)
     index = spec.names.index("A")
     scale = spec.parameters[index].nominal
@@ -69,9 +75,14 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
         spec=normalised,
         box=box,
         back=partial(equivalent.back, A=scale),
+        forth=equivalent.forth,
         held=("A",),
         mirrored=_mirrored(box),
     )
+
+
+def _same(theta: Any) -> Any:
+    return theta
 
 
 def _mirrored(box: Box) -> tuple[int, ...]:
@@ -84,10 +95,11 @@ def _mirrored(box: Box) -> tuple[int, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Equivalent:
-    """The normalised form of a model, the way back, and the parameters that mean the same in both."""
+    """The normalised form of a model, the ways back and forth, and the parameters that mean the same in both."""
 
     name: str
     back: Callable[..., Any]
+    forth: Callable[[Any], Any]
     same: Mapping[str, str]
 
 
@@ -95,11 +107,13 @@ _EQUIVALENTS = {
     "bouc_wen": _Equivalent(
         name="normalised_bouc_wen",
         back=bouc_wen_from_normalised,
+        forth=normalised_from_bouc_wen,
         same={"c0": "c", "k0": "k", "x0": "x0", "n": "n"},
     ),
     "modified_bouc_wen": _Equivalent(
         name="normalised_modified_bouc_wen",
         back=modified_bouc_wen_from_normalised,
+        forth=normalised_from_modified_bouc_wen,
         same={name: name for name in ("c0", "k0", "c1", "k1", "x0", "n")},
     ),
 }

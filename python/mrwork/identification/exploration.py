@@ -176,6 +176,7 @@ def _explore_levels(
             plain,
             levels[command],
             nuisances=objective.nuisances,
+            power=objective.power,
             threads=objective.threads,
             tally=objective.tally,
         )
@@ -214,7 +215,12 @@ def _explore_levels(
         raise ExplorationInterrupted(theta, _trace(searches)) from interrupt
     fits.sort(key=lambda fit: fit.command)
     joint = Objective.of(
-        form.spec, excerpts, nuisances=objective.nuisances, threads=objective.threads, tally=objective.tally
+        form.spec,
+        excerpts,
+        nuisances=objective.nuisances,
+        power=objective.power,
+        threads=objective.threads,
+        tally=objective.tally,
     )
     starts = joint_starts(form.spec, fits, _JOINT_STARTS, rng=rng)
     searched = search_box(plain, box, excerpts)

@@ -21,6 +21,7 @@ from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import NuisanceName, offsets_left_to
 from mrwork.identification.objective import Objective
 from mrwork.identification.provenance import provenance_of
+from mrwork.identification.warm_start import Start, check_starts, with_starts
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA
 from mrwork.spec import DamperSpec, damper
@@ -60,6 +61,8 @@ def identify(
     search: Multistart | EfficientGA | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     nuisances: Sequence[NuisanceName] = (),
+    starts: Sequence[Start] = (),
+    power: float = 2.0,
     rng: int = 0,
     threads: int = 0,
     on_progress: Callable[[Progress], None] | None = None,
@@ -75,7 +78,7 @@ def identify(
     model
         A model or its name.
     tests
-        One test or several; each weighs the same, whatever its length and force.
+        One test or several; each weighs the same, whatever its length and force, unless `power` says otherwise.
     search
         Settings of the search; default `Multistart()`, for a model with current laws `EfficientGA()`.
     bounds
@@ -83,6 +86,12 @@ def identify(
     nuisances
         What may differ from test to test and is estimated along with the damper: "offset", "level" or "delay" of
         the force channel. With "offset" the model's own force offset is held at zero, for no test tells the two apart.
+    starts
+        Parameters to descend from beside what the search finds, by name; see `start_from` for those of an earlier fit.
+        What a start does not name is taken from the best find, what lies outside the bounds is pulled inside.
+    power
+        What is made small is (mean NRMSE^power)^(1/power) over the tests: 2 is the root mean square, more helps the
+        worst test at some cost to the others.
     rng
         Seed of the search. The same seed gives the same bits on any number of threads.
     threads
@@ -98,7 +107,9 @@ def identify(
     Raises
     ------
     SettingError
-        Where a bound is impossible.
+        Where a bound or a power is impossible, or a start cannot be used.
+    UnknownNameError
+        Where a start names what the model does not have.
     SimulationError
         Where no candidate at all could be simulated.
     IdentificationInterrupted
@@ -117,10 +128,20 @@ def identify(
     search = search or (Multistart() if spec.current is None else EfficientGA())
     bounds = offsets_left_to(tuple(nuisances), spec) | dict(bounds or {})
     form = identifiable_form(spec, bounds)
-    objective = Objective.of(form.spec, tests, nuisances=tuple(nuisances), threads=threads)
+    check_starts(spec, form, starts)
+    objective = Objective.of(form.spec, tests, nuisances=tuple(nuisances), power=power, threads=threads)
     if not form.box.free:
         raise SettingError(f"every parameter of {spec.name} is fixed; leave at least one free")
-    run = _Run(spec=spec, form=form, objective=objective, search=search, bounds=bounds, rng=rng, began=began)
+    run = _Run(
+        spec=spec,
+        form=form,
+        objective=objective,
+        search=search,
+        bounds=bounds,
+        starts=tuple(dict(start) for start in starts),
+        rng=rng,
+        began=began,
+    )
 
     def tell(stage: Stage, count: int, unit: Unit, misfit: float, share: float) -> None:
         if on_progress is not None:
@@ -135,6 +156,7 @@ def identify(
         raise IdentificationInterrupted(
             run.fit(interrupt.theta, None, interrupt.trace, 0, "interrupted")
         ) from interrupt
+    explored = with_starts(explored, spec, starts)
     run = replace(run, form=explored.form)
     best = explored.starts[0]
 
@@ -169,6 +191,7 @@ class _Run:
     objective: Objective
     search: Multistart | EfficientGA
     bounds: dict[str, tuple[float, float]]
+    starts: tuple[dict[str, float], ...]
     rng: int
     began: float
 
@@ -221,7 +244,14 @@ class _Run:
             refinement_steps=steps,
             seconds=time.perf_counter() - self.began,
             n_time=sum(each.n_time for each in quality),
-            provenance=provenance_of(tests, search=self.search, bounds=self.bounds, rng=self.rng),
+            provenance=provenance_of(
+                tests,
+                search=self.search,
+                bounds=self.bounds,
+                starts=self.starts,
+                power=self.objective.power,
+                rng=self.rng,
+            ),
             current=self.spec.current,
             nuisances=nuisances,
         )

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork import _rust
-from mrwork.errors import RecordError
+from mrwork.errors import RecordError, SettingError
 from mrwork.identification.nuisance import NuisanceName, without_nuisance
 from mrwork.records import AS_IT_IS, DamperTest
 from mrwork.simulate import Misfits, Outcome, loading_of, simulate_forces, simulate_misfits
@@ -19,6 +19,10 @@ from mrwork.spec import DamperSpec
 _ROWS = 64
 # Limits are this much above what a threshold allows: sums are rounded in another order than the misfit is.
 _MARGIN = 1.0 + 1e-9
+# The power of the root mean square, which is that of least squares.
+_PLAIN = 2.0
+# Beyond it powers of the NRMSE lose the better tests to rounding, and no descent follows the mean.
+_LARGEST_POWER = 16.0
 
 
 @dataclass(slots=True)
@@ -39,15 +43,16 @@ class Tally:
 class Objective:
     """Free-run misfit of a model against one or several tests.
 
-    Each test weighs the same: its residuals are divided by the deviation of its force, so the misfit is
-    the root mean square over tests of the NRMSE. A simulated force is observed as the test's rig did, and relieved of
-    the nuisance parameters, before the two are compared.
+    The misfit is the power mean over tests of the NRMSE, (mean NRMSE^power)^(1/power). With 2 each test weighs the
+    same, whatever its length and force; with more, the worst weigh most. A simulated force is observed as the test's
+    rig did, and relieved of the nuisance parameters, before the two are compared.
     """
 
     spec: DamperSpec
     tests: tuple[DamperTest, ...]
     histories: tuple[_rust.LoadingHistory, ...]
     nuisances: tuple[NuisanceName, ...] = ()
+    power: float = _PLAIN
     threads: int = 0
     tally: Tally = field(default_factory=Tally)
 
@@ -58,21 +63,38 @@ class Objective:
         tests: tuple[DamperTest, ...],
         *,
         nuisances: tuple[NuisanceName, ...] = (),
+        power: float = _PLAIN,
         threads: int = 0,
         tally: Tally | None = None,
     ) -> Objective:
         """Spline the motions of the tests once, for all candidates."""
         if not tests:
             raise RecordError("no test was given to identify from; name at least one file")
+        if not _PLAIN <= power <= _LARGEST_POWER:
+            raise SettingError(
+                f"the power of the mean over tests is {power:g}; give 2, where all weigh the same, "
+                f"up to {_LARGEST_POWER:g}, where hardly any but the worst counts"
+            )
         histories = tuple(loading_of(test, spec).history() for test in tests)
         return cls(
             spec=spec,
             tests=tests,
             histories=histories,
             nuisances=nuisances,
+            power=power,
             threads=threads,
             tally=tally or Tally(),
         )
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether the misfit is the root mean square of the NRMSE."""
+        return self.power == _PLAIN
+
+    @property
+    def plain(self) -> Objective:
+        """The same with the root mean square of the NRMSE."""
+        return replace(self, power=_PLAIN)
 
     @property
     def is_direct(self) -> bool:
@@ -98,45 +120,52 @@ class Objective:
             )
         if thresholds is not None:
             return self._limited(theta, thresholds)
-        total = np.zeros(len(theta))
-        for test, misfits in zip(self.tests, self.misfits(theta), strict=True):
-            total += misfits.squared_error * weight_of(test, len(self.tests)) ** 2
-        return np.sqrt(total)
+        own = [weight_of(test, 1) ** 2 for test in self.tests]
+        squared = [run.squared_error * weight for run, weight in zip(self.misfits(theta), own, strict=True)]
+        return self._mean(np.array(squared))
 
     def _limited(self, theta: NDArray[np.float64], thresholds: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Misfits, test by test, the one first that has told most per step; the sum is in the order of the tests."""
+        """Misfits, test by test, the one first that has told most per step; their mean is in the order of the tests."""
         n_tests = len(self.tests)
         self.tally.simulations += len(theta)
-        parts = np.zeros((n_tests, len(theta)))
+        squared = np.zeros((n_tests, len(theta)))
         remaining = np.arange(len(theta))
         substeps = np.ones(len(theta), dtype=np.int64)
+        # What the tests may still add to the sum of powers of the NRMSE.
+        allowance = n_tests * thresholds**self.power
         for index in sorted(range(n_tests), key=lambda index: -self.tally.told.get(index, np.inf)):
             test = self.tests[index]
-            weight = weight_of(test, n_tests) ** 2
-            allowed = thresholds[remaining] ** 2 - parts[:, remaining].sum(axis=0)
-            run = self._simulated(index, theta[remaining], np.maximum(allowed, 0.0) * (_MARGIN / weight))
+            weight = weight_of(test, 1) ** 2
+            allowed = np.maximum(allowance[remaining], 0.0) ** (2.0 / self.power)
+            run = self._simulated(index, theta[remaining], allowed * (_MARGIN / weight))
             substeps[remaining] = run.substeps
             # Of all rows: those that were dropped before have no steps here.
             self.tally.spared += int(test.n_time * substeps.sum() - run.steps.sum())
             reached = np.where(run.outcome == Outcome.ABANDONED, allowed, run.squared_error * weight)
-            parts[index, remaining] = reached
+            told = float(np.sum(reached, where=np.isfinite(reached)))
+            self.tally.told[index] = told / max(int(run.steps.sum()), 1)
+            squared[index, remaining] = reached
             finite = np.isfinite(run.squared_error)
-            self.tally.told[index] = float(
-                np.sum(reached, where=np.isfinite(reached)) / max(run.steps.sum(), 1)
-            )
             remaining = remaining[finite]
+            allowance[remaining] -= reached[finite] ** (self.power / 2.0)
         misfit = np.full(len(theta), np.inf)
-        total = np.zeros(remaining.size)
-        for part in parts[:, remaining]:
-            total += part
-        misfit[remaining] = np.sqrt(total)
+        misfit[remaining] = self._mean(squared[:, remaining])
         return misfit
 
     def _indirect(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        squared = np.zeros(len(theta))
-        for part in self._parts(theta, failure=np.inf):
-            squared += np.einsum("bt,bt->b", part, part)
-        return np.sqrt(squared)
+        return self._mean(self._squared(self._parts(theta, failure=np.inf)))
+
+    def _squared(self, parts: Iterable[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Squared NRMSE of each test, shape (n_tests, n_batch), from its weighted residuals."""
+        return len(self.tests) * np.array([np.einsum("bt,bt->b", part, part) for part in parts])
+
+    def _mean(self, squared: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Power mean of the NRMSE, shape (n_batch,), from its squares, shape (n_tests, n_batch)."""
+        total = np.zeros(squared.shape[1])
+        # One after the other: NumPy sums a single column in another order than several.
+        for each in squared ** (self.power / 2.0):
+            total += each
+        return np.asarray((total / len(squared)) ** (1.0 / self.power))
 
     def misfits(self, theta: NDArray[np.float64]) -> tuple[Misfits, ...]:
         """Misfits of each row of `theta`, test by test."""
@@ -162,9 +191,16 @@ class Objective:
     def residuals(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """Residuals of each row of `theta`, shape (n_batch, n_residuals), whose squares add up to the squared misfit.
 
-        A simulation that failed has residuals of one, far beyond any that fits.
+        A simulation that failed has residuals of one, far beyond any that fits. For a power other than 2, those of a
+        test are multiplied by (NRMSE/misfit)^(power/2 - 1).
         """
-        return np.concatenate(list(self._parts(theta, failure=1.0)), axis=1)
+        parts = list(self._parts(theta, failure=1.0))
+        if not self.is_plain:
+            squared = self._squared(parts)
+            ratio = np.sqrt(squared) / np.maximum(self._mean(squared), np.finfo(float).tiny)
+            for part, factor in zip(parts, ratio ** (self.power / 2.0 - 1.0), strict=True):
+                part *= factor[:, None]
+        return np.concatenate(parts, axis=1)
 
     def _parts(self, theta: NDArray[np.float64], *, failure: float) -> Iterator[NDArray[np.float64]]:
         """Weighted residuals test by test, shape (n_batch, n_counted); rows that failed have this value."""

@@ -43,9 +43,10 @@ def polish(
 ) -> Polished:
     """Screen the starts, then finish the best: on the twin, or in lanes where the twin does not reach.
 
-    The twin compares the simulated force itself, for one set of parameters; an observed force, nuisance parameters and
-    current laws over many tests are descended in lanes, with central differences. Starts that are minima already need
-    neither: the last steps there are for whatever the iterations allowed had left.
+    The twin compares the simulated force itself, for one set of parameters, by least squares; an observed force,
+    nuisance parameters, current laws over many tests and other powers are descended in lanes, with central differences.
+    Standard errors are those of least squares there. Starts that are minima already need neither: the last steps there
+    are for whatever the iterations allowed had left, and for starts that were given.
     """
     form, searched = explored.form, explored.searched
     if explored.descended:
@@ -68,7 +69,7 @@ def polish(
     finalists = best_few(
         explored.objective, form.box, searched, explored.starts, mirrored=form.mirrored, on_start=on_start
     )
-    if not (objective.is_direct and form.spec.current is None):
+    if not (objective.is_direct and objective.is_plain and form.spec.current is None):
         ended = min(
             (
                 descend(
@@ -98,9 +99,11 @@ def polish(
 
 
 def _judged(objective: Objective, form: Form, searched: Box, ended: Descended) -> Polished:
-    """A minimum that was reached in lanes, with its standard errors."""
-    derivative = partial(difference_quotient, objective, searched=searched)
-    errors = standard_errors(derivative, form, ended.theta, ended.misfit)
+    """A minimum that was reached in lanes, with its standard errors, which are those of least squares there."""
+    plain = objective.plain
+    misfit = ended.misfit if objective.is_plain else float(plain(ended.theta[None])[0])
+    derivative = partial(difference_quotient, plain, searched=searched)
+    errors = standard_errors(derivative, form, ended.theta, misfit)
     return Polished(
         theta=ended.theta, standard_errors=errors, steps=ended.evaluations, converged=ended.converged
     )

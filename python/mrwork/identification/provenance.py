@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -22,6 +22,8 @@ def provenance_of(
     *,
     search: Multistart | EfficientGA,
     bounds: Mapping[str, tuple[float, float]],
+    starts: Sequence[Mapping[str, float]],
+    power: float,
     rng: int,
 ) -> Provenance:
     """Versions, inputs by hash, and settings of an identification."""
@@ -32,6 +34,8 @@ def provenance_of(
         settings={
             "search": asdict(search),
             "bounds": {name: list(pair) for name, pair in bounds.items()},
+            "starts": [dict(start) for start in starts],
+            "power": power,
             "windows": {
                 test.path or test.name: {
                     "start": test.start_time,
