@@ -25,8 +25,8 @@ _JOINT_STARTS = 8
 # Coefficients may reach so many times the range that is searched.
 _MARGIN = 10.0
 
-# Called with simulations so far, best misfit, and the share of the allowance that is used up.
-OnSearch = Callable[[int, float, float], None]
+# Called with the generation (0 outside a search), best and median misfit, and the share of the allowance used up.
+OnSearch = Callable[[int, float, float, float], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,7 +75,8 @@ def _explore_plain(
     box = search_box(form.spec, form.box, objective.tests)
 
     def on_generation(event: GenerationEvent[GAState]) -> None:
-        on_search(event.evaluations, event.best_misfit, event.generation / search.stop.max_generations)
+        share = event.generation / search.stop.max_generations
+        on_search(event.generation, event.best_misfit, event.median_misfit, share)
 
     try:
         found = run_search(
@@ -84,6 +85,7 @@ def _explore_plain(
             rng=rng,
             n_params=len(box.free),
             on_generation=on_generation,
+            journal=objective.journal,
         )
     except SearchInterrupted as interrupt:
         result = interrupt.result
@@ -131,11 +133,12 @@ def _explore_levels(
             nuisances=objective.nuisances,
             threads=objective.threads,
             tally=objective.tally,
+            journal=objective.journal,
         )
 
     def on_generation(event: GenerationEvent[GAState]) -> None:
         share = event.generation / search.stop.max_generations
-        on_search(event.evaluations, event.best_misfit, share / len(levels))
+        on_search(event.generation, event.best_misfit, event.median_misfit, share / len(levels))
 
     # The middle one is searched; from there each command starts at what its neighbour found.
     middle = len(commands) // 2
@@ -154,7 +157,7 @@ def _explore_levels(
                 neighbour, there = follow_level(here, box, command, neighbour, there), here
                 fits.append(neighbour)
                 best = float(here(neighbour.finds[:1])[0])
-                on_search(objective.tally.simulations, best, len(fits) / len(levels))
+                on_search(0, best, np.nan, len(fits) / len(levels))
     except KeyboardInterrupt as interrupt:
         if isinstance(interrupt, SearchInterrupted) and np.isfinite(interrupt.result.best_misfit):
             searched = search_box(plain, box, levels[commands[middle]])
@@ -167,7 +170,12 @@ def _explore_levels(
         raise ExplorationInterrupted(theta, _trace(searches)) from interrupt
     fits.sort(key=lambda fit: fit.command)
     joint = Objective.of(
-        form.spec, excerpts, nuisances=objective.nuisances, threads=objective.threads, tally=objective.tally
+        form.spec,
+        excerpts,
+        nuisances=objective.nuisances,
+        threads=objective.threads,
+        tally=objective.tally,
+        journal=objective.journal,
     )
     starts = joint_starts(form.spec, fits, _JOINT_STARTS, rng=rng)
     searched = search_box(plain, box, excerpts)

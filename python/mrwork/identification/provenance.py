@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 
 from mrwork import _rust
 from mrwork.identification.fit import Provenance
+from mrwork.identification.nuisance import NuisanceName
+from mrwork.journal import digest_of
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA
+from mrwork.spec import DamperSpec
 
 _PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
 
@@ -40,6 +43,41 @@ def provenance_of(
         rng=rng,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
     )
+
+
+def premises_of(
+    spec: DamperSpec,
+    tests: tuple[DamperTest, ...],
+    *,
+    search: EfficientGA,
+    bounds: Mapping[str, tuple[float, float]],
+    nuisances: Sequence[NuisanceName],
+    rng: int,
+) -> dict[str, object]:
+    """All that the result of an identification follows from, bit for bit: what a journal and who resumes it share."""
+    return {
+        "model": spec.name,
+        "current_laws": None if spec.current is None else asdict(spec.current),
+        "seed": rng,
+        "bounds": {name: list(bounds[name]) for name in sorted(bounds)},
+        "nuisances": list(nuisances),
+        "search": asdict(search),
+        "test": [
+            {
+                "name": test.name,
+                "sha256": test.sha256,
+                "samples": test.n_time,
+                "settle_samples": test.n_settle,
+                "current": test.current,
+                "voltage": test.voltage,
+                "observation": test.observation.in_words,
+                # Windows, repairs and units of columns all show here.
+                "signals": digest_of(test.dt, test.displacement, test.velocity, test.force, test.observation),
+            }
+            for test in tests
+        ],
+        "version": {name: _version(name) for name in _PACKAGES},
+    }
 
 
 def _version(package: str) -> str:
