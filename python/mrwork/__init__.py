@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from mrwork.errors import MrworkError
     from mrwork.identification.fit import Fit
     from mrwork.identification.identify import identify
+    from mrwork.journal import Journal
     from mrwork.records import DamperTest, read_damper_test, read_damper_tests
     from mrwork.simulate import Loading, simulate_force
     from mrwork.spec import DamperSpec, damper, dampers
@@ -24,6 +25,7 @@ _HOME = {
     "DamperSpec": "mrwork.spec",
     "DamperTest": "mrwork.records",
     "Fit": "mrwork.identification.fit",
+    "Journal": "mrwork.journal",
     "Loading": "mrwork.simulate",
     "MrworkError": "mrwork.errors",
     "damper": "mrwork.spec",

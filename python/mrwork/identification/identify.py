@@ -104,8 +104,8 @@ def identify(
         Called after every generation, descent and refinement step that was computed, not recalled. Where it returns
         true the run ends, with what it has found and the status "stopped".
     journal
-        Where every generation, descent and refinement is recorded; one that is resumed brings back what it has. It is
-        closed by Ctrl-C and left open otherwise.
+        Where every generation, descent and refinement is recorded; one that is resumed brings back what it has. To be
+        closed by the caller; a run that is stopped or interrupted closes it.
 
     Returns
     -------
@@ -169,6 +169,9 @@ def identify(
 
     def ended(interrupt: KeyboardInterrupt, theta: NDArray[np.float64], trace: SearchTrace) -> Fit:
         """The best found so far: returned where the callback wanted no more, else carried by an interrupt."""
+        if journal is not None:
+            # A refinement that is left behind on its thread must not go on writing.
+            journal.close()
         if _was_stopped(interrupt):
             reason = trace.stop_reason.replace("interrupted", "callback")
             return run.fit(theta, None, replace(trace, stop_reason=reason), 0, "stopped")
@@ -204,9 +207,6 @@ def identify(
     try:
         polished = interruptible(polish)
     except KeyboardInterrupt as interrupt:
-        if journal is not None:
-            # The refinement that is left behind must not go on writing.
-            journal.close()
         return ended(interrupt, best, explored.trace)
     status: FitStatus = "converged" if polished.converged else "not_converged"
     return run.fit(polished.theta, polished.standard_errors, explored.trace, polished.steps, status)

@@ -18,6 +18,8 @@ T = TypeVar("T")
 
 def plain(value: object) -> Any:
     """`value` in terms of JSON: dataclasses and mappings as objects, arrays and sequences as lists."""
+    if isinstance(value, np.ndarray) and value.dtype.kind == "f" and np.isfinite(value).all():
+        return value.tolist()
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
     if isinstance(value, float):

@@ -47,7 +47,7 @@ def agree_on_search(journal: Journal, optimiser: object, state: SearchState) -> 
 
 def recalled_generation(journal: Journal, proposal: Proposal) -> Generation | None:
     """The generation that came of this proposal, `None` where it is not recorded yet."""
-    recalled = journal.recall(_STEP, _digest(proposal))
+    recalled = journal.recall(_STEP, _digest(proposal)) if journal.recalling else None
     if recalled is None:
         return None
     return Generation(misfit=array_of(recalled["misfit"]), seconds=float(recalled["search_seconds"]))
