@@ -23,20 +23,35 @@ class Found:
     """A result as those of descents are."""
 
     theta: NDArray[np.float64]
+    table: NDArray[np.float64]
+    arrived: NDArray[np.bool_]
     misfit: float
     steps: int
     converged: bool
 
 
 RESULTS = [
-    Found(theta=np.array([0.1, -5e-324, 1.7976931348623157e308]), misfit=1.0 / 3.0, steps=3, converged=True),
-    Found(theta=np.array([math.inf, -0.0, math.nan]), misfit=math.inf, steps=0, converged=False),
-    Found(theta=np.pi * np.arange(3.0), misfit=0.0, steps=10**18, converged=True),
+    Found(
+        theta=theta,
+        table=np.outer(theta, [1.0, 0.1]),
+        arrived=theta > 0.2,
+        misfit=misfit,
+        steps=steps,
+        converged=on,
+    )
+    for theta, misfit, steps, on in (
+        (np.array([0.1, -5e-324, 1.7976931348623157e308]), 1.0 / 3.0, 3, True),
+        (np.array([math.inf, -0.0, math.nan]), math.inf, 0, False),
+        (np.pi * np.arange(3.0), 0.0, 10**18, True),
+    )
 ]
 
 
-def bits(found: Found) -> tuple[bytes, str, int, bool]:
-    return found.theta.tobytes(), repr(found.misfit), found.steps, found.converged
+def bits(found: Found) -> tuple[object, ...]:
+    arrays = [
+        (array.dtype, array.shape, array.tobytes()) for array in (found.theta, found.table, found.arrived)
+    ]
+    return *arrays, repr(found.misfit), found.steps, found.converged
 
 
 def run(journal: Journal, done: list[int] | None = None, facts: dict[str, Any] = FACTS) -> list[Found]:

@@ -31,6 +31,7 @@ from mrwork.synthetic import synthetic_test
 N_KILLS = int(os.environ.get("MRWORK_KILL_POINTS", "4"))
 SHORT = ["--population", "16", "--generations", "12"]
 COMMAND = ["identify", "synthetic:spencer1997", "--every", "2", "--seed", "3", *SHORT]
+DESCENTS = ["identify", "synthetic:spencer1997", "--seed", "3"]
 # Long enough for the slowest step, the first refinement, on a busy machine.
 PATIENCE = 120.0
 
@@ -54,28 +55,39 @@ def found(place: Path) -> dict[str, str]:
 
 
 def steps_of(journal: Path) -> list[dict[str, Any]]:
-    """Lines of a journal without what a clock says."""
+    """Lines of a journal without what a clock says, or what depends on the threads: steps before one is abandoned."""
     steps = [json.loads(line) for line in journal.read_text().splitlines()]
     for step in steps:
         step.pop("seconds")
         step.pop("crc32")
         step.get("result", {}).pop("search_seconds", None)
+        step["counters"] = step.get("counters", {}).get("simulations")
     return steps
+
+
+def finished(command: list[str], folder: Path) -> Path:
+    """The run directory of a run that nothing interrupted."""
+    result = mrwork(*command, "--out", folder / "run")
+    assert result.returncode == 0, result.stderr
+    return folder / "run"
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The run directory of a run that nothing interrupted."""
-    place = tmp_path_factory.mktemp("whole") / "run"
-    result = mrwork(*COMMAND, "--out", place)
-    assert result.returncode == 0, result.stderr
-    return place
+    """A genetic search that was finished on the twin."""
+    return finished(COMMAND, tmp_path_factory.mktemp("genetic"))
 
 
-def killed_at(place: Path, n_lines: int, delay: float) -> None:
+@pytest.fixture(scope="module")
+def descended(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Descents from many starts, in lanes to their end."""
+    return finished(DESCENTS, tmp_path_factory.mktemp("descents"))
+
+
+def killed_at(command: list[str], place: Path, n_lines: int, delay: float) -> None:
     """Begin a run and kill it so long after its journal has so many lines."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "mrwork", *COMMAND, "--out", str(place)],
+        [sys.executable, "-m", "mrwork", *command, "--out", str(place)],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     )
@@ -91,16 +103,20 @@ def killed_at(place: Path, n_lines: int, delay: float) -> None:
 
 
 @pytest.mark.parametrize("point", range(N_KILLS))
-def test_a_run_that_is_killed_is_resumed_to_the_same_bits(whole: Path, tmp_path: Path, point: int) -> None:
+@pytest.mark.parametrize(("command", "uninterrupted"), [(COMMAND, "whole"), (DESCENTS, "descended")])
+def test_a_run_that_is_killed_is_resumed_to_the_same_bits(
+    tmp_path: Path, request: pytest.FixtureRequest, command: list[str], uninterrupted: str, point: int
+) -> None:
+    whole: Path = request.getfixturevalue(uninterrupted)
     seconds = [json.loads(line)["seconds"] for line in (whole / "journal.jsonl").read_text().splitlines()]
     chance = random.Random(point)
     # Each point in a part of the journal of its own, so that all stages are met: somewhere between two of its lines.
     n_lines = int((point + chance.random()) / N_KILLS * len(seconds))
     gap = seconds[n_lines] - (seconds[n_lines - 1] if n_lines else 0.0)
     place = tmp_path / "run"
-    killed_at(place, n_lines, chance.random() * gap)
+    killed_at(command, place, n_lines, chance.random() * gap)
     assert not place.exists()
-    resumed = mrwork(*COMMAND, "--out", place, "--resume", "--threads", 1 + point % 2)
+    resumed = mrwork(*command, "--out", place, "--resume", "--threads", 1 + point % 2)
     assert resumed.returncode == 0, resumed.stderr
     assert found(place) == found(whole)
     assert steps_of(place / "journal.jsonl") == steps_of(whole / "journal.jsonl")

@@ -20,6 +20,7 @@ from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import IdentificationInterrupted, identify
 from mrwork.identification.judge import judge
+from mrwork.identification.multistart import Multistart
 from mrwork.journal import Journal
 from mrwork.parameters import CommandUnit, LawName
 from mrwork.records import DamperTest
@@ -58,10 +59,13 @@ def add_parser(verbs: Any) -> None:
     )
     add_observation(parser)
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the search, default 0")
-    parser.add_argument("--population", type=int, default=None, metavar="N", help="chromosomes of the search")
     parser.add_argument(
-        "--generations", type=int, default=None, metavar="N", help="most generations of the search"
+        "--search",
+        choices=["multistart", "genetic"],
+        help="how a plain model is searched: by descents from many starts (default), or by the efficient GA",
     )
+    parser.add_argument("--population", type=int, metavar="N", help="chromosomes of a genetic search")
+    parser.add_argument("--generations", type=int, metavar="N", help="most generations of a genetic search")
     parser.add_argument("--threads", type=int, default=0, metavar="N", help="threads, default all")
     parser.add_argument("--out", type=Path, metavar="DIR", help="run directory, default out/TEST-MODEL")
     parser.add_argument(
@@ -144,7 +148,17 @@ def _with_laws(plain: DamperSpec, tests: tuple[DamperTest, ...], options: argpar
     return plain.with_current_laws(laws, unit=unit)
 
 
-def _search(options: argparse.Namespace) -> EfficientGA:
+def _search(options: argparse.Namespace) -> Multistart | EfficientGA | None:
+    """What the command line asks for; `None` leaves it to the model."""
+    genetic = options.population is not None or options.generations is not None
+    if options.search == "multistart":
+        if genetic or options.law:
+            raise SettingError(
+                "--search multistart takes neither --population, --generations nor --law; leave them or --search out"
+            )
+        return Multistart()
+    if options.search is None and not genetic:
+        return None
     search = EfficientGA()
     if options.population is not None:
         search = replace(search, population=options.population)

@@ -1,4 +1,4 @@
-"""Where descents start: found by a genetic search, of the model itself or of the plain model at each command."""
+"""Where the last descents start: at what many descents or a genetic search found, of the model or at each command."""
 
 from __future__ import annotations
 
@@ -13,6 +13,13 @@ from mrwork.errors import SimulationError
 from mrwork.identification.equivalent import Form
 from mrwork.identification.explore import search_box
 from mrwork.identification.fit import SearchTrace
+from mrwork.identification.multistart import (
+    Found,
+    Multistart,
+    MultistartInterrupted,
+    distinct_minima,
+    search_starts,
+)
 from mrwork.identification.objective import Objective
 from mrwork.records.window import excerpt
 from mrwork.search import EfficientGA, GAState, SearchInterrupted, SearchResult, run_search
@@ -25,7 +32,8 @@ _JOINT_STARTS = 8
 # Coefficients may reach so many times the range that is searched.
 _MARGIN = 10.0
 
-# Called with the generation (0 outside a search), best and median misfit, and the share of the allowance used up.
+# Called with the generation or iteration (0 outside a search), best and median misfit, and the share of the allowance
+# that is used up.
 OnSearch = Callable[[int, float, float, float], None]
 
 
@@ -33,7 +41,7 @@ OnSearch = Callable[[int, float, float, float], None]
 class Exploration:
     """Starts, shape (n_starts, n_params), best first, what they are screened against, and how they were found.
 
-    `form` has the box to descend in.
+    `form` has the box to descend in. Starts that are minima already (`descended`) need no screening.
     """
 
     objective: Objective
@@ -41,6 +49,7 @@ class Exploration:
     searched: Box
     starts: NDArray[np.float64]
     trace: SearchTrace
+    descended: bool = False
 
 
 class ExplorationInterrupted(KeyboardInterrupt):
@@ -53,9 +62,9 @@ class ExplorationInterrupted(KeyboardInterrupt):
 
 
 def explore(
-    objective: Objective, form: Form, search: EfficientGA, *, rng: int, on_search: OnSearch
+    objective: Objective, form: Form, search: Multistart | EfficientGA, *, rng: int, on_search: OnSearch
 ) -> Exploration:
-    """Search the parameters of a plain model, or of the plain model at each command.
+    """Search the parameters of a plain model, or of the plain model at each command (there always genetically).
 
     Raises
     ------
@@ -64,9 +73,49 @@ def explore(
     ExplorationInterrupted
         On Ctrl-C, carrying the best so far.
     """
+    if isinstance(search, Multistart):
+        if form.spec.current is None:
+            return _descend_plain(objective, form, search, rng=rng, on_search=on_search)
+        search = EfficientGA()
     if form.spec.current is None:
         return _explore_plain(objective, form, search, rng=rng, on_search=on_search)
     return _explore_levels(objective, form, search, rng=rng, on_search=on_search)
+
+
+def _descend_plain(
+    objective: Objective, form: Form, search: Multistart, *, rng: int, on_search: OnSearch
+) -> Exploration:
+    box = search_box(form.spec, form.box, objective.tests)
+
+    def on_iteration(found: Found, share: float) -> None:
+        # The first entry is that of the samples.
+        on_search(len(found.best) - 1, found.best[-1], found.median[-1], share)
+
+    try:
+        found = search_starts(
+            objective, form.box, box, search, rng=rng, mirrored=form.mirrored, on_iteration=on_iteration
+        )
+    except MultistartInterrupted as interrupt:
+        found = interrupt.found
+        if not len(found.theta):
+            raise
+        raise ExplorationInterrupted(found.theta[0], _course(found)) from interrupt
+    if not len(found.theta):
+        raise _nothing_found(form.spec, found.evaluations[-1])
+    return Exploration(
+        objective=objective,
+        form=form,
+        searched=box,
+        starts=distinct_minima(form.box, found.theta, found.misfit),
+        trace=_course(found),
+        descended=True,
+    )
+
+
+def _course(found: Found) -> SearchTrace:
+    return SearchTrace(
+        evaluations=found.evaluations, best=found.best, median=found.median, stop_reason=found.stop_reason
+    )
 
 
 def _explore_plain(
@@ -221,7 +270,11 @@ def _trace(searches: list[SearchResult[GAState]]) -> SearchTrace:
 
 def _check_found(spec: DamperSpec, found: SearchResult[GAState]) -> None:
     if len(found.elite) == 0:
-        raise SimulationError(
-            f"none of {found.evaluations} candidates of {spec.name} could be simulated on these tests; "
-            "check the units of the record, or narrow the bounds"
-        )
+        raise _nothing_found(spec, found.evaluations)
+
+
+def _nothing_found(spec: DamperSpec, evaluations: int) -> SimulationError:
+    return SimulationError(
+        f"none of {evaluations} candidates of {spec.name} could be simulated on these tests; "
+        "check the units of the record, or narrow the bounds"
+    )

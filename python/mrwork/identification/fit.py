@@ -62,7 +62,10 @@ class FitQuality:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SearchTrace:
-    """One entry per generation: evaluations so far, best and median misfit (NRMSE) of the population."""
+    """One entry per generation: simulations so far, least and median misfit (NRMSE) of the population.
+
+    Where descents were searched with, an entry is one iteration of those under way.
+    """
 
     evaluations: tuple[int, ...]
     best: tuple[float, ...]

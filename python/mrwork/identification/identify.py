@@ -1,4 +1,4 @@
-"""Identify a damper model from tests: explore with a search, refine on the twin, judge the result."""
+"""Identify a damper model from tests: explore, refine the best, judge the result."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from mrwork.identification.exploration import ExplorationInterrupted, explore
 from mrwork.identification.fit import ErrorNorms, Fit, FitStatus, SearchTrace
 from mrwork.identification.interruptible import interruptible
 from mrwork.identification.judge import judge
+from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import NuisanceName, offsets_left_to
 from mrwork.identification.objective import Objective
 from mrwork.identification.provenance import premises_of, provenance_of
@@ -69,7 +70,7 @@ def identify(
     model: DamperSpec | str,
     tests: DamperTest | Sequence[DamperTest],
     *,
-    search: EfficientGA | None = None,
+    search: Multistart | EfficientGA | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     nuisances: Sequence[NuisanceName] = (),
     rng: int = 0,
@@ -79,9 +80,9 @@ def identify(
 ) -> Fit:
     """Identify one damper model from one or several tests of the same damper.
 
-    A plain model is searched, its starts are screened and the best finished on the JAX twin. A model with current
-    laws starts from fits of the plain model at each command. With current laws, with nuisance parameters, or where a
-    test has an observation model, the descent ends in lanes, not on the twin.
+    A plain model is descended from many starts in lanes, or searched genetically if asked, and the best minimum is
+    finished on the JAX twin. A model with current laws starts from fits of the plain model at each command. With
+    current laws, with nuisance parameters, or where a test has an observation model, the last descent too is in lanes.
 
     Parameters
     ----------
@@ -90,7 +91,7 @@ def identify(
     tests
         One test or several; each weighs the same, whatever its length and force.
     search
-        Settings of the genetic search; default `EfficientGA()`.
+        Settings of the search; default `Multistart()`, for a model with current laws `EfficientGA()`.
     bounds
         Parameter name to (lower, upper); equal bounds hold it fixed. Others have their admissible range.
     nuisances
@@ -134,7 +135,7 @@ def identify(
     began = time.perf_counter() - (0.0 if journal is None else journal.seconds_before)
     spec = damper(model) if isinstance(model, str) else model
     tests = (tests,) if isinstance(tests, DamperTest) else tuple(tests)
-    search = search or EfficientGA()
+    search = search or (Multistart() if spec.current is None else EfficientGA())
     bounds = offsets_left_to(tuple(nuisances), spec) | dict(bounds or {})
     form = identifiable_form(spec, bounds)
     objective = Objective.of(form.spec, tests, nuisances=tuple(nuisances), threads=threads, journal=journal)
@@ -226,7 +227,7 @@ class _Run:
     spec: DamperSpec
     form: Form
     objective: Objective
-    search: EfficientGA
+    search: Multistart | EfficientGA
     bounds: dict[str, tuple[float, float]]
     rng: int
     began: float

@@ -9,14 +9,19 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.coordinates import Box
 from mrwork.identification.descent import Descended, descend, difference_quotient
+from mrwork.identification.descents import descend_all
+from mrwork.identification.equivalent import Form
 from mrwork.identification.exploration import Exploration
 from mrwork.identification.objective import Objective
-from mrwork.identification.refine import OnStep, jacobian, refine
 from mrwork.identification.screen import best_few
 from mrwork.identification.standard_error import standard_errors
 
 _LAST_EVALUATIONS = 100
+
+# Called with the steps so far and the misfit.
+OnStep = Callable[[int, float], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,32 +44,38 @@ def polish(
     """Screen the starts, then finish the best: on the twin, or in lanes where the twin does not reach.
 
     The twin compares the simulated force itself, for one set of parameters; an observed force, nuisance parameters and
-    current laws over many tests are descended in lanes, with central differences.
+    current laws over many tests are descended in lanes, with central differences. Starts that are minima already need
+    neither: the last steps there are for whatever the iterations allowed had left.
     """
-    form = explored.form
-    finalists = best_few(
-        explored.objective,
-        form.box,
-        explored.searched,
-        explored.starts,
-        mirrored=form.mirrored,
-        on_start=on_start,
-    )
-    if objective.is_direct and form.spec.current is None:
-        refined = min(
-            (refine(objective, form.box, each.theta, on_step=on_step) for each in finalists),
-            key=lambda refined: refined.misfit,
+    form, searched = explored.form, explored.searched
+    if explored.descended:
+        minima = descend_all(
+            objective,
+            form.box,
+            searched,
+            explored.starts,
+            max_iterations=_LAST_EVALUATIONS,
+            on_iteration=lambda minima: on_step(minima.iterations, float(minima.misfit.min())),
         )
-        theta, misfit, steps, converged = refined.theta, refined.misfit, refined.steps, refined.converged
-        derivative = partial(jacobian, objective)
-    else:
+        best = int(np.argmin(minima.misfit))
+        ended = Descended(
+            theta=minima.theta[best],
+            misfit=float(minima.misfit[best]),
+            evaluations=minima.iterations,
+            converged=bool(minima.arrived[best]),
+        )
+        return _judged(objective, form, searched, ended)
+    finalists = best_few(
+        explored.objective, form.box, searched, explored.starts, mirrored=form.mirrored, on_start=on_start
+    )
+    if not (objective.is_direct and form.spec.current is None):
         ended = min(
             (
                 descend(
                     objective,
                     form.box,
-                    explored.searched,
-                    each.theta,
+                    searched,
+                    each,
                     max_evaluations=_LAST_EVALUATIONS,
                     on_step=on_step,
                 )
@@ -72,7 +83,24 @@ def polish(
             ),
             key=lambda descended: descended.misfit,
         )
-        theta, misfit, steps, converged = ended.theta, ended.misfit, ended.evaluations, ended.converged
-        derivative = partial(difference_quotient, objective, searched=explored.searched)
-    errors = standard_errors(derivative, form, theta, misfit)
-    return Polished(theta=theta, standard_errors=errors, steps=steps, converged=converged)
+        return _judged(objective, form, searched, ended)
+    # JAX is slow to load, and needed here only.
+    from mrwork.identification.refine import jacobian, refine
+
+    refined = min(
+        (refine(objective, form.box, each, on_step=on_step) for each in finalists),
+        key=lambda refined: refined.misfit,
+    )
+    errors = standard_errors(partial(jacobian, objective), form, refined.theta, refined.misfit)
+    return Polished(
+        theta=refined.theta, standard_errors=errors, steps=refined.steps, converged=refined.converged
+    )
+
+
+def _judged(objective: Objective, form: Form, searched: Box, ended: Descended) -> Polished:
+    """A minimum that was reached in lanes, with its standard errors."""
+    derivative = partial(difference_quotient, objective, searched=searched)
+    errors = standard_errors(derivative, form, ended.theta, ended.misfit)
+    return Polished(
+        theta=ended.theta, standard_errors=errors, steps=ended.evaluations, converged=ended.converged
+    )

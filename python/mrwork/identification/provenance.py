@@ -10,6 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from mrwork import _rust
 from mrwork.identification.fit import Provenance
+from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.journal import digest_of
 from mrwork.records import DamperTest
@@ -20,7 +21,11 @@ _PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
 
 
 def provenance_of(
-    tests: tuple[DamperTest, ...], *, search: EfficientGA, bounds: Mapping[str, tuple[float, float]], rng: int
+    tests: tuple[DamperTest, ...],
+    *,
+    search: Multistart | EfficientGA,
+    bounds: Mapping[str, tuple[float, float]],
+    rng: int,
 ) -> Provenance:
     """Versions, inputs by hash, and settings of an identification."""
     return Provenance(
@@ -49,7 +54,7 @@ def premises_of(
     spec: DamperSpec,
     tests: tuple[DamperTest, ...],
     *,
-    search: EfficientGA,
+    search: Multistart | EfficientGA,
     bounds: Mapping[str, tuple[float, float]],
     nuisances: Sequence[NuisanceName],
     rng: int,
@@ -61,7 +66,7 @@ def premises_of(
         "seed": rng,
         "bounds": {name: list(bounds[name]) for name in sorted(bounds)},
         "nuisances": list(nuisances),
-        "search": asdict(search),
+        "search": {"kind": type(search).__name__} | asdict(search),
         "test": [
             {
                 "name": test.name,

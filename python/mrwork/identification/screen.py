@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 
 from mrwork.coordinates import Box
 from mrwork.identification.descent import Descended, descend
+from mrwork.identification.multistart import distinct_minima
 from mrwork.identification.objective import Objective
 
 _FIRST_EVALUATIONS = 15
 _SEMIFINALISTS = 4
 _LAST_EVALUATIONS = 60
-_CLOSE = 0.01
-_ELSEWHERE = 0.05
 
 
 def best_few(
@@ -26,10 +25,10 @@ def best_few(
     *,
     mirrored: tuple[int, ...],
     on_start: Callable[[Descended, float], None],
-) -> list[Descended]:
+) -> NDArray[np.float64]:
     """Descend a little from every start, shape (n_starts, n_params), and to the end from the best of them.
 
-    Returns one or two minima, best first: a second one only if it is as good within 1 % and lies elsewhere.
+    Returns the `distinct_minima`, shape (1 or 2, n_params).
 
     Parameters
     ----------
@@ -57,14 +56,9 @@ def best_few(
         image = last[0].theta.copy()
         image[list(mirrored)] *= -1.0
         last = sorted([*last, follow(image, _LAST_EVALUATIONS)], key=_misfit)
-    best = last[0]
-    others = [
-        each
-        for each in last[1:]
-        if each.misfit <= (1.0 + _CLOSE) * best.misfit
-        and np.abs(box.unit_from_theta(each.theta) - box.unit_from_theta(best.theta)).max() > _ELSEWHERE
-    ]
-    return [best, *others[:1]]
+    return distinct_minima(
+        box, np.array([each.theta for each in last]), np.array([each.misfit for each in last])
+    )
 
 
 def _misfit(descended: Descended) -> float:

@@ -143,7 +143,7 @@ class Journal:
         self._append(step, entry)
 
     def once(self, step: str, inputs: str, kind: type[T], compute: Callable[[], T]) -> T:
-        """What `compute` returns, recalled or recorded: a dataclass `kind` of numbers and arrays of float64."""
+        """What `compute` returns, recalled or recorded: a dataclass `kind` of numbers, flags and arrays of them."""
         recalled = self.recall(step, inputs)
         if recalled is not None:
             return rebuilt(kind, recalled)

@@ -119,6 +119,8 @@ def identification_report(
 
 # Why a search ended, in words.
 _ENDED = {
+    "found_again": "once enough descents had reached the best minimum",
+    "max_rounds": "at the limit of descents",
     "hypothesis_test": "by the hypothesis test on its decay",
     "stall": "when the best no longer improved",
     "spread": "when the population had drawn together",
@@ -151,7 +153,7 @@ def _headline(fit: Fit) -> list[tuple[str, str, str]]:
 def _search_facts(fit: Fit) -> list[tuple[str, str]]:
     return [
         ("Search ended", _ENDED.get(fit.trace.stop_reason, fit.trace.stop_reason)),
-        ("Generations", numbers.fixed(len(fit.trace.evaluations), 0)),
+        ("Generations or iterations", numbers.fixed(len(fit.trace.evaluations), 0)),
         ("Simulated candidates", numbers.fixed(fit.evaluations, 0)),
         ("Refinement steps", numbers.fixed(fit.refinement_steps, 0)),
         ("Samples compared", numbers.fixed(fit.n_time, 0)),
@@ -256,7 +258,7 @@ def _convergence_panel(fit: Fit) -> Panel:
     reached = "refined to" if fit.refinement_steps else "best fit"
     description = (
         f"NRMSE of the best and of the median candidate against simulated candidates, "
-        f"{len(fit.trace.evaluations)} generations, {reached} {numbers.significant(fit.nrmse, 3)}"
+        f"{len(fit.trace.evaluations)} generations or iterations, {reached} {numbers.significant(fit.nrmse, 3)}"
     )
     svg = inline_svg(figures.search_figure(fit), identifier="search", description=description)
     return Panel(title="Misfit during the search", svg=Markup(svg))
