@@ -25,6 +25,8 @@ from mrwork.report.run_directory import check_destination, read_fit, write_run
 from report_samples import comparison, fit
 
 FIT = fit(comparison())
+# What is in a journal does not matter to the run directory: any file will do.
+STEPS = Path(__file__)
 
 
 def write(place: Path, described: Fit = FIT, *, report_html: str = "<p>report</p>") -> Path:
@@ -35,7 +37,7 @@ def write(place: Path, described: Fit = FIT, *, report_html: str = "<p>report</p
         report_html=report_html,
         figures={"small": Figure(figsize=(1, 1))},
         manifest={"command": "identify"},
-        journal_lines=[{"generation": 0, "best": 0.5}],
+        journal=STEPS,
     )
 
 
@@ -53,7 +55,12 @@ def test_a_run_holds_everything_and_reads_back_as_the_same_fit(tmp_path: Path) -
     place = tmp_path / "out" / "run"
     assert (
         write_run(
-            place, fit=described, report_html="<p>ü</p>", figures=figures, manifest={"a": 1}, journal_lines=[]
+            place,
+            fit=described,
+            report_html="<p>ü</p>",
+            figures=figures,
+            manifest={"a": 1},
+            journal=STEPS,
         )
         == place
     )
@@ -91,15 +98,13 @@ def test_numbers_that_are_not_finite_are_null_in_every_file_and_come_back(tmp_pa
         report_html="",
         figures={},
         manifest={"misfit": math.inf, "inner": [math.nan], "path": Path("a")},
-        journal_lines=[{"best": math.inf}, {"best": 0.1}],
+        journal=STEPS,
     )
 
     def strictly(text: str) -> Any:
         return json.loads(text, parse_constant=lambda constant: pytest.fail(f"{constant} is not JSON"))
 
     assert strictly((place / "manifest.json").read_text()) == {"misfit": None, "inner": [None], "path": "a"}
-    lines = (place / "journal.jsonl").read_text().splitlines()
-    assert [strictly(line) for line in lines] == [{"best": None}, {"best": 0.1}]
     strictly((place / "fit.json").read_text())
     again = read_fit(place)
     assert again.estimates == described.estimates
@@ -114,7 +119,7 @@ def test_a_second_run_replaces_the_first_but_keeps_what_a_person_added(tmp_path:
         report_html="first",
         figures={"stale": Figure(figsize=(1, 1))},
         manifest={},
-        journal_lines=[],
+        journal=STEPS,
     )
     (place / "notes.txt").write_text("oil was warm")
     (place / "photos").mkdir()
@@ -174,19 +179,20 @@ def test_an_interrupt_while_writing_leaves_the_earlier_run(tmp_path: Path) -> No
     write(tmp_path / "run")
     before = contents(tmp_path)
 
-    def journal() -> Iterator[dict[str, int]]:
-        yield {"generation": 0}
-        raise KeyboardInterrupt
+    class Pressed(Figure):
+        def savefig(self, *_: Any, **__: Any) -> None:
+            raise KeyboardInterrupt
 
+    figures = {"small": Pressed(figsize=(1, 1))}
     with pytest.raises(KeyboardInterrupt):
-        write_run(tmp_path / "run", fit=FIT, report_html="", figures={}, manifest={}, journal_lines=journal())
+        write_run(tmp_path / "run", fit=FIT, report_html="", figures=figures, manifest={}, journal=STEPS)
     assert contents(tmp_path) == before
 
 
 # What follows needs limits and failures that only another process can bear. Each script writes a second
 # run, with a report of `size` bytes, over the first and prints what became of it.
 SCRIPT = """
-import errno, resource, sys
+import errno, os, resource, sys
 from pathlib import Path
 from report_samples import comparison, fit
 from mrwork.report.run_directory import write_run
@@ -204,7 +210,7 @@ elif failure:
     failures = {failure: failures[failure]}
     sys.addaudithook(fail_the_first_rename_into_place)
 try:
-    write_run(place, fit=fit(comparison()), report_html="x" * size, figures={}, manifest={}, journal_lines=[])
+    write_run(place, fit=fit(comparison()), report_html="x" * size, figures={}, manifest={}, journal=os.devnull)
 except (OSError, KeyboardInterrupt) as reason:
     print(f"{type(reason).__name__}: {reason}")
 else:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from mrwork.identification.fit import Fit
     from mrwork.identification.identify import identify
     from mrwork.identification.warm_start import start_from
+    from mrwork.journal import Journal
     from mrwork.records import DamperTest, read_damper_test, read_damper_tests
     from mrwork.simulate import Loading, simulate_force
     from mrwork.spec import DamperSpec, damper, dampers
@@ -25,6 +26,7 @@ _HOME = {
     "DamperSpec": "mrwork.spec",
     "DamperTest": "mrwork.records",
     "Fit": "mrwork.identification.fit",
+    "Journal": "mrwork.journal",
     "Loading": "mrwork.simulate",
     "MrworkError": "mrwork.errors",
     "damper": "mrwork.spec",

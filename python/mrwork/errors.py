@@ -29,3 +29,7 @@ class SimulationError(MrworkError, ArithmeticError):
 
 class OutputError(MrworkError, OSError):
     """Results cannot be written; what was there before is untouched."""
+
+
+class JournalError(MrworkError, ValueError):
+    """A journal is damaged, in use, or of another run than the one that would go on from it."""

@@ -16,15 +16,17 @@ import numpy as np
 from mrwork.cli.observe import add_observation, nuisances_of, observed
 from mrwork.cli.options import add_files, add_json, parse_bounds, read_tests
 from mrwork.cli.progress import ProgressLine
-from mrwork.errors import SettingError
+from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import IdentificationInterrupted, identify
 from mrwork.identification.judge import judge
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.warm_start import start_from
+from mrwork.journal import Journal
 from mrwork.parameters import CommandUnit, LawName
 from mrwork.records import DamperTest
 from mrwork.report.run_directory import check_destination, read_fit, write_run
+from mrwork.report.unfinished import begin_journal, discard_journal, is_copy, resume_journal
 from mrwork.search import EfficientGA
 from mrwork.spec import DamperSpec, damper
 
@@ -84,6 +86,11 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--generations", type=int, metavar="N", help="most generations of a genetic search")
     parser.add_argument("--threads", type=int, default=0, metavar="N", help="threads, default all")
     parser.add_argument("--out", type=Path, metavar="DIR", help="run directory, default out/TEST-MODEL")
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with a run that was killed or interrupted; all else as it was begun, but for --threads",
+    )
     parser.add_argument("--quiet", action="store_true", help="no progress")
     add_json(parser)
     parser.set_defaults(run=run)
@@ -102,6 +109,7 @@ def run(options: argparse.Namespace) -> int:
     spec = _with_laws(plain, tests, options)
     place = options.out or Path("out") / f"{_stem(tests)}-{spec.name}"
     check_destination(place)
+    journal = resume_journal(place, note=_note) if options.resume else begin_journal(place)
     line = ProgressLine(quiet=options.quiet or options.json)
     status = 0
     try:
@@ -116,17 +124,33 @@ def run(options: argparse.Namespace) -> int:
             rng=options.seed,
             threads=options.threads,
             on_progress=line,
+            journal=journal,
         )
     except IdentificationInterrupted as interrupt:
         fit, status = interrupt.fit, 130
+    except MrworkError as error:
+        # What cannot be identified at all is not worth going on with; another disk or another setting may be.
+        hopeless = not options.resume and not isinstance(error, JournalError | OutputError)
+        if hopeless or is_copy(place, journal):
+            discard_journal(journal)
+        raise
     finally:
         line.close()
+        journal.close()
     fit = _with_command(fit)
-    _write(place, fit, tests, with_figures=status == 0)
+    _write(place, fit, tests, journal, with_figures=status == 0)
+    discard_journal(journal)
     print(json.dumps(_summary(fit, place)) if options.json else _text(fit, tests, place))
     if status == 130:
-        print(f"mrwork: interrupted; the best found so far is in {place}", file=sys.stderr)
+        print(
+            f"mrwork: interrupted; the best found so far is in {place}, the same with --resume goes on",
+            file=sys.stderr,
+        )
     return status
+
+
+def _note(sentence: str) -> None:
+    print(f"mrwork: {sentence}", file=sys.stderr)
 
 
 def _with_laws(plain: DamperSpec, tests: tuple[DamperTest, ...], options: argparse.Namespace) -> DamperSpec:
@@ -175,18 +199,14 @@ def _with_command(fit: Fit) -> Fit:
     )
 
 
-def _write(place: Path, fit: Fit, tests: tuple[DamperTest, ...], *, with_figures: bool) -> None:
+def _write(
+    place: Path, fit: Fit, tests: tuple[DamperTest, ...], journal: Journal, *, with_figures: bool
+) -> None:
     """Write the run directory; an interrupted run is written at once, without the pictures that take time."""
-    trace = fit.trace
-    rows = zip(trace.evaluations, trace.best, trace.median, strict=True)
-    journal = [
-        {"generation": number, "evaluations": evaluations, "best": best, "median": median}
-        for number, (evaluations, best, median) in enumerate(rows, start=1)
-    ]
     manifest = {"kind": "identification", "model": fit.model, "status": fit.status} | asdict(fit.provenance)
     if not with_figures:
         write_run(
-            place, fit=fit, report_html=_INTERRUPTED, figures={}, manifest=manifest, journal_lines=journal
+            place, fit=fit, report_html=_INTERRUPTED, figures={}, manifest=manifest, journal=journal.path
         )
         return
     # Matplotlib is slow to load and needed for reports only.
@@ -212,14 +232,14 @@ def _write(place: Path, fit: Fit, tests: tuple[DamperTest, ...], *, with_figures
         ),
         figures=run_figures(fit, comparisons),
         manifest=manifest,
-        journal_lines=journal,
+        journal=journal.path,
     )
 
 
 _INTERRUPTED = (
     "<!doctype html><html lang=en><meta charset=utf-8><title>mrwork: interrupted</title>"
     "<p>This identification was interrupted. The best parameters found so far are in fit.json; "
-    "run <code>mrwork identify</code> again for the full report.</p></html>\n"
+    "run the same command with <code>--resume</code> to go on and for the full report.</p></html>\n"
 )
 
 
@@ -256,9 +276,7 @@ def _summary(fit: Fit, place: Path) -> dict[str, Any]:
 
 
 def _text(fit: Fit, tests: tuple[DamperTest, ...], place: Path) -> str:
-    status = {"converged": "converged", "not_converged": "not converged", "interrupted": "interrupted"}[
-        fit.status
-    ]
+    status = fit.status.replace("_", " ")
     lines = [
         f"{damper(fit.model).title}, {status} after {fit.evaluations} simulations, {fit.seconds:.1f} s",
         "",

@@ -48,8 +48,27 @@ def descend(
     searched
         The narrower box of the search, which gives each parameter a scale.
     on_step
-        Called with the number of residuals so far and their misfit.
+        Called with the number of residuals so far and their misfit; not if the descent is recalled from a journal.
     """
+    return objective.once(
+        "descent",
+        Descended,
+        lambda: _descended(objective, box, searched, start, max_evaluations, on_step),
+        box,
+        searched,
+        start,
+        max_evaluations,
+    )
+
+
+def _descended(
+    objective: Objective,
+    box: Box,
+    searched: Box,
+    start: NDArray[np.float64],
+    max_evaluations: int,
+    on_step: Callable[[int, float], None] | None,
+) -> Descended:
     steps = 0
 
     def residuals(latent: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -58,68 +58,118 @@ def descend_all(
     on_iteration
         Called after each iteration with how far the descents have come.
     """
-    latent = np.asarray(box.latent_from_theta(box.inside(starts)))
-    theta = np.asarray(box.theta_from_latent(latent))
-    misfit = objective(theta)
-    n_starts, n_free = latent.shape
-    damping = np.full(n_starts, _FIRST_DAMPING)
-    sensitivity = np.zeros((n_starts, n_free))
-    normal = np.zeros((n_starts, n_free, n_free))
-    gradient = np.zeros((n_starts, n_free))
-    moved = np.ones(n_starts, dtype=np.bool_)
-    arrived = np.zeros(n_starts, dtype=np.bool_)
-    running = np.isfinite(misfit)
+    state = _begun(objective, box, starts)
     iterations = 0
-    while iterations < max_iterations and running.any():
+    while iterations < max_iterations and state.running.any():
         iterations += 1
-        fresh = np.flatnonzero(running & moved)
-        linearised = _linearised(objective, box, searched, latent[fresh]) if fresh.size else []
-        for index, (residuals, jacobian) in zip(fresh, linearised, strict=True):
-            sensitivity[index] = np.maximum(sensitivity[index], np.linalg.norm(jacobian, axis=0))
-            normal[index] = jacobian.T @ jacobian
-            gradient[index] = jacobian.T @ residuals
-        active = np.flatnonzero(running)
-        floor = 1e-9 * sensitivity[active].max(axis=1, keepdims=True)
-        weight = np.maximum(sensitivity[active], np.maximum(floor, 1e-300)) ** 2
-        ladder = damping[active, None] * np.array(_LADDER)
-        # (active, rung, free, free)
-        damped = normal[active, None] + ladder[..., None, None] * (weight[:, None, :, None] * np.eye(n_free))
-        step = -np.linalg.solve(damped, gradient[active, None, :, None])[..., 0]
-        tried = latent[active, None] + step
-        before = misfit[active]
-        after = objective(
-            np.asarray(box.theta_from_latent(tried)).reshape(-1, theta.shape[1]),
-            np.repeat(before, len(_LADDER)),
-        ).reshape(-1, len(_LADDER))
-        rung = np.argmin(after, axis=1)
-        each = np.arange(active.size)
-        better = after[each, rung] < before
-        moved[active] = better
-        winners = active[better]
-        latent[winners] = tried[each, rung][better]
-        misfit[winners] = after[each, rung][better]
-        # The rung that won, eased; or beyond the ladder where none did.
-        factor = np.where(better, np.array(_LADDER)[rung] / 3.0, 100.0)
-        damping[active] = np.maximum(damping[active] * factor, 1e-12)
-        fall = 1.0 - (misfit[active] / before) ** 2
-        arrived[active] = np.where(better, fall < _TOLERANCE, damping[active] > _MOST_DAMPING)
-        running[active] = ~arrived[active]
+        state = _recorded_iteration(objective, box, searched, state)
         if on_iteration is not None:
-            on_iteration(_minima(box, latent, misfit, arrived, iterations))
-    return _minima(box, latent, misfit, arrived, iterations)
+            on_iteration(_minima(box, state, iterations))
+    return _minima(box, state, iterations)
 
 
-def _minima(
-    box: Box,
-    latent: NDArray[np.float64],
-    misfit: NDArray[np.float64],
-    arrived: NDArray[np.bool_],
-    iterations: int,
-) -> Minima:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _State:
+    """Descents under way, one for each row; `normal` and `gradient` belong to where each moved last."""
+
+    latent: NDArray[np.float64]
+    misfit: NDArray[np.float64]
+    damping: NDArray[np.float64]
+    sensitivity: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    gradient: NDArray[np.float64]
+    moved: NDArray[np.bool_]
+    arrived: NDArray[np.bool_]
+    running: NDArray[np.bool_]
+
+
+def _begun(objective: Objective, box: Box, starts: NDArray[np.float64]) -> _State:
+    latent = np.asarray(box.latent_from_theta(box.inside(starts)))
+    misfit = objective(np.asarray(box.theta_from_latent(latent)))
+    n_starts, n_free = latent.shape
+    return _State(
+        latent=latent,
+        misfit=misfit,
+        damping=np.full(n_starts, _FIRST_DAMPING),
+        sensitivity=np.zeros((n_starts, n_free)),
+        normal=np.zeros((n_starts, n_free, n_free)),
+        gradient=np.zeros((n_starts, n_free)),
+        moved=np.ones(n_starts, dtype=np.bool_),
+        arrived=np.zeros(n_starts, dtype=np.bool_),
+        running=np.isfinite(misfit),
+    )
+
+
+def _recorded_iteration(objective: Objective, box: Box, searched: Box, state: _State) -> _State:
+    return objective.once(
+        "iteration",
+        _State,
+        lambda: _iteration(objective, box, searched, state),
+        box,
+        searched,
+        state.latent,
+        state.misfit,
+        state.damping,
+        state.running,
+    )
+
+
+def _iteration(objective: Objective, box: Box, searched: Box, state: _State) -> _State:
+    """Linearise the descents that have moved, then try steps of several lengths for all that run."""
+    latent, misfit, damping = state.latent.copy(), state.misfit.copy(), state.damping.copy()
+    sensitivity, normal, gradient = state.sensitivity.copy(), state.normal.copy(), state.gradient.copy()
+    moved, arrived, running = state.moved.copy(), state.arrived.copy(), state.running.copy()
+    fresh = np.flatnonzero(running & moved)
+    linearised = _linearised(objective, box, searched, latent[fresh]) if fresh.size else []
+    for index, (residuals, jacobian) in zip(fresh, linearised, strict=True):
+        sensitivity[index] = np.maximum(sensitivity[index], np.linalg.norm(jacobian, axis=0))
+        normal[index] = jacobian.T @ jacobian
+        gradient[index] = jacobian.T @ residuals
+    active = np.flatnonzero(running)
+    floor = 1e-9 * sensitivity[active].max(axis=1, keepdims=True)
+    weight = np.maximum(sensitivity[active], np.maximum(floor, 1e-300)) ** 2
+    ladder = damping[active, None] * np.array(_LADDER)
+    # (active, rung, free, free)
+    damped = normal[active, None] + ladder[..., None, None] * (
+        weight[:, None, :, None] * np.eye(latent.shape[1])
+    )
+    step = -np.linalg.solve(damped, gradient[active, None, :, None])[..., 0]
+    tried = latent[active, None] + step
+    before = misfit[active]
+    theta = np.asarray(box.theta_from_latent(tried))
+    after = objective(theta.reshape(-1, theta.shape[-1]), np.repeat(before, len(_LADDER)))
+    after = after.reshape(-1, len(_LADDER))
+    rung = np.argmin(after, axis=1)
+    each = np.arange(active.size)
+    better = after[each, rung] < before
+    moved[active] = better
+    winners = active[better]
+    latent[winners] = tried[each, rung][better]
+    misfit[winners] = after[each, rung][better]
+    # The rung that won, eased; or beyond the ladder where none did.
+    factor = np.where(better, np.array(_LADDER)[rung] / 3.0, 100.0)
+    damping[active] = np.maximum(damping[active] * factor, 1e-12)
+    fall = 1.0 - (misfit[active] / before) ** 2
+    arrived[active] = np.where(better, fall < _TOLERANCE, damping[active] > _MOST_DAMPING)
+    running[active] = ~arrived[active]
+    return _State(
+        latent=latent,
+        misfit=misfit,
+        damping=damping,
+        sensitivity=sensitivity,
+        normal=normal,
+        gradient=gradient,
+        moved=moved,
+        arrived=arrived,
+        running=running,
+    )
+
+
+def _minima(box: Box, state: _State, iterations: int) -> Minima:
     return Minima(
-        theta=np.asarray(box.theta_from_latent(latent)),
-        misfit=misfit.copy(),
-        arrived=arrived.copy(),
+        theta=np.asarray(box.theta_from_latent(state.latent)),
+        misfit=state.misfit,
+        arrived=state.arrived,
         iterations=iterations,
     )
 

@@ -32,8 +32,9 @@ _JOINT_STARTS = 8
 # Coefficients may reach so many times the range that is searched.
 _MARGIN = 10.0
 
-# Called with simulations so far, best misfit, and the share of the allowance that is used up.
-OnSearch = Callable[[int, float, float], None]
+# Called with the generation or iteration (0 outside a search), best and median misfit, and the share of the allowance
+# that is used up.
+OnSearch = Callable[[int, float, float, float], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +88,8 @@ def _descend_plain(
     box = search_box(form.spec, form.box, objective.tests)
 
     def on_iteration(found: Found, share: float) -> None:
-        on_search(found.evaluations[-1], found.best[-1], share)
+        # The first entry is that of the samples.
+        on_search(len(found.best) - 1, found.best[-1], found.median[-1], share)
 
     try:
         found = search_starts(
@@ -122,7 +124,8 @@ def _explore_plain(
     box = search_box(form.spec, form.box, objective.tests)
 
     def on_generation(event: GenerationEvent[GAState]) -> None:
-        on_search(event.evaluations, event.best_misfit, event.generation / search.stop.max_generations)
+        share = event.generation / search.stop.max_generations
+        on_search(event.generation, event.best_misfit, event.median_misfit, share)
 
     try:
         found = run_search(
@@ -131,6 +134,7 @@ def _explore_plain(
             rng=rng,
             n_params=len(box.free),
             on_generation=on_generation,
+            journal=objective.journal,
         )
     except SearchInterrupted as interrupt:
         result = interrupt.result
@@ -179,11 +183,12 @@ def _explore_levels(
             power=objective.power,
             threads=objective.threads,
             tally=objective.tally,
+            journal=objective.journal,
         )
 
     def on_generation(event: GenerationEvent[GAState]) -> None:
         share = event.generation / search.stop.max_generations
-        on_search(event.evaluations, event.best_misfit, share / len(levels))
+        on_search(event.generation, event.best_misfit, event.median_misfit, share / len(levels))
 
     # The middle one is searched; from there each command starts at what its neighbour found.
     middle = len(commands) // 2
@@ -202,7 +207,7 @@ def _explore_levels(
                 neighbour, there = follow_level(here, box, command, neighbour, there), here
                 fits.append(neighbour)
                 best = float(here(neighbour.finds[:1])[0])
-                on_search(objective.tally.simulations, best, len(fits) / len(levels))
+                on_search(0, best, np.nan, len(fits) / len(levels))
     except KeyboardInterrupt as interrupt:
         if isinstance(interrupt, SearchInterrupted) and np.isfinite(interrupt.result.best_misfit):
             searched = search_box(plain, box, levels[commands[middle]])
@@ -221,6 +226,7 @@ def _explore_levels(
         power=objective.power,
         threads=objective.threads,
         tally=objective.tally,
+        journal=objective.journal,
     )
     starts = joint_starts(form.spec, fits, _JOINT_STARTS, rng=rng)
     searched = search_box(plain, box, excerpts)

@@ -10,7 +10,7 @@ from mrwork.parameters import CurrentLaws
 from mrwork.records import AS_IT_IS, Observation
 from mrwork.spec import DamperSpec, damper
 
-FitStatus = Literal["converged", "not_converged", "interrupted"]
+FitStatus = Literal["converged", "not_converged", "interrupted", "stopped"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

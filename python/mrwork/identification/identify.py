@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.errors import SettingError
+from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.estimate import estimates_of
 from mrwork.identification.exploration import ExplorationInterrupted, explore
@@ -20,8 +20,9 @@ from mrwork.identification.judge import judge
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import NuisanceName, offsets_left_to
 from mrwork.identification.objective import Objective
-from mrwork.identification.provenance import provenance_of
+from mrwork.identification.provenance import premises_of, provenance_of
 from mrwork.identification.warm_start import Start, check_starts, with_starts
+from mrwork.journal import Journal
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA
 from mrwork.spec import DamperSpec, damper
@@ -36,7 +37,11 @@ Unit = Literal["simulations", "%", "steps"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
-    """Where an identification stands; `share` is the part of the stage's allowance that is used up."""
+    """Where an identification stands; `share` is the part of the stage's allowance that is used up.
+
+    `generation` of the search with the `median_percent` of its population's fits; 0 and NaN outside a search.
+    `evaluations` and time `steps` were simulated so far.
+    """
 
     stage: Stage
     count: int
@@ -44,6 +49,10 @@ class Progress:
     fit_percent: float
     share: float
     seconds: float
+    generation: int
+    median_percent: float
+    evaluations: int
+    steps: int
 
 
 class IdentificationInterrupted(KeyboardInterrupt):
@@ -52,6 +61,10 @@ class IdentificationInterrupted(KeyboardInterrupt):
     def __init__(self, fit: Fit) -> None:
         super().__init__("identification interrupted")
         self.fit = fit
+
+
+class _Stopped(KeyboardInterrupt):
+    """The callback wants no more: a run ends the way Ctrl-C ends it, but with a result."""
 
 
 def identify(
@@ -65,7 +78,8 @@ def identify(
     power: float = 2.0,
     rng: int = 0,
     threads: int = 0,
-    on_progress: Callable[[Progress], None] | None = None,
+    on_progress: Callable[[Progress], bool | None] | None = None,
+    journal: Journal | None = None,
 ) -> Fit:
     """Identify one damper model from one or several tests of the same damper.
 
@@ -97,12 +111,17 @@ def identify(
     threads
         Threads of the simulation, 0 for all.
     on_progress
-        Called after every generation and every refinement step.
+        Called after every generation, descent and refinement step that was computed, not recalled. Where it returns
+        true the run ends, with what it has found and the status "stopped".
+    journal
+        Where every generation, descent and refinement is recorded; one that is resumed brings back what it has. To be
+        closed by the caller; a run that is stopped or interrupted closes it.
 
     Returns
     -------
     Fit
-        Parameters with standard errors, quality per test, search trace, provenance.
+        Parameters with standard errors, quality per test, search trace, provenance; no standard errors where it was
+        stopped.
 
     Raises
     ------
@@ -112,6 +131,8 @@ def identify(
         Where a start names what the model does not have.
     SimulationError
         Where no candidate at all could be simulated.
+    JournalError
+        Where the journal is of another identification; the message names what differs.
     IdentificationInterrupted
         On Ctrl-C, carrying the best found so far.
 
@@ -122,14 +143,16 @@ def identify(
     >>> fit.fit_percent  # doctest: +SKIP
     92.08
     """
-    began = time.perf_counter()
+    began = time.perf_counter() - (0.0 if journal is None else journal.seconds_before)
     spec = damper(model) if isinstance(model, str) else model
     tests = (tests,) if isinstance(tests, DamperTest) else tuple(tests)
     search = search or (Multistart() if spec.current is None else EfficientGA())
     bounds = offsets_left_to(tuple(nuisances), spec) | dict(bounds or {})
     form = identifiable_form(spec, bounds)
     check_starts(spec, form, starts)
-    objective = Objective.of(form.spec, tests, nuisances=tuple(nuisances), power=power, threads=threads)
+    objective = Objective.of(
+        form.spec, tests, nuisances=tuple(nuisances), power=power, threads=threads, journal=journal
+    )
     if not form.box.free:
         raise SettingError(f"every parameter of {spec.name} is fixed; leave at least one free")
     run = _Run(
@@ -143,18 +166,59 @@ def identify(
         began=began,
     )
 
-    def tell(stage: Stage, count: int, unit: Unit, misfit: float, share: float) -> None:
-        if on_progress is not None:
-            on_progress(run.progress(stage, count, unit, misfit, share))
+    if journal is not None:
+        premises = premises_of(
+            spec,
+            tests,
+            search=search,
+            bounds=bounds,
+            nuisances=tuple(nuisances),
+            starts=run.starts,
+            power=power,
+            rng=rng,
+        )
+        journal.agree("identification", premises)
+        journal.carry(objective.tally)
 
-    def on_search(simulations: int, misfit: float, share: float) -> None:
-        tell("search", simulations, "simulations", misfit, share)
+    def tell(
+        stage: Stage,
+        count: int,
+        unit: Unit,
+        misfit: float,
+        share: float,
+        *,
+        generation: int = 0,
+        median: float = np.nan,
+    ) -> None:
+        if on_progress is None or (journal is not None and journal.recalling):
+            return
+        progress = run.progress(stage, count, unit, misfit, share, generation=generation, median=median)
+        if on_progress(progress):
+            raise _Stopped
+
+    def on_search(generation: int, misfit: float, median: float, share: float) -> None:
+        count = objective.tally.simulations
+        tell("search", count, "simulations", misfit, share, generation=generation, median=median)
+
+    def ended(interrupt: KeyboardInterrupt, theta: NDArray[np.float64], trace: SearchTrace) -> Fit:
+        """The best found so far: returned where the callback wanted no more, else carried by an interrupt."""
+        if journal is not None:
+            # A refinement that is left behind on its thread must not go on writing.
+            journal.close()
+        if _was_stopped(interrupt):
+            reason = trace.stop_reason.replace("interrupted", "callback")
+            return run.fit(theta, None, replace(trace, stop_reason=reason), 0, "stopped")
+        raise IdentificationInterrupted(run.fit(theta, None, trace, 0, "interrupted")) from interrupt
 
     try:
         explored = explore(objective, form, search, rng=rng, on_search=on_search)
     except ExplorationInterrupted as interrupt:
-        raise IdentificationInterrupted(
-            run.fit(interrupt.theta, None, interrupt.trace, 0, "interrupted")
+        return ended(interrupt, interrupt.theta, interrupt.trace)
+    except KeyboardInterrupt as interrupt:
+        if not _was_stopped(interrupt):
+            raise
+        raise SimulationError(
+            f"no candidate of {spec.name} could be simulated before the run was stopped; let it go on for longer"
         ) from interrupt
     explored = with_starts(explored, spec, starts)
     run = replace(run, form=explored.form)
@@ -177,9 +241,16 @@ def identify(
     try:
         polished = interruptible(polish)
     except KeyboardInterrupt as interrupt:
-        raise IdentificationInterrupted(run.fit(best, None, explored.trace, 0, "interrupted")) from interrupt
+        return ended(interrupt, best, explored.trace)
     status: FitStatus = "converged" if polished.converged else "not_converged"
     return run.fit(polished.theta, polished.standard_errors, explored.trace, polished.steps, status)
+
+
+def _was_stopped(interrupt: BaseException | None) -> bool:
+    """Whether it was the callback that ended the run, whatever this was turned into since."""
+    while interrupt is not None and not isinstance(interrupt, _Stopped):
+        interrupt = interrupt.__cause__
+    return interrupt is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -202,6 +273,9 @@ class _Run:
         unit: Unit,
         misfit: float,
         share: float,
+        *,
+        generation: int,
+        median: float,
     ) -> Progress:
         return Progress(
             stage=stage,
@@ -210,6 +284,10 @@ class _Run:
             fit_percent=100.0 * (1.0 - misfit),
             share=share,
             seconds=time.perf_counter() - self.began,
+            generation=generation,
+            median_percent=100.0 * (1.0 - median),
+            evaluations=self.objective.tally.simulations,
+            steps=self.objective.tally.steps,
         )
 
     def fit(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from mrwork import _rust
 from mrwork.errors import RecordError, SettingError
 from mrwork.identification.nuisance import NuisanceName, without_nuisance
+from mrwork.journal import Journal, digest_of
 from mrwork.records import AS_IT_IS, DamperTest
 from mrwork.simulate import Misfits, Outcome, loading_of, simulate_forces, simulate_misfits
 from mrwork.spec import DamperSpec
@@ -23,6 +25,8 @@ _MARGIN = 1.0 + 1e-9
 _PLAIN = 2.0
 # Beyond it powers of the NRMSE lose the better tests to rounding, and no descent follows the mean.
 _LARGEST_POWER = 16.0
+
+T = TypeVar("T")
 
 
 @dataclass(slots=True)
@@ -38,6 +42,21 @@ class Tally:
     spared: int = 0
     told: dict[int, float] = field(default_factory=dict)
 
+    def as_record(self) -> Mapping[str, object]:
+        """The counts, for a journal."""
+        return {
+            "simulations": self.simulations,
+            "steps": self.steps,
+            "spared": self.spared,
+            "told": self.told,
+        }
+
+    def restore(self, record: Mapping[str, Any]) -> None:
+        """Count as a journal says."""
+        self.simulations, self.steps = record["simulations"], record["steps"]
+        self.spared = record["spared"]
+        self.told = {int(index): float(each) for index, each in record["told"].items()}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Objective:
@@ -45,7 +64,8 @@ class Objective:
 
     The misfit is the power mean over tests of the NRMSE, (mean NRMSE^power)^(1/power). With 2 each test weighs the
     same, whatever its length and force; with more, the worst weigh most. A simulated force is observed as the test's
-    rig did, and relieved of the nuisance parameters, before the two are compared.
+    rig did, and relieved of the nuisance parameters, before the two are compared. Where there is a `journal`, costly
+    steps are recorded there.
     """
 
     spec: DamperSpec
@@ -55,6 +75,7 @@ class Objective:
     power: float = _PLAIN
     threads: int = 0
     tally: Tally = field(default_factory=Tally)
+    journal: Journal | None = None
 
     @classmethod
     def of(
@@ -66,6 +87,7 @@ class Objective:
         power: float = _PLAIN,
         threads: int = 0,
         tally: Tally | None = None,
+        journal: Journal | None = None,
     ) -> Objective:
         """Spline the motions of the tests once, for all candidates."""
         if not tests:
@@ -84,7 +106,15 @@ class Objective:
             power=power,
             threads=threads,
             tally=tally or Tally(),
+            journal=journal,
         )
+
+    def once(self, step: str, kind: type[T], compute: Callable[[], T], *inputs: object) -> T:
+        """What `compute` makes of these inputs, a dataclass `kind`; recalled where the journal has it."""
+        if self.journal is None:
+            return compute()
+        names = [test.name for test in self.tests]
+        return self.journal.once(step, digest_of(self.spec.name, names, *inputs), kind, compute)
 
     @property
     def is_plain(self) -> bool:

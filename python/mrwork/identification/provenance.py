@@ -11,8 +11,11 @@ from importlib.metadata import PackageNotFoundError, version
 from mrwork import _rust
 from mrwork.identification.fit import Provenance
 from mrwork.identification.multistart import Multistart
+from mrwork.identification.nuisance import NuisanceName
+from mrwork.journal import digest_of
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA
+from mrwork.spec import DamperSpec
 
 _PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
 
@@ -49,6 +52,45 @@ def provenance_of(
         rng=rng,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
     )
+
+
+def premises_of(
+    spec: DamperSpec,
+    tests: tuple[DamperTest, ...],
+    *,
+    search: Multistart | EfficientGA,
+    bounds: Mapping[str, tuple[float, float]],
+    nuisances: Sequence[NuisanceName],
+    starts: Sequence[Mapping[str, float]],
+    power: float,
+    rng: int,
+) -> dict[str, object]:
+    """All that the result of an identification follows from, bit for bit: what a journal and who resumes it share."""
+    return {
+        "model": spec.name,
+        "current_laws": None if spec.current is None else asdict(spec.current),
+        "seed": rng,
+        "bounds": {name: list(bounds[name]) for name in sorted(bounds)},
+        "nuisances": list(nuisances),
+        "starts": [dict(start) for start in starts],
+        "power": power,
+        "search": {"kind": type(search).__name__} | asdict(search),
+        "test": [
+            {
+                "name": test.name,
+                "sha256": test.sha256,
+                "samples": test.n_time,
+                "settle_samples": test.n_settle,
+                "current": test.current,
+                "voltage": test.voltage,
+                "observation": test.observation.in_words,
+                # Windows, repairs and units of columns all show here.
+                "signals": digest_of(test.dt, test.displacement, test.velocity, test.force, test.observation),
+            }
+            for test in tests
+        ],
+        "version": {name: _version(name) for name in _PACKAGES},
+    }
 
 
 def _version(package: str) -> str:

@@ -50,8 +50,13 @@ def refine(
     Parameters
     ----------
     on_step
-        Called after every step with the number of steps so far and the misfit.
+        Called after every step with the number of steps so far and the misfit; not if the refinement is recalled
+        from a journal.
     """
+    return objective.once("refinement", Refined, lambda: _refined(objective, box, start, on_step), box, start)
+
+
+def _refined(objective: Objective, box: Box, start: NDArray[np.float64], on_step: OnStep | None) -> Refined:
     refined = Refined(theta=start, misfit=float(objective(start[None])[0]), steps=0, converged=False)
     for _ in range(_ROUNDS):
         substeps = _substeps(objective, refined.theta)

@@ -89,6 +89,7 @@ def search_level(
         rng=rng,
         n_params=len(searched.free),
         on_generation=on_generation,
+        journal=objective.journal,
     )
     starts = np.asarray(searched.theta_from_unit(found.elite[:_STARTS]))
     return LevelFit(command=command, finds=_finds(objective, box, searched, starts), search=found)

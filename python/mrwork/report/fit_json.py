@@ -24,13 +24,8 @@ _ARTICLES = {int: "an integer", str: "a string"}
 _WHERE_NULL = {"lower": -math.inf, "upper": math.inf, "best": math.inf, "median": math.inf}
 
 
-def json_line(value: object) -> str:
-    """One line of JSON; numbers that are not finite become `null`."""
-    return json.dumps(_finite(value), allow_nan=False, ensure_ascii=False)
-
-
 def json_document(value: object) -> str:
-    """The same, indented for people."""
+    """JSON, indented for people; numbers that are not finite become `null`."""
     return json.dumps(_finite(value), allow_nan=False, ensure_ascii=False, indent=2) + "\n"
 
 

@@ -26,9 +26,12 @@ _STATUS = {
     "converged": "Converged",
     "not_converged": "Not converged",
     "interrupted": "Interrupted",
+    "stopped": "Stopped",
 }
 _BANNER = {
     "interrupted": "This identification was interrupted. The parameters below are the best found until then, "
+    "not the end of the search.",
+    "stopped": "This identification was stopped on request. The parameters below are the best found until then, "
     "not the end of the search.",
     "not_converged": "The search stopped before it converged. The parameters below may still improve.",
 }
@@ -132,7 +135,7 @@ _ENDED = {
 
 def _status_detail(fit: Fit) -> str:
     """What the status rests on."""
-    if fit.status == "interrupted":
+    if fit.status in ("interrupted", "stopped"):
         return "the best found so far"
     steps = "step" if fit.refinement_steps == 1 else "steps"
     return f"after {numbers.fixed(fit.refinement_steps, 0)} refinement {steps}"

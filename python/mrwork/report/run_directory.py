@@ -10,13 +10,13 @@ import errno
 import os
 import shutil
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrwork.errors import OutputError, RecordError
 from mrwork.identification.fit import Fit
-from mrwork.report.fit_json import fit_from_json, json_document, json_line
+from mrwork.report.fit_json import fit_from_json, json_document
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -40,7 +40,7 @@ def check_destination(path: str | Path) -> None:
     OutputError
         If `path` is a file, a folder with something else in it, or lies where nothing can be written.
     """
-    place = _real(path)
+    place = real_place(path)
     try:
         _refuse_foreign(place, path)
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -59,7 +59,7 @@ def write_run(
     report_html: str,
     figures: Mapping[str, Figure],
     manifest: Mapping[str, Any],
-    journal_lines: Iterable[Mapping[str, Any]],
+    journal: str | Path,
 ) -> Path:
     """Write a run directory, in place of an earlier run if there is one.
 
@@ -73,8 +73,8 @@ def write_run(
     manifest
         Facts about the run. Like all that is written here it may hold numpy numbers and paths;
         numbers that are not finite become `null`.
-    journal_lines
-        One mapping per line of the journal.
+    journal
+        File with the steps of the run, which is copied.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def write_run(
         If `path` is a file or somebody else's folder, or if anything cannot be written. The place is
         then as it was before.
     """
-    place = _real(path)
+    place = real_place(path)
     try:
         _refuse_foreign(place, path)
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -96,7 +96,7 @@ def write_run(
         (fresh / FIGURES).mkdir(parents=True)
         _write(fresh / MANIFEST, json_document(manifest).encode())
         _write(fresh / FIT, json_document(fit.as_dict()).encode())
-        _write(fresh / JOURNAL, "".join(json_line(entry) + "\n" for entry in journal_lines).encode())
+        shutil.copyfile(journal, fresh / JOURNAL)
         _write(fresh / REPORT, report_html.encode())
         _write_figures(fresh / FIGURES, figures)
         _keep_additions(place, fresh)
@@ -139,8 +139,8 @@ def read_fit(path: str | Path) -> Fit:
     return fit_from_json(text, origin=str(origin))
 
 
-def _real(path: str | Path) -> Path:
-    """Where `path` really lies: a link to a run directory stays a link."""
+def real_place(path: str | Path) -> Path:
+    """Where the run directory at `path` really lies: a link to one stays a link."""
     return Path(os.path.realpath(path))
 
 

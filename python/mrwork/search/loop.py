@@ -16,8 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
+from mrwork.journal import Journal
 from mrwork.search.elite import EliteRule
 from mrwork.search.proposal import Proposal
+from mrwork.search.recorded import Generation, agree_on_search, recalled_generation, record_generation
 from mrwork.search.result import ReplicatedSearch, SearchResult, results_of
 from mrwork.search.state import SearchState
 from mrwork.search.stop_rules import StopRules
@@ -115,6 +117,7 @@ def run_search(
     n_params: int,
     state: StateT | None = None,
     on_generation: OnGeneration[StateT] | None = None,
+    journal: Journal | None = None,
 ) -> SearchResult[StateT]:
     """Minimise a batch objective over the unit cube, once: replicate 0 of `run_replicates`.
 
@@ -135,6 +138,7 @@ def run_search(
         replicates=(0,),
         state=state,
         on_generation=on_generation,
+        journal=journal,
     )
     return run.results[0]
 
@@ -148,6 +152,7 @@ def run_replicates(
     replicates: Sequence[int],
     state: StateT | None = None,
     on_generation: OnGeneration[StateT] | None = None,
+    journal: Journal | None = None,
 ) -> ReplicatedSearch[StateT]:
     """Minimise a batch objective over the unit cube many times, side by side.
 
@@ -168,6 +173,9 @@ def run_replicates(
         A stored state to go on from; it must come from the same `rng`, `n_params` and `replicates`.
     on_generation
         Called after every generation; where it returns true all stop, with reason "callback".
+    journal
+        Where every generation is recorded. One that is resumed brings back the generations it has, then the search goes
+        on; what the objective rests on is for the caller to `agree` with it.
 
     Returns
     -------
@@ -180,6 +188,8 @@ def run_replicates(
         On Ctrl-C, carrying the results of the completed generations with reason "interrupted".
     SettingError
         Where not even a first generation is allowed, or `state` belongs to another search.
+    JournalError
+        Where the journal is of another search.
     """
     began = time.perf_counter()
     stop = optimiser.stop
@@ -192,26 +202,37 @@ def run_replicates(
         state = optimiser.start(n_params, rng, replicates)
     else:
         _check_same_search(state, rng, n_params, replicates)
+    if journal is not None:
+        agree_on_search(journal, optimiser, state)
     reason = ""
+    seconds = 0.0
     try:
         while state.course.running.size:
-            seconds = time.perf_counter() - began
             if stop.max_seconds is not None and seconds >= stop.max_seconds:
                 reason = "max_seconds"
                 break
             proposal = optimiser.ask(state)
-            if isinstance(objective, AbortableObjective):
-                misfit = objective.misfits(proposal.unit, proposal.threshold)
-            else:
-                misfit = objective(proposal.unit)
-            misfit = proposal.accepted(misfit)
+            recalled = None if journal is None else recalled_generation(journal, proposal)
+            misfit = _misfits(objective, proposal) if recalled is None else recalled.misfit
             state = optimiser.tell(state, proposal, misfit)
+            if recalled is not None:
+                # Time goes on where it stood, so that `max_seconds` ends a search that is resumed where it did before.
+                began = time.perf_counter() - recalled.seconds
+            seconds = time.perf_counter() - began if recalled is None else recalled.seconds
+            if journal is not None and recalled is None:
+                record_generation(journal, proposal, state, Generation(misfit=misfit, seconds=seconds))
             if on_generation is not None and on_generation(_event(state, misfit, began)):
                 reason = "callback"
                 break
     except KeyboardInterrupt as interrupt:
         raise SearchInterrupted(results_of(state, "interrupted", time.perf_counter() - began)) from interrupt
     return results_of(state, reason, time.perf_counter() - began)
+
+
+def _misfits(objective: Objective | AbortableObjective, proposal: Proposal) -> NDArray[np.float64]:
+    if isinstance(objective, AbortableObjective):
+        return proposal.accepted(objective.misfits(proposal.unit, proposal.threshold))
+    return proposal.accepted(objective(proposal.unit))
 
 
 def _check_same_search(state: SearchState, rng: int, n_params: int, replicates: Sequence[int]) -> None:

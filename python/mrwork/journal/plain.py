@@ -1,0 +1,68 @@
+"""Values as JSON and back, to the same bits.
+
+JSON has no infinity and no NaN, so these are written as strings, "inf", "-inf", "nan"; every other float as the
+shortest text that reads back as the same number. Tables, which nobody reads, are written as the bytes of their numbers
+in hexadecimal: that takes a tenth of the time.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+
+import numpy as np
+
+T = TypeVar("T")
+
+_HEX = "hex"
+_LITTLE_ENDIAN = "<f8"
+
+
+def plain(value: object) -> Any:
+    """`value` in terms of JSON: dataclasses and mappings as objects, arrays and sequences as lists."""
+    if isinstance(value, np.ndarray) and value.dtype.kind == "f":
+        if value.ndim > 1:
+            return {"shape": value.shape, _HEX: value.astype(_LITTLE_ENDIAN).tobytes().hex()}
+        if np.isfinite(value).all():
+            return value.tolist()
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else repr(value)
+    if isinstance(value, int | str | None):
+        return value
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    if dataclasses.is_dataclass(value):
+        return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    return repr(value)
+
+
+def rebuilt(kind: type[T], record: Mapping[str, Any]) -> T:
+    """Undo `plain` for a dataclass of numbers, flags and arrays of them."""
+    hints = get_type_hints(kind)
+    return kind(**{name: _entry(hints[name], value) for name, value in record.items()})
+
+
+def array_of(numbers: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Undo `plain` for an array of float64."""
+    if isinstance(numbers, Mapping):
+        table = np.frombuffer(bytes.fromhex(numbers[_HEX]), dtype=_LITTLE_ENDIAN)
+        return table.astype(np.float64).reshape(numbers["shape"])
+    return np.array(_floats(numbers), dtype=np.float64)
+
+
+def _entry(hint: Any, value: Any) -> Any:
+    if get_origin(hint) is np.ndarray:
+        # NDArray[T] is ndarray[shape, dtype[T]].
+        (kind,) = get_args(get_args(hint)[1])
+        return array_of(value) if kind is np.float64 else np.array(value, dtype=kind)
+    return float(value) if hint is float else value
+
+
+def _floats(value: Any) -> Any:
+    return [_floats(entry) for entry in value] if isinstance(value, list) else float(value)
