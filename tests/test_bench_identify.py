@@ -156,7 +156,7 @@ def test_a_failure_counts_in_the_share_and_in_what_a_success_costs() -> None:
 
 
 def test_the_usual_way_is_marked_and_multiplied() -> None:
-    usual = UsualWay(seconds_per_candidate=0.1, candidates=5, solver="RK45")
+    usual = UsualWay(seconds_by_solver={"RK45": 0.3, "LSODA": 0.1}, candidates=5)
     row = extrapolated(a_row("pyswarms", "numba", [an_outcome(2000)]), usual)
     assert row.extrapolated
     assert (row.objective, row.evaluations, row.seconds) == ("solve_ivp", 2000, pytest.approx(200.0))
@@ -239,6 +239,7 @@ def test_an_interrupted_run_keeps_what_it_measured(job: SearchJob) -> None:
     assert run.returncode == 130
     assert told["interrupted"]
     assert 1 <= len(told["rows"]) < 18
+    assert told["usual_way"] is None
 
 
 def test_impossible_numbers_are_refused() -> None:

@@ -38,6 +38,8 @@ from mrwork.errors import MrworkError
 
 # The compile of a method and the loading of its library, which nobody's time includes, take this many simulations.
 _WARMING = 150
+# Seeds below chose the settings of the contenders.
+_FIRST_SEED = 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,7 +132,12 @@ def measure(settings: Settings, threads: int) -> None:
                 f"seed {seed + 1} of {settings.seeds}: {contender.name} on {contender.objective}",
             )
             outcome = _try(
-                contender, job, objectives, best_known=best_known, budget=settings.budget, seed=seed
+                contender,
+                job,
+                objectives,
+                best_known=best_known,
+                budget=settings.budget,
+                seed=_FIRST_SEED + seed,
             )
             named = {"method": contender.name, "objective": contender.objective, "threads": threads}
             tell("outcome", named | asdict(outcome))
@@ -216,7 +223,12 @@ def _on_all_tests(settings: Settings, threads: int, default: Contender) -> None:
         for seed in range(settings.seeds):
             tell("progress", f"{default.name} on {name}, seed {seed + 1} of {settings.seeds}")
             outcome = attempted(
-                default, job, objective, best_known=best_known, budget=settings.budget, seed=seed
+                default,
+                job,
+                objective,
+                best_known=best_known,
+                budget=settings.budget,
+                seed=_FIRST_SEED + seed,
             )
             named = {"test": name, "best_known_percent": 100.0 * (1.0 - best_known)}
             tell("on_test", named | asdict(outcome))

@@ -38,7 +38,7 @@ def scipy_differential_evolution(attempt: Attempt, seed: int) -> None:
     differential_evolution(
         misfits,  # type: ignore[arg-type]
         Bounds(np.zeros(attempt.job.n_params), np.ones(attempt.job.n_params)),
-        popsize=8,
+        popsize=4,
         tol=0.0,
         atol=-1.0,
         maxiter=_GENERATIONS,
@@ -67,7 +67,7 @@ def pymoo_ga(attempt: Attempt, seed: int) -> None:
     """`pymoo`'s GA: simulated binary crossover, polynomial mutation, survival of the fittest."""
     library("pymoo.optimize").minimize(
         _pymoo_problem()(attempt),
-        library("pymoo.algorithms.soo.nonconvex.ga").GA(pop_size=60),
+        library("pymoo.algorithms.soo.nonconvex.ga").GA(pop_size=30),
         library("pymoo.core.termination").NoTermination(),
         seed=seed,
         verbose=False,
@@ -90,18 +90,21 @@ def _pymoo_problem() -> Any:
 
 
 def pyswarms(attempt: Attempt, seed: int) -> None:
-    """`pyswarms`: global best, with the constriction of Clerc & Kennedy (2002) as our swarm has it."""
+    """`pyswarms`: global best, with the constriction of Clerc & Kennedy (2002).
+
+    Particles stop at the faces of the cube: of the library's ways to keep them inside it needs the fewest simulations.
+    """
     n_params = attempt.job.n_params
     # The library draws from the one generator that all of NumPy shares.
     np.random.seed(seed)  # noqa: NPY002
     with _no_log_file():
         swarm = library("pyswarms.single.global_best").GlobalBestPSO(
-            n_particles=60,
+            n_particles=30,
             dimensions=n_params,
             options={"c1": 1.49618, "c2": 1.49618, "w": 0.7298},
             bounds=(np.zeros(n_params), np.ones(n_params)),
             velocity_clamp=(-0.2, 0.2),
-            bh_strategy="reflective",
+            bh_strategy="nearest",
         )
         swarm.optimize(attempt.misfits, iters=_GENERATIONS, verbose=False)
 

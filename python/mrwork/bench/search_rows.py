@@ -73,6 +73,9 @@ def row_of(method: str, objective: str, threads: int, settings: str, outcomes: l
 def extrapolated(swarm: SearchRow, usual: UsualWay) -> SearchRow:
     """The swarm with the seconds of a solver: one process, one candidate after another."""
     each = usual.seconds_per_candidate
+    by_solver = ", ".join(
+        f"{solver} {seconds * 1e3:.0f} ms" for solver, seconds in usual.seconds_by_solver.items()
+    )
     quartiles = swarm.evaluations_quartiles
     return replace(
         swarm,
@@ -82,7 +85,7 @@ def extrapolated(swarm: SearchRow, usual: UsualWay) -> SearchRow:
         seconds_quartiles=quartiles and (quartiles[0] * each, quartiles[1] * each),
         expected_seconds=None,
         extrapolated=True,
-        settings=f"{usual.solver}; {usual.candidates} candidates timed, {each * 1e3:.0f} ms each",
+        settings=f"{usual.solver}, {usual.candidates} candidates timed: {by_solver}",
     )
 
 

@@ -56,7 +56,7 @@ def add_parser(verbs: Any) -> None:
         type=int,
         default=None,
         metavar="N",
-        help="simulations after which an attempt has failed, default 10000, quick 1000",
+        help="simulations after which an attempt has failed, default 5000, quick 1000",
     )
     searches.add_argument("--quick", action="store_true", help="a rough look in about a minute")
     searches.add_argument(
@@ -99,7 +99,7 @@ def run_identify(options: argparse.Namespace) -> int:
     benchmark = bench_identify(
         seeds=(2 if options.quick else 20) if options.seeds is None else options.seeds,
         threads=tuple(options.threads),
-        budget=(1000 if options.quick else 10_000) if options.budget is None else options.budget,
+        budget=(1000 if options.quick else 5000) if options.budget is None else options.budget,
         quick=options.quick,
         all_tests=options.all_tests,
         on_progress=_progress(options),
