@@ -92,7 +92,7 @@ def _pymoo_problem() -> Any:
 def pyswarms(attempt: Attempt, seed: int) -> None:
     """`pyswarms`: global best, with the constriction of Clerc & Kennedy (2002).
 
-    Particles stop at the faces of the cube: of the library's ways to keep them inside it needs the fewest simulations.
+    Particles stop at the faces of the cube: with 30 of them that took fewer simulations than to reflect them.
     """
     n_params = attempt.job.n_params
     # The library draws from the one generator that all of NumPy shares.
