@@ -1,17 +1,24 @@
-"""Speed of the compiled kernels against the best that jax and numba make of the same arithmetic."""
+"""Speed of the compiled kernels and of the searches on them, beside what other libraries make of the same."""
 
 from __future__ import annotations
 
+from mrwork.bench.identify import SearchBenchmark, bench_identify
+from mrwork.bench.identify_table import format_identify
 from mrwork.bench.kernels import KernelBenchmark, KernelRow, bench_kernels, format_table
 from mrwork.bench.models import ModelBenchmark, ModelRow, bench_models, format_models
+from mrwork.bench.search_rows import SearchRow
 
 __all__ = [
     "KernelBenchmark",
     "KernelRow",
     "ModelBenchmark",
     "ModelRow",
+    "SearchBenchmark",
+    "SearchRow",
+    "bench_identify",
     "bench_kernels",
     "bench_models",
+    "format_identify",
     "format_models",
     "format_table",
 ]

@@ -37,6 +37,34 @@ def add_parser(verbs: Any) -> None:
     )
     _add_common(models)
     models.set_defaults(run=run_models)
+    searches = subjects.add_parser(
+        "identify", help="searches beside those of scipy, cma, pymoo and pyswarms, on numba and on our kernel"
+    )
+    searches.add_argument(
+        "--seeds", type=int, default=None, metavar="N", help="attempts of each method, default 20, quick 2"
+    )
+    searches.add_argument(
+        "--threads",
+        type=int,
+        nargs="+",
+        default=[],
+        metavar="N",
+        help="numbers of threads, default 1 and all",
+    )
+    searches.add_argument(
+        "--budget",
+        type=int,
+        default=None,
+        metavar="N",
+        help="simulations after which an attempt has failed, default 5000, quick 1000",
+    )
+    searches.add_argument("--quick", action="store_true", help="a rough look in about a minute")
+    searches.add_argument(
+        "--all-tests", action="store_true", help="also the default of identify at all five currents"
+    )
+    searches.add_argument("--quiet", action="store_true", help="no progress")
+    add_json(searches)
+    searches.set_defaults(run=run_identify)
 
 
 def run_kernels(options: argparse.Namespace) -> int:
@@ -62,6 +90,22 @@ def run_models(options: argparse.Namespace) -> int:
     )
     print(json.dumps(benchmark.as_dict()) if options.json else format_models(benchmark))
     return 0
+
+
+def run_identify(options: argparse.Namespace) -> int:
+    """Measure how soon searches come near the best known fit; after Ctrl-C, say what was measured until then."""
+    from mrwork.bench import bench_identify, format_identify
+
+    benchmark = bench_identify(
+        seeds=(2 if options.quick else 20) if options.seeds is None else options.seeds,
+        threads=tuple(options.threads),
+        budget=(1000 if options.quick else 5000) if options.budget is None else options.budget,
+        quick=options.quick,
+        all_tests=options.all_tests,
+        on_progress=_progress(options),
+    )
+    print(json.dumps(benchmark.as_dict()) if options.json else format_identify(benchmark))
+    return 130 if benchmark.interrupted else 0
 
 
 def _add_common(subject: argparse.ArgumentParser) -> None:

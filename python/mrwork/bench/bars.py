@@ -1,0 +1,101 @@
+"""What the searches are to reach, beside what they reached in this run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mrwork.bench.early_abort import EarlyAbort
+from mrwork.bench.search_rows import SearchRow, TestRow
+
+# Whose course the usual way is extrapolated from.
+USUAL = "pyswarms"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bar:
+    """What was aimed at and what came out; `measured` is `None` where a side never reached the target."""
+
+    claim: str
+    threads: int
+    aim: float
+    measured: float | None
+
+    @property
+    def met(self) -> bool:
+        """Whether the aim was reached."""
+        return self.measured is not None and self.measured >= self.aim
+
+
+# Ours and its class of peer.
+_CLASSES = (
+    ("efficient_ga", "pymoo_ga"),
+    ("particle_swarm_constriction", "pyswarms"),
+    ("differential_evolution", "scipy_differential_evolution"),
+)
+
+
+def bars_of(rows: tuple[SearchRow, ...], tests: tuple[TestRow, ...], aborts: list[EarlyAbort]) -> list[Bar]:
+    """What was aimed at, each on each number of threads."""
+    bars: list[Bar] = []
+
+    def fastest(method: str, objective: str, threads: int) -> float | None:
+        """Seconds on this objective, ours with or without early abort."""
+        found = [
+            row.seconds
+            for row in rows
+            if row.method == method and row.objective.startswith(objective) and row.threads == threads
+        ]
+        known = [seconds for seconds in found if seconds is not None]
+        return min(known) if known else None
+
+    def times(ours: float | None, theirs: float | None) -> float | None:
+        return theirs / ours if ours and theirs else None
+
+    for threads in dict.fromkeys(row.threads for row in rows if not row.extrapolated):
+        bars += [
+            Bar(
+                claim="share of seeds on which identify is near",
+                threads=threads,
+                aim=0.95,
+                measured=row.success,
+            )
+            for row in rows
+            if (row.method, row.threads) == ("identify", threads)
+        ]
+        bars += [
+            Bar(
+                claim=f"{ours}: times faster than {theirs} on numba",
+                threads=threads,
+                aim=8.0,
+                measured=times(fastest(ours, "rust", threads), fastest(theirs, "numba", threads)),
+            )
+            for ours, theirs in _CLASSES
+        ]
+        bars += [
+            Bar(
+                claim=f"{ours}: times faster than the usual way",
+                threads=threads,
+                aim=1000.0,
+                measured=times(fastest(ours, "rust", threads), fastest(USUAL, "solve_ivp", 1)),
+            )
+            for ours in ("particle_swarm_constriction", "identify")
+        ]
+    bars += [
+        Bar(
+            claim=f"{each.method}: share of steps that an early abort spares",
+            threads=each.threads,
+            aim=0.5,
+            measured=(1.0 - each.steps_share_done) if each.identical else None,
+        )
+        for each in aborts
+    ]
+    bars += [
+        Bar(
+            claim=f"share of seeds on which identify is near, {each.test}",
+            threads=max(row.threads for row in rows),
+            aim=0.95,
+            measured=each.success,
+        )
+        for each in tests
+    ]
+    return bars
