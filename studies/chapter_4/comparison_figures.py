@@ -97,7 +97,7 @@ def reaching_figure(comparison: Comparison, model: Model) -> Figure:
             )
         axes.set_ylim(0.0, 100.0)
         axes.set_xlim(left=0.0)
-        axes.legend(loc="upper left", bbox_to_anchor=(0.03, 0.98))
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.03))
         _finish(axes, "Runs below the 95 % error level (%)", "Simulations (thousands)")
     return figure
 
@@ -131,7 +131,9 @@ def loop_figure(trial: Trial, search: str, *, over_velocity: bool) -> Figure:
 
 def _band(axes: Axes, abscissa: Floats, misfit: Floats, search: str) -> None:
     low, middle, high = 100.0 * np.quantile(misfit, QUANTILES, axis=0)
-    axes.fill_between(abscissa, low, high, color=COLOURS[search], alpha=0.15, linewidth=0)
+    # A fourth band would hide the others.
+    if search != COARSE:
+        axes.fill_between(abscissa, low, high, color=COLOURS[search], alpha=0.15, linewidth=0)
     axes.plot(abscissa, middle, color=COLOURS[search], linewidth=1.3)
 
 

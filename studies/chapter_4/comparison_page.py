@@ -89,7 +89,7 @@ def write_page(
             footer=footer,
             key=(
                 *_key([(COLOURS[search], "line", search) for search in SEARCHES]),
-                Markup("line: median over the runs, band: nine in ten of them"),
+                Markup("line: median over the runs, band (but for the coarse one): nine in ten"),
                 *_key([(style.FAINT_INK, "dotted", "95 % error level")]),
             ),
             loop_key=_key(
