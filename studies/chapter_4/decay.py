@@ -1,0 +1,167 @@
+"""How errors decay over many runs: levels, what it costs to reach them, where a rule would have ended a run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import stats
+
+from mrwork.search import StopRules
+from mrwork.search.termination import expected_termination
+from search_cells import Floats, Integers, Replicates
+
+# Share of the attainable decay that is done at the level: our definition of the 95 % error level.
+LEVEL = 0.95
+
+
+def error_level(runs: list[Replicates]) -> float:
+    """Misfit at which 95 % of the attainable decay is done, the same for all searches of a model on a test.
+
+    The decay is attainable from the mean of the initial populations' best to the least misfit of any run.
+    """
+    start = float(np.mean([each.best[:, 0] for each in runs]))
+    least = min(float(each.final.min()) for each in runs)
+    return least + (1.0 - LEVEL) * (start - least)
+
+
+def evaluations_to(found: Replicates, level: float) -> Floats:
+    """Simulations until each run was at or below the level, shape (n_replicates,); `inf` where it never was."""
+    reached = found.best <= level
+    first = np.argmax(reached, axis=1)
+    cost = found.evaluations[np.arange(len(first)), first]
+    return np.where(reached.any(axis=1), cost, np.inf)
+
+
+def expected_evaluations(found: Replicates, level: float) -> float:
+    """Simulations per success: those of all runs, each until it succeeds or ends, over the number that succeed.
+
+    What repeating runs until one succeeds costs on average; `inf` where none does.
+    """
+    cost = evaluations_to(found, level)
+    successes = np.count_nonzero(np.isfinite(cost))
+    spent = np.where(np.isfinite(cost), cost, found.evaluations[:, -1]).sum()
+    return float(spent / successes) if successes else np.inf
+
+
+def at_budget(found: Replicates, budget: Floats | Integers) -> Floats:
+    """Misfit of each run when it has spent at most so many simulations; `inf` before its first generation.
+
+    `budget` has shape (n_replicates,) or (n_budgets, 1); the result broadcasts the two.
+    """
+    budget = np.broadcast_to(budget, np.broadcast_shapes(np.shape(budget), (len(found.best),)))
+    place = np.empty(budget.shape, dtype=np.int64)
+    for run, spent in enumerate(found.evaluations):
+        place[..., run] = np.searchsorted(spent, budget[..., run], side="right") - 1
+    misfit = found.best[np.arange(len(found.best)), np.maximum(place, 0)]
+    return np.where(place < 0, np.inf, misfit)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ending:
+    """Where a rule would have ended each run: generation, -1 where it would not, shape (n_replicates,)."""
+
+    generation: Integers
+
+    @property
+    def ended(self) -> NDArray[np.bool_]:
+        return self.generation >= 0
+
+    def at(self, traces: NDArray[np.generic]) -> Floats:
+        """Entries of traces, (n_replicates, n_generations), where the runs end, the last where no rule ends them."""
+        rows = np.arange(len(self.generation))
+        return np.asarray(traces[rows, self.generation], dtype=np.float64)
+
+
+def ending(found: Replicates, rule: StopRules) -> Ending:
+    """Where this rule would have ended the runs, which all went on to the last generation.
+
+    A rule only reads what a search has done, so up to there the run would have been the same. Rules that read the
+    population cannot be judged.
+    """
+    generation = np.full(len(found.best), -1)
+    nowhere = np.zeros((len(found.best), 1, 1))
+    for last in range(found.best.shape[1]):
+        judged = rule.judge(
+            trace=found.best[:, : last + 1],
+            evaluations=found.evaluations[:, last],
+            population=nowhere,
+            best_unit=nowhere[:, 0],
+        )
+        generation[(generation < 0) & (judged != 0)] = last
+    return Ending(generation=generation)
+
+
+def rules(confidence: float) -> dict[str, StopRules]:
+    """What might end a run: the literal test, the test on what is attainable, and a stall, each on its own."""
+    never = np.iinfo(np.int64).max
+    literal = StopRules(
+        max_generations=never,
+        spread_tolerance=None,
+        confidence=confidence,
+        stall_generations=None,
+        min_generations=1,
+    )
+    stall = StopRules(max_generations=never, spread_tolerance=None, confidence=None, min_generations=1)
+    attainable = StopRules(
+        max_generations=never,
+        spread_tolerance=None,
+        confidence=confidence,
+        floor_share=1.0,
+        stall_generations=None,
+        min_generations=1,
+    )
+    return {LITERAL: literal, ATTAINABLE: attainable, STALL: stall}
+
+
+LITERAL, ATTAINABLE, STALL = "hypothesis test", "the same above the least error", "stall"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Expectation:
+    """Terminating generation expected from the decay of the mean error, and of each run's own.
+
+    `likelihood` is the probability of just that generation; `own` are the generations expected of the runs, `nan`
+    where a decay cannot be fitted.
+    """
+
+    generation: float
+    likelihood: float
+    own: Floats
+
+
+def expectation(found: Replicates, confidence: float) -> Expectation:
+    """Fit the decays of a cell over all generations."""
+    generation, likelihood = expected_termination(found.best.mean(axis=0), confidence)
+    own = [expected_termination(trace, confidence).generation for trace in found.best]
+    return Expectation(
+        generation=np.nan if generation is None else generation,
+        likelihood=likelihood,
+        own=np.array([np.nan if each is None else each for each in own]),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Advantage:
+    """How often the first of two paired samples is lower, ties counting half, and the p-value of no difference."""
+
+    share: float
+    p_value: float
+
+
+def advantage(first: Floats, second: Floats) -> Advantage:
+    """Compare pairs by Wilcoxon's signed-rank test, two-sided."""
+    share = float(np.mean(first < second) + 0.5 * np.mean(first == second))
+    if np.array_equal(first, second):
+        return Advantage(share=share, p_value=1.0)
+    return Advantage(share=share, p_value=float(stats.wilcoxon(first, second).pvalue))
+
+
+def holm(p_values: Floats) -> Floats:
+    """p-values adjusted for how many are looked at (Holm, Scand. J. Statist. 6, 1979, 65-70)."""
+    order = np.argsort(p_values)
+    scaled = (len(p_values) - np.arange(len(p_values))) * p_values[order]
+    adjusted = np.empty(len(p_values))
+    adjusted[order] = np.minimum(np.maximum.accumulate(scaled), 1.0)
+    return adjusted

@@ -1,0 +1,43 @@
+"""The tests of the study: the synthetic ones of chapter 5 whose parameters are published, and measured ones."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import mrwork as mr
+from damper_tests import TestSet, synthetic_sets
+from mrwork.records.window import cut
+from search_settings import MeasuredChoice, SyntheticChoice
+
+_FREQUENCY = 1.0
+
+
+def synthetic_excerpts(choice: SyntheticChoice, *, seed: int) -> TestSet:
+    """The damper with the published polynomials of the RD-1005-3, and the noise of chapter 5 on its force."""
+    sets = synthetic_sets(seed=seed, currents=choice.currents, frequencies=(_FREQUENCY,))
+    published = next(tests for tests in sets if tests.coefficients is not None)
+    return replace(published, tests=tuple(cut(test, end=choice.seconds) for test in published.tests))
+
+
+def measured_excerpts(folder: Path, choice: MeasuredChoice) -> TestSet | None:
+    """UTFSM tests by current; none where they are absent.
+
+    The force is compared as it stands in the files, though their authors averaged it.
+    """
+    if not any(folder.glob(choice.records)):
+        return None
+    tests = []
+    for test in mr.read_damper_tests(folder / choice.records):
+        if test.current is None:
+            raise mr.MrworkError(
+                f"{test.path}: no current is known; give a column current_a or name it ...1A"
+            )
+        end = choice.start + choice.samples * choice.every * test.dt
+        tests.append((test.current, cut(test, start=choice.start, end=end, every=choice.every)))
+    return TestSet(
+        damper="measured UTFSM",
+        motion="10 mm 1 Hz",
+        synthetic=False,
+        tests=tuple(test for _, test in sorted(tests, key=lambda pair: pair[0])),
+    )

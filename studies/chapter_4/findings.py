@@ -1,0 +1,186 @@
+"""What the runs say, in numbers: one finding for each search of a model on a test."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from damper_tests import TestSet
+from decay import (
+    Advantage,
+    advantage,
+    at_budget,
+    ending,
+    error_level,
+    evaluations_to,
+    expectation,
+    expected_evaluations,
+    holm,
+    rules,
+)
+from mrwork.records import DamperTest
+from search_cells import Cell, Floats, Replicates
+from search_settings import BASELINES, EFFICIENT, Model, Settings
+
+# Of a run in twenty on either side.
+QUANTILES = (0.05, 0.5, 0.95)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trial:
+    """One model on one test, by every search."""
+
+    model: Model
+    test: DamperTest
+    runs: dict[str, Replicates]
+
+    @property
+    def level(self) -> float:
+        return error_level(list(self.runs.values()))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Comparison:
+    """All trials on one set of tests: model by model, currents rising."""
+
+    tests: TestSet
+    trials: tuple[Trial, ...]
+
+    def of(self, model: Model) -> tuple[Trial, ...]:
+        return tuple(trial for trial in self.trials if trial.model == model)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RuleFinding:
+    """What a rule would have done: share of runs that it ends, and of these the generation at the quantiles.
+
+    `evaluations` is the mean over all runs, ended or not; `excess` the median over the ended ones of their error there
+    over that after the last generation, less 1. `nan` where it ends none.
+    """
+
+    share: float
+    generation: tuple[float, ...]
+    evaluations: float
+    excess: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SearchFinding:
+    """One cell. Errors are NRMSE after the last generation; `below` is the share at or below the 95 % error level.
+
+    `reaching` are simulations per run that reaches it. `expected_generation` with its `likelihood` comes from the decay
+    of the mean error, `own_generation`, at the quantiles, from that of each run. `spared` is the share of steps that
+    early abort saved.
+    """
+
+    mean_error: float
+    deviation: float
+    below: float
+    evaluations: float
+    reaching: float
+    median_reaching: float
+    expected_generation: float
+    likelihood: float
+    own_generation: tuple[float, ...]
+    rules: dict[str, RuleFinding]
+    spared: float
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialFinding:
+    """All searches of a model on a test, and the efficient algorithm against each baseline.
+
+    After as many generations, and after as many simulations as the efficient one took; p-values as yet of this
+    comparison alone.
+    """
+
+    model: str
+    current: float
+    level: float
+    least: float
+    searches: dict[str, SearchFinding]
+    same_generations: dict[str, Advantage]
+    same_simulations: dict[str, Advantage]
+
+
+def comparisons_of(
+    sets: Sequence[TestSet], cells: Sequence[Cell], found: Sequence[Replicates]
+) -> tuple[Comparison, ...]:
+    """Gather what the cells found by set, model and test."""
+    comparisons = []
+    for tests in sets:
+        gathered: dict[tuple[str, float | None], Trial] = {}
+        for cell, runs in zip(cells, found, strict=True):
+            if cell.tests == tests.name:
+                key = (cell.model.label, cell.test.current)
+                trial = gathered.setdefault(key, Trial(model=cell.model, test=cell.test, runs={}))
+                trial.runs[cell.search] = runs
+        comparisons.append(Comparison(tests=tests, trials=tuple(gathered.values())))
+    return tuple(comparisons)
+
+
+def findings_of(comparison: Comparison, settings: Settings) -> tuple[TrialFinding, ...]:
+    return tuple(_trial(trial, settings.confidence) for trial in comparison.trials)
+
+
+def adjusted(advantages: Sequence[Advantage]) -> Floats:
+    """Their p-values for being looked at together."""
+    return holm(np.array([each.p_value for each in advantages]))
+
+
+def _trial(trial: Trial, confidence: float) -> TrialFinding:
+    level = trial.level
+    efficient = trial.runs[EFFICIENT]
+    budget = efficient.evaluations[:, -1]
+    return TrialFinding(
+        model=trial.model.label,
+        current=float(trial.test.current or 0.0),
+        level=level,
+        least=min(float(runs.final.min()) for runs in trial.runs.values()),
+        searches={search: _search(runs, level, confidence) for search, runs in trial.runs.items()},
+        same_generations={name: advantage(efficient.final, trial.runs[name].final) for name in BASELINES},
+        same_simulations={
+            name: advantage(efficient.final, at_budget(trial.runs[name], budget)) for name in BASELINES
+        },
+    )
+
+
+def _search(runs: Replicates, level: float, confidence: float) -> SearchFinding:
+    expected = expectation(runs, confidence)
+    cost = evaluations_to(runs, level)
+    # Of infinite costs a median between two of them would be no number.
+    median = float(np.quantile(cost, 0.5, method="inverted_cdf"))
+    return SearchFinding(
+        mean_error=float(runs.final.mean()),
+        deviation=float(runs.final.std(ddof=1)),
+        below=float(np.isfinite(cost).mean()),
+        evaluations=float(runs.evaluations[:, -1].mean()),
+        reaching=expected_evaluations(runs, level),
+        median_reaching=median,
+        expected_generation=expected.generation,
+        likelihood=expected.likelihood,
+        own_generation=_quantiles(expected.own[np.isfinite(expected.own)]),
+        rules={name: _rule(runs, name, confidence) for name in rules(confidence)},
+        spared=runs.spared,
+        seconds=runs.seconds,
+    )
+
+
+def _rule(runs: Replicates, name: str, confidence: float) -> RuleFinding:
+    ends = ending(runs, rules(confidence)[name])
+    ratio = (ends.at(runs.best) / runs.final)[ends.ended]
+    return RuleFinding(
+        share=float(ends.ended.mean()),
+        generation=_quantiles(ends.generation[ends.ended].astype(float)),
+        evaluations=float(ends.at(runs.evaluations).mean()),
+        excess=float(np.median(ratio) - 1.0) if ratio.size else np.nan,
+    )
+
+
+def _quantiles(values: Floats) -> tuple[float, ...]:
+    if not values.size:
+        return (np.nan,) * len(QUANTILES)
+    return tuple(float(value) for value in np.quantile(values, QUANTILES))
