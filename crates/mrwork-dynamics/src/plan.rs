@@ -85,13 +85,17 @@ impl<'a> Plan<'a> {
         standings: &'b Standings,
     ) -> Vec<Block<'b>> {
         let share = candidates.len().div_ceil(self.threads).next_multiple_of(VECTOR_WIDTH);
-        let widest = self.block_width.min(share);
-        candidates
+        // Equal shares of the threads, cut into blocks each: cut as one, the last blocks would leave a thread waiting.
+        let mut cut: Vec<&[usize]> = candidates
             .chunk_by(|&a, &b| self.rows[a].substeps == self.rows[b].substeps)
-            .flat_map(|group| {
-                let blocks = group.len().div_ceil(widest);
-                group.chunks(group.len().div_ceil(blocks).next_multiple_of(VECTOR_WIDTH))
+            .flat_map(|group| group.chunks(share))
+            .flat_map(|share| {
+                let blocks = share.len().div_ceil(self.block_width);
+                share.chunks(share.len().div_ceil(blocks).next_multiple_of(VECTOR_WIDTH))
             })
+            .collect();
+        cut.sort_by_key(|block| core::cmp::Reverse((self.rows[block[0]].substeps, block.len())));
+        cut.into_iter()
             .map(|candidates| Block {
                 theta: self.theta,
                 laws: self.laws,
