@@ -21,7 +21,7 @@ _EVERY = 0.3
 class Progress:
     """One line on a terminal: cell, generation, simulations per second, time left; elsewhere a line per cell.
 
-    `ahead` is the work that is left when a cell begins, `done` what was done in this session: samples to be simulated,
+    `ahead` is the work that is left when a cell begins, `done` what was done since this start: samples to be simulated,
     in units of the candidates of a cell.
     """
 
