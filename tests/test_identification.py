@@ -14,10 +14,11 @@ from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.explore import search_box
 from mrwork.identification.fit import Fit
-from mrwork.identification.identify import IdentificationInterrupted, Progress, identify
+from mrwork.identification.identify import IdentificationInterrupted, identify
 from mrwork.identification.judge import judge
 from mrwork.identification.objective import Objective
 from mrwork.identification.quality import fit_quality
+from mrwork.identification.run import Progress
 from mrwork.identification.standard_error import covariance
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules

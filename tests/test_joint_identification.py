@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from mrwork.errors import RecordError, SettingError
-from mrwork.identification.identify import IdentificationInterrupted, Progress, identify
+from mrwork.identification.identify import IdentificationInterrupted, identify
 from mrwork.identification.judge import judge
 from mrwork.identification.nuisance import nuisance_of, without_nuisance
 from mrwork.identification.objective import Objective
+from mrwork.identification.run import Progress
 from mrwork.records import DamperTest, Observation
 from mrwork.records.window import excerpt
 from mrwork.search import EfficientGA, StopRules

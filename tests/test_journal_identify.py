@@ -22,7 +22,8 @@ import pytest
 
 from mrwork.errors import JournalError
 from mrwork.identification.fit import Fit
-from mrwork.identification.identify import Progress, identify
+from mrwork.identification.identify import identify
+from mrwork.identification.run import Progress
 from mrwork.journal import Journal
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules

@@ -15,6 +15,7 @@ from mrwork.identification.descent import descend
 from mrwork.identification.descents import descend_all
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.explore import search_box
+from mrwork.identification.identify import identify
 from mrwork.identification.multistart import (
     Found,
     Multistart,
@@ -118,6 +119,25 @@ def test_minima_that_lie_together_count_once() -> None:
 def test_impossible_settings_are_named(setting: dict[str, float]) -> None:
     with pytest.raises(SettingError, match=f"`{next(iter(setting))}`"):
         Multistart(**setting)  # type: ignore[arg-type]
+
+
+def test_a_parameter_that_nothing_feels_stays_where_it_is() -> None:
+    # Without k the displacement at which it is free changes no force; alone it leaves a system of zeros.
+    nominal = dict(zip(FORM.spec.names, FORM.spec.nominal, strict=True)) | {"k": 0.0}
+    fixed = {name: (value, value) for name, value in nominal.items() if name != "x0"}
+    form = identifiable_form(damper("normalised_bouc_wen"), fixed)
+    start = np.array([list(nominal.values())])
+    minima = descend_all(
+        objective(), form.box, search_box(form.spec, form.box, (TEST,)), start, max_iterations=9
+    )
+    np.testing.assert_allclose(minima.theta, start, rtol=1e-9)
+    assert minima.misfit[0] == objective()(start)[0]
+
+
+def test_current_laws_are_not_searched_by_descents() -> None:
+    model = damper("normalised_bouc_wen").with_current_laws({"c": "linear"}, unit="A")
+    with pytest.raises(SettingError, match="EfficientGA"):
+        identify(model, TEST, search=Multistart())
 
 
 def test_settings_of_another_search_are_refused(capsys: pytest.CaptureFixture[str]) -> None:

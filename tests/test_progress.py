@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from mrwork.cli.progress import described
-from mrwork.identification.identify import Progress
+from mrwork.identification.run import Progress
 
 BEGAN = Progress(
     stage="search",

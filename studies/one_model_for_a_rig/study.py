@@ -21,8 +21,9 @@ import numpy as np
 
 from mrwork.errors import SimulationError
 from mrwork.identification.fit import Fit
-from mrwork.identification.identify import Progress, identify
+from mrwork.identification.identify import identify
 from mrwork.identification.judge import judge
+from mrwork.identification.run import Progress
 from mrwork.identification.warm_start import start_from
 from mrwork.parameters import LawName
 from mrwork.records import AS_IT_IS, DamperTest, Observation, detect_smoothing, read_damper_tests, repair

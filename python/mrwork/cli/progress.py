@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 
-from mrwork.identification.identify import Progress
+from mrwork.identification.run import Progress
 
 _EVERY = 0.2
 _THOUSAND = 1000.0

@@ -20,6 +20,8 @@ from mrwork.identification.objective import Objective
 _STEP = 1e-6
 # Squared misfits that fall by less than this share have arrived.
 _TOLERANCE = 1e-7
+# Of a parameter that the residuals do not feel: its square is still a number, so the system stays regular.
+_LEAST_SENSITIVITY = 1e-150
 # Times the present damping, all tried at once.
 _LADDER = (0.1, 1.0, 10.0)
 _FIRST_DAMPING = 0.1
@@ -127,7 +129,7 @@ def _iteration(objective: Objective, box: Box, searched: Box, state: _State) -> 
         gradient[index] = jacobian.T @ residuals
     active = np.flatnonzero(running)
     floor = 1e-9 * sensitivity[active].max(axis=1, keepdims=True)
-    weight = np.maximum(sensitivity[active], np.maximum(floor, 1e-300)) ** 2
+    weight = np.maximum(sensitivity[active], np.maximum(floor, _LEAST_SENSITIVITY)) ** 2
     ladder = damping[active, None] * np.array(_LADDER)
     # (active, rung, free, free)
     damped = normal[active, None] + ladder[..., None, None] * (

@@ -64,7 +64,7 @@ class ExplorationInterrupted(KeyboardInterrupt):
 def explore(
     objective: Objective, form: Form, search: Multistart | EfficientGA, *, rng: int, on_search: OnSearch
 ) -> Exploration:
-    """Search the parameters of a plain model, or of the plain model at each command (there always genetically).
+    """Search the parameters of a plain model, or genetically those of the plain model at each command.
 
     Raises
     ------
@@ -74,9 +74,7 @@ def explore(
         On Ctrl-C, carrying the best so far.
     """
     if isinstance(search, Multistart):
-        if form.spec.current is None:
-            return _descend_plain(objective, form, search, rng=rng, on_search=on_search)
-        search = EfficientGA()
+        return _descend_plain(objective, form, search, rng=rng, on_search=on_search)
     if form.spec.current is None:
         return _explore_plain(objective, form, search, rng=rng, on_search=on_search)
     return _explore_levels(objective, form, search, rng=rng, on_search=on_search)

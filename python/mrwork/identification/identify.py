@@ -4,23 +4,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError, SimulationError
-from mrwork.identification.equivalent import Form, identifiable_form
-from mrwork.identification.estimate import estimates_of
+from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.exploration import ExplorationInterrupted, explore
-from mrwork.identification.fit import ErrorNorms, Fit, FitStatus, SearchTrace
+from mrwork.identification.fit import Fit, FitStatus, SearchTrace
 from mrwork.identification.interruptible import interruptible
-from mrwork.identification.judge import judge
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import NuisanceName, offsets_left_to
 from mrwork.identification.objective import Objective
-from mrwork.identification.provenance import premises_of, provenance_of
+from mrwork.identification.provenance import premises_of
+from mrwork.identification.run import Progress, Run, Stage, Unit
 from mrwork.identification.warm_start import Start, check_starts, with_starts
 from mrwork.journal import Journal
 from mrwork.records import DamperTest
@@ -30,29 +29,6 @@ from mrwork.spec import DamperSpec, damper
 if TYPE_CHECKING:
     from mrwork.identification.descent import Descended
     from mrwork.identification.polish import Polished
-
-Stage = Literal["search", "screening", "refinement"]
-Unit = Literal["simulations", "%", "steps"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Progress:
-    """Where an identification stands; `share` is the part of the stage's allowance that is used up.
-
-    `generation` of the search with the `median_percent` of its population's fits; 0 and NaN outside a search.
-    `evaluations` and time `steps` were simulated so far.
-    """
-
-    stage: Stage
-    count: int
-    unit: Unit
-    fit_percent: float
-    share: float
-    seconds: float
-    generation: int
-    median_percent: float
-    evaluations: int
-    steps: int
 
 
 class IdentificationInterrupted(KeyboardInterrupt):
@@ -83,9 +59,9 @@ def identify(
 ) -> Fit:
     """Identify one damper model from one or several tests of the same damper.
 
-    A plain model is descended from many starts in lanes, or searched genetically if asked, and the best minimum is
-    finished on the JAX twin. A model with current laws starts from fits of the plain model at each command. With
-    current laws, with nuisance parameters, or where a test has an observation model, the last descent too is in lanes.
+    A plain model is descended from many starts in lanes. If asked it is searched genetically instead, and its best
+    finds are finished on the JAX twin; with nuisance parameters, another power than 2, or where a test has an
+    observation model, in lanes. A model with current laws starts from fits at each command and ends in lanes.
 
     Parameters
     ----------
@@ -126,7 +102,7 @@ def identify(
     Raises
     ------
     SettingError
-        Where a bound or a power is impossible, or a start cannot be used.
+        Where a bound or a power is impossible, a start cannot be used, or `Multistart` is to search current laws.
     UnknownNameError
         Where a start names what the model does not have.
     SimulationError
@@ -147,6 +123,10 @@ def identify(
     spec = damper(model) if isinstance(model, str) else model
     tests = (tests,) if isinstance(tests, DamperTest) else tuple(tests)
     search = search or (Multistart() if spec.current is None else EfficientGA())
+    if spec.current is not None and isinstance(search, Multistart):
+        raise SettingError(
+            f"`search` is Multistart, this {spec.name} has current laws; give EfficientGA, or leave it out"
+        )
     bounds = offsets_left_to(tuple(nuisances), spec) | dict(bounds or {})
     form = identifiable_form(spec, bounds)
     check_starts(spec, form, starts)
@@ -155,7 +135,7 @@ def identify(
     )
     if not form.box.free:
         raise SettingError(f"every parameter of {spec.name} is fixed; leave at least one free")
-    run = _Run(
+    run = Run(
         spec=spec,
         form=form,
         objective=objective,
@@ -251,89 +231,3 @@ def _was_stopped(interrupt: BaseException | None) -> bool:
     while interrupt is not None and not isinstance(interrupt, _Stopped):
         interrupt = interrupt.__cause__
     return interrupt is not None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Run:
-    """What stays the same from the first candidate to the result."""
-
-    spec: DamperSpec
-    form: Form
-    objective: Objective
-    search: Multistart | EfficientGA
-    bounds: dict[str, tuple[float, float]]
-    starts: tuple[dict[str, float], ...]
-    rng: int
-    began: float
-
-    def progress(
-        self,
-        stage: Stage,
-        count: int,
-        unit: Unit,
-        misfit: float,
-        share: float,
-        *,
-        generation: int,
-        median: float,
-    ) -> Progress:
-        return Progress(
-            stage=stage,
-            count=count,
-            unit=unit,
-            fit_percent=100.0 * (1.0 - misfit),
-            share=share,
-            seconds=time.perf_counter() - self.began,
-            generation=generation,
-            median_percent=100.0 * (1.0 - median),
-            evaluations=self.objective.tally.simulations,
-            steps=self.objective.tally.steps,
-        )
-
-    def fit(
-        self,
-        theta: NDArray[np.float64],
-        errors: NDArray[np.float64] | None,
-        trace: SearchTrace,
-        steps: int,
-        status: FitStatus,
-    ) -> Fit:
-        values = np.asarray(self.form.back(theta))
-        tests = self.objective.tests
-        nuisances = self.objective.nuisances
-        quality = tuple(judge(self.spec, values, test, nuisances=nuisances)[1] for test in tests)
-        nrmse = _rms([each.nrmse for each in quality])
-        return Fit(
-            model=self.spec.name,
-            estimates=estimates_of(self.spec, self.form, theta, errors, self.bounds),
-            status=status,
-            stop_reason=trace.stop_reason,
-            nrmse=nrmse,
-            fit_percent=100.0 * (1.0 - nrmse),
-            rmse_n=_rms([each.rmse_n for each in quality]),
-            error_norms=ErrorNorms(
-                time=_rms([each.error_norms.time for each in quality]),
-                displacement=_rms([each.error_norms.displacement for each in quality]),
-                velocity=_rms([each.error_norms.velocity for each in quality]),
-            ),
-            quality=quality,
-            trace=trace,
-            evaluations=self.objective.tally.simulations,
-            refinement_steps=steps,
-            seconds=time.perf_counter() - self.began,
-            n_time=sum(each.n_time for each in quality),
-            provenance=provenance_of(
-                tests,
-                search=self.search,
-                bounds=self.bounds,
-                starts=self.starts,
-                power=self.objective.power,
-                rng=self.rng,
-            ),
-            current=self.spec.current,
-            nuisances=nuisances,
-        )
-
-
-def _rms(values: Sequence[float]) -> float:
-    return float(np.sqrt(np.mean(np.square(values))))

@@ -142,7 +142,8 @@ class Objective:
         """Misfit of each row of `theta`, shape (n_batch,); infinite where a simulation failed.
 
         With `thresholds`, shape (n_batch,), a row is simulated only until its misfit reaches its own, and is infinite
-        then; rows below theirs come out as without, to the last bit.
+        then; rows below theirs come out as without, to the last bit. An observation or a nuisance parameter needs the
+        whole force: there thresholds change nothing.
         """
         if not self.is_direct:
             return np.concatenate(
