@@ -65,13 +65,14 @@ macro_rules! parameters {
      $(=> $($derived:ident: $kind:ty = $value:expr;)+)?) => {
         /// The model's parameters, in spec order, and what follows from them.
         #[derive(Clone, Copy)]
-        // Described in PARAMETERS; letters as in the equation; some are read only through what follows from them.
-        #[allow(missing_docs, non_snake_case, dead_code)]
+        #[allow(missing_docs)] // described in PARAMETERS
+        #[allow(non_snake_case)] // letters as in the equation
+        #[allow(dead_code)] // some are read only through what follows from them
         pub struct Parameters<R: $crate::real::Real> { $(pub $name: R,)+ $($(pub $derived: $kind,)+)? }
 
         impl<R: $crate::real::Real> $crate::parameters::FromSlice<R> for Parameters<R> {
             #[inline(always)]
-            #[allow(non_snake_case)]
+            #[allow(non_snake_case)] // letters as in the equation
             fn from_slice(values: &[R]) -> Self {
                 let mut values = values.iter();
                 $(let $name = match values.next() {

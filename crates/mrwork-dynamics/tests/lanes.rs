@@ -51,7 +51,7 @@ macro_rules! operations {
             struct $name;
             impl Operation for $name {
                 #[inline(always)]
-                #[allow(unused_variables)]
+                #[allow(unused_variables)] // not every operation takes three numbers
                 fn apply<R: Real>(self, $a: R, $b: R, $c: R) -> R {
                     $value
                 }

@@ -68,8 +68,7 @@ impl Watch {
             return false;
         }
         *last_look = Instant::now();
-        #[allow(clippy::redundant_closure_for_method_calls)]
-        // the method is not general enough in its lifetime
+        #[allow(clippy::redundant_closure_for_method_calls)] // the method is too narrow in its lifetime
         if let Err(interrupt) = Python::attach(|py| py.check_signals()) {
             *self.interrupt.lock().unwrap_or_else(PoisonError::into_inner) = Some(interrupt);
             self.stop.store(true, Ordering::Relaxed);

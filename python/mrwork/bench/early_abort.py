@@ -40,7 +40,7 @@ def early_aborts(job: SearchJob, *, generations: int, seeds: int, threads: int) 
 
 
 def _ended(optimiser: Optimiser[Any], generations: int) -> Any:
-    return replace(optimiser, stop=replace(UNSTOPPED, max_generations=generations))  # type: ignore[type-var]
+    return replace(optimiser, stop=replace(UNSTOPPED, max_generations=generations))  # type: ignore[type-var] # `replace` knows no protocol
 
 
 def _measured(name: str, optimiser: Any, job: SearchJob, *, seeds: int, threads: int) -> EarlyAbort:

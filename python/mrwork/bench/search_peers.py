@@ -36,7 +36,7 @@ def scipy_differential_evolution(attempt: Attempt, seed: int) -> None:
         return attempt.misfits(genes.T)
 
     differential_evolution(
-        misfits,  # type: ignore[arg-type]
+        misfits,  # type: ignore[arg-type] # the stubs know no vectorised objective
         Bounds(np.zeros(attempt.job.n_params), np.ones(attempt.job.n_params)),
         popsize=4,
         tol=0.0,
@@ -78,7 +78,7 @@ def pymoo_ga(attempt: Attempt, seed: int) -> None:
 def _pymoo_problem() -> Any:
     problem: Any = library("pymoo.core.problem").Problem
 
-    class CubeProblem(problem):  # type: ignore[misc]
+    class CubeProblem(problem):  # type: ignore[misc] # a base class without types
         def __init__(self, attempt: Attempt) -> None:
             problem.__init__(self, n_var=attempt.job.n_params, n_obj=1, xl=0.0, xu=1.0)
             self._attempt = attempt
@@ -95,8 +95,7 @@ def pyswarms(attempt: Attempt, seed: int) -> None:
     Particles stop at the faces of the cube: with 30 of them that took fewer simulations than to reflect them.
     """
     n_params = attempt.job.n_params
-    # The library draws from the one generator that all of NumPy shares.
-    np.random.seed(seed)  # noqa: NPY002
+    np.random.seed(seed)  # noqa: NPY002 # the library draws from the one generator that all of NumPy shares
     with _no_log_file():
         swarm = library("pyswarms.single.global_best").GlobalBestPSO(
             n_particles=30,

@@ -63,16 +63,9 @@ def generation_told(
     stop: StopRules,
 ) -> PopulationState:
     """The proposed population takes the place of the old one."""
-    rows = state.course.running
     told = proposal.told(misfit)
     after = np.where(proposal.changed, told, proposal.known)
-    return PopulationState(
-        course=state.course.after(
-            proposal, told, population=proposal.population, misfit=after, elite=elite, stop=stop
-        ),
-        population=put(state.population, rows, proposal.population),
-        misfit=put(state.misfit, rows, after),
-    )
+    return _replaced(state, proposal, told, proposal.population, after, elite, stop)
 
 
 def better_told(
@@ -89,10 +82,24 @@ def better_told(
     better = told < state.misfit[rows]
     population = np.where(better[..., None], proposal.population, state.population[rows])
     after = np.where(better, told, state.misfit[rows])
+    return _replaced(state, proposal, told, population, after, elite, stop)
+
+
+def _replaced(
+    state: PopulationState,
+    proposal: Proposal,
+    told: NDArray[np.float64],
+    population: NDArray[np.float64],
+    misfit: NDArray[np.float64],
+    elite: EliteRule,
+    stop: StopRules,
+) -> PopulationState:
+    """The replicates that run have this population with these misfits now."""
+    rows = state.course.running
     return PopulationState(
         course=state.course.after(
-            proposal, told, population=population, misfit=after, elite=elite, stop=stop
+            proposal, told, population=population, misfit=misfit, elite=elite, stop=stop
         ),
         population=put(state.population, rows, population),
-        misfit=put(state.misfit, rows, after),
+        misfit=put(state.misfit, rows, misfit),
     )

@@ -59,7 +59,7 @@ def select(state: T, rows: Sequence[int]) -> T:
 def arrays_of(state: object) -> dict[str, NDArray[Any]]:
     """Every number of a state as plain arrays, named by their fields: `course.best_unit` and so on."""
     arrays: dict[str, NDArray[Any]] = {}
-    for field in dataclasses.fields(state):  # type: ignore[arg-type]
+    for field in dataclasses.fields(state):  # type: ignore[arg-type] # an `object` that is a dataclass
         value = getattr(state, field.name)
         if dataclasses.is_dataclass(value):
             arrays |= {f"{field.name}.{name}": each for name, each in arrays_of(value).items()}
@@ -76,7 +76,7 @@ def state_from_arrays(kind: type[T], arrays: Mapping[str, NDArray[Any]]) -> T:
     for name, hint in hints.items():
         if dataclasses.is_dataclass(hint):
             inner = {key.removeprefix(f"{name}."): each for key, each in arrays.items()}
-            values[name] = state_from_arrays(hint, inner)  # type: ignore[arg-type]
+            values[name] = state_from_arrays(hint, inner)  # type: ignore[arg-type] # a hint is a class here
         else:
             values[name] = int(arrays[name]) if hint is int else arrays[name]
     return kind(**values)
@@ -84,6 +84,6 @@ def state_from_arrays(kind: type[T], arrays: Mapping[str, NDArray[Any]]) -> T:
 
 def _with_parts(value: T, change: Callable[[Any], Any]) -> T:
     """A dataclass with each field changed."""
-    names = [field.name for field in dataclasses.fields(value)]  # type: ignore[arg-type]
+    names = [field.name for field in dataclasses.fields(value)]  # type: ignore[arg-type] # T is a dataclass
     changed = {name: change(getattr(value, name)) for name in names}
-    return dataclasses.replace(value, **changed)  # type: ignore[type-var]
+    return dataclasses.replace(value, **changed)  # type: ignore[type-var] # T is a dataclass

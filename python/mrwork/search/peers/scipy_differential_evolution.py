@@ -101,7 +101,7 @@ def _evolve(
         from scipy.optimize import Bounds, differential_evolution
 
         differential_evolution(
-            misfits,  # type: ignore[arg-type]
+            misfits,  # type: ignore[arg-type] # the stubs know no vectorised objective
             Bounds(np.zeros(population.shape[1]), np.ones(population.shape[1])),
             init=population,
             rng=np.random.default_rng(seed),
