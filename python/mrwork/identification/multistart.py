@@ -1,8 +1,8 @@
 """The default search of a plain model: descents from the best of many starts, until the best find is found again.
 
 Where the misfit is smooth, as that of a hysteresis model is but for a few kinks, a descent of two hundred simulations
-ends in a minimum that a population of thousands only comes near. What it lacks is knowing whether its minimum is the lowest; so
-several start at once, and more follow until the lowest has been reached more than once.
+ends in a minimum that a population of thousands only comes near. What it lacks is knowing whether its minimum is the
+lowest; so several start at once, and more follow until the lowest has been reached more than once.
 """
 
 from __future__ import annotations
