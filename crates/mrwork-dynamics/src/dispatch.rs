@@ -72,7 +72,8 @@ impl InstructionSet {
     pub const fn block_width(self) -> usize {
         match self {
             Self::Avx512 => GROUPS * 8,
-            Self::Avx2 | Self::Plain => 8,
+            Self::Avx2 => 16,
+            Self::Plain => 8,
         }
     }
 
@@ -84,7 +85,10 @@ impl InstructionSet {
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code)] // the features were asked for on the same line
             Self::Avx512 if self.is_supported() => unsafe { x86::run_avx512(candidates, job) },
-            _ => self.run_narrow(job),
+            #[cfg(target_arch = "x86_64")]
+            #[allow(unsafe_code)] // the features were asked for on the same line
+            Self::Avx2 if self.is_supported() => unsafe { x86::run_avx2(candidates, job) },
+            _ => job.run::<Plain>(),
         }
     }
 
@@ -95,10 +99,10 @@ impl InstructionSet {
         match self {
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code)] // the features were asked for on the same line
-            Self::Avx512 if self.is_supported() => unsafe { x86::run_one_avx512(job) },
+            Self::Avx512 if self.is_supported() => unsafe { x86::run_narrow_avx512(job) },
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code)] // the features were asked for on the same line
-            Self::Avx2 if self.is_supported() => unsafe { x86::run_avx2(job) },
+            Self::Avx2 if self.is_supported() => unsafe { x86::run_narrow_avx2(job) },
             _ => job.run::<Plain>(),
         }
     }

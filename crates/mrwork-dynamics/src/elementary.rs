@@ -1,64 +1,42 @@
 //! Exponential, logarithm, real power and hyperbolic tangent of lanes.
 //!
-//! Every function is one straight line of arithmetic over [`Real`]: no table, and no branch other than the
-//! whole exponents of [`powf`]. A lane therefore gives the bits of the scalar, on every instruction set.
+//! Every function is one straight line of arithmetic over [`Real`]: tables of sixteen that fit in two vectors, and no
+//! branch other than the whole exponents of [`powf`]. A lane therefore gives the bits of the scalar, on every
+//! instruction set.
 //!
-//! Subnormal numbers count as zero: as argument of [`ln`] and [`powf`] (but for its whole exponents, which
-//! are products), and as result of [`exp`] and [`powf`]. NaN goes in and comes out.
+//! Subnormal numbers count as zero: as argument of [`ln`] and [`powf`] (but for its whole exponents, which are
+//! products). Results of [`exp`] and [`powf`] below 2^-1020 count as zero too. NaN goes in and comes out.
+
+mod tables;
 
 use core::f64::consts::{LN_2, LOG2_E};
 
-use crate::real::Real;
+use crate::real::{Real, SIXTEENTH_ALIGNER};
+use tables::{
+    BINARY_EXPONENTIAL, BINARY_LOGARITHM, EXPONENTIAL, LOGARITHM, OCTAVE_LOGARITHMS, RECIPROCALS,
+    SIXTEENTH_ROOTS,
+};
 
 /// ln 2 less the double nearest to it.
 const LN_2_TAIL: f64 = 2.319_046_813_846_299_6e-17;
+/// log2 e less the double nearest to it.
+const LOG2_E_TAIL: f64 = 2.035_527_374_093_103_3e-17;
 
 /// 1024 ln 2 less a few units in the last place: `exp` of a larger argument is infinite.
 const LARGEST_EXPONENT: f64 = 709.782_712_893_383_4;
-/// -1022 ln 2, rounded up: `exp` of a smaller argument is subnormal, and counts as zero.
-const SMALLEST_EXPONENT: f64 = -708.396_418_532_264;
-
-/// Coefficients of (e^r - 1 - r)/r^2 as a polynomial in r, for |r| <= ln(2)/2.
-///
-/// Minimax in the relative error of e^r - 1, which is 2^-55.2; found by Lawson's reweighted least squares in
-/// 50 digits, rounding one coefficient after another and refitting those of higher order.
-const EXPONENTIAL: [f64; 10] = [
-    0.5,
-    0.166_666_666_666_666_02,
-    0.041_666_666_666_619_86,
-    0.008_333_333_333_388_407,
-    0.001_388_888_892_057_128_5,
-    0.000_198_412_697_092_704_82,
-    2.480_151_625_291_822e-5,
-    2.755_742_508_057_798_7e-6,
-    2.762_227_113_685_149e-7,
-    2.504_593_921_069_337e-8,
-];
-
-/// Coefficients of (2 artanh(s) - 2 s)/s^3 as a polynomial in s^2, for |s| <= (sqrt(2) - 1)/(sqrt(2) + 1).
-///
-/// Minimax in the absolute error of artanh, which is 2^-62; found by Remez exchange in 60 digits, rounding
-/// one coefficient after another and refitting those of higher order.
-const LOGARITHM: [f64; 7] = [
-    0.666_666_666_666_681,
-    0.399_999_999_990_162,
-    0.285_714_288_181_593_1,
-    0.222_221_916_742_675_6,
-    0.181_838_900_048_066_27,
-    0.153_063_589_885_845_1,
-    0.148_678_267_329_357_96,
-];
+/// Powers of two smaller than this one count as zero: half of them could not be scaled down exactly.
+const SMALLEST_BINARY_EXPONENT: f64 = -1020.0;
 
 /// Exponential e^x.
 ///
-/// At most 1 unit in the last place off; 0 below -708.396 where the result would be subnormal, infinite
-/// above 709.78.
+/// At most 1.2 units in the last place off; 0 below -707.03, infinite above 709.78.
 #[inline(always)]
 pub fn exp<R: Real>(x: R) -> R {
-    let k = (x * R::splat(LOG2_E)).round_ties_even();
-    let high = k.mul_add(R::splat(-LN_2), x);
-    let low = k * R::splat(-LN_2_TAIL);
-    within_range(x, exp_reduced(k, high, low))
+    let high = R::splat(LOG2_E);
+    let (t, sixteenths) = sixteenths(x, high);
+    let f = x.mul_add(R::splat(LOG2_E_TAIL), x.mul_add(high, -t));
+    let power = power_of_two(t, sixteenths, f);
+    R::select(x.less(R::splat(LARGEST_EXPONENT)), power, x + R::splat(f64::INFINITY))
 }
 
 /// Natural logarithm ln x.
@@ -66,16 +44,35 @@ pub fn exp<R: Real>(x: R) -> R {
 /// At most 1 unit in the last place off; -infinity for zero and for subnormal numbers, NaN for negative ones.
 #[inline(always)]
 pub fn ln<R: Real>(x: R) -> R {
-    let Logarithm { high, low, e, .. } = logarithm(x);
-    of_any_base(x, high + e.mul_add(R::splat(LN_2_TAIL), low), R::splat(f64::NEG_INFINITY))
+    // x = 2^e m with 1/sqrt(2) <= m < sqrt(2): ln x = e ln 2 + 2 artanh((m - 1)/(m + 1)).
+    let one = R::splat(1.0);
+    let (e, m, _) = x.octave();
+
+    // s is rounded, and so is its denominator. The remainder f - s (2 + f) says by how much s fell short,
+    // and ds = remainder/(2 + f) = remainder (1 - s)/2 needs no second division.
+    let f = m - one;
+    let s = f / (m + one);
+    let remainder = (-s).mul_add(f, s.mul_add(R::splat(-2.0), f));
+
+    // e ln 2 + 2 s = high + low, exact but for the last term: 2 s is smaller than ln 2.
+    let twice = s + s;
+    let high = e.mul_add(R::splat(LN_2), twice);
+    let rounded_off = twice - e.mul_add(R::splat(-LN_2), high);
+    let low = (-remainder).mul_add(s, rounded_off + remainder);
+
+    let [c0, c1, c2, c3, c4, c5, c6] = LOGARITHM;
+    let z = s * s;
+    let z_2 = z * z;
+    let higher = z_2.mul_add(R::splat(c6), line(z, c4, c5));
+    let series = z_2.mul_add(z_2.mul_add(higher, line(z, c2, c3)), line(z, c0, c1));
+    let low = (s * z).mul_add(series, low);
+    of_any_base(x, high + e.mul_add(R::splat(LN_2_TAIL), low))
 }
 
 /// An exponent n >= 1 of [`powf`], one for each lane, and what can be said of it before any base is known.
 #[derive(Clone, Copy)]
 pub struct Exponent<R: Real> {
     n: R,
-    /// n log2(e), which turns a natural logarithm into the binary exponent of the power.
-    n_log2_e: R,
     /// Whether n is exactly 1, 2 or 3.
     whole: R::Mask,
     all_whole: bool,
@@ -88,34 +85,33 @@ impl<R: Real> Exponent<R> {
     pub fn of(n: R) -> Self {
         let near = (n - R::splat(2.0)).abs().less(R::splat(1.5));
         let whole = R::select(near, n.round_ties_even(), R::splat(f64::NAN)).equal(n);
-        let n_log2_e = n * R::splat(LOG2_E);
-        Self { n, n_log2_e, whole, all_whole: R::all(whole), any_whole: R::any(whole) }
+        Self { n, whole, all_whole: R::all(whole), any_whole: R::any(whole) }
     }
 }
 
 /// Power x^n of a magnitude x (no sign bit).
 ///
-/// At most 1.5 units in the last place off for n <= 10 wherever the result is a normal number; 0 where it would be
-/// subnormal. An exponent of exactly 1, 2 or 3 gives x, x x or (x x) x to the last bit, whatever the other lanes
+/// At most 1.5 units in the last place off for n <= 10 wherever the result is above 2^-1020; 0 below. An exponent of exactly 1, 2 or 3 gives x, x x or (x x) x to the last bit, whatever the other lanes
 /// hold; where all lanes have one of these, nothing else is computed. An infinite base and a NaN give a result that
 /// is not finite. No state of a model asks for a negative base or a smaller exponent, and they are not looked for.
 #[inline(always)]
 pub fn powf<R: Real>(x: R, exponent: &Exponent<R>) -> R {
-    let &Exponent { n, n_log2_e, whole, all_whole, any_whole } = exponent;
+    let &Exponent { n, whole, all_whole, any_whole } = exponent;
     if all_whole {
         return whole_power(x, n);
     }
 
-    // n ln x = high + low, with the rounding error of n * logarithm.high in low. The tail of ln 2 is left out of
-    // e ln 2 and of k ln 2: what remains of it, (n e - k) times the tail, is below 0.6 units for n = 10.
-    let logarithm = logarithm(x);
-    let high = n * logarithm.high;
-    let k = (logarithm.estimate * n_log2_e).round_ties_even();
-    let error = n.mul_add(logarithm.high, -high);
-    let remainder = k.mul_add(R::splat(-LN_2), high);
-    let low = n.mul_add(logarithm.low, error);
+    // x = 2^e m, and c m = 1 + r with the reciprocal c of the middle of m's sixteenth of the octave:
+    // log2 x = (e - log2 c) + log2(1 + r), where the first sum is exact and r is rounded once.
     // The bits of 0 and of infinity read as 2^-1023 and 2^1024, whose powers fall out of range by themselves.
-    let general = within_range(high + low, exp_reduced(k, remainder, low));
+    let (e, m, sixteenth) = x.octave();
+    let r = sixteenth.entry_of(&RECIPROCALS).mul_add(m, R::splat(-1.0));
+    let high = e + sixteenth.entry_of(&OCTAVE_LOGARITHMS);
+    let low = r * binary_logarithm(r);
+
+    let (t, sixteenths) = sixteenths(high + low, n);
+    let f = n.mul_add(low, n.mul_add(high, -t));
+    let general = power_of_two(t, sixteenths, f);
 
     if any_whole { R::select(whole, whole_power(x, n), general) } else { general }
 }
@@ -157,50 +153,34 @@ pub fn tanh<R: Real>(x: R) -> R {
     (larger - smaller).copysign(x)
 }
 
-/// ln x as an unevaluated sum, less e times the tail of ln 2, and a first estimate of it.
-struct Logarithm<R> {
-    /// The binary exponent.
-    e: R,
-    high: R,
-    /// Not small against the last place of `high`: up to 0.0034.
-    low: R,
-    /// Off by less than 1e-4, and known long before `low`.
-    estimate: R,
+/// log2(1 + r)/r.
+#[inline(always)]
+fn binary_logarithm<R: Real>(r: R) -> R {
+    let [c1, c2, c3, c4, c5, c6, c7, c8, c9] = BINARY_LOGARITHM;
+    let s = r * r;
+    let odd = s.mul_add(s.mul_add(s.mul_add(line(s, c7, c9), R::splat(c5)), R::splat(c3)), R::splat(c1));
+    let even = s.mul_add(s.mul_add(line(s, c6, c8), R::splat(c4)), R::splat(c2));
+    r.mul_add(even, odd)
 }
 
-/// For a positive normal x = 2^e m with 1/sqrt(2) <= m < sqrt(2): ln x = e ln 2 + 2 artanh((m - 1)/(m + 1)).
+/// `x factor` rounded to sixteenths, as it is and with the count of sixteenths in its low bits.
 #[inline(always)]
-fn logarithm<R: Real>(x: R) -> Logarithm<R> {
-    let one = R::splat(1.0);
-    let (e, m) = x.exponent_and_mantissa();
-
-    // s is rounded, and so is its denominator. The remainder f - s (2 + f) says by how much s fell short,
-    // and ds = remainder/(2 + f) = remainder (1 - s)/2 needs no second division.
-    let f = m - one;
-    let s = f / (m + one);
-    let remainder = (-s).mul_add(f, s.mul_add(R::splat(-2.0), f));
-
-    // e ln 2 + 2 s = high + low, exact but for the last term: 2 s is smaller than ln 2.
-    let twice = s + s;
-    let high = e.mul_add(R::splat(LN_2), twice);
-    let rounded_off = twice - e.mul_add(R::splat(-LN_2), high);
-    let low = (-remainder).mul_add(s, rounded_off + remainder);
-
-    let [c0, c1, c2, c3, c4, c5, c6] = LOGARITHM;
-    let z = s * s;
-    let z_2 = z * z;
-    let higher = z_2.mul_add(R::splat(c6), line(z, c4, c5));
-    let series = z_2.mul_add(z_2.mul_add(higher, line(z, c2, c3)), line(z, c0, c1));
-    let cube = s * z;
-    Logarithm { e, high, low: cube.mul_add(series, low), estimate: cube.mul_add(R::splat(c0), high) }
+fn sixteenths<R: Real>(x: R, factor: R) -> (R, R) {
+    let aligner = R::splat(SIXTEENTH_ALIGNER);
+    let aligned = x.mul_add(factor, aligner);
+    (aligned - aligner, aligned)
 }
 
-/// 2^k e^(high + low), with |high + low| <= ln(2)/2 but for rounding.
+/// 2^(t + f), for |f| <= 1/32 and t as [`sixteenths`] gives it; 0 where t is too small.
 #[inline(always)]
-fn exp_reduced<R: Real>(k: R, high: R, low: R) -> R {
-    let r = high + low;
-    let tail = low - (r - high);
-    (R::splat(1.0) + (r + above_linear(r, tail))).times_two_to(k)
+fn power_of_two<R: Real>(t: R, sixteenths: R, f: R) -> R {
+    let [c1, c2, c3, c4, c5, c6] = BINARY_EXPONENTIAL;
+    let root = sixteenths.entry_of(&SIXTEENTH_ROOTS);
+    let s = f * f;
+    let odd = s.mul_add(line(s, c3, c5), R::splat(c1));
+    let even = s.mul_add(line(s, c4, c6), R::splat(c2));
+    let power = (root * f).mul_add(f.mul_add(even, odd), root).times_two_to(t);
+    R::select(t.less(R::splat(SMALLEST_BINARY_EXPONENT)), R::splat(0.0), power)
 }
 
 /// e^r - 1 - r + tail.
@@ -222,20 +202,11 @@ fn line<R: Real>(x: R, constant: f64, slope: f64) -> R {
     x.mul_add(R::splat(slope), R::splat(constant))
 }
 
-/// `result`, which is e^`exponent`, where that is a normal number; else 0, infinity or NaN.
-#[inline(always)]
-fn within_range<R: Real>(exponent: R, result: R) -> R {
-    let too_small = exponent.less(R::splat(SMALLEST_EXPONENT));
-    let result = R::select(too_small, R::splat(0.0), result);
-    let finite = exponent.less(R::splat(LARGEST_EXPONENT));
-    R::select(finite, result, exponent + R::splat(f64::INFINITY))
-}
-
-/// `normal` where the base `x` is a positive normal number; `at_zero` below, infinity at infinity, NaN for a NaN
+/// `logarithm` where the base `x` is a positive normal number; -infinity below, infinity at infinity, NaN for a NaN
 /// and for a negative base.
 #[inline(always)]
-fn of_any_base<R: Real>(x: R, normal: R, at_zero: R) -> R {
-    let value = R::select(x.less(R::splat(f64::INFINITY)), normal, x);
-    let value = R::select(x.less(R::splat(f64::MIN_POSITIVE)), at_zero, value);
+fn of_any_base<R: Real>(x: R, logarithm: R) -> R {
+    let value = R::select(x.less(R::splat(f64::INFINITY)), logarithm, x);
+    let value = R::select(x.less(R::splat(f64::MIN_POSITIVE)), R::splat(f64::NEG_INFINITY), value);
     R::select(x.less(R::splat(0.0)), R::splat(f64::NAN), value)
 }

@@ -124,11 +124,16 @@ impl<V: Real, const GROUPS: usize> Real for Pack<V, GROUPS> {
         any
     }
     #[inline(always)]
-    fn exponent_and_mantissa(self) -> (Self, Self) {
+    fn octave(self) -> (Self, Self, Self) {
         (
-            Self(each_group!(g => self.0[g].exponent_and_mantissa().0, from self.0)),
-            Self(each_group!(g => self.0[g].exponent_and_mantissa().1, from self.0)),
+            Self(each_group!(g => self.0[g].octave().0, from self.0)),
+            Self(each_group!(g => self.0[g].octave().1, from self.0)),
+            Self(each_group!(g => self.0[g].octave().2, from self.0)),
         )
+    }
+    #[inline(always)]
+    fn entry_of(self, table: &'static [f64; 16]) -> Self {
+        Self(each_group!(g => self.0[g].entry_of(table), from self.0))
     }
     #[inline(always)]
     fn times_two_to(self, k: Self) -> Self {

@@ -144,9 +144,12 @@ impl Real for Counted {
     fn any(mask: bool) -> bool {
         mask
     }
-    fn exponent_and_mantissa(self) -> (Self, Self) {
-        let (exponent, mantissa) = self.0.exponent_and_mantissa();
-        (Self(exponent), Self(mantissa))
+    fn octave(self) -> (Self, Self, Self) {
+        let (exponent, mantissa, sixteenth) = self.0.octave();
+        (Self(exponent), Self(mantissa), Self(sixteenth))
+    }
+    fn entry_of(self, table: &'static [f64; 16]) -> Self {
+        Self(self.0.entry_of(table))
     }
     fn times_two_to(self, k: Self) -> Self {
         Self(self.0.times_two_to(k.0))

@@ -33,9 +33,13 @@ pub trait Real:
     fn all(mask: Self::Mask) -> bool;
     /// Whether the mask holds in at least one lane.
     fn any(mask: Self::Mask) -> bool;
-    /// For a positive normal number `m * 2^e` with `1/sqrt(2) <= m < sqrt(2)`: `(e, m)`, the exponent as a real.
-    fn exponent_and_mantissa(self) -> (Self, Self);
-    /// `self * 2^k` for integral `k`, by adding to the exponent bits; `self` and the result must be normal.
+    /// For a positive normal number `m * 2^e` with `1/sqrt(2) <= m < sqrt(2)`: `(e, m, j)`, the exponent as a real, and
+    /// the sixteenth of the octave in which m lies, counted by bit patterns, in the low four bits of j.
+    fn octave(self) -> (Self, Self, Self);
+    /// The entry that the low four bits of `self` number.
+    fn entry_of(self, table: &'static [f64; 16]) -> Self;
+    /// `self * 2^floor(k)` for k in sixteenths, infinite where that is too large; `self` must lie between 1/2 and 2, and
+    /// the result must not be below 2^-1021.
     fn times_two_to(self, k: Self) -> Self;
 }
 
@@ -84,17 +88,23 @@ impl Real for f64 {
         mask
     }
     #[inline(always)]
-    fn exponent_and_mantissa(self) -> (Self, Self) {
+    fn octave(self) -> (Self, Self, Self) {
         // Shifting 1/sqrt(2) to 1 first makes the exponent step there.
         let bits = self.to_bits().wrapping_add(ONE_BITS - SQRT_HALF_BITS);
         let exponent = f64::from_bits((bits >> 52) | TWO_TO_52) - EXPONENT_BIAS_AT_TWO_TO_52;
         let mantissa = f64::from_bits((bits & MANTISSA_BITS) + SQRT_HALF_BITS);
-        (exponent, mantissa)
+        (exponent, mantissa, f64::from_bits(bits >> 48))
+    }
+    #[inline(always)]
+    fn entry_of(self, table: &'static [f64; 16]) -> Self {
+        table[(self.to_bits() & 15) as usize]
     }
     #[inline(always)]
     fn times_two_to(self, k: Self) -> Self {
-        let shifted = (k + INTEGER_ALIGNER).to_bits() << 52;
-        f64::from_bits(self.to_bits().wrapping_add(shifted))
+        // By adding to the exponent bits, and the last doubling as a product, which knows infinity.
+        let floor = (k - 1.0 + SIXTEENTH_ALIGNER).to_bits() >> 4;
+        let half = f64::from_bits(self.to_bits().wrapping_add(floor << 52));
+        if k < 1025.0 { half + half } else { f64::INFINITY }
     }
 }
 
@@ -108,5 +118,5 @@ pub(crate) const MANTISSA_BITS: u64 = 0x000F_FFFF_FFFF_FFFF;
 pub(crate) const ONE_BITS: u64 = 0x3FF0_0000_0000_0000;
 /// Bits of 1/sqrt(2).
 pub(crate) const SQRT_HALF_BITS: u64 = 0x3FE6_A09E_667F_3BCD;
-/// 1.5 * 2^52: added to a small integral number, it leaves that integer in the low bits.
-pub(crate) const INTEGER_ALIGNER: f64 = 6_755_399_441_055_744.0;
+/// 1.5 * 2^48: a number added to it is rounded to sixteenths, and their count stands in the low bits.
+pub(crate) const SIXTEENTH_ALIGNER: f64 = 422_212_465_065_984.0;

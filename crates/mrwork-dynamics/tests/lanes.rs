@@ -87,9 +87,14 @@ operations! {
 /// Operations that take positive normal numbers, or small integers, only.
 mod of_normal {
     use super::*;
+
+    static SIXTEEN: [f64; 16] =
+        [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
+
     operations! {
-        Exponent: |a, b, c| a.exponent_and_mantissa().0;
-        Mantissa: |a, b, c| a.exponent_and_mantissa().1;
+        Exponent: |a, b, c| a.octave().0;
+        Mantissa: |a, b, c| a.octave().1;
+        Entry: |a, b, c| a.octave().2.entry_of(&SIXTEEN);
         TimesTwoTo: |a, b, c| a.times_two_to(b);
         Exponential: |a, b, c| exp(b);
         Logarithm: |a, b, c| ln(a);
@@ -191,6 +196,11 @@ fn operations_on_normal_numbers_are_those_on_one_number() {
         .collect();
     numbers
         .extend(unit.chunks_exact(3).map(|u| [u[0] + 1e-9, (6.0 * u[1] - 3.0).round(), (6.0 * u[2]).ceil()]));
+    // Scaling by whole sixteenths, from the smallest result to beyond the largest.
+    numbers.extend(
+        unit.chunks_exact(3)
+            .map(|u| [0.5 + 1.5 * u[0], (16.0 * (2100.0 * u[1] - 1020.0)).round() / 16.0, 1.0 + u[2]]),
+    );
     // The exponent steps at 1/sqrt(2): its neighbours on either side, and the edges of a binade.
     let step = [FRAC_1_SQRT_2.next_down(), FRAC_1_SQRT_2, FRAC_1_SQRT_2.next_up(), SQRT_2, SQRT_2.next_up()];
     for edge in step.into_iter().chain([f64::MIN_POSITIVE, 1.0, 1.0_f64.next_down()]) {

@@ -5,7 +5,7 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::{GROUPS, LaneJob, Lanes, Pack};
 use crate::real::{
-    EXPONENT_BIAS_AT_TWO_TO_52, INTEGER_ALIGNER, MANTISSA_BITS, ONE_BITS, Real, SQRT_HALF_BITS, TWO_TO_52,
+    EXPONENT_BIAS_AT_TWO_TO_52, MANTISSA_BITS, ONE_BITS, Real, SIXTEENTH_ALIGNER, SQRT_HALF_BITS, TWO_TO_52,
 };
 
 /// # Safety
@@ -23,14 +23,24 @@ pub(super) unsafe fn run_avx512<J: LaneJob>(candidates: usize, job: J) -> J::Out
 /// # Safety
 /// The processor must have the enabled features.
 #[target_feature(enable = "avx2,fma")]
-pub(super) unsafe fn run_avx2<J: LaneJob>(job: J) -> J::Output {
+pub(super) unsafe fn run_avx2<J: LaneJob>(candidates: usize, job: J) -> J::Output {
+    match candidates {
+        ..=8 => job.run::<Pack<Avx2, 2>>(),
+        _ => job.run::<Pack<Avx2, 4>>(),
+    }
+}
+
+/// # Safety
+/// The processor must have the enabled features.
+#[target_feature(enable = "avx2,fma")]
+pub(super) unsafe fn run_narrow_avx2<J: LaneJob>(job: J) -> J::Output {
     job.run::<Pack<Avx2, 2>>()
 }
 
 /// # Safety
 /// The processor must have the enabled features.
 #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
-pub(super) unsafe fn run_one_avx512<J: LaneJob>(job: J) -> J::Output {
+pub(super) unsafe fn run_narrow_avx512<J: LaneJob>(job: J) -> J::Output {
     job.run::<Avx512>()
 }
 
@@ -147,7 +157,7 @@ impl Real for Avx512 {
         mask != 0
     }
     #[inline(always)]
-    fn exponent_and_mantissa(self) -> (Self, Self) {
+    fn octave(self) -> (Self, Self, Self) {
         unsafe {
             let bits = _mm512_add_epi64(
                 _mm512_castpd_si512(self.0),
@@ -162,8 +172,17 @@ impl Real for Avx512 {
             (
                 Self(_mm512_castsi512_pd(exponent)) - Self::splat(EXPONENT_BIAS_AT_TWO_TO_52),
                 Self(_mm512_castsi512_pd(mantissa)),
+                Self(_mm512_castsi512_pd(_mm512_srli_epi64::<48>(bits))),
             )
         }
+    }
+    #[inline(always)]
+    fn entry_of(self, table: &'static [f64; 16]) -> Self {
+        Self(unsafe {
+            let low = _mm512_loadu_pd(table.as_ptr());
+            let high = _mm512_loadu_pd(table.as_ptr().add(8));
+            _mm512_permutex2var_pd(low, _mm512_castpd_si512(self.0), high)
+        })
     }
     #[inline(always)]
     fn times_two_to(self, k: Self) -> Self {
@@ -218,7 +237,7 @@ impl Real for Avx2 {
         unsafe { _mm256_movemask_pd(mask) != 0 }
     }
     #[inline(always)]
-    fn exponent_and_mantissa(self) -> (Self, Self) {
+    fn octave(self) -> (Self, Self, Self) {
         unsafe {
             let bits = _mm256_add_epi64(
                 _mm256_castpd_si256(self.0),
@@ -233,17 +252,24 @@ impl Real for Avx2 {
             (
                 Self(_mm256_castsi256_pd(exponent)) - Self::splat(EXPONENT_BIAS_AT_TWO_TO_52),
                 Self(_mm256_castsi256_pd(mantissa)),
+                Self(_mm256_castsi256_pd(_mm256_srli_epi64::<48>(bits))),
             )
         }
     }
     #[inline(always)]
-    fn times_two_to(self, k: Self) -> Self {
-        let aligned = k + Self::splat(INTEGER_ALIGNER);
+    fn entry_of(self, table: &'static [f64; 16]) -> Self {
         Self(unsafe {
-            _mm256_castsi256_pd(_mm256_add_epi64(
-                _mm256_castpd_si256(self.0),
-                _mm256_slli_epi64::<52>(_mm256_castpd_si256(aligned.0)),
-            ))
+            let index = _mm256_and_si256(_mm256_castpd_si256(self.0), _mm256_set1_epi64x(15));
+            _mm256_i64gather_pd::<8>(table.as_ptr(), index)
         })
+    }
+    #[inline(always)]
+    fn times_two_to(self, k: Self) -> Self {
+        let aligned = k - Self::splat(1.0) + Self::splat(SIXTEENTH_ALIGNER);
+        let half = Self(unsafe {
+            let floor = _mm256_srli_epi64::<4>(_mm256_castpd_si256(aligned.0));
+            _mm256_castsi256_pd(_mm256_add_epi64(_mm256_castpd_si256(self.0), _mm256_slli_epi64::<52>(floor)))
+        });
+        Self::select(k.less(Self::splat(1025.0)), half + half, Self::splat(f64::INFINITY))
     }
 }
