@@ -5,9 +5,8 @@
 
 use crate::lanes::{Lanes, Pack, Plain};
 
-/// Vectors interleaved in one pack of a full block: enough to hide the latency of a power, few enough that a step
-/// of the larger models stays in the instruction cache.
-const GROUPS: usize = 6;
+/// Vectors interleaved in one pack of a full block: enough to hide the latency of a power and a division.
+const GROUPS: usize = 8;
 
 /// Work that is written once for any number of lanes.
 pub trait LaneJob {

@@ -132,9 +132,7 @@ fn whole_power<R: Real>(x: R, n: R) -> R {
 pub fn tanh<R: Real>(x: R) -> R {
     let one = R::splat(1.0);
     let half = R::splat(0.5);
-    let saturated = R::splat(20.0);
-    let size = x.abs();
-    let size = R::select(saturated.less(size), saturated, size);
+    let size = R::splat(20.0).min(x.abs());
     let doubled = size + size;
 
     // 2 h = 2^k (e^r - 1) + (2^k - 1) keeps its relative accuracy down to the smallest x, where k = 0.
@@ -186,14 +184,11 @@ fn power_of_two<R: Real>(t: R, sixteenths: R, f: R) -> R {
 /// e^r - 1 - r + tail.
 #[inline(always)]
 fn above_linear<R: Real>(r: R, tail: R) -> R {
-    // Two halves of equal depth: the extra product r^6 costs less than a longer chain would.
     let [c0, c1, c2, c3, c4, c5, c6, c7, c8, c9] = EXPONENTIAL;
-    let r_2 = r * r;
-    let r_4 = r_2 * r_2;
-    let middle = r_2.mul_add(line(r, c6, c7), line(r, c4, c5));
-    let upper = r_4.mul_add(line(r, c8, c9), middle);
-    let lower = r_2.mul_add(line(r, c2, c3), line(r, c0, c1));
-    (r_2 * r_4).mul_add(upper, r_2.mul_add(lower, tail))
+    let s = r * r;
+    let even = s.mul_add(s.mul_add(s.mul_add(line(s, c6, c8), R::splat(c4)), R::splat(c2)), R::splat(c0));
+    let odd = s.mul_add(s.mul_add(s.mul_add(line(s, c7, c9), R::splat(c5)), R::splat(c3)), R::splat(c1));
+    s.mul_add(r.mul_add(odd, even), tail)
 }
 
 /// constant + slope x.

@@ -92,6 +92,10 @@ impl<V: Real, const GROUPS: usize> Real for Pack<V, GROUPS> {
         Self(each_group!(g => self.0[g].copysign(sign.0[g]), from self.0))
     }
     #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self(each_group!(g => self.0[g].min(other.0[g]), from self.0))
+    }
+    #[inline(always)]
     fn round_ties_even(self) -> Self {
         Self(each_group!(g => self.0[g].round_ties_even(), from self.0))
     }

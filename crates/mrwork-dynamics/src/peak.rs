@@ -126,6 +126,9 @@ impl Real for Counted {
     fn copysign(self, sign: Self) -> Self {
         Self(self.0.copysign(sign.0))
     }
+    fn min(self, other: Self) -> Self {
+        Self(Real::min(self.0, other.0))
+    }
     fn round_ties_even(self) -> Self {
         Self(self.0.round_ties_even())
     }

@@ -21,6 +21,8 @@ pub trait Real:
     fn abs(self) -> Self;
     /// Magnitude of `self` with the sign bit of `sign`.
     fn copysign(self, sign: Self) -> Self;
+    /// The smaller of the two; `other` where either is NaN.
+    fn min(self, other: Self) -> Self;
     /// Nearest integral value, ties to even.
     fn round_ties_even(self) -> Self;
     /// `self < other`; false where either is NaN.
@@ -61,6 +63,10 @@ impl Real for f64 {
     #[inline(always)]
     fn copysign(self, sign: Self) -> Self {
         f64::copysign(self, sign)
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        if self < other { self } else { other }
     }
     #[inline(always)]
     fn round_ties_even(self) -> Self {

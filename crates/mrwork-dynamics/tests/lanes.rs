@@ -76,6 +76,7 @@ operations! {
     FusedMultiplyAdd: |a, b, c| a.mul_add(b, c);
     Magnitude: |a, b, c| a.abs();
     SignOfAnother: |a, b, c| a.copysign(b);
+    Smaller: |a, b, c| Real::min(a, b);
     Rounding: |a, b, c| a.round_ties_even();
     Less: |a, b, c| R::select(a.less(b), R::splat(1.0), R::splat(0.0));
     Equal: |a, b, c| R::select(a.equal(b), R::splat(1.0), R::splat(0.0));

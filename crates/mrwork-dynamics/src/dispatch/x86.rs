@@ -16,6 +16,7 @@ pub(super) unsafe fn run_avx512<J: LaneJob>(candidates: usize, job: J) -> J::Out
         ..=8 => job.run::<Avx512>(),
         9..=16 => job.run::<Pack<Avx512, 2>>(),
         17..=32 => job.run::<Pack<Avx512, 4>>(),
+        33..=48 => job.run::<Pack<Avx512, 6>>(),
         _ => job.run::<Pack<Avx512, GROUPS>>(),
     }
 }
@@ -133,6 +134,10 @@ impl Real for Avx512 {
         })
     }
     #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self(unsafe { _mm512_min_pd(self.0, other.0) })
+    }
+    #[inline(always)]
     fn round_ties_even(self) -> Self {
         Self(unsafe { _mm512_roundscale_pd::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(self.0) })
     }
@@ -211,6 +216,10 @@ impl Real for Avx2 {
             let sign = _mm256_and_pd(sign.0, _mm256_set1_pd(-0.0));
             Self(_mm256_or_pd(self.abs().0, sign))
         }
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self(unsafe { _mm256_min_pd(self.0, other.0) })
     }
     #[inline(always)]
     fn round_ties_even(self) -> Self {
