@@ -20,6 +20,7 @@ from mrwork.bench.early_abort import EarlyAbort, early_aborts
 from mrwork.bench.identify import bench_identify
 from mrwork.bench.search_job import N_TIME, REFERENCE, SearchJob, record
 from mrwork.bench.search_rows import SearchRow, extrapolated, row_of
+from mrwork.bench.side_by_side import attempted_at_once, described
 from mrwork.bench.usual_way import SOLVERS, Solver, UsualWay, misfit_by
 from mrwork.cli import main
 from mrwork.errors import SettingError
@@ -133,6 +134,18 @@ def test_an_early_abort_changes_nothing_and_spares_steps(job: SearchJob) -> None
     assert all(each.identical and 0.0 < each.steps_share_done < 1.0 for each in aborts)
 
 
+def test_seeds_at_once_end_at_the_target_or_at_the_budget(job: SearchJob) -> None:
+    methods = [name for name, _, _ in described()]
+    for best_known, success in ((10.0, True), (0.0, False)):
+        found = dict(attempted_at_once(job, best_known=best_known, budget=64, first_seed=3, seeds=2))
+        assert list(found) == methods
+        for first, second in found.values():
+            assert first.success is second.success is success
+            assert first.seconds == second.seconds
+            assert 20 <= first.evaluations <= 64
+            assert first.gap_points != second.gap_points
+
+
 def an_outcome(evaluations: int, *, success: bool = True) -> Outcome:
     return Outcome(evaluations=evaluations, seconds=evaluations / 1e3, success=success, gap_points=0.1)
 
@@ -204,6 +217,7 @@ def test_a_quick_run_has_all_rows(job: SearchJob, capsys: pytest.CaptureFixture[
     expected = {("identify", "rust")} | {(name, "rust") for name in OURS}
     expected |= {(name, objective) for name in PEERS for objective in ("rust", "numba")}
     expected |= {(each["method"], "rust, early abort") for each in told["early_abort"]}
+    expected |= {(name, objective) for name, objective, _ in described()}
     assert {(row["method"], row["objective"]) for row in rows if not row["extrapolated"]} == expected
     assert [row["objective"] for row in rows if row["extrapolated"]] == ["solve_ivp"]
     assert len(told["early_abort"]) == 3

@@ -104,7 +104,7 @@ class Attempt:
 
 
 Method = Callable[[Attempt, int], None]
-ObjectiveName = Literal["rust", "rust, early abort", "numba"]
+ObjectiveName = Literal["rust", "rust, early abort", "rust, seeds at once", "numba"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

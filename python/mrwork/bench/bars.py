@@ -38,15 +38,21 @@ def bars_of(rows: tuple[SearchRow, ...], tests: tuple[TestRow, ...], aborts: lis
     """What was aimed at, each on each number of threads."""
     bars: list[Bar] = []
 
-    def fastest(method: str, objective: str, threads: int) -> float | None:
-        """Seconds on this objective, ours with or without early abort."""
-        found = [
-            row.seconds
+    def found(method: str, objective: str, threads: int) -> list[SearchRow]:
+        """On this objective, ours with or without early abort, one seed after another or all at once."""
+        return [
+            row
             for row in rows
             if row.method == method and row.objective.startswith(objective) and row.threads == threads
         ]
-        known = [seconds for seconds in found if seconds is not None]
-        return min(known) if known else None
+
+    def fastest(method: str, objective: str, threads: int) -> float | None:
+        """Seconds to the target."""
+        known = [row.seconds for row in found(method, objective, threads) if row.seconds is not None]
+        return min(known, default=None)
+
+    def per_simulation(method: str, objective: str, threads: int) -> float | None:
+        return min((row.seconds_per_simulation for row in found(method, objective, threads)), default=None)
 
     def times(ours: float | None, theirs: float | None) -> float | None:
         return theirs / ours if ours and theirs else None
@@ -68,6 +74,17 @@ def bars_of(rows: tuple[SearchRow, ...], tests: tuple[TestRow, ...], aborts: lis
                 threads=threads,
                 aim=8.0,
                 measured=times(fastest(ours, "rust", threads), fastest(theirs, "numba", threads)),
+            )
+            for ours, theirs in _CLASSES
+        ]
+        bars += [
+            Bar(
+                claim=f"{ours}: simulations a second, times those of {theirs} on numba",
+                threads=threads,
+                aim=8.0,
+                measured=times(
+                    per_simulation(ours, "rust", threads), per_simulation(theirs, "numba", threads)
+                ),
             )
             for ours, theirs in _CLASSES
         ]

@@ -89,17 +89,12 @@ def contenders() -> tuple[list[Contender], list[str]]:
     ]
     missing: list[str] = []
     for name, optimiser in OURS.items():
-        settings = f"population {optimiser.population}"
+        settings = settings_of(name, optimiser)
         found.append(Contender(name=name, objective="rust", method=_searched(optimiser), settings=settings))
     for name, optimiser in ABORTED.items():
-        settings = f"population {optimiser.population}"
-        if name == "efficient_ga":
-            settings += ", ceiling at 1 and 1.5 times the median"
-        found.append(
-            Contender(
-                name=name, objective="rust, early abort", method=_aborting(optimiser), settings=settings
-            )
-        )
+        settings = settings_of(name, optimiser)
+        method = _aborting(optimiser)
+        found.append(Contender(name=name, objective="rust, early abort", method=method, settings=settings))
     objectives: tuple[ObjectiveName, ...] = ("rust",)
     if importlib.util.find_spec("numba") is None:
         missing.append("numba")
@@ -114,6 +109,13 @@ def contenders() -> tuple[list[Contender], list[str]]:
             for objective in objectives
         ]
     return found, missing
+
+
+def settings_of(name: str, optimiser: Optimiser[Any]) -> str:
+    """What one of ours runs with, in words."""
+    population = f"population {optimiser.population}"
+    limited = name in ABORTED and optimiser == ABORTED[name] != OURS[name]
+    return f"{population}, ceiling at 1 and 1.5 times the median" if limited else population
 
 
 def _searched(optimiser: Optimiser[Any]) -> Method:

@@ -27,14 +27,15 @@ def _lines(benchmark: SearchBenchmark) -> Iterator[str]:
     yield f"(multistart of least squares, {setup.known_simulations} simulations, in the same box)"
     yield ""
     yield (
-        f"{'method':<29} {'objective':<17} {'threads':>7} {'simulations':>11} {'seconds':>9} {'success':>8} "
+        f"{'method':<29} {'objective':<19} {'threads':>7} {'simulations':>11} {'seconds':>9} {'success':>8} "
         f"{'seeds':>6} {'s/success':>9} {'gap, points':>11}"
     )
     for row in benchmark.rows:
         yield _line(row)
     yield ""
     yield "Medians over the attempts that came near; s/success counts what failures spent. Compiling and loading are"
-    yield "not counted. ~ extrapolated. identify is its whole run, and may leave the box: its gap can be negative."
+    yield "not counted; of seeds run at once each has its share. ~ extrapolated. identify is its whole run, and may"
+    yield "leave the box: its gap can be negative."
     yield ""
     for abort in benchmark.early_abort:
         same = "the same to the last bit" if abort.identical else "NOT THE SAME RESULT"
@@ -72,6 +73,6 @@ def _line(row: SearchRow) -> str:
     seconds = "-" if row.seconds is None else f"{mark}{row.seconds:.3g}"
     expected = "-" if row.expected_seconds is None else f"{row.expected_seconds:.3g}"
     return (
-        f"{row.method:<29} {row.objective:<17} {row.threads:>7} {evaluations:>11} {seconds:>9} {row.success:>8.0%} "
+        f"{row.method:<29} {row.objective:<19} {row.threads:>7} {evaluations:>11} {seconds:>9} {row.success:>8.0%} "
         f"{row.n_seeds:>6} {expected:>9} {row.gap_points:>11.2f}"
     )

@@ -31,6 +31,7 @@ from mrwork.bench.early_abort import early_aborts
 from mrwork.bench.processes import pin, tell
 from mrwork.bench.search_job import ALL_TESTS, REFERENCE, SearchJob, record
 from mrwork.bench.search_peers import multistart_least_squares
+from mrwork.bench.side_by_side import OBJECTIVE, attempted_at_once, described
 from mrwork.bench.timing import Peer, fastest_variant
 from mrwork.bench.usual_way import measure_usual_way
 from mrwork.bench.workload import Run
@@ -117,7 +118,10 @@ def measure(settings: Settings, threads: int) -> None:
         best_known_percent=100.0 * (1.0 - best_known),
         known_simulations=simulated,
         threads=threads,
-        contenders=tuple((each.name, each.objective, each.settings) for each in everyone),
+        contenders=(
+            *((each.name, each.objective, each.settings) for each in everyone),
+            *described(),
+        ),
         missing=tuple(missing),
         numba_variant=variant,
         first_call_seconds=first_calls,
@@ -140,6 +144,13 @@ def measure(settings: Settings, threads: int) -> None:
                 seed=_FIRST_SEED + seed,
             )
             named = {"method": contender.name, "objective": contender.objective, "threads": threads}
+            tell("outcome", named | asdict(outcome))
+    tell("progress", "all seeds at once")
+    for name, outcomes in attempted_at_once(
+        job, best_known=best_known, budget=settings.budget, first_seed=_FIRST_SEED, seeds=settings.seeds
+    ):
+        named = {"method": name, "objective": OBJECTIVE, "threads": threads}
+        for outcome in outcomes:
             tell("outcome", named | asdict(outcome))
     tell("progress", "early abort")
     generations, seeds = settings.abort_generations, settings.abort_seeds

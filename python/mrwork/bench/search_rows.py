@@ -16,8 +16,8 @@ class SearchRow:
 
     `evaluations` and `seconds` are medians over the attempts that came within 0.2 points of the best known fit, with
     their quartiles; `None` where none did. `success` is their share. `expected_seconds` counts the failures in, with
-    all that they spent, per success. `gap_points` of fit are left at the end of an attempt, the median. `extrapolated`
-    seconds were not waited for.
+    all that they spent, per success; `seconds_per_simulation` is over all attempts. `gap_points` of fit are left at
+    the end of an attempt, the median. `extrapolated` seconds were not waited for.
     """
 
     method: str
@@ -31,6 +31,7 @@ class SearchRow:
     evaluations_quartiles: tuple[float, float] | None
     seconds_quartiles: tuple[float, float] | None
     expected_seconds: float | None
+    seconds_per_simulation: float
     gap_points: float
     settings: str
 
@@ -65,6 +66,7 @@ def row_of(method: str, objective: str, threads: int, settings: str, outcomes: l
         evaluations_quartiles=evaluations and (evaluations[0], evaluations[2]),
         seconds_quartiles=seconds and (seconds[0], seconds[2]),
         expected_seconds=spent / len(reached) if reached else None,
+        seconds_per_simulation=spent / sum(outcome.evaluations for outcome in outcomes),
         gap_points=float(np.median([outcome.gap_points for outcome in outcomes])),
         settings=settings,
     )
@@ -84,6 +86,7 @@ def extrapolated(swarm: SearchRow, usual: UsualWay) -> SearchRow:
         seconds=swarm.evaluations and swarm.evaluations * each,
         seconds_quartiles=quartiles and (quartiles[0] * each, quartiles[1] * each),
         expected_seconds=None,
+        seconds_per_simulation=each,
         extrapolated=True,
         settings=f"{usual.solver}, {usual.candidates} candidates timed: {by_solver}",
     )
