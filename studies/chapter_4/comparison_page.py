@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from comparison_figures import (
     COLOURS,
@@ -22,8 +20,7 @@ from comparison_tables import tables_of
 from damper_tests import FORCE_NOISE_N
 from findings import Comparison, Trial, TrialFinding
 from mrwork.report import style
-from mrwork.report.html import _styles as report_styles
-from mrwork.report.svg import inline_svg
+from mrwork.report.study_page import Panel, panel, swatch, write_study_page
 from search_settings import EFFICIENT, SEARCHES, Model, Settings
 
 _SYNTHETIC = (
@@ -37,16 +34,10 @@ _MEASURED = (
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Panel:
-    title: str
-    svg: Markup
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class _ModelPart:
     label: str
-    traces: tuple[_Panel, ...]
-    loops: tuple[_Panel, ...]
+    traces: tuple[Panel, ...]
+    loops: tuple[Panel, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,7 +46,7 @@ class _SetPart:
     title: str
     synthetic: bool
     about: str
-    summary: tuple[_Panel, ...]
+    summary: tuple[Panel, ...]
     tables: tuple[Markup, ...]
     models: tuple[_ModelPart, ...]
 
@@ -70,41 +61,32 @@ def write_page(
     footer: str,
 ) -> None:
     """Write the page of all sets."""
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    template = environment.from_string(
-        (Path(__file__).parent / "chapter.html.j2").read_text(encoding="utf-8")
-    )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(
-        template.render(
-            styles=Markup(report_styles()),
-            subject=f"{settings.replicates} runs of each search of each model on each test, {settings.population} "
-            f"candidates, {settings.generations} generations",
-            about="After M. T. Nguyen, Modelling and Control of Smart Structures Embedded with Magnetorheological "
-            "Dampers, University of Technology, Sydney, 2009, chapter 4: the form of its tables 4.2 to 4.4. Its "
-            "values were not at hand and are not reproduced here.",
-            skipped=skipped,
-            footer=footer,
-            key=(
-                *_key([(COLOURS[search], "line", search) for search in SEARCHES]),
-                Markup("line: median over the runs, band (but for the coarse one): nine in ten"),
-                *_key([(style.FAINT_INK, "dotted", "95 % error level")]),
-            ),
-            loop_key=_key(
-                [
-                    (style.DATA, "point", "test"),
-                    (style.MODEL, "line", f"best run of the {EFFICIENT}"),
-                    (style.RESIDUAL, "line", "its median run"),
-                ]
-            ),
-            sets=[
-                _set_part(f"s{place}", comparison, found)
-                for place, (comparison, found) in enumerate(zip(comparisons, findings, strict=True), start=1)
-            ],
+    write_study_page(
+        Path(__file__).parent / "chapter.html.j2",
+        path,
+        subject=f"{settings.replicates} runs of each search of each model on each test, {settings.population} "
+        f"candidates, {settings.generations} generations",
+        about="After M. T. Nguyen, Modelling and Control of Smart Structures Embedded with Magnetorheological "
+        "Dampers, University of Technology, Sydney, 2009, chapter 4: the form of its tables 4.2 to 4.4. Its "
+        "values were not at hand and are not reproduced here.",
+        skipped=skipped,
+        footer=footer,
+        key=(
+            *_key([(COLOURS[search], "line", search) for search in SEARCHES]),
+            Markup("line: median over the runs, band (but for the coarse one): nine in ten"),
+            *_key([(style.FAINT_INK, "dotted", "95 % error level")]),
         ),
-        encoding="utf-8",
+        loop_key=_key(
+            [
+                (style.DATA, "point", "test"),
+                (style.MODEL, "line", f"best run of the {EFFICIENT}"),
+                (style.RESIDUAL, "line", "its median run"),
+            ]
+        ),
+        sets=[
+            _set_part(f"s{place}", comparison, found)
+            for place, (comparison, found) in enumerate(zip(comparisons, findings, strict=True), start=1)
+        ],
     )
 
 
@@ -118,7 +100,7 @@ def _set_part(anchor: str, comparison: Comparison, findings: Sequence[TrialFindi
         synthetic=tests.synthetic,
         about=_SYNTHETIC if tests.synthetic else _MEASURED,
         summary=tuple(
-            _panel(
+            panel(
                 f"{anchor}-{kind}{place}",
                 _title(label),
                 draw(comparison, by_label[label]),
@@ -145,7 +127,7 @@ def _model_part(anchor: str, comparison: Comparison, model: Model) -> _ModelPart
     return _ModelPart(
         label=model.label,
         traces=tuple(
-            _panel(
+            panel(
                 f"{anchor}-{kind}{place}",
                 _current(trial),
                 draw(trial),
@@ -155,7 +137,7 @@ def _model_part(anchor: str, comparison: Comparison, model: Model) -> _ModelPart
             for place, trial in enumerate(shown)
         ),
         loops=tuple(
-            _panel(
+            panel(
                 f"{anchor}-loop{place}{'v' if over_velocity else 'x'}",
                 _current(trial),
                 loop_figure(trial, EFFICIENT, over_velocity=over_velocity),
@@ -177,17 +159,4 @@ def _title(label: str) -> str:
 
 def _key(entries: Sequence[tuple[str, str, str]]) -> tuple[Markup, ...]:
     """Colour, kind of mark and meaning of each."""
-    return tuple(Markup("{}{}").format(_swatch(colour, kind), text) for colour, kind, text in entries)
-
-
-def _swatch(colour: str, kind: str) -> Markup:
-    if kind == "point":
-        mark = Markup('<circle cx="11" cy="4.5" r="3.5" fill="{}"/>').format(colour)
-    else:
-        dash = Markup(' stroke-dasharray="2 2.5"') if kind == "dotted" else ""
-        mark = Markup('<path d="M0 4.5H22" stroke="{}" stroke-width="1.6"{}/>').format(colour, dash)
-    return Markup('<svg viewBox="0 0 22 9" aria-hidden="true">{}</svg>').format(mark)
-
-
-def _panel(identifier: str, title: str, figure: Figure, description: str) -> _Panel:
-    return _Panel(title=title, svg=Markup(inline_svg(figure, identifier=identifier, description=description)))
+    return tuple(Markup("{}{}").format(swatch(colour, kind), text) for colour, kind, text in entries)

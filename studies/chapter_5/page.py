@@ -6,17 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from current_laws import MODELS, STATIC, WITH_LAWS, Model
 from damper_tests import FORCE_NOISE_N
 from law_figures import FREQUENCY_COLOURS, loop_figure, parameter_figure, rms_figure
 from law_tables import law_rms_table, law_table, per_current_table, rms_table
 from mrwork.report import style
-from mrwork.report.html import _styles as report_styles
-from mrwork.report.svg import inline_svg
+from mrwork.report.study_page import Panel, panel, swatch, write_study_page
 from outcome import SetOutcome
 
 _ABOUT = {
@@ -36,16 +33,10 @@ _ABOUT = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Panel:
-    title: str
-    svg: Markup
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class _ModelPart:
     label: str
     key: tuple[Markup, ...]
-    panels: tuple[_Panel, ...]
+    panels: tuple[Panel, ...]
     tables: tuple[Markup, ...]
 
 
@@ -55,11 +46,11 @@ class _DamperPart:
     title: str
     synthetic: bool
     about: str
-    rms: tuple[_Panel, ...]
+    rms: tuple[Panel, ...]
     rms_tables: tuple[Markup, ...]
     loop_motion: str
     loop_note: str
-    loops: tuple[_Panel, ...]
+    loops: tuple[Panel, ...]
     models: tuple[_ModelPart, ...]
     law_rms: tuple[Markup, ...]
 
@@ -71,26 +62,17 @@ def write_page(outcomes: Sequence[SetOutcome], path: Path, *, skipped: str, foot
         _damper_part(f"d{place}", [outcome for outcome in outcomes if outcome.tests.damper == damper])
         for place, damper in enumerate(dampers, start=1)
     ]
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    template = environment.from_string(
-        (Path(__file__).parent / "chapter.html.j2").read_text(encoding="utf-8")
-    )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(
-        template.render(
-            styles=Markup(report_styles()),
-            subject="Static hysteretic, polynomial-fitting and Bouc-Wen models, identified one current at a time and "
-            "for all currents at once",
-            about="After M. T. Nguyen, Modelling and Control of Smart Structures Embedded with Magnetorheological "
-            "Dampers, University of Technology, Sydney, 2009, chapter 5: the form of its tables 5.2 and 5.3 and of "
-            "its figure 5.9. Its text was not at hand.",
-            skipped=skipped,
-            footer=footer,
-            dampers=parts,
-        ),
-        encoding="utf-8",
+    write_study_page(
+        Path(__file__).parent / "chapter.html.j2",
+        path,
+        subject="Static hysteretic, polynomial-fitting and Bouc-Wen models, identified one current at a time and "
+        "for all currents at once",
+        about="After M. T. Nguyen, Modelling and Control of Smart Structures Embedded with Magnetorheological "
+        "Dampers, University of Technology, Sydney, 2009, chapter 5: the form of its tables 5.2 and 5.3 and of "
+        "its figure 5.9. Its text was not at hand.",
+        skipped=skipped,
+        footer=footer,
+        dampers=parts,
     )
 
 
@@ -103,7 +85,7 @@ def _damper_part(anchor: str, outcomes: list[SetOutcome]) -> _DamperPart:
         synthetic=first.tests.synthetic,
         about=_ABOUT[name],
         rms=tuple(
-            _panel(
+            panel(
                 f"{anchor}-rms{place}", outcome.tests.motion, rms_figure(outcome), "RMS error against current"
             )
             for place, outcome in enumerate(outcomes)
@@ -114,7 +96,7 @@ def _damper_part(anchor: str, outcomes: list[SetOutcome]) -> _DamperPart:
         + ("synthetic" if first.tests.synthetic else "measured")
         + ". Line: the model identified at that current, one cycle.",
         loops=tuple(
-            _panel(
+            panel(
                 f"{anchor}-loop{place}{'v' if over_velocity else 'x'}",
                 model.label[0].upper() + model.label[1:],
                 loop_figure(first, model, over_velocity=over_velocity),
@@ -138,7 +120,7 @@ def _model_part(anchor: str, outcomes: list[SetOutcome], model: Model) -> _Model
         label=model.label,
         key=_key(outcomes, model),
         panels=tuple(
-            _panel(
+            panel(
                 f"{anchor}-{name}", name, parameter_figure(outcomes, model, name), f"{name} against current"
             )
             for name in model.free
@@ -158,30 +140,15 @@ def _key(outcomes: list[SetOutcome], model: Model) -> tuple[Markup, ...]:
     """What the marks of a parameter's panel mean."""
     lines = [
         Markup('{}<span style="color:{}">{}</span>').format(
-            _swatch(colour, "point"), colour, outcome.tests.motion
+            swatch(colour, "point"), colour, outcome.tests.motion
         )
         for outcome, colour in zip(outcomes, FREQUENCY_COLOURS, strict=False)
     ]
     lines += [
         Markup("points: at each current, bars of one standard error; hollow: no standard error"),
-        Markup("{}polynomial through them").format(_swatch(style.INK, "line")),
-        Markup("{}law identified jointly").format(_swatch(style.INK, "dashed")),
+        Markup("{}polynomial through them").format(swatch(style.INK, "line")),
+        Markup("{}law identified jointly").format(swatch(style.INK, "dashed")),
     ]
     if model == STATIC and outcomes[0].true_laws is not None:
-        lines.append(Markup("{}truth, published").format(_swatch(style.RULE, "wide")))
+        lines.append(Markup("{}truth, published").format(swatch(style.RULE, "wide")))
     return tuple(lines)
-
-
-def _swatch(colour: str, kind: str) -> Markup:
-    if kind == "point":
-        return Markup(
-            '<svg viewBox="0 0 22 9" aria-hidden="true"><circle cx="11" cy="4.5" r="3.5" fill="{}"/></svg>'
-        ).format(colour)
-    width = {"wide": 6, "line": 1.4, "dashed": 1.6}[kind]
-    dash = ' stroke-dasharray="6 3"' if kind == "dashed" else ""
-    path = f'<path d="M0 4.5H22" stroke="{colour}" stroke-width="{width}"{dash}/>'
-    return Markup(f'<svg viewBox="0 0 22 9" aria-hidden="true">{path}</svg>')
-
-
-def _panel(identifier: str, title: str, figure: Figure, description: str) -> _Panel:
-    return _Panel(title=title, svg=Markup(inline_svg(figure, identifier=identifier, description=description)))

@@ -90,7 +90,7 @@ def identification_report(
     }
     template = _environment().from_string(_resource("identification.html.j2"))
     return template.render(
-        styles=Markup(_styles()),
+        styles=Markup(styles()),
         fit=fit,
         model_title=model_title,
         equation=Markup(equation_html(equation)),
@@ -273,7 +273,8 @@ def _plain(value: object) -> str:
     return json.dumps(value, ensure_ascii=False, default=str)
 
 
-def _styles() -> str:
+def styles() -> str:
+    """The style sheet of every page."""
     colours = {
         "ink": style.INK,
         "faint-ink": style.FAINT_INK,
