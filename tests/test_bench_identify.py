@@ -93,7 +93,11 @@ def test_an_attempt_ends_at_the_target_and_at_the_budget(job: SearchJob) -> None
 
 
 def everyone() -> list[Contender]:
-    return [each for each in contenders()[0] if each.name != "identify" and each.objective != "numba"]
+    return [
+        each
+        for each in contenders()[0]
+        if each.name not in ("identify", "multistart") and each.objective != "numba"
+    ]
 
 
 @pytest.mark.parametrize("contender", everyone(), ids=lambda each: f"{each.name} on {each.objective}")
@@ -170,9 +174,15 @@ def test_a_failure_counts_in_the_share_and_in_what_a_success_costs() -> None:
 
 def test_the_usual_way_is_marked_and_multiplied() -> None:
     usual = UsualWay(seconds_by_solver={"RK45": 0.3, "LSODA": 0.1}, candidates=5)
-    row = extrapolated(a_row("pyswarms", "numba", [an_outcome(2000)]), usual)
-    assert row.extrapolated
-    assert (row.objective, row.evaluations, row.seconds) == ("solve_ivp", 2000, pytest.approx(200.0))
+    slow, fast = extrapolated(a_row("pyswarms", "numba", [an_outcome(2000)]), usual)
+    assert slow.extrapolated
+    assert fast.extrapolated
+    assert (slow.objective, slow.evaluations, slow.seconds) == ("solve_ivp, RK45", 2000, pytest.approx(600.0))
+    assert (fast.objective, fast.evaluations, fast.seconds) == (
+        "solve_ivp, LSODA",
+        2000,
+        pytest.approx(200.0),
+    )
 
 
 def test_a_bar_takes_the_same_class_of_peer_and_is_not_met_where_ours_never_came_near() -> None:
@@ -214,12 +224,15 @@ def test_a_quick_run_has_all_rows(job: SearchJob, capsys: pytest.CaptureFixture[
     rows = told["rows"]
     assert {"method", "objective", "evaluations", "seconds", "success", "extrapolated"} <= rows[0].keys()
     assert all(0.0 <= row["success"] <= 1.0 and row["n_seeds"] == 1 for row in rows)
-    expected = {("identify", "rust")} | {(name, "rust") for name in OURS}
+    expected = {("identify", "rust"), ("multistart", "rust")} | {(name, "rust") for name in OURS}
     expected |= {(name, objective) for name in PEERS for objective in ("rust", "numba")}
     expected |= {(each["method"], "rust, early abort") for each in told["early_abort"]}
     expected |= {(name, objective) for name, objective, _ in described()}
     assert {(row["method"], row["objective"]) for row in rows if not row["extrapolated"]} == expected
-    assert [row["objective"] for row in rows if row["extrapolated"]] == ["solve_ivp"]
+    assert [row["objective"] for row in rows if row["extrapolated"]] == [
+        "solve_ivp, RK45",
+        "solve_ivp, LSODA",
+    ]
     assert len(told["early_abort"]) == 3
     assert all(abort["identical"] for abort in told["early_abort"])
     (setup,) = told["setups"]

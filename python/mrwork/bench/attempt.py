@@ -80,14 +80,14 @@ class Attempt:
     def misfits(self, unit: Array, thresholds: Array | None = None) -> Array:
         """Misfits of points of the cube, shape (m, n_params) to (m,), finite; ends the attempt where it must."""
         misfit = self.objective.misfits(self._theta(unit), thresholds)
-        self._account(len(unit), float(np.min(misfit)))
+        self.account(len(unit), float(np.min(misfit)))
         return np.where(np.isfinite(misfit), misfit, _FAILURE)
 
     def residuals(self, unit: Array) -> Array:
         """Residuals of points of the cube, shape (m, n_params) to (m, n_counted); ends the attempt where it must."""
         residuals = self.objective.residuals(self._theta(unit))
         misfit = np.sqrt(np.einsum("bt,bt->b", residuals, residuals))
-        self._account(len(unit), float(np.min(misfit)))
+        self.account(len(unit), float(np.min(misfit)))
         return residuals
 
     def _theta(self, unit: Array) -> Array:
@@ -95,7 +95,8 @@ class Attempt:
             self.asked.append(unit.copy())
         return self.job.theta(unit)
 
-    def _account(self, simulated: int, least: float) -> None:
+    def account(self, simulated: int, least: float) -> None:
+        """So many more simulations, the best of them this one; ends the attempt where it must."""
         self.evaluations += simulated
         self.seconds = time.perf_counter() - self.began
         self.least = min(self.least, least)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from mrwork.bench.early_abort import EarlyAbort
 from mrwork.bench.search_rows import SearchRow, TestRow
+from mrwork.bench.usual_way import SOLVERS
 
 # Whose course the usual way is extrapolated from.
 USUAL = "pyswarms"
@@ -90,12 +91,13 @@ def bars_of(rows: tuple[SearchRow, ...], tests: tuple[TestRow, ...], aborts: lis
         ]
         bars += [
             Bar(
-                claim=f"{ours}: times faster than the usual way",
+                claim=f"{ours}: times faster than the usual way, {solver}",
                 threads=threads,
                 aim=1000.0,
-                measured=times(fastest(ours, "rust", threads), fastest(USUAL, "solve_ivp", 1)),
+                measured=times(fastest(ours, "rust", threads), fastest(USUAL, f"solve_ivp, {solver}", 1)),
             )
-            for ours in ("particle_swarm_constriction", "identify")
+            for ours in ("particle_swarm_constriction", "multistart", "identify")
+            for solver in SOLVERS
         ]
     bars += [
         Bar(

@@ -18,6 +18,7 @@ from mrwork.bench import search_peers as peers
 from mrwork.bench.attempt import Attempt, Contender, Method, ObjectiveName
 from mrwork.bench.search_job import HELD
 from mrwork.identification.identify import identify
+from mrwork.identification.multistart import Found, Multistart, search_starts
 from mrwork.search import (
     CONSTRICTION,
     AbortableObjective,
@@ -85,7 +86,13 @@ def contenders() -> tuple[list[Contender], list[str]]:
             objective="rust",
             method=_identify,
             settings="the whole call, to its own end: the model's default search, descents and standard errors",
-        )
+        ),
+        Contender(
+            name="multistart",
+            objective="rust",
+            method=_multistart,
+            settings="the search of identify in the same box, to the target: eight descents side by side",
+        ),
     ]
     missing: list[str] = []
     for name, optimiser in OURS.items():
@@ -131,6 +138,19 @@ def _aborting(optimiser: Optimiser[Any]) -> Method:
         run_search(optimiser, objective, rng=seed, n_params=attempt.job.n_params)
 
     return method
+
+
+def _multistart(attempt: Attempt, seed: int) -> None:
+    job = attempt.job
+    simulated = job.objective.tally.simulations
+
+    def look(found: Found, _: float) -> None:
+        nonlocal simulated
+        now = found.evaluations[-1]
+        attempt.account(now - simulated, found.best[-1])
+        simulated = now
+
+    search_starts(job.objective, job.box, job.box, Multistart(), rng=seed, on_iteration=look)
 
 
 def _identify(attempt: Attempt, seed: int) -> None:

@@ -159,5 +159,5 @@ def _rows(told: _Told) -> tuple[SearchRow, ...]:
     if usual is not None:
         threads = told.setups[-1].threads
         swarms = [row for row in rows if row.method == USUAL and row.threads == threads]
-        rows += [extrapolated(row, usual) for row in swarms[:1]]
+        rows += [row for swarm in swarms[:1] for row in extrapolated(swarm, usual)]
     return tuple(rows)

@@ -72,24 +72,23 @@ def row_of(method: str, objective: str, threads: int, settings: str, outcomes: l
     )
 
 
-def extrapolated(swarm: SearchRow, usual: UsualWay) -> SearchRow:
-    """The swarm with the seconds of a solver: one process, one candidate after another."""
-    each = usual.seconds_per_candidate
-    by_solver = ", ".join(
-        f"{solver} {seconds * 1e3:.0f} ms" for solver, seconds in usual.seconds_by_solver.items()
-    )
+def extrapolated(swarm: SearchRow, usual: UsualWay) -> list[SearchRow]:
+    """The swarm with the seconds of each solver: one process, one candidate after another."""
     quartiles = swarm.evaluations_quartiles
-    return replace(
-        swarm,
-        objective="solve_ivp",
-        threads=1,
-        seconds=swarm.evaluations and swarm.evaluations * each,
-        seconds_quartiles=quartiles and (quartiles[0] * each, quartiles[1] * each),
-        expected_seconds=None,
-        seconds_per_simulation=each,
-        extrapolated=True,
-        settings=f"{usual.solver}, {usual.candidates} candidates timed: {by_solver}",
-    )
+    return [
+        replace(
+            swarm,
+            objective=f"solve_ivp, {solver}",
+            threads=1,
+            seconds=swarm.evaluations and swarm.evaluations * each,
+            seconds_quartiles=quartiles and (quartiles[0] * each, quartiles[1] * each),
+            expected_seconds=None,
+            seconds_per_simulation=each,
+            extrapolated=True,
+            settings=f"with solve_ivp: {usual.candidates} candidates timed, {solver} {each * 1e3:.0f} ms",
+        )
+        for solver, each in usual.seconds_by_solver.items()
+    ]
 
 
 def test_row_of(about: tuple[str, float], outcomes: list[Outcome]) -> TestRow:

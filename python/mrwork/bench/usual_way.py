@@ -27,24 +27,14 @@ SOLVERS: tuple[Solver, ...] = ("RK45", "LSODA")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UsualWay:
-    """Mean seconds of one candidate by each solver, and how many were timed; the faster solver counts."""
+    """Mean seconds of one candidate by each solver, and how many were timed."""
 
     seconds_by_solver: dict[str, float]
     candidates: int
 
-    @property
-    def solver(self) -> str:
-        """The faster one."""
-        return min(self.seconds_by_solver, key=lambda solver: self.seconds_by_solver[solver])
-
-    @property
-    def seconds_per_candidate(self) -> float:
-        """By the faster one."""
-        return self.seconds_by_solver[self.solver]
-
 
 def measure_usual_way(job: SearchJob, *, target: float, budget: int, candidates: int) -> UsualWay:
-    """Time RK45, the default, and LSODA, both at their own tolerances, on candidates of a swarm."""
+    """Time RK45, the default, and LSODA, the fastest here, both at their own tolerances, on candidates of a swarm."""
     asked: list[NDArray[np.float64]] = []
     objective = RustObjective(objective=job.objective)
     attempt = Attempt(job=job, objective=objective, target=target, budget=budget, asked=asked)
