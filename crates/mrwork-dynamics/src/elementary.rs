@@ -66,7 +66,11 @@ pub fn ln<R: Real>(x: R) -> R {
     let higher = z_2.mul_add(R::splat(c6), line(z, c4, c5));
     let series = z_2.mul_add(z_2.mul_add(higher, line(z, c2, c3)), line(z, c0, c1));
     let low = (s * z).mul_add(series, low);
-    of_any_base(x, high + e.mul_add(R::splat(LN_2_TAIL), low))
+    let value = high + e.mul_add(R::splat(LN_2_TAIL), low);
+
+    let value = R::select(x.less(R::splat(f64::INFINITY)), value, x);
+    let value = R::select(x.less(R::splat(f64::MIN_POSITIVE)), R::splat(f64::NEG_INFINITY), value);
+    R::select(x.less(R::splat(0.0)), R::splat(f64::NAN), value)
 }
 
 /// An exponent n >= 1 of [`powf`], one for each lane, and what can be said of it before any base is known.
@@ -91,9 +95,10 @@ impl<R: Real> Exponent<R> {
 
 /// Power x^n of a magnitude x (no sign bit).
 ///
-/// At most 1.5 units in the last place off for n <= 10 wherever the result is above 2^-1020; 0 below. An exponent of exactly 1, 2 or 3 gives x, x x or (x x) x to the last bit, whatever the other lanes
-/// hold; where all lanes have one of these, nothing else is computed. An infinite base and a NaN give a result that
-/// is not finite. No state of a model asks for a negative base or a smaller exponent, and they are not looked for.
+/// At most 1.5 units in the last place off for n <= 10 wherever the result is above 2^-1020; 0 below. An exponent of
+/// exactly 1, 2 or 3 gives x, x x or (x x) x to the last bit, whatever the other lanes hold; where all lanes have one
+/// of these, nothing else is computed. An infinite base and a NaN give a result that is not finite. No state of a model
+/// asks for a negative base or a smaller exponent, and they are not looked for.
 #[inline(always)]
 pub fn powf<R: Real>(x: R, exponent: &Exponent<R>) -> R {
     let &Exponent { n, whole, all_whole, any_whole } = exponent;
@@ -195,13 +200,4 @@ fn above_linear<R: Real>(r: R, tail: R) -> R {
 #[inline(always)]
 fn line<R: Real>(x: R, constant: f64, slope: f64) -> R {
     x.mul_add(R::splat(slope), R::splat(constant))
-}
-
-/// `logarithm` where the base `x` is a positive normal number; -infinity below, infinity at infinity, NaN for a NaN
-/// and for a negative base.
-#[inline(always)]
-fn of_any_base<R: Real>(x: R, logarithm: R) -> R {
-    let value = R::select(x.less(R::splat(f64::INFINITY)), logarithm, x);
-    let value = R::select(x.less(R::splat(f64::MIN_POSITIVE)), R::splat(f64::NEG_INFINITY), value);
-    R::select(x.less(R::splat(0.0)), R::splat(f64::NAN), value)
 }
