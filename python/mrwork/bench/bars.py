@@ -78,6 +78,7 @@ def bars_of(rows: tuple[SearchRow, ...], tests: tuple[TestRow, ...], aborts: lis
             )
             for ours, theirs in _CLASSES
         ]
+        # Where ours never came near there is still how fast it simulates.
         bars += [
             Bar(
                 claim=f"{ours}: simulations a second, times those of {theirs} on numba",
@@ -88,6 +89,7 @@ def bars_of(rows: tuple[SearchRow, ...], tests: tuple[TestRow, ...], aborts: lis
                 ),
             )
             for ours, theirs in _CLASSES
+            if fastest(ours, "rust", threads) is None
         ]
         bars += [
             Bar(
