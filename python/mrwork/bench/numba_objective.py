@@ -91,7 +91,7 @@ class NumbaObjective:
 
     def residuals(self, theta: Array) -> Array:
         """Weighted residuals of each row, shape (m, n_counted); one everywhere where a simulation failed."""
-        residuals = np.empty((len(theta), self.force.size - self.first))
+        residuals = np.zeros((len(theta), self.force.size - self.first))
         squared = self._run(theta, residuals)
         residuals *= self.weight
         residuals[~np.isfinite(squared)] = 1.0
