@@ -7,6 +7,8 @@ use crate::lanes::{Lanes, Pack, Plain};
 
 /// Vectors interleaved in one pack of a full block: enough to hide the latency of a power and a division.
 const GROUPS: usize = 8;
+/// The same with half as many registers, of half the width.
+const AVX2_GROUPS: usize = 4;
 
 /// Work that is written once for any number of lanes.
 pub trait LaneJob {
@@ -71,7 +73,7 @@ impl InstructionSet {
     pub const fn block_width(self) -> usize {
         match self {
             Self::Avx512 => GROUPS * 8,
-            Self::Avx2 => 16,
+            Self::Avx2 => AVX2_GROUPS * 4,
             Self::Plain => 8,
         }
     }

@@ -24,7 +24,7 @@ const LOG2_E_TAIL: f64 = 2.035_527_374_093_103_3e-17;
 
 /// 1024 ln 2 less a few units in the last place: `exp` of a larger argument is infinite.
 const LARGEST_EXPONENT: f64 = 709.782_712_893_383_4;
-/// Powers of two smaller than this one count as zero: half of them could not be scaled down exactly.
+/// Powers with a smaller binary exponent count as zero: [`Real::times_two_to`] asks for results well above subnormal.
 const SMALLEST_BINARY_EXPONENT: f64 = -1020.0;
 
 /// Exponential e^x.

@@ -3,7 +3,7 @@
 use core::arch::x86_64::*;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::{GROUPS, LaneJob, Lanes, Pack};
+use super::{AVX2_GROUPS, GROUPS, LaneJob, Lanes, Pack};
 use crate::real::{
     EXPONENT_BIAS_AT_TWO_TO_52, MANTISSA_BITS, ONE_BITS, Real, SIXTEENTH_ALIGNER, SQRT_HALF_BITS, TWO_TO_52,
 };
@@ -27,7 +27,7 @@ pub(super) unsafe fn run_avx512<J: LaneJob>(candidates: usize, job: J) -> J::Out
 pub(super) unsafe fn run_avx2<J: LaneJob>(candidates: usize, job: J) -> J::Output {
     match candidates {
         ..=8 => job.run::<Pack<Avx2, 2>>(),
-        _ => job.run::<Pack<Avx2, 4>>(),
+        _ => job.run::<Pack<Avx2, AVX2_GROUPS>>(),
     }
 }
 
