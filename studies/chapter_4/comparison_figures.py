@@ -11,13 +11,11 @@ from decay import at_budget, evaluations_to
 from findings import QUANTILES, Comparison, Trial
 from mrwork.identification.judge import judge
 from mrwork.report import style
+from mrwork.report.study_figure import SMALL, WIDE, blank, finish, finish_loop, tested_points
 from search_cells import Floats
 from search_settings import COARSE, EFFICIENT, SEARCHES, STANDARD, SWARM, Model
 
-_SMALL = (3.7, 2.8)
-_WIDE = (style.PANEL_WIDTH, style.PANEL_HEIGHT)
 _BUDGETS = 120
-_LOOP_POINTS = 80
 
 COLOURS = {STANDARD: style.INK, COARSE: style.DATA, EFFICIENT: style.MODEL, SWARM: style.RESIDUAL}
 # At these the percentages of a logarithmic axis are written.
@@ -27,7 +25,7 @@ _TICKS = (1, 2, 3, 5, 7, 10, 15, 20, 30, 50, 70, 100)
 def generation_figure(trial: Trial) -> Figure:
     """Least error against generation: median over the runs and the band of nine in ten."""
     with style.drawn_in_style():
-        figure, axes = _blank(_SMALL)
+        figure, axes = blank(SMALL)
         for search in SEARCHES:
             best = trial.runs[search].best
             _band(axes, np.arange(best.shape[1]), best, search)
@@ -38,7 +36,7 @@ def generation_figure(trial: Trial) -> Figure:
 def simulation_figure(trial: Trial) -> Figure:
     """The same against simulations spent."""
     with style.drawn_in_style():
-        figure, axes = _blank(_SMALL)
+        figure, axes = blank(SMALL)
         for search in SEARCHES:
             runs = trial.runs[search]
             # Where every run still goes on.
@@ -54,7 +52,7 @@ def error_figure(comparison: Comparison, model: Model) -> Figure:
     currents = comparison.tests.currents
     aside = 0.012 * float(np.ptp(currents) or 1.0)
     with style.drawn_in_style():
-        figure, axes = _blank(_WIDE)
+        figure, axes = blank(WIDE)
         for place, search in enumerate(SEARCHES):
             final = 100.0 * np.array([trial.runs[search].final for trial in trials])
             axes.errorbar(
@@ -72,14 +70,14 @@ def error_figure(comparison: Comparison, model: Model) -> Figure:
         # Room for the legend above the lines.
         axes.set_ylim(0.0, 1.35 * axes.get_ylim()[1])
         axes.legend(loc="upper left", bbox_to_anchor=(0.03, 1.0), ncols=2)
-        _finish(axes, "Error after the last generation (% NRMSE)", "Current (A)")
+        finish(axes, "Error after the last generation (% NRMSE)", "Current (A)")
     return figure
 
 
 def reaching_figure(comparison: Comparison, model: Model) -> Figure:
     """Share of the runs at all currents that are at their 95 % error level, against simulations spent."""
     with style.drawn_in_style():
-        figure, axes = _blank(_WIDE)
+        figure, axes = blank(WIDE)
         for search in SEARCHES:
             cost = np.concatenate(
                 [evaluations_to(trial.runs[search], trial.level) for trial in comparison.of(model)]
@@ -98,7 +96,7 @@ def reaching_figure(comparison: Comparison, model: Model) -> Figure:
         axes.set_ylim(0.0, 100.0)
         axes.set_xlim(left=0.0)
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.03))
-        _finish(axes, "Runs below the 95 % error level (%)", "Simulations (thousands)")
+        finish(axes, "Runs below the 95 % error level (%)", "Simulations (thousands)")
     return figure
 
 
@@ -108,24 +106,15 @@ def loop_figure(trial: Trial, search: str, *, over_velocity: bool) -> Figure:
     box = trial.model.box(test)
     ranked = runs.ranked
     with style.drawn_in_style():
-        figure, axes = _blank(_SMALL)
+        figure, axes = blank(SMALL)
         axes.grid(True, axis="both")
         abscissa = 1e3 * (test.velocity if over_velocity else test.displacement)
         cycle = _last_cycle(test.n_time, test.frequency, test.dt)
-        drawn = slice(cycle.start, cycle.stop, max(1, (cycle.stop - cycle.start) // _LOOP_POINTS))
-        axes.plot(
-            abscissa[drawn],
-            test.force[drawn],
-            linestyle="none",
-            marker="o",
-            markersize=4.5,
-            markerfacecolor=style.DATA,
-            markeredgewidth=0,
-        )
+        tested_points(axes, abscissa, test.force, cycle)
         for place, colour in ((ranked[len(ranked) // 2], style.RESIDUAL), (ranked[0], style.MODEL)):
             force, _ = judge(trial.model.spec, np.asarray(box.theta_from_unit(runs.unit[place])), test)
             axes.plot(abscissa[cycle], force[cycle], color=colour, linewidth=1.1)
-        _finish(axes, "Force (N)", "Velocity (mm/s)" if over_velocity else "Displacement (mm)")
+        finish_loop(axes, over_velocity=over_velocity)
     return figure
 
 
@@ -149,18 +138,6 @@ def _finish_trace(axes: Axes, trial: Trial, abscissa: str) -> None:
     axes.set_xlabel(abscissa)
     axes.set_xlim(left=0.0)
     axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
-
-
-def _finish(axes: Axes, title: str, abscissa: str) -> None:
-    axes.set_title(title, loc="left", pad=7)
-    axes.set_xlabel(abscissa)
-    axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]))
-    axes.yaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
-
-
-def _blank(size: tuple[float, float]) -> tuple[Figure, Axes]:
-    figure = Figure(figsize=size, layout="constrained")
-    return figure, figure.add_subplot()
 
 
 def _last_cycle(n_time: int, frequency: float | None, dt: float) -> slice:

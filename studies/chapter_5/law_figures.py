@@ -7,19 +7,16 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 import mrwork as mr
 from current_laws import Model
 from damper_tests import FORCE_NOISE_N, Floats
 from mrwork.identification.judge import judge
 from mrwork.report import style
+from mrwork.report.study_figure import SMALL, WIDE, blank, finish, finish_loop, tested_points
 from outcome import SetOutcome
 
-_SMALL = (3.7, 2.8)
-_WIDE = (style.PANEL_WIDTH, style.PANEL_HEIGHT)
 _FINE = 60
-_LOOP_POINTS = 80
 _LOOPS = 3
 
 # One for each frequency, and one for each model.
@@ -36,7 +33,7 @@ def parameter_figure(outcomes: Sequence[SetOutcome], model: Model, name: str) ->
     place = mr.damper(model.damper).names.index(name)
     unit = mr.damper(model.damper).parameters[place].unit
     with style.drawn_in_style():
-        figure, axes = _blank(_SMALL)
+        figure, axes = blank(SMALL)
         seen: list[Floats] = []
         for outcome, colour in zip(outcomes, FREQUENCY_COLOURS, strict=False):
             each, laws = outcome.each[model.label], outcome.laws[model.label]
@@ -73,7 +70,7 @@ def parameter_figure(outcomes: Sequence[SetOutcome], model: Model, name: str) ->
             )
             seen += [values[known & (errors < abs(values))], laws.joint.at(name, fine)]
         _limit(axes, np.concatenate(seen))
-        _finish(axes, f"{_letter(name)}{f' ({unit})' if unit != '1' else ''}", "Current (A)")
+        finish(axes, f"{_letter(name)}{f' ({unit})' if unit != '1' else ''}", "Current (A)")
     return figure
 
 
@@ -82,23 +79,14 @@ def loop_figure(outcome: SetOutcome, model: Model, *, over_velocity: bool) -> Fi
     each = outcome.each[model.label]
     places = np.unique(np.round(np.linspace(0, len(each.fits) - 1, _LOOPS)).astype(int))
     with style.drawn_in_style():
-        figure, axes = _blank(_SMALL)
+        figure, axes = blank(SMALL)
         axes.grid(True, axis="both")
         for place in places:
             test, fit = outcome.tests.tests[place], each.fits[place]
             abscissa = 1e3 * (test.velocity if over_velocity else test.displacement)
             force, _ = judge(mr.damper(model.damper), np.array(fit.theta), test)
             cycle = _middle_cycle(test)
-            drawn = slice(cycle.start, cycle.stop, max(1, (cycle.stop - cycle.start) // _LOOP_POINTS))
-            axes.plot(
-                abscissa[drawn],
-                test.force[drawn],
-                linestyle="none",
-                marker="o",
-                markersize=4.5,
-                markerfacecolor=style.DATA,
-                markeredgewidth=0,
-            )
+            tested_points(axes, abscissa, test.force, cycle)
             axes.plot(abscissa[cycle], force[cycle], color=style.MODEL, linewidth=1.1)
             top = int(np.argmax(force[cycle]))
             axes.annotate(
@@ -110,14 +98,14 @@ def loop_figure(outcome: SetOutcome, model: Model, *, over_velocity: bool) -> Fi
                 fontsize=9.5,
             )
         axes.margins(y=0.12)
-        _finish(axes, "Force (N)", "Velocity (mm/s)" if over_velocity else "Displacement (mm)")
+        finish_loop(axes, over_velocity=over_velocity)
     return figure
 
 
 def rms_figure(outcome: SetOutcome) -> Figure:
     """RMS error against current: figure 5.9 of the thesis."""
     with style.drawn_in_style():
-        figure, axes = _blank(_WIDE)
+        figure, axes = blank(WIDE)
         for label, each in outcome.each.items():
             axes.plot(
                 each.currents,
@@ -136,20 +124,8 @@ def rms_figure(outcome: SetOutcome) -> Figure:
         # Room for the legend above the lines.
         axes.set_ylim(0.0, 1.5 * largest)
         axes.legend(loc="upper left", bbox_to_anchor=(0.03, 1.0), ncols=1)
-        _finish(axes, "RMS error (N)", "Current (A)")
+        finish(axes, "RMS error (N)", "Current (A)")
     return figure
-
-
-def _blank(size: tuple[float, float]) -> tuple[Figure, Axes]:
-    figure = Figure(figsize=size, layout="constrained")
-    return figure, figure.add_subplot()
-
-
-def _finish(axes: Axes, title: str, abscissa: str) -> None:
-    axes.set_title(title, loc="left", pad=7)
-    axes.set_xlabel(abscissa)
-    axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]))
-    axes.yaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
 
 
 def _limit(axes: Axes, values: Floats) -> None:

@@ -88,7 +88,7 @@ def identification_report(
         if comparison.test.synthetic
         for name in (comparison.test.path, comparison.test.name)
     }
-    template = _environment().from_string(_resource("identification.html.j2"))
+    template = environment().from_string(_resource("identification.html.j2"))
     return template.render(
         styles=Markup(styles()),
         fit=fit,
@@ -292,7 +292,8 @@ def _resource(name: str) -> str:
     return (files("mrwork.report") / "templates" / name).read_text(encoding="utf-8")
 
 
-def _environment() -> Environment:
+def environment() -> Environment:
+    """How every page is filled in: all is escaped, and a name without content is an error."""
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )

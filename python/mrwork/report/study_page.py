@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from mrwork.report.html import styles
+from mrwork.report.html import environment, styles
 from mrwork.report.svg import inline_svg
 
 # Stroke width and dash pattern of the lines a key can show.
@@ -47,10 +46,7 @@ def swatch(colour: str, kind: str) -> Markup:
 
 
 def write_study_page(template: Path, path: Path, **content: Any) -> None:
-    """Fill in a Jinja template, which may use `styles`, and write it; a name without content is an error."""
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    page = environment.from_string(template.read_text(encoding="utf-8"))
+    """Fill in a Jinja template, which may use `styles`, and write it."""
+    page = environment().from_string(template.read_text(encoding="utf-8"))
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(page.render(styles=Markup(styles()), **content), encoding="utf-8")
