@@ -20,7 +20,7 @@ from mrwork.bench.early_abort import EarlyAbort, early_aborts
 from mrwork.bench.identify import bench_identify
 from mrwork.bench.search_job import N_TIME, REFERENCE, SearchJob, record
 from mrwork.bench.search_rows import SearchRow, extrapolated, row_of
-from mrwork.bench.side_by_side import attempted_at_once, described
+from mrwork.bench.side_by_side import attempted_at_once, contenders_at_once
 from mrwork.bench.usual_way import SOLVERS, Solver, UsualWay, misfit_by
 from mrwork.cli import main
 from mrwork.errors import SettingError
@@ -139,7 +139,7 @@ def test_an_early_abort_changes_nothing_and_spares_steps(job: SearchJob) -> None
 
 
 def test_seeds_at_once_end_at_the_target_or_at_the_budget(job: SearchJob) -> None:
-    methods = [name for name, _, _ in described()]
+    methods = [name for name, _, _ in contenders_at_once()]
     for best_known, success in ((10.0, True), (0.0, False)):
         found = dict(attempted_at_once(job, best_known=best_known, budget=64, first_seed=3, seeds=2))
         assert list(found) == methods
@@ -189,6 +189,7 @@ def test_a_bar_takes_the_same_class_of_peer_and_is_not_met_where_ours_never_came
     rows = (
         a_row("differential_evolution", "rust", [an_outcome(100)]),
         a_row("differential_evolution", "rust, early abort", [an_outcome(50)]),
+        a_row("differential_evolution", "rust, seeds at once", [an_outcome(20)]),
         a_row("scipy_differential_evolution", "numba", [an_outcome(500)]),
         a_row("scipy_differential_evolution", "rust", [an_outcome(60)]),
         a_row("efficient_ga", "rust", [an_outcome(100, success=False)]),
@@ -204,9 +205,15 @@ def test_a_bar_takes_the_same_class_of_peer_and_is_not_met_where_ours_never_came
         n_seeds=1,
     )
     bars = {bar.claim: bar for bar in bars_of(rows, (), [abort, replace(abort, method="x", identical=False)])}
-    faster = bars["differential_evolution: times faster than scipy_differential_evolution on numba"]
+    faster = bars[
+        "differential_evolution, one seed after another: times faster than scipy_differential_evolution on numba"
+    ]
     assert (faster.measured, faster.met) == (pytest.approx(10.0), True)
-    never = bars["efficient_ga: times faster than pymoo_ga on numba"]
+    at_once = bars[
+        "differential_evolution, seeds at once: times faster than scipy_differential_evolution on numba"
+    ]
+    assert at_once.measured == pytest.approx(25.0)
+    never = bars["efficient_ga, one seed after another: times faster than pymoo_ga on numba"]
     assert (never.measured, never.met) == (None, False)
     spared = "{}: share of steps that an early abort spares"
     assert bars[spared.format("differential_evolution")].met
@@ -227,7 +234,7 @@ def test_a_quick_run_has_all_rows(job: SearchJob, capsys: pytest.CaptureFixture[
     expected = {("identify", "rust"), ("multistart", "rust")} | {(name, "rust") for name in OURS}
     expected |= {(name, objective) for name in PEERS for objective in ("rust", "numba")}
     expected |= {(each["method"], "rust, early abort") for each in told["early_abort"]}
-    expected |= {(name, objective) for name, objective, _ in described()}
+    expected |= {(name, objective) for name, objective, _ in contenders_at_once()}
     assert {(row["method"], row["objective"]) for row in rows if not row["extrapolated"]} == expected
     assert [row["objective"] for row in rows if row["extrapolated"]] == [
         "solve_ivp, RK45",

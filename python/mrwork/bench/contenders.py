@@ -96,11 +96,11 @@ def contenders() -> tuple[list[Contender], list[str]]:
     ]
     missing: list[str] = []
     for name, optimiser in OURS.items():
-        settings = settings_of(name, optimiser)
-        found.append(Contender(name=name, objective="rust", method=_searched(optimiser), settings=settings))
+        method = _searched(optimiser)
+        found.append(Contender(name=name, objective="rust", method=method, settings=described(optimiser)))
     for name, optimiser in ABORTED.items():
-        settings = settings_of(name, optimiser)
         method = _aborting(optimiser)
+        settings = described(optimiser)
         found.append(Contender(name=name, objective="rust, early abort", method=method, settings=settings))
     objectives: tuple[ObjectiveName, ...] = ("rust",)
     if importlib.util.find_spec("numba") is None:
@@ -118,11 +118,20 @@ def contenders() -> tuple[list[Contender], list[str]]:
     return found, missing
 
 
-def settings_of(name: str, optimiser: Optimiser[Any]) -> str:
+def described(optimiser: Optimiser[Any]) -> str:
     """What one of ours runs with, in words."""
-    population = f"population {optimiser.population}"
-    limited = name in ABORTED and optimiser == ABORTED[name] != OURS[name]
-    return f"{population}, ceiling at 1 and 1.5 times the median" if limited else population
+    ceiling = getattr(optimiser, "ceiling", Ceiling())
+    limited = (
+        ""
+        if ceiling == Ceiling()
+        else f", ceiling at {ceiling.absolute:g} and {ceiling.over_median:g} times the median"
+    )
+    return f"population {optimiser.population}{limited}"
+
+
+def ending(optimiser: Optimiser[Any], rules: StopRules) -> Any:
+    """The same with other rules that end it."""
+    return replace(optimiser, stop=rules)  # type: ignore[type-var] # `replace` knows no protocol
 
 
 def _searched(optimiser: Optimiser[Any]) -> Method:

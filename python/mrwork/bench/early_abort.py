@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.bench.contenders import ABORTED, UNSTOPPED
+from mrwork.bench.contenders import ABORTED, UNSTOPPED, ending
 from mrwork.bench.search_job import SearchJob
 from mrwork.identification.objective import Objective
-from mrwork.search import AbortableObjective, Optimiser, SearchResult, run_search
+from mrwork.search import AbortableObjective, SearchResult, run_search
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,14 +33,11 @@ class EarlyAbort:
 
 def early_aborts(job: SearchJob, *, generations: int, seeds: int, threads: int) -> list[EarlyAbort]:
     """Each of our searches that can abort, medians over the seeds."""
+    rules = replace(UNSTOPPED, max_generations=generations)
     return [
-        _measured(name, _ended(optimiser, generations), job, seeds=seeds, threads=threads)
+        _measured(name, ending(optimiser, rules), job, seeds=seeds, threads=threads)
         for name, optimiser in ABORTED.items()
     ]
-
-
-def _ended(optimiser: Optimiser[Any], generations: int) -> Any:
-    return replace(optimiser, stop=replace(UNSTOPPED, max_generations=generations))  # type: ignore[type-var] # `replace` knows no protocol
 
 
 def _measured(name: str, optimiser: Any, job: SearchJob, *, seeds: int, threads: int) -> EarlyAbort:

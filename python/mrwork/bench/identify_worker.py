@@ -31,7 +31,7 @@ from mrwork.bench.early_abort import early_aborts
 from mrwork.bench.processes import pin, tell
 from mrwork.bench.search_job import ALL_TESTS, REFERENCE, SearchJob, record
 from mrwork.bench.search_peers import multistart_least_squares
-from mrwork.bench.side_by_side import OBJECTIVE, attempted_at_once, described
+from mrwork.bench.side_by_side import OBJECTIVE, attempted_at_once, contenders_at_once
 from mrwork.bench.timing import Peer, fastest_variant
 from mrwork.bench.usual_way import measure_usual_way
 from mrwork.bench.workload import Run
@@ -120,7 +120,7 @@ def measure(settings: Settings, threads: int) -> None:
         threads=threads,
         contenders=(
             *((each.name, each.objective, each.settings) for each in everyone),
-            *described(),
+            *contenders_at_once(),
         ),
         missing=tuple(missing),
         numba_variant=variant,

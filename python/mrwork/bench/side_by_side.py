@@ -5,19 +5,18 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Any, cast
 
 from mrwork.bench.attempt import NEAR, ObjectiveName, Outcome
-from mrwork.bench.contenders import ABORTED, OURS, UNSTOPPED, settings_of
+from mrwork.bench.contenders import ABORTED, UNSTOPPED, described, ending
 from mrwork.bench.search_job import SearchJob
 from mrwork.search import AbortableObjective, run_replicates
 
 OBJECTIVE: ObjectiveName = "rust, seeds at once"
 
 
-def described() -> list[tuple[str, str, str]]:
+def contenders_at_once() -> list[tuple[str, str, str]]:
     """Method, objective and settings of each."""
-    return [(name, OBJECTIVE, settings_of(name, ABORTED[name])) for name in OURS if name in ABORTED]
+    return [(name, OBJECTIVE, described(optimiser)) for name, optimiser in ABORTED.items()]
 
 
 def attempted_at_once(
@@ -28,12 +27,12 @@ def attempted_at_once(
     One crossing to the kernel a generation for all that still run, with early abort. The seconds of an outcome are an
     equal share of the whole.
     """
-    stop = replace(UNSTOPPED, target=best_known + NEAR, max_evaluations=budget)
+    rules = replace(UNSTOPPED, target=best_known + NEAR, max_evaluations=budget)
     objective = AbortableObjective(misfits=lambda unit, limit: job.objective(job.theta(unit), limit))
-    for name, _, _ in described():
+    for name, optimiser in ABORTED.items():
         began = time.perf_counter()
         run = run_replicates(
-            replace(cast(Any, ABORTED[name]), stop=stop),  # a protocol does not say that all are dataclasses
+            ending(optimiser, rules),
             objective,
             rng=first_seed,
             n_params=job.n_params,

@@ -34,7 +34,7 @@ class UsualWay:
 
 
 def measure_usual_way(job: SearchJob, *, target: float, budget: int, candidates: int) -> UsualWay:
-    """Time RK45, the default, and LSODA, the fastest here, both at their own tolerances, on candidates of a swarm."""
+    """Time RK45, the default, and LSODA, the faster, at their own tolerances, on candidates of a swarm."""
     asked: list[NDArray[np.float64]] = []
     objective = RustObjective(objective=job.objective)
     attempt = Attempt(job=job, objective=objective, target=target, budget=budget, asked=asked)
