@@ -1,0 +1,82 @@
+"""Noise models: densities against closed forms, draws against densities, estimates from draws."""
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal, t
+
+from mrwork.errors import UnknownNameError
+from mrwork.uncertainty.noise import NOISES, Iid, noise_model
+
+PARAMETERS = {
+    "iid": [0.1],
+    "student_t": [0.1, 6.0],
+    "ar1": [0.1, 0.9],
+    "arma11": [0.1, 0.9, -0.4],
+    "amplitude": [0.02, 0.15],
+}
+
+
+@pytest.fixture
+def force() -> np.ndarray:
+    return 1.4 * np.sin(np.linspace(0.0, 60.0, 4000))[None]
+
+
+def autocovariance(name: str, lags: np.ndarray) -> np.ndarray:
+    sigma, *rest = PARAMETERS[name]
+    phi, theta = [*rest, 0.0][:2]
+    ratio = (phi + theta) * (1.0 + phi * theta) / (1.0 + 2.0 * phi * theta + theta**2)
+    return sigma**2 * np.where(lags == 0, 1.0, ratio * phi ** np.maximum(lags - 1.0, 0.0))
+
+
+@pytest.mark.parametrize("name", ["ar1", "arma11"])
+def test_density_of_correlated_noise_is_that_of_the_joint_normal(name: str) -> None:
+    lags = np.abs(np.subtract.outer(np.arange(300), np.arange(300))).astype(float)
+    joint = multivariate_normal(np.zeros(300), autocovariance(name, lags))
+    rows = joint.rvs(3, random_state=0)
+    ours = NOISES[name].log_densities(rows, rows, np.tile(PARAMETERS[name], (3, 1))).sum(axis=1)
+    # The start of an ARMA(1,1) is approximate, worth less than one unit of log-likelihood; all else is exact.
+    np.testing.assert_allclose(ours, joint.logpdf(rows), atol=1e-8 if name == "ar1" else 1.0)
+
+
+def test_density_of_heavy_tails_is_that_of_student() -> None:
+    residual = np.linspace(-1.0, 1.0, 41)[None]
+    ours = noise_model("student_t").log_densities(residual, residual, np.array([[0.1, 6.0]]))
+    np.testing.assert_allclose(ours, t.logpdf(residual, 6.0, scale=0.1), rtol=1e-12)
+
+
+def test_independent_noise_needs_only_the_sum_of_squares() -> None:
+    residual = np.random.default_rng(1).standard_normal((3, 50))
+    noise = np.array([[0.5], [1.0], [2.0]])
+    model = Iid()
+    whole = model.log_densities(residual, residual, noise).sum(axis=1)
+    np.testing.assert_allclose(model.log_likelihood_of_sum((residual**2).sum(axis=1), 50, noise), whole)
+
+
+@pytest.mark.parametrize("name", NOISES)
+def test_draws_are_likeliest_under_their_own_parameters(name: str, force: np.ndarray) -> None:
+    true = np.array([PARAMETERS[name]])
+    residual = NOISES[name].draw(force, true, np.random.default_rng(2))
+    at_true = NOISES[name].log_densities(residual, force, true).sum()
+    for index in range(true.size):
+        for factor in (0.7, 1.1):
+            other = true.copy()
+            other[0, index] *= factor
+            if abs(other[0, index]) < 1.0 or index == 1:
+                assert NOISES[name].log_densities(residual, force, other).sum() < at_true
+
+
+@pytest.mark.parametrize("name", NOISES)
+def test_moments_of_draws_give_the_parameters_back(name: str, force: np.ndarray) -> None:
+    true = np.array([PARAMETERS[name]])
+    residual = NOISES[name].draw(np.tile(force, 8), true, np.random.default_rng(3))[0]
+    estimate = NOISES[name].estimate(residual, np.tile(force, 8)[0])
+    assert estimate[0] == pytest.approx(true[0, 0], rel=0.1 if name != "amplitude" else 0.5)
+    assert all(
+        parameter.lower < value < parameter.upper
+        for parameter, value in zip(NOISES[name].parameters, estimate, strict=True)
+    )
+
+
+def test_an_unknown_noise_model_is_refused_by_name() -> None:
+    with pytest.raises(UnknownNameError, match="no noise model 'pink'; known: iid, student_t"):
+        noise_model("pink")
