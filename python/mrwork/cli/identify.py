@@ -14,17 +14,19 @@ from typing import Any
 import numpy as np
 
 from mrwork.cli.observe import add_observation, nuisances_of, observed
-from mrwork.cli.options import add_files, add_json, parse_bounds, read_tests
+from mrwork.cli.options import add_files, add_json, parse_bounds, reading_of
 from mrwork.cli.progress import ProgressLine
 from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import IdentificationInterrupted, identify
 from mrwork.identification.judge import judge
 from mrwork.identification.multistart import Multistart
+from mrwork.identification.reading import Reading
 from mrwork.identification.warm_start import start_from
 from mrwork.journal import Journal
 from mrwork.parameters import CommandUnit, LawName
 from mrwork.records import DamperTest
+from mrwork.report.reopen import READING
 from mrwork.report.run_directory import check_destination, read_fit, write_run
 from mrwork.report.unfinished import begin_journal, discard_journal, is_copy, resume_journal
 from mrwork.search import EfficientGA
@@ -105,7 +107,8 @@ def run(options: argparse.Namespace) -> int:
         raise SettingError(
             f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
         )
-    tests = tuple(observed(test, options) for test in read_tests(options))
+    reading = reading_of(options)
+    tests = tuple(observed(test, options) for test in reading.tests())
     spec = _with_laws(plain, tests, options)
     place = options.out or Path("out") / f"{_stem(tests)}-{spec.name}"
     check_destination(place)
@@ -137,7 +140,7 @@ def run(options: argparse.Namespace) -> int:
     finally:
         line.close()
         journal.close()
-    fit = _with_command(fit)
+    fit = _with_command(fit, reading)
     _write(place, fit, tests, journal, with_figures=status == 0)
     discard_journal(journal)
     print(json.dumps(_summary(fit, place)) if options.json else _text(fit, tests, place))
@@ -192,11 +195,10 @@ def _stem(tests: tuple[DamperTest, ...]) -> str:
     return first if len(tests) == 1 else f"{first}-and-{len(tests) - 1}-more"
 
 
-def _with_command(fit: Fit) -> Fit:
-    command = shlex.join(["mrwork", *sys.argv[1:]])
-    return replace(
-        fit, provenance=replace(fit.provenance, settings=fit.provenance.settings | {"command": command})
-    )
+def _with_command(fit: Fit, reading: Reading) -> Fit:
+    """The fit with what was asked for, and how the tests were read, so that `reopen` can read them again."""
+    asked = {"command": shlex.join(["mrwork", *sys.argv[1:]]), READING: reading.as_record()}
+    return replace(fit, provenance=replace(fit.provenance, settings=fit.provenance.settings | asked))
 
 
 def _write(

@@ -5,15 +5,12 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from math import isfinite
-from typing import Any
+from pathlib import Path
 
 from mrwork.errors import SettingError
-from mrwork.records import DamperTest, parse_column_option, read_damper_test, repair
+from mrwork.identification.reading import Reading
+from mrwork.records import DamperTest, parse_column_option
 from mrwork.records.repair import REPAIR_KINDS, RepairKind
-from mrwork.records.window import counted_from, cut
-from mrwork.synthetic import synthetic_test
-
-_SYNTHETIC = "synthetic:"
 
 
 def add_files(parser: argparse.ArgumentParser) -> None:
@@ -57,22 +54,23 @@ def add_json(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
 
 
-def read_tests(options: argparse.Namespace) -> tuple[DamperTest, ...]:
-    """The tests that the command line names, cut, then repaired, as it says."""
-    columns = dict(parse_column_option(option) for option in options.column)
-    repairs = dict(_repair(option) for option in options.repair)
-    amounts = {kind: amount for kind, amount in repairs.items() if amount is not None}
-    return tuple(
-        _settled(repair(_window(read_one(path, columns), options), repairs, amounts=amounts)[0], options)
-        for path in options.files
+def reading_of(options: argparse.Namespace) -> Reading:
+    """The tests that the command line names, and how it wants them read."""
+    return Reading(
+        files=tuple(options.files),
+        folder=str(Path.cwd()),
+        columns=dict(parse_column_option(option) for option in options.column),
+        start=options.start,
+        end=options.end,
+        every=options.every,
+        repairs=dict(_repair(option) for option in options.repair),
+        settle=options.settle,
     )
 
 
-def read_one(path: str, columns: dict[Any, str]) -> DamperTest:
-    """One test, from a file or generated."""
-    if path.startswith(_SYNTHETIC):
-        return synthetic_test(path.removeprefix(_SYNTHETIC))
-    return read_damper_test(path, columns=columns or None)
+def read_tests(options: argparse.Namespace) -> tuple[DamperTest, ...]:
+    """The tests that the command line names, cut, then repaired, as it says."""
+    return reading_of(options).tests()
 
 
 def parse_bounds(ranges: Sequence[str], fixed: Sequence[str]) -> dict[str, tuple[float, float]]:
@@ -108,13 +106,3 @@ def _repair(option: str) -> tuple[RepairKind, float | None]:
         if kind == name:
             return kind, _number(amount, option) if equals else None
     raise SettingError(f"--repair is {option!r}; give one of {', '.join(REPAIR_KINDS)}")
-
-
-def _window(test: DamperTest, options: argparse.Namespace) -> DamperTest:
-    if options.start is None and options.end is None and options.every == 1:
-        return test
-    return cut(test, start=options.start, end=options.end, every=options.every)
-
-
-def _settled(test: DamperTest, options: argparse.Namespace) -> DamperTest:
-    return test if options.settle is None else counted_from(test, options.settle)

@@ -1,0 +1,101 @@
+"""A run directory opened again has its fit, and its tests to the last bit."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrwork.cli import main
+from mrwork.errors import RecordError
+from mrwork.identification.reading import Reading
+from mrwork.report.reopen import OpenedRun, reopen
+
+OPTIONS = [
+    "--column",
+    "force=F:kN",
+    "--from",
+    "0.2",
+    "--every",
+    "2",
+    "--settle",
+    "0.1",
+    "--repair",
+    "offset=30",
+]
+RIG = ["--observe", "average=0.02", "--nuisance", "level"]
+SEARCH = ["--model", "bingham", "--search", "genetic", "--generations", "2", "--quiet"]
+
+
+def record(folder: Path) -> Path:
+    time = np.arange(0.0, 2.0, 0.005)
+    x, v = 10.0 * np.sin(2.0 * np.pi * time), 20.0 * np.pi * np.cos(2.0 * np.pi * time)
+    force = 0.4 * np.tanh(v / 10.0) + 0.005 * v
+    rows = "\n".join(f"{t:.6f},{a:.9f},{b:.9f}" for t, a, b in zip(time, x, force, strict=True))
+    path = folder / "10mm1Hz0x5A.csv"
+    path.write_text(f"t_s,displacement_mm,F\n{rows}\n")
+    return path
+
+
+def identified(*arguments: str | Path) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["identify", *map(str, arguments), *SEARCH, "--json"])
+    assert ended.value.code == 0
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Identified from a file named relative to the folder of the run."""
+    folder = tmp_path_factory.mktemp("rig")
+    record(folder)
+    before = Path.cwd()
+    os.chdir(folder)
+    try:
+        identified("10mm1Hz0x5A.csv", *OPTIONS, *RIG, "--out", folder / "run")
+    finally:
+        os.chdir(before)
+    return folder / "run"
+
+
+def test_tests_come_back_as_they_were_read_from_any_folder(run: Path) -> None:
+    opened = reopen(run)
+    assert isinstance(opened, OpenedRun)
+    (test,), (quality,) = opened.tests, opened.fit.quality
+    window = opened.fit.provenance.settings["windows"]["10mm1Hz0x5A.csv"]
+    assert (test.start_time, test.dt, test.n_time, test.n_settle) == tuple(
+        window[name] for name in ("start", "dt", "n_time", "n_settle")
+    )
+    assert test.observation.average_seconds == 0.02
+    assert test.observation == quality.observation
+    assert opened.fit.nuisances == ("level",)
+    assert any(finding.code == "repaired_offset" for finding in test.findings)
+
+
+def test_a_reading_survives_json() -> None:
+    reading = Reading(
+        files=("a.csv",), repairs={"offset": 3.0, "rest": None}, columns={"force": "F:kN"}, end=2.0
+    )
+    assert Reading.of_record(json.loads(json.dumps(reading.as_record())), origin="fit.json") == reading
+
+
+def test_a_file_that_changed_is_refused_and_so_is_a_run_without_a_reading(run: Path, tmp_path: Path) -> None:
+    record_file = run.parent / "10mm1Hz0x5A.csv"
+    original = record_file.read_text()
+    try:
+        record_file.write_text(original.replace("F\n", "F \n", 1))
+        with pytest.raises(RecordError, match="has changed since"):
+            reopen(run)
+        record_file.unlink()
+        with pytest.raises(RecordError, match="no such file"):
+            reopen(run)
+    finally:
+        record_file.write_text(original)
+    fit = json.loads((run / "fit.json").read_text())
+    fit["provenance"]["settings"].pop("reading")
+    (tmp_path / "fit.json").write_text(json.dumps(fit))
+    (tmp_path / "manifest.json").write_text("{}")
+    with pytest.raises(RecordError, match="does not say how its tests were read"):
+        reopen(tmp_path)
