@@ -15,7 +15,8 @@ _MINUTE, _HOUR = 60.0, 3600.0
 class ProgressLine:
     """Rewrites one line on a terminal; elsewhere writes nothing, so that logs stay readable."""
 
-    def __init__(self, *, quiet: bool) -> None:
+    def __init__(self, *, quiet: bool, prefix: str = "") -> None:
+        self._prefix = prefix
         self._active = not quiet and sys.stderr.isatty()
         self._last = -math.inf
         self._began: Progress | None = None
@@ -30,7 +31,7 @@ class ProgressLine:
         if progress.seconds - self._last < _EVERY:
             return
         self._last = progress.seconds
-        self._write(described(progress, self._began))
+        self._write(self._prefix + described(progress, self._began))
 
     def close(self) -> None:
         """Clear the line."""
