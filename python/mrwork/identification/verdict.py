@@ -1,0 +1,63 @@
+"""What data say of each parameter of a fit, and what they do not see: plain facts that a fit carries along."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+VerdictName = Literal["identifiable", "weakly", "not"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """Whether the data settle one parameter, and why not.
+
+    `standard_error` is in the parameter's unit, for as many samples as the residuals are worth; `None` where there is
+    none.
+    """
+
+    name: str
+    verdict: VerdictName
+    standard_error: float | None
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """How far one parameter goes along a direction: percent of its value, or of its range where `of_range`."""
+
+    name: str
+    percent: float
+    of_range: bool = False
+
+    @property
+    def in_words(self) -> str:
+        """As in "alpha up 1 %"."""
+        way = "up" if self.percent > 0 else "down"
+        return f"{self.name} {way} {abs(self.percent):.2g} %{' of its range' if self.of_range else ''}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Direction:
+    """Changes of several parameters at once that the data hardly see, or not at all where not `seen`.
+
+    `effect` is the root mean square of what they change of the force, per standard deviation of the force.
+    """
+
+    changes: tuple[Change, ...]
+    effect: float
+    seen: bool
+    sentence: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identifiability:
+    """A verdict for each free parameter, and the directions that the data do not see or see weakly.
+
+    `n_effective` is what the `n_time` samples are worth, as their residuals are correlated.
+    """
+
+    verdicts: tuple[Verdict, ...]
+    directions: tuple[Direction, ...]
+    n_time: int
+    n_effective: float

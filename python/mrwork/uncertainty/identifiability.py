@@ -1,0 +1,82 @@
+"""Which parameters the tests of a fit settle, and which directions they do not see."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.coordinates import Box
+from mrwork.identification.descent import difference_quotient
+from mrwork.identification.estimate import remark_of
+from mrwork.identification.fit import Fit
+from mrwork.identification.objective import Objective
+from mrwork.identification.verdict import Identifiability, Verdict
+from mrwork.records import DamperTest
+from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
+from mrwork.uncertainty.information import judged
+from mrwork.uncertainty.scale import Scale, scaled_ranges
+
+# Derivative of the residuals with respect to the free parameters of a box, shape (n_residuals, n_free).
+Derivative = Callable[[Objective, Box, NDArray[np.float64], Box], NDArray[np.float64]]
+
+
+def identifiability_of(
+    fit: Fit,
+    tests: Sequence[DamperTest],
+    *,
+    derivative: Derivative = difference_quotient,
+    threads: int = 0,
+) -> Identifiability:
+    """What the tests of a fit say of its parameters.
+
+    Of a parameter that the fit held to settle a scale that no data settle, as `A` of the Spencer Bouc-Wen, there is no
+    verdict, but the direction that made it necessary is named. A parameter on its bound counts as known for the others.
+    """
+    spec, theta = fit.spec, np.array(fit.theta)
+    box = Box.of(spec).with_bounds(given_bounds(fit))
+    held = {each.name for each in fit.estimates if each.remark == "fixed"}
+    objective = Objective.of(spec, tuple(tests), nuisances=fit.nuisances, threads=threads)
+    residuals = objective.residuals(theta[None])[0]
+    interior = [index for index in box.free if remark_of(box, index, theta[index]) == ""]
+    inside = box.with_bounds({name: (value, value) for name, value in _on_bound(box, theta, interior)})
+    ranges = scaled_ranges(spec, box, objective.tests, theta)
+    jacobian = derivative(objective, inside, theta, ranges)
+    scale = Scale.of(box, ranges, theta)
+    found = judged(
+        jacobian * scale.size[interior],
+        names=[spec.names[index] for index in interior],
+        of_range=[bool(each) for each in scale.of_range[interior]],
+        misfit=float(np.linalg.norm(residuals)),
+        n_effective=effective_samples(residuals_by_test(residuals, objective.tests)),
+        held=held,
+    )
+    verdicts = [
+        replace(each, standard_error=each.standard_error * float(scale.size[spec.names.index(each.name)]))
+        if each.standard_error is not None
+        else each
+        for each in found.verdicts
+    ]
+    verdicts += [
+        Verdict(
+            name=name,
+            verdict="weakly",
+            standard_error=None,
+            reason=f"{remark_of(box, spec.names.index(name), value)}: the data bound it from one side only",
+        )
+        for name, value in _on_bound(box, theta, interior)
+    ]
+    verdicts.sort(key=lambda each: spec.names.index(each.name))
+    return replace(found, verdicts=tuple(verdicts))
+
+
+def given_bounds(fit: Fit) -> dict[str, tuple[float, float]]:
+    """The bounds that the fit was given, by parameter."""
+    pairs = fit.provenance.settings.get("bounds", {})
+    return {name: (float(lower), float(upper)) for name, (lower, upper) in pairs.items()}
+
+
+def _on_bound(box: Box, theta: NDArray[np.float64], interior: Sequence[int]) -> list[tuple[str, float]]:
+    return [(box.names[index], float(theta[index])) for index in box.free if index not in interior]

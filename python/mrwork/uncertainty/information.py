@@ -1,0 +1,199 @@
+"""What the derivative of the residuals says of each parameter: Fisher information, judged and put into words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.identification.verdict import Change, Direction, Identifiability, Verdict
+from mrwork.uncertainty.directions import changes_along, listed, sparse_basis, told_combinations
+
+# Of the largest singular value, parameters scaled to unit sensitivity: what moves the residuals less is not seen.
+# Rounding leaves about 1e-9 where derivatives are difference quotients.
+UNSEEN = 1e-7
+# A standard error above this share of a parameter's scale leaves little more than its order of magnitude.
+WEAK = 0.25
+# Shares of a parameter's variance that make it part of a direction.
+_PART = 1e-6
+# How far exponents of what is seen better may be from simple ones.
+_ABOUT = 0.05
+# A partner is named from this correlation on.
+_TIED = 0.9
+
+
+def judged(
+    jacobian: NDArray[np.float64],
+    *,
+    names: Sequence[str],
+    of_range: Sequence[bool],
+    misfit: float,
+    n_effective: float,
+    held: set[str] | frozenset[str] = frozenset(),
+) -> Identifiability:
+    """Verdicts and directions from the derivative of the residuals, shape (n_residuals, n_params).
+
+    The covariance is `s^2 (J'J)^-1 n/n_eff`, with `s^2 = misfit^2 / (n - n_params)`. Not seen is a direction whose
+    singular value, parameters scaled to unit sensitivity, is below `UNSEEN` of the largest; weakly seen one along which
+    the standard error exceeds `WEAK` of the scale.
+
+    Parameters
+    ----------
+    jacobian
+        Per scale of each parameter, of residuals whose sum of squares is the squared misfit.
+    of_range
+        Which of these scales are ranges, not values.
+    held
+        Parameters that get no verdict because they were held, but may take part in a direction.
+
+    Returns
+    -------
+    Identifiability
+        Standard errors are in scales.
+    """
+    n_time = len(jacobian)
+    null = _null_space(jacobian)
+    basis = sparse_basis(null) if len(null) else null
+    unseen = tuple(_unseen(row, jacobian, names, of_range, held) for row in basis)
+    counted = np.array([index for index, name in enumerate(names) if name not in held], dtype=int)
+    free = jacobian[:, counted]
+    blind = np.any(np.abs(_null_space(free)) > _PART, axis=0)
+    variance = misfit**2 / max(n_time - counted.size, 1) * n_time / n_effective
+    seen = free[:, ~blind]
+    cov = np.full((counted.size, counted.size), np.inf)
+    cov[np.ix_(~blind, ~blind)] = variance * _inverse(seen.T @ seen)
+    verdicts = tuple(
+        _verdict(
+            number,
+            [names[index] for index in counted],
+            cov,
+            free,
+            [of_range[index] for index in counted],
+            blind,
+        )
+        for number in range(counted.size)
+    )
+    seen_names = [names[index] for index in counted[~blind]]
+    weak = _weak(
+        cov[np.ix_(~blind, ~blind)], seen, seen_names, [of_range[index] for index in counted[~blind]]
+    )
+    return Identifiability(
+        verdicts=verdicts, directions=unseen + weak, n_time=n_time, n_effective=n_effective
+    )
+
+
+def _null_space(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Directions that are not seen, in scales of the parameters, shape (n_directions, n_params)."""
+    if jacobian.shape[1] == 0:
+        return np.empty((0, 0))
+    norm = np.linalg.norm(jacobian, axis=0)
+    mute = norm == 0.0
+    unit = jacobian / np.where(mute, 1.0, norm)
+    _, singular, right = np.linalg.svd(unit, full_matrices=len(jacobian) < jacobian.shape[1])
+    short = np.concatenate([singular, np.zeros(len(right) - len(singular))])
+    null = right[short <= UNSEEN * max(singular[0], 1e-300)] / np.where(mute, 1.0, norm)
+    return np.asarray(null / np.linalg.norm(null, axis=1, keepdims=True))
+
+
+def _inverse(normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Inverse of a positive definite matrix whose columns differ by many powers of ten."""
+    root = np.sqrt(np.diag(normal))
+    return np.asarray(np.linalg.inv(normal / np.outer(root, root)) / np.outer(root, root))
+
+
+def _unseen(
+    direction: NDArray[np.float64],
+    jacobian: NDArray[np.float64],
+    names: Sequence[str],
+    of_range: Sequence[bool],
+    held: set[str] | frozenset[str],
+) -> Direction:
+    changes = changes_along(direction, names, of_range)
+    if len(changes) == 1:
+        sentence = f"the residuals do not feel {changes[0].name} at all"
+    else:
+        combinations = told_combinations(changes)
+        only = f", seen are only combinations such as {listed(combinations)}" if combinations else ""
+        sentence = (
+            f"{listed([each.name for each in changes])} are not told apart: {_together(changes)} "
+            f"changes no force{only}"
+        )
+    kept = [each.name for each in changes if each.name in held]
+    if kept:
+        sentence += f"; {listed(kept)} was held to settle it"
+    return Direction(changes=changes, effect=_effect(changes, jacobian, names), seen=False, sentence=sentence)
+
+
+def _weak(
+    cov: NDArray[np.float64],
+    jacobian: NDArray[np.float64],
+    names: Sequence[str],
+    of_range: Sequence[bool],
+) -> tuple[Direction, ...]:
+    """Directions along which the standard error exceeds `WEAK` of the scales, the least seen first."""
+    if not len(cov):
+        return ()
+    variances, vectors = np.linalg.eigh(cov)
+    found = []
+    for variance, vector in zip(variances[::-1], vectors.T[::-1], strict=True):
+        if np.sqrt(variance) <= WEAK:
+            break
+        changes = changes_along(vector, names, of_range)
+        effect = _effect(changes, jacobian, names)
+        combinations = told_combinations(changes, within=_ABOUT)
+        better = f"; {listed(combinations)} is seen better" if combinations else ""
+        first = float(np.sqrt(variance)) * abs(vector[names.index(changes[0].name)])
+        sentence = (
+            f"{_together(changes)} is seen only weakly: it changes the force by {100.0 * effect:.1g} % of its "
+            f"deviation, so {changes[0].name} is known no better than to {_share(first, changes[0].of_range)}{better}"
+        )
+        found.append(Direction(changes=changes, effect=effect, seen=True, sentence=sentence))
+    return tuple(found)
+
+
+def _share(share: float, of_range: bool) -> str:
+    """As in "40 % of its value", or "33 times its value" where it is more than all of it."""
+    whole = "range" if of_range else "value"
+    return f"{100.0 * share:.2g} % of its {whole}" if share < 1.0 else f"{share:.3g} times its {whole}"
+
+
+def _together(changes: Sequence[Change]) -> str:
+    first, *rest = [each.in_words for each in changes]
+    return f"{first} with {listed(rest)}" if rest else first
+
+
+def _effect(changes: Sequence[Change], jacobian: NDArray[np.float64], names: Sequence[str]) -> float:
+    column = {name: number for number, name in enumerate(names)}
+    moved = sum(0.01 * each.percent * jacobian[:, column[each.name]] for each in changes)
+    return float(np.linalg.norm(moved))
+
+
+def _verdict(
+    number: int,
+    names: Sequence[str],
+    cov: NDArray[np.float64],
+    jacobian: NDArray[np.float64],
+    of_range: Sequence[bool],
+    blind: NDArray[np.bool_],
+) -> Verdict:
+    """The verdict of one parameter; its standard error in scales."""
+    name = names[number]
+    if blind[number]:
+        others = [each for each, also in zip(names, blind, strict=True) if also and each != name]
+        felt = bool(np.any(jacobian[:, number] != 0.0)) and others
+        reason = f"seen only together with {listed(others)}" if felt else "the residuals do not feel it"
+        return Verdict(name=name, verdict="not", standard_error=None, reason=reason)
+    error = float(np.sqrt(cov[number, number]))
+    if error <= WEAK:
+        return Verdict(name=name, verdict="identifiable", standard_error=error, reason="")
+    deviation = np.sqrt(np.diag(cov))
+    correlation = np.where(blind, 0.0, cov[number] / np.where(blind, 1.0, error * deviation))
+    correlation[number] = 0.0
+    partner = int(np.argmax(np.abs(correlation)))
+    reason = f"its standard error is {_share(error, of_range[number])}"
+    if abs(correlation[partner]) > _TIED:
+        reason += (
+            f", mostly because {names[partner]} can make up for it (correlation {correlation[partner]:.3f})"
+        )
+    return Verdict(name=name, verdict="weakly", standard_error=error, reason=reason)

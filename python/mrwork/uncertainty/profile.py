@@ -1,0 +1,158 @@
+"""Profiles of the likelihood: what they are, and what they say of a parameter."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.identification.fit import Fit
+from mrwork.identification.verdict import VerdictName
+from mrwork.uncertainty.curvature import Scaled
+from mrwork.uncertainty.information import WEAK
+from mrwork.uncertainty.walk import End, Place, signed_root
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Profile:
+    """The least misfit with one parameter held, at `values` in its `unit`, upwards.
+
+    `ratio` is the likelihood ratio `dof ln(S/S_least)`; the interval ends where it reaches the threshold. An end that
+    is not "closed" is `None`: "bound" is the end of the admissible range; beyond "not simulated" none finished.
+    """
+
+    name: str
+    unit: str
+    estimate: float
+    log: bool
+    values: tuple[float, ...]
+    misfit: tuple[float, ...]
+    ratio: tuple[float, ...]
+    lower: float | None
+    upper: float | None
+    lower_end: End
+    upper_end: End
+    verdict: VerdictName
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Profiles:
+    """Profiles of the free parameters of a fit.
+
+    `threshold` is that of the likelihood ratio, chi-squared with one degree of freedom at `level`. `n_effective` is
+    what the `n_time` samples are worth. `remark` says so where the fit was not at the least misfit.
+    """
+
+    model: str
+    level: float
+    threshold: float
+    misfit: float
+    n_time: int
+    n_effective: float
+    profiles: tuple[Profile, ...]
+    status: Literal["finished", "interrupted"]
+    remark: str
+    evaluations: int
+    seconds: float
+
+
+def profile_of(
+    fit: Fit,
+    scaled: Scaled,
+    index: int,
+    below: list[Place],
+    above: list[Place],
+    ends: tuple[End, End],
+    *,
+    least: float,
+    threshold: float,
+    dof: float,
+) -> Profile:
+    """The two sides of the free parameter `index`, both from the same origin, joined and judged.
+
+    Parameters
+    ----------
+    least
+        The least squared misfit that is known.
+    dof
+        The likelihood ratio is `dof ln(S/least)`.
+    """
+    estimate = fit.estimates[scaled.free[index]]
+    line = [*reversed(below[1:]), *above]
+    position = np.array([place.position[index] for place in line])
+    roots = np.array([signed_root(place.squared, least, dof) for place in line])
+    limit = float(np.sqrt(threshold))
+    origin = len(below) - 1
+    lower_end, upper_end = ends
+    crossings = [
+        _crossing(position[origin::-1], roots[origin::-1], limit) if lower_end == "closed" else None,
+        _crossing(position[origin:], roots[origin:], limit) if upper_end == "closed" else None,
+    ]
+    at = np.tile(line[origin].position, (len(line), 1))
+    at[:, index] = position
+    values = scaled.values(at)[:, index]
+    interval = [None if each is None else _value(scaled, index, each) for each in crossings]
+    profile = Profile(
+        name=estimate.name,
+        unit=estimate.unit,
+        estimate=float(values[origin]),
+        log=bool(scaled.log[index]),
+        values=tuple(map(float, values)),
+        misfit=tuple(float(np.sqrt(place.squared)) for place in line),
+        ratio=tuple(map(float, roots**2)),
+        lower=interval[0],
+        upper=interval[1],
+        lower_end=lower_end,
+        upper_end=upper_end,
+        verdict="identifiable",
+        reason="",
+    )
+    verdict, reason = _judged(profile, crossings, limit)
+    return replace(profile, verdict=verdict, reason=reason)
+
+
+def _crossing(position: NDArray[np.float64], roots: NDArray[np.float64], limit: float) -> float | None:
+    """Where the root of the likelihood ratio first passes the limit, outwards; straight between points."""
+    beyond = np.flatnonzero(roots > limit)
+    if beyond.size == 0:
+        return None
+    last = int(beyond[0])
+    share = (limit - roots[last - 1]) / (roots[last] - roots[last - 1])
+    return float(position[last - 1] + share * (position[last] - position[last - 1]))
+
+
+def _value(scaled: Scaled, index: int, position: float) -> float:
+    return float(np.exp(position) if scaled.log[index] else position * scaled.size[index])
+
+
+def _judged(profile: Profile, crossings: list[float | None], limit: float) -> tuple[VerdictName, str]:
+    """A verdict: closed and narrow, closed at one side or wide, or open on both sides."""
+    open_ends = [
+        f"{side}: {_IN_WORDS[end]}"
+        for side, end, crossing in (
+            ("below", profile.lower_end, crossings[0]),
+            ("above", profile.upper_end, crossings[1]),
+        )
+        if crossing is None
+    ]
+    if crossings[0] is None and crossings[1] is None:
+        return "not", f"open {'; '.join(open_ends)}"
+    if crossings[0] is None or crossings[1] is None:
+        return "weakly", f"open {open_ends[0]}"
+    half = 0.5 * (crossings[1] - crossings[0])
+    if half > WEAK * limit:
+        width = f"a factor of {np.exp(half):.2g}" if profile.log else f"{100.0 * half:.2g} % of its scale"
+        return "weakly", f"the interval is {width} wide to either side"
+    return "identifiable", ""
+
+
+_IN_WORDS: dict[End, str] = {
+    "closed": "the fit was not at the least misfit",
+    "bound": "up to the bound of the range the data do not object",
+    "not simulated": "no simulation finished beyond",
+    "too many points": "the walk was given up",
+    "interrupted": "interrupted",
+}
