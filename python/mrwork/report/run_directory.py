@@ -26,8 +26,11 @@ FIT = "fit.json"
 JOURNAL = "journal.jsonl"
 REPORT = "report.html"
 FIGURES = "figures"
+# Of the fit that was there before: what later verbs made of it does not outlive it.
+PROFILES = "profiles.json"
+PLAN = "plan.json"
 
-_WRITTEN = frozenset({MANIFEST, FIT, JOURNAL, REPORT, FIGURES})
+_WRITTEN = frozenset({MANIFEST, FIT, JOURNAL, REPORT, FIGURES, PROFILES, PLAN})
 _BESIDE = ".mrwork-"
 _DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
