@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 
 import pytest
 
 from mrwork.cli import main
+from mrwork.report.run_directory import read_fit
 
 
 @pytest.fixture(scope="module")
@@ -75,3 +77,39 @@ def test_bad_input_is_one_sentence(
 
 def test_no_run_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "does not exist" in printed(capsys, "profile", tmp_path / "nothing", status=2)
+
+
+def test_identify_says_what_the_data_do_not_see(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    # Both forms of what `identify` prints are made from the fit that it writes.
+    stored = read_fit(run)
+    assert stored.identifiability is not None
+    doubtful = {each.name for each in stored.identifiability.verdicts if each.verdict != "identifiable"}
+    assert doubtful == {"delta", "x_s"}
+    text = printed(
+        capsys, "identify", "synthetic:spencer1997_fast", "--model", "bouc_wen", "--every", "2", "--quiet",
+        "--out", run.parent / "spencer",
+    )  # fmt: skip
+    assert "alpha, gamma, beta and A are not told apart" in text
+    assert "A was held to settle it" in text
+
+
+def test_an_earlier_fit_without_verdicts_is_read(run: Path, tmp_path: Path) -> None:
+    old = tmp_path / "old"
+    shutil.copytree(run, old)
+    document = json.loads((old / "fit.json").read_text())
+    del document["identifiability"]
+    (old / "fit.json").write_text(json.dumps(document))
+    assert read_fit(old).identifiability is None
+
+
+def test_profiles_do_not_outlive_their_fit(
+    run: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    again = tmp_path / "again"
+    shutil.copytree(run, again)
+    (again / "profiles.json").write_text("{}")
+    (again / "notes.txt").write_text("mine")
+    arguments = ["synthetic:rd1005_1a", "--every", "8", "--model", "static_hysteretic", "--quiet"]
+    printed(capsys, "identify", *arguments, "--out", again)
+    assert (again / "notes.txt").read_text() == "mine"
+    assert not (again / "profiles.json").exists()

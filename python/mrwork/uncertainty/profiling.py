@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from mrwork.coordinates import Box
 from mrwork.errors import SettingError, UnknownNameError
@@ -115,7 +115,8 @@ def profile_likelihood(
     residuals = objective.residuals(scaled.parameters(start.position)[None])[0]
     n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
     dof = n_effective * max(1.0 - len(box.free) / residuals.size, 0.0)
-    threshold = float(chi2.ppf(level, 1))
+    # Of chi-squared with one degree of freedom, which is a squared normal variable.
+    threshold = NormalDist().inv_cdf(0.5 * (1.0 + level)) ** 2
 
     def result(sides: Sides, status: Literal["finished", "interrupted"]) -> Profiles:
         least = min(each.squared for side in sides.values() for each in side.points)
