@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from mrwork import __version__
-from mrwork.cli import bench, calibrate, check, convert, identify, models, predict, sample
+from mrwork.cli import bench, calibrate, check, convert, identify, models, predict, profile, sample
 from mrwork.errors import MrworkError
 
-_VERBS = (models, check, identify, sample, calibrate, predict, convert, bench)
+_VERBS = (models, check, identify, profile, sample, calibrate, predict, convert, bench)
 
 
 class _Parser(argparse.ArgumentParser):

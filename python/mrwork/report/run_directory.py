@@ -26,11 +26,13 @@ FIT = "fit.json"
 JOURNAL = "journal.jsonl"
 REPORT = "report.html"
 FIGURES = "figures"
-# What `mrwork sample` adds: the chain, and the draws made of it. They go with the fit that they were sampled about.
+# What later verbs add: the chain and the draws made of it, profiles, a plan. They go with the fit they were made of.
 CHAIN = "posterior.h5"
 DRAWS = "posterior.nc"
+PROFILES = "profiles.json"
+PLAN = "plan.json"
 
-_WRITTEN = frozenset({MANIFEST, FIT, JOURNAL, REPORT, FIGURES, CHAIN, DRAWS})
+_WRITTEN = frozenset({MANIFEST, FIT, JOURNAL, REPORT, FIGURES, CHAIN, DRAWS, PROFILES, PLAN})
 _BESIDE = ".mrwork-"
 _DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
