@@ -11,15 +11,12 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from mrwork.cli.observe import add_observation, nuisances_of, observed
 from mrwork.cli.options import add_files, add_json, parse_bounds, reading_of
 from mrwork.cli.progress import ProgressLine
 from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import IdentificationInterrupted, identify
-from mrwork.identification.judge import judge
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.reading import Reading
 from mrwork.identification.warm_start import start_from
@@ -217,26 +214,14 @@ def _write(
         )
         return
     # Matplotlib is slow to load and needed for reports only.
-    from mrwork.report.comparison import Comparison
+    from mrwork.report.dossier.page import comparisons_of, dossier_page
     from mrwork.report.figures import run_figures
-    from mrwork.report.html import identification_report
 
-    spec = fit.spec
-    theta = np.array(fit.theta)
-    comparisons = [
-        Comparison(
-            test=test,
-            model_force=judge(spec, theta, test, nuisances=fit.nuisances)[0],
-            quality=quality,
-        )
-        for test, quality in zip(tests, fit.quality, strict=True)
-    ]
+    comparisons = comparisons_of(fit, tests)
     write_run(
         place,
         fit=fit,
-        report_html=identification_report(
-            fit, comparisons, model_title=spec.title, equation=spec.equation, source=spec.source
-        ),
+        report_html=dossier_page(fit, comparisons),
         figures=run_figures(fit, comparisons),
         manifest=manifest,
         journal=journal.path,

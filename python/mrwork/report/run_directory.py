@@ -26,13 +26,17 @@ FIT = "fit.json"
 JOURNAL = "journal.jsonl"
 REPORT = "report.html"
 FIGURES = "figures"
-# What later verbs add: the chain and the draws made of it, profiles, a plan. They go with the fit they were made of.
+# What later verbs add: the chain and the draws made of it, profiles, a plan, calibrated bands and the predictions they
+# are calibrated on. They go with the fit they were made of.
 CHAIN = "posterior.h5"
 DRAWS = "posterior.nc"
 PROFILES = "profiles.json"
 PLAN = "plan.json"
+CALIBRATION = "calibration.json"
+PREDICTIONS = "predictions.npz"
 
-_WRITTEN = frozenset({MANIFEST, FIT, JOURNAL, REPORT, FIGURES, CHAIN, DRAWS, PROFILES, PLAN})
+_ADDED = frozenset({CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, PREDICTIONS})
+_WRITTEN = _ADDED | {MANIFEST, FIT, JOURNAL, REPORT, FIGURES}
 _BESIDE = ".mrwork-"
 _DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 

@@ -67,7 +67,7 @@ def parameter_rows(estimates: Sequence[Estimate]) -> list[ParameterRow]:
             value=value,
             error=error,
             relative=relative,
-            unit=_unit(estimate.unit),
+            unit=shown_unit(estimate.unit),
             lower=lower,
             upper=upper,
             remark=estimate.remark,
@@ -174,5 +174,6 @@ def _quantity(value: float | None, unit: str) -> str:
     return "" if value is None else f"{numbers.shortest(value)}{_THIN}{unit}"
 
 
-def _unit(unit: str) -> str:
+def shown_unit(unit: str) -> str:
+    """A unit that does not break, nothing for none."""
     return "" if unit in {"", "-", "1"} else unit.replace(" ", "\N{NO-BREAK SPACE}")
