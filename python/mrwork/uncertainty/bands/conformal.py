@@ -12,7 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from mrwork.errors import SettingError
 from mrwork.uncertainty.bands.band import Band, score
@@ -199,6 +198,9 @@ def _calibrated(errors: Sequence[_Errors], variant: tuple[bool, bool], held_out:
 
 def _scale(errors: Sequence[_Errors]) -> tuple[float, float]:
     """The size of errors as a line over the steepness, both coefficients positive, each test weighing the same."""
+    # Slow to load, and whoever reads a calibration does not need it.
+    from scipy.optimize import nnls
+
     weights = [test.error.size**-0.5 for test in errors]
     rows = [
         weight * np.stack([np.ones_like(test.steepness), test.steepness], axis=1)
