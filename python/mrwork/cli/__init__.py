@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from mrwork import __version__
-from mrwork.cli import bench, check, convert, identify, models, predict
+from mrwork.cli import bench, check, convert, identify, models, predict, sample
 from mrwork.errors import MrworkError
 
-_VERBS = (models, check, identify, predict, convert, bench)
+_VERBS = (models, check, identify, sample, predict, convert, bench)
 
 
 class _Parser(argparse.ArgumentParser):

@@ -26,8 +26,11 @@ FIT = "fit.json"
 JOURNAL = "journal.jsonl"
 REPORT = "report.html"
 FIGURES = "figures"
+# What `mrwork sample` adds: the chain, and the draws made of it. They go with the fit that they were sampled about.
+CHAIN = "posterior.h5"
+DRAWS = "posterior.nc"
 
-_WRITTEN = frozenset({MANIFEST, FIT, JOURNAL, REPORT, FIGURES})
+_WRITTEN = frozenset({MANIFEST, FIT, JOURNAL, REPORT, FIGURES, CHAIN, DRAWS})
 _BESIDE = ".mrwork-"
 _DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
