@@ -29,8 +29,11 @@ FIGURES = "figures"
 # What `mrwork sample` adds: the chain, and the draws made of it. They go with the fit that they were sampled about.
 CHAIN = "posterior.h5"
 DRAWS = "posterior.nc"
+# What a comparison of models adds: the ranking, and in a folder for each the fit of every model.
+RANKING = "ranking.json"
+MODELS = "models"
 
-_WRITTEN = frozenset({MANIFEST, FIT, JOURNAL, REPORT, FIGURES, CHAIN, DRAWS})
+_WRITTEN = frozenset({MANIFEST, FIT, JOURNAL, REPORT, FIGURES, CHAIN, DRAWS, RANKING, MODELS})
 _BESIDE = ".mrwork-"
 _DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
@@ -63,6 +66,7 @@ def write_run(
     figures: Mapping[str, Figure],
     manifest: Mapping[str, Any],
     journal: str | Path,
+    documents: Mapping[str, object] | None = None,
 ) -> Path:
     """Write a run directory, in place of an earlier run if there is one.
 
@@ -78,6 +82,8 @@ def write_run(
         numbers that are not finite become `null`.
     journal
         File with the steps of the run, which is copied.
+    documents
+        More to be written as JSON, by the path inside the folder.
 
     Raises
     ------
@@ -102,6 +108,9 @@ def write_run(
         shutil.copyfile(journal, fresh / JOURNAL)
         _write(fresh / REPORT, report_html.encode())
         _write_figures(fresh / FIGURES, figures)
+        for name, document in (documents or {}).items():
+            (fresh / name).parent.mkdir(parents=True, exist_ok=True)
+            _write(fresh / name, json_document(document).encode())
         _keep_additions(place, fresh)
         if fit.status != "interrupted":
             # Whoever pressed Ctrl-C waits for the prompt; the system flushes that run when it gets to it.
