@@ -16,14 +16,16 @@ from mrwork.report.dossier.coverage import coverage_section
 from mrwork.report.dossier.identifiability import identifiability_section
 from mrwork.report.dossier.parameter_draws import parameter_draws
 from mrwork.report.dossier.posterior import posterior_section
+from mrwork.report.dossier.ranking import ranking_section
 from mrwork.report.dossier.residuals import residual_section
 from mrwork.report.dossier.section import Absent, Section
 from mrwork.report.dossier.stored_bands import read_bands
 from mrwork.report.dossier.stored_draws import read_draws
-from mrwork.report.fit_json import record_from_json
+from mrwork.report.fit_json import Record, record_from_json
 from mrwork.report.html import identification_report
-from mrwork.report.run_directory import PROFILES
+from mrwork.report.run_directory import PROFILES, RANKING
 from mrwork.uncertainty.profile import Profiles
+from mrwork.uncertainty.verdict import Ranking
 
 _PROFILES = Absent(
     title="Profiles",
@@ -43,6 +45,13 @@ _BANDS = Absent(
 )
 
 
+_RANKING = Absent(
+    title="Choice of model",
+    command="mrwork identify TESTS --model all",
+    says="compares families of models by what their fits have not seen, in a run of its own.",
+)
+
+
 def comparisons_of(fit: Fit, tests: Sequence[DamperTest]) -> tuple[Comparison, ...]:
     """The tests of a fit, each with the force that its model gives."""
     theta = np.array(fit.theta)
@@ -54,13 +63,17 @@ def comparisons_of(fit: Fit, tests: Sequence[DamperTest]) -> tuple[Comparison, .
     )
 
 
-def dossier_page(fit: Fit, comparisons: Sequence[Comparison], place: Path | None = None) -> str:
+def dossier_page(
+    fit: Fit, comparisons: Sequence[Comparison], place: Path | None = None, *, ranking: Ranking | None = None
+) -> str:
     """The page of a fit.
 
     Parameters
     ----------
     place
         The run directory whose additions are shown; without it none are.
+    ranking
+        Of the comparison that the fit came out of, where it is not in a run directory yet.
 
     Raises
     ------
@@ -69,7 +82,7 @@ def dossier_page(fit: Fit, comparisons: Sequence[Comparison], place: Path | None
     """
     sections: list[Section] = []
     absent: list[Absent] = []
-    profiles = _profiles(place)
+    profiles = _stored(Profiles, place, PROFILES, name="profiles", verb="profile")
     if fit.identifiability is not None:
         sections.append(identifiability_section(fit, fit.identifiability, profiles))
     if profiles is None:
@@ -89,6 +102,11 @@ def dossier_page(fit: Fit, comparisons: Sequence[Comparison], place: Path | None
         sections.append(coverage_section(bands))
     else:
         absent.append(_BANDS)
+    ranking = ranking or _stored(Ranking, place, RANKING, name="ranking", verb="identify")
+    if ranking is not None:
+        sections.append(ranking_section(ranking))
+    else:
+        absent.append(_RANKING)
     spec = fit.spec
     return identification_report(
         fit,
@@ -101,10 +119,9 @@ def dossier_page(fit: Fit, comparisons: Sequence[Comparison], place: Path | None
     )
 
 
-def _profiles(place: Path | None) -> Profiles | None:
-    if place is None or not (place / PROFILES).is_file():
+def _stored(kind: type[Record], place: Path | None, file: str, *, name: str, verb: str) -> Record | None:
+    """What a verb has left in a run directory, if it has."""
+    if place is None or not (place / file).is_file():
         return None
-    path = place / PROFILES
-    return record_from_json(
-        Profiles, path.read_text(encoding="utf-8"), origin=str(path), name="profiles", verb="profile"
-    )
+    text = (place / file).read_text(encoding="utf-8")
+    return record_from_json(kind, text, origin=str(place / file), name=name, verb=verb)
