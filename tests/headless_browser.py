@@ -7,11 +7,20 @@ import json
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+# The protocol wants its two ends at 3 and 4; by way of high numbers, for either may be in use.
+_LAUNCH = """
+import os, sys
+ends = [os.dup2(int(end), high) for end, high in zip(sys.argv[1:3], (103, 104))]
+os.dup2(ends[0], 3)
+os.dup2(ends[1], 4)
+os.execv(sys.argv[3], sys.argv[3:])
+"""
 NAMES = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
 
@@ -110,14 +119,13 @@ def browser(program: str, profile: Path) -> Iterator[Browser]:
     theirs_in, ours_out = os.pipe()
     ours_in, theirs_out = os.pipe()
 
-    def settle() -> None:
-        # The protocol wants its two ends at 3 and 4; by way of high numbers, for either may be in use.
-        first, second = os.dup2(theirs_in, 103), os.dup2(theirs_out, 104)
-        os.dup2(first, 3)
-        os.dup2(second, 4)
-
     process = subprocess.Popen(
         [
+            sys.executable,
+            "-c",
+            _LAUNCH,
+            str(theirs_in),
+            str(theirs_out),
             program,
             "--headless",
             "--no-sandbox",
@@ -130,8 +138,7 @@ def browser(program: str, profile: Path) -> Iterator[Browser]:
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
-        close_fds=False,
-        preexec_fn=settle,
+        pass_fds=(theirs_in, theirs_out),
         env=os.environ | {"HOME": str(profile)},
     )
     os.close(theirs_in)

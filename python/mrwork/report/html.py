@@ -113,6 +113,7 @@ def identification_report(
         searched=tuple(filter(None, (_convergence_panel(fit), waterfall_panel(fit)))),
         search=_search_facts(fit),
         sections=sections,
+        checked=tables.checked(comparisons),
         absent=absent,
         settings=[(name, _plain(value)) for name, value in fit.provenance.settings.items() if value],
         inputs=[

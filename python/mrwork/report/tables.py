@@ -136,6 +136,20 @@ def conditions(test: DamperTest, quality: FitQuality) -> str:
     return _MIDDLE_DOT.join(part for part in parts if part)
 
 
+def checked(comparisons: Sequence[Comparison]) -> str:
+    """How much the checks of the records found, in words."""
+    found = [finding.severity for comparison in comparisons for finding in comparison.test.findings]
+    parts = [
+        f"{count} {word}{'s' if count > 1 else ''}"
+        for word, count in (("warning", found.count("warning")), ("note", found.count("note")))
+        if count
+    ]
+    if "repaired" in found:
+        parts.append(f"{found.count('repaired')} repaired")
+    records = "the record" if len(comparisons) == 1 else f"{len(comparisons)} records"
+    return f"the checks of {records} found {', '.join(parts) or 'nothing to report'}."
+
+
 def caution(fit: Fit) -> str:
     """What the standard errors assume, and what the residuals of this fit say about it."""
     if all(estimate.standard_error is None for estimate in fit.estimates):

@@ -51,9 +51,38 @@ def time_figure(banded: Banded, unit: DisplayUnit) -> Figure:
     with style.drawn_in_style():
         # Four entries want a second line.
         figure, axes = column_axes(top=0.56)
-        _fill_over(axes, time, banded, samples, unit)
+        _fill_over(axes, time, banded, samples, unit, np.zeros(time.size))
         _draw_lines(axes, time, banded, samples, unit)
         finish(axes, f"Force ({unit.symbol})")
+        axes.set_xlim(float(time[0]), float(time[-1]))
+        axes.set_xlabel("Time (s)")
+        legend(axes, columns=2)
+    return figure
+
+
+def error_figure(banded: Banded, unit: DisplayUnit) -> Figure:
+    """The same cycle and its bands less the model's force: what the force itself hides where bands are narrow."""
+    samples = middle_cycle(banded.prediction)
+    test = banded.prediction.test
+    time = test.time[test.counted][samples]
+    residual = banded.prediction.residual[samples]
+    ends = [end for band in (banded.predicted, banded.parameters) if band for end in (band.lower, band.upper)]
+    largest = max(
+        float(np.abs(end - banded.prediction.force).max()) for end in [*ends, banded.prediction.measured]
+    )
+    unit = style.residual_unit(largest, unit)
+    with style.drawn_in_style():
+        figure, axes = column_axes(top=0.56)
+        _fill_over(axes, time, banded, samples, unit, banded.prediction.force[samples])
+        drawn = _thin(time.size)
+        axes.plot(
+            time[drawn],
+            residual[drawn] * unit.factor,
+            color=style.INK,
+            linewidth=1.0,
+            label=banded.data_label,
+        )
+        finish(axes, f"Force less model ({unit.symbol})")
         axes.set_xlim(float(time[0]), float(time[-1]))
         axes.set_xlabel("Time (s)")
         legend(axes, columns=2)
@@ -102,6 +131,8 @@ def cycle_figure(title: str, measured: Array, model: Array, bands: Sequence[Band
             markeredgewidth=0,
         )
         axes.set_title(title, loc="left", pad=6)
+        axes.use_sticky_edges = False
+        axes.autoscale_view()
         axes.set_xlim(0.3, measured.size + 0.7)
         axes.xaxis.set_major_locator(MaxNLocator(nbins=4, integer=True))
         axes.set_xlabel("Cycle")
@@ -132,11 +163,15 @@ def _loop(banded: Banded, unit: DisplayUnit, abscissa: Array, label: str) -> Fig
     return figure
 
 
-def _fill_over(axes: Axes, time: Array, banded: Banded, samples: slice, unit: DisplayUnit) -> None:
+def _fill_over(
+    axes: Axes, time: Array, banded: Banded, samples: slice, unit: DisplayUnit, origin: Array
+) -> None:
+    """Bands over time, less `origin` [N]."""
     drawn = _thin(time.size)
     if banded.predicted is not None:
         lower, upper = (
-            end[samples][drawn] * unit.factor for end in (banded.predicted.lower, banded.predicted.upper)
+            (end[samples] - origin)[drawn] * unit.factor
+            for end in (banded.predicted.lower, banded.predicted.upper)
         )
         axes.fill_between(
             time[drawn], lower, upper, color=style.BAND, linewidth=0, label=_named(banded.predicted)
@@ -146,8 +181,8 @@ def _fill_over(axes: Axes, time: Array, banded: Banded, samples: slice, unit: Di
     if banded.parameters is not None:
         axes.fill_between(
             time[drawn],
-            banded.parameters.lower[samples][drawn] * unit.factor,
-            banded.parameters.upper[samples][drawn] * unit.factor,
+            (banded.parameters.lower[samples] - origin)[drawn] * unit.factor,
+            (banded.parameters.upper[samples] - origin)[drawn] * unit.factor,
             color=style.PARAMETER_BAND,
             linewidth=0.8,
             label=_named(banded.parameters),

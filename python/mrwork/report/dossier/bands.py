@@ -14,6 +14,7 @@ from mrwork.report.dossier.band_figures import (
     Banded,
     cycle_figure,
     displacement_loop,
+    error_figure,
     time_figure,
     velocity_loop,
 )
@@ -63,7 +64,7 @@ def band_section(
 
 def _summary(draws: ParameterDraws | None, bands: StoredBands | None) -> str:
     if bands is None:
-        return f"Bands: of the parameters only ({'' if draws is None else draws.origin}); none for predictions yet."
+        return "Bands: of the parameters only, none for predictions yet."
     return f"Bands: {bands.calibration.basis}."
 
 
@@ -109,7 +110,7 @@ def _own_groups(
         if band is not None:
             share = percent(score(band, prediction.measured).coverage)
             said.append(f"{share} % of its samples lie in the 90 % {band.kind} band ({band.basis})")
-    origin = "" if draws is None else f" Parameters are {draws.origin}."
+    origin = "" if draws is None else f" Parameters were drawn from {draws.origin}."
     text = (
         f"The fit knows this test: {'; '.join(said)}. That says nothing of a test it does not know.{origin}"
     )
@@ -126,10 +127,10 @@ def _own_groups(
                 f"Force over one cycle of test {comparison.test.name} with its bands",
             ),
             panel(
-                f"b{number}-velocity",
-                "Force against velocity",
-                velocity_loop(banded, unit),
-                f"Force against velocity of test {comparison.test.name}, one cycle, with its bands",
+                f"b{number}-error",
+                "The same less the model's force",
+                error_figure(banded, unit),
+                f"Force less the model's over one cycle of test {comparison.test.name} with its bands",
             ),
         ),
     )

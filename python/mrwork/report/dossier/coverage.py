@@ -16,10 +16,11 @@ from mrwork.uncertainty.bands.coverage import LEVELS, LeftOutCoverage
 # The level that a sentence is about, and how far from it a coverage is still called right.
 JUDGED = 0.9
 _RIGHT = (0.8, 0.97)
+_FEW = 0.5
 _COLOURS = {0.5: style.DATA, 0.9: style.MODEL, 0.95: style.RESIDUAL}
 _ROW = 0.27
 # Width of a letter [in], on average.
-_LETTER = 0.073
+_LETTER = 0.082
 
 
 def coverage_section(bands: StoredBands) -> Section:
@@ -49,7 +50,7 @@ def coverage_figure(rows: list[dict[float, LeftOutCoverage]], names: list[str]) 
     """One line per test, a mark per level."""
     height = 0.34 + 0.5 + _ROW * len(rows) + 0.2
     with style.drawn_in_style():
-        figure, axes = column_axes(left=min(_LETTER * max(map(len, names)) + 0.2, 2.6), height=height)
+        figure, axes = column_axes(left=min(_LETTER * max(map(len, names)) + 0.25, 2.6), height=height)
         for level in LEVELS:
             axes.axvline(100 * level, color=_COLOURS[level], linewidth=1.0, linestyle=(0, (1.2, 1.8)))
             axes.plot(
@@ -126,6 +127,12 @@ def _verdict(rows: list[dict[float, LeftOutCoverage]]) -> str:
     low = [share for share in shares if share < _RIGHT[0]]
     if low and mean >= _RIGHT[0]:
         text += f" For {len(low)} of {len(shares)} tests they are too narrow all the same."
+    cycles = [row[JUDGED].cycles_inside for row in rows if np.isfinite(row[JUDGED].cycles_inside)]
+    if cycles and min(cycles) < _FEW:
+        text += (
+            f" By the energy they dissipate {percent(float(np.mean(cycles)), 0)} % of the cycles lie inside; those "
+            "of one test are alike, so that of a test nearly all or nearly none do."
+        )
     return text
 
 

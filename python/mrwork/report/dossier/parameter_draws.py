@@ -42,7 +42,7 @@ def parameter_draws(
     if stored is not None:
         theta = stored.theta(fit.spec.names)
         chosen = np.linspace(0, len(theta) - 1, min(_DRAWS, len(theta))).astype(int)
-        return ParameterDraws(theta=theta[chosen], origin="draws of the posterior")
+        return ParameterDraws(theta=theta[chosen], origin="the posterior")
     form = identifiable_form(fit.spec, given_bounds(fit))
     start = np.asarray(form.box.inside(np.asarray(form.forth(np.array(fit.theta)))))
     objective = Objective.of(form.spec, tuple(tests), nuisances=fit.nuisances)

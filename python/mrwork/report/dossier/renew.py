@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from mrwork.errors import OutputError
 from mrwork.report.dossier.page import comparisons_of, dossier_page
 from mrwork.report.reopen import reopen
 from mrwork.report.run_directory import REPORT
+from mrwork.uncertainty.identifiability import identifiability_of
 
 
 def write_dossier(place: str | Path) -> Path:
@@ -21,7 +23,11 @@ def write_dossier(place: str | Path) -> Path:
         Where the page cannot be written.
     """
     opened = reopen(place)
-    page = dossier_page(opened.fit, comparisons_of(opened.fit, opened.tests), opened.place)
+    fit = opened.fit
+    if fit.identifiability is None:
+        # An earlier version did not ask.
+        fit = replace(fit, identifiability=identifiability_of(fit, opened.tests))
+    page = dossier_page(fit, comparisons_of(fit, opened.tests), opened.place)
     target = opened.place / REPORT
     beside = target.with_name(f".{REPORT}.new")
     try:

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 LAGS = 10
 LEVEL = 0.01
 # Places of a cycle at which residuals are compared from cycle to cycle, and cycles that this wants.
-_PLACES = 64
+_PLACES = 256
 _LEAST_CYCLES = 3
 
 
@@ -116,11 +116,9 @@ def _repeating(comparison: Comparison) -> float:
         return np.nan
     residual = comparison.residual[counted]
     places = np.linspace(0.0, 1.0, _PLACES, endpoint=False)
+    # The nearest samples: between two of them noise would be smaller than it is.
     rows = np.array(
-        [
-            np.interp(cycle.start + places * (cycle.stop - cycle.start), np.arange(residual.size), residual)
-            for cycle in cycles
-        ]
+        [residual[np.rint(cycle.start + places * (cycle.stop - cycle.start)).astype(int)] for cycle in cycles]
     )
     scatter = float(np.mean(np.var(rows, axis=0, ddof=1)))
     common = float(np.mean(rows.mean(axis=0) ** 2)) - scatter / len(rows)

@@ -17,7 +17,7 @@ from mrwork.report.dossier.residual_figures import (
 )
 from mrwork.report.dossier.residual_tests import LAGS, LEVEL, ResidualTests, residual_tests
 from mrwork.report.dossier.section import Group, Panel, Section, Table, panel, table
-from mrwork.report.dossier.wording import probability, tests_of
+from mrwork.report.dossier.wording import most_of, percent, probability, tests_of
 
 # Figures of more tests than this make a page that nobody reads: then those of the worst are drawn.
 _DRAWN = 2
@@ -57,7 +57,7 @@ def _summary(found: Sequence[ResidualTests]) -> str:
         return "Residuals: nothing speaks against white noise."
     repeating = [each.repeating for each in found if np.isfinite(each.repeating)]
     share = (
-        f"; {numbers.fixed(100 * float(np.median(repeating)), 0)} % of their mean square comes back in every cycle"
+        f"; {most_of(float(np.median(repeating)))} % of their mean square comes back in every cycle"
         if repeating
         else ""
     )
@@ -81,10 +81,11 @@ def _prose(found: Sequence[ResidualTests]) -> tuple[str, ...]:
         )
     repeating = [each.repeating for each in found if np.isfinite(each.repeating)]
     if coloured and repeating:
-        low, high = 100 * min(repeating), 100 * max(repeating)
-        span = numbers.fixed(low, 0) if round(low) == round(high) else f"{low:.0f} to {high:.0f}"
-        first += f" {span} % of the mean squared residual is the same in every cycle: " + (
-            "so much of it is the model's." if high >= 50.0 else "the rest changes from cycle to cycle."
+        low, high = most_of(min(repeating)), most_of(max(repeating))
+        span = low if low == high else f"{low} to {high}"
+        first += (
+            f" From cycle to cycle {span} % of the mean squared residual stays the same"
+            f"{', which is error of the model and not noise.' if min(repeating) > 0.5 else '; the rest changes.'}"
         )
     if uneven == 0:
         second = "Their size does not depend on speed or stroke as far as these samples tell."
@@ -115,7 +116,7 @@ def _table(comparisons: Sequence[Comparison], found: Sequence[ResidualTests]) ->
                 numbers.fixed(each.lag_one, 3),
                 probability(each.white_p),
                 f"{numbers.fixed(each.n_effective, 0)} of {numbers.fixed(each.n_time, 0)}",
-                numbers.fixed(100 * each.repeating, 0),
+                percent(each.repeating),
                 probability(each.even_p),
                 numbers.fixed(each.fast_to_slow, 2),
                 numbers.fixed(each.excess, 1),

@@ -23,6 +23,11 @@ def tests_of(count: int, total: int) -> str:
     return f"all {total} tests" if count == total else f"{count} of {total} tests"
 
 
+def most_of(share: float) -> str:
+    """A share in whole per cent, but never all of it where something is missing."""
+    return "more than 99" if 0.99 < share < 1.0 else numbers.fixed(100.0 * share, 0)
+
+
 def percent(share: float, decimals: int = 1) -> str:
     """A share as a number of percent."""
     return numbers.fixed(100.0 * share, decimals)
