@@ -12,10 +12,10 @@ from collections.abc import Sequence
 from typing import NoReturn
 
 from mrwork import __version__
-from mrwork.cli import bench, check, convert, identify, models, predict, profile
+from mrwork.cli import bench, check, convert, identify, models, plan, predict, profile
 from mrwork.errors import MrworkError
 
-_VERBS = (models, check, identify, predict, profile, convert, bench)
+_VERBS = (models, check, identify, predict, profile, plan, convert, bench)
 
 
 class _Parser(argparse.ArgumentParser):
