@@ -140,6 +140,11 @@ def run(options: argparse.Namespace) -> int:
     finally:
         line.close()
         journal.close()
+    if status == 0:
+        # SciPy's optimisers are slow to load.
+        from mrwork.uncertainty.identifiability import identifiability_of
+
+        fit = replace(fit, identifiability=identifiability_of(fit, tests, threads=options.threads))
     fit = _with_command(fit, reading)
     _write(place, fit, tests, journal, with_figures=status == 0)
     discard_journal(journal)
@@ -260,6 +265,7 @@ def _summary(fit: Fit, place: Path) -> dict[str, Any]:
             for estimate in fit.estimates
         },
         "current_laws": None if fit.current is None else asdict(fit.current),
+        "identifiability": None if fit.identifiability is None else asdict(fit.identifiability),
         "nuisances": fit.nuisances,
         "fit_percent": fit.fit_percent,
         "nrmse": fit.nrmse,
@@ -285,12 +291,20 @@ def _text(fit: Fit, tests: tuple[DamperTest, ...], place: Path) -> str:
     ]
     width = max(7, *(len(estimate.name) for estimate in fit.estimates))
     units = max(6, *(len(estimate.unit) for estimate in fit.estimates))
+    doubts = {
+        each.name: f"{each.verdict} identifiable: {each.reason}"
+        for each in (fit.identifiability.verdicts if fit.identifiability else ())
+        if each.verdict != "identifiable"
+    }
     for estimate in fit.estimates:
         error = "" if estimate.standard_error is None else f"+- {estimate.standard_error:.2g}"
-        remark = f"({estimate.remark})" if estimate.remark else ""
+        remark = estimate.remark or doubts.get(estimate.name, "")
+        remark = f"({remark})" if remark else ""
         row = f"  {estimate.name:<{width}} {estimate.value:>12.6g}  {error:<12} {estimate.unit:<{units}} {remark}"
         lines.append(row.rstrip())
     lines.append("")
+    if fit.identifiability is not None and fit.identifiability.directions:
+        lines += [*(f"  - {each.sentence}" for each in fit.identifiability.directions), ""]
     for test, quality in zip(tests, fit.quality, strict=True):
         settle = f", first {quality.settle_seconds:.2g} s not compared" if quality.settle_seconds > 0 else ""
         recorded = ", ".join(filter(None, (quality.observation.in_words, quality.nuisance.in_words)))

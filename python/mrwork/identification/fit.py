@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
+from mrwork.identification.verdict import Identifiability
 from mrwork.parameters import CurrentLaws
 from mrwork.records import AS_IT_IS, Observation
 from mrwork.spec import DamperSpec, damper
@@ -90,7 +91,8 @@ class Fit:
     """An identified damper: estimates in the order of the model's spec, quality per test, provenance.
 
     `evaluations` counts simulated candidates, those of the search and of the screening that follows it;
-    `refinement_steps` counts steps on the twin, one simulation with its derivatives each.
+    `refinement_steps` counts steps on the twin, one simulation with its derivatives each. `identifiability` is what
+    `uncertainty.identifiability_of` made of it, `None` where nobody asked.
     """
 
     model: str
@@ -110,6 +112,7 @@ class Fit:
     provenance: Provenance
     current: CurrentLaws | None = None
     nuisances: tuple[NuisanceName, ...] = ()
+    identifiability: Identifiability | None = None
 
     @property
     def spec(self) -> DamperSpec:

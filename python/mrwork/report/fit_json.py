@@ -11,7 +11,7 @@ import json
 import math
 import types
 from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from dataclasses import MISSING, fields, is_dataclass
 from pathlib import PurePath
 from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hints
 
@@ -91,8 +91,10 @@ def _built(kind: Any, value: Any, place: str) -> Any:
 def _built_record(kind: type, value: Any, place: str) -> Any:
     _accepted(isinstance(value, dict), value, place, "an object")
     hints = get_type_hints(kind)
-    names = [field.name for field in fields(kind)]
-    missing = [name for name in names if name not in value]
+    known = fields(kind)
+    names = [field.name for field in known if field.name in value]
+    # A field that has a default may be newer than the document.
+    missing = [field.name for field in known if field.name not in value and field.default is MISSING]
     if missing:
         raise _MismatchError(f"`{place}` lacks {', '.join(missing)}")
     return kind(**{name: _built(hints[name], value[name], f"{place}.{name}") for name in names})

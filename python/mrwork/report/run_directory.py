@@ -26,11 +26,17 @@ FIT = "fit.json"
 JOURNAL = "journal.jsonl"
 REPORT = "report.html"
 FIGURES = "figures"
-# What `mrwork sample` adds: the chain, and the draws made of it. They go with the fit that they were sampled about.
+# What later verbs make of a fit goes with it: it does not outlive the fit that it was made of.
 CHAIN = "posterior.h5"
 DRAWS = "posterior.nc"
+PROFILES = "profiles.json"
+PLAN = "plan.json"
+CALIBRATION = "calibration.json"
+FOLDS = "left_out"
 
-_WRITTEN = frozenset({MANIFEST, FIT, JOURNAL, REPORT, FIGURES, CHAIN, DRAWS})
+_WRITTEN = frozenset(
+    {MANIFEST, FIT, JOURNAL, REPORT, FIGURES, CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS}
+)
 _BESIDE = ".mrwork-"
 _DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mrwork.coordinates import Box
 from mrwork.identification.descent import difference_quotient
+from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.estimate import remark_of
 from mrwork.identification.fit import Fit
 from mrwork.identification.objective import Objective
@@ -43,10 +44,16 @@ def identifiability_of(
     interior = [index for index in box.free if remark_of(box, index, theta[index]) == ""]
     inside = box.with_bounds({name: (value, value) for name, value in _on_bound(box, theta, interior)})
     ranges = scaled_ranges(spec, box, objective.tests, theta)
-    jacobian = derivative(objective, inside, theta, ranges)
+    form = identifiable_form(spec, given_bounds(fit))
+    if form.spec is spec:
+        jacobian = derivative(objective, inside, theta, ranges)
+    else:
+        jacobian = _through(form, objective, theta, derivative)[:, interior]
     scale = Scale.of(box, ranges, theta)
+    # Signed, so that a negative value goes up with its size, and products and ratios come out as they are.
+    sign = np.where(scale.of_range | (theta >= 0.0), 1.0, -1.0)
     found = judged(
-        jacobian * scale.size[interior],
+        jacobian * (sign * scale.size)[interior],
         names=[spec.names[index] for index in interior],
         of_range=[bool(each) for each in scale.of_range[interior]],
         misfit=float(np.linalg.norm(residuals)),
@@ -70,6 +77,20 @@ def identifiability_of(
     ]
     verdicts.sort(key=lambda each: spec.names.index(each.name))
     return replace(found, verdicts=tuple(verdicts))
+
+
+def _through(
+    form: Form, objective: Objective, theta: NDArray[np.float64], derivative: Derivative
+) -> NDArray[np.float64]:
+    """Derivative for a model with redundant parameters, by the chain rule through its form without: exact in them."""
+    # Slow to load.
+    import jax
+
+    there = np.asarray(form.box.inside(np.clip(form.forth(theta), form.box.lower, form.box.upper)))
+    own = Objective.of(form.spec, objective.tests, nuisances=objective.nuisances, threads=objective.threads)
+    ranges = scaled_ranges(form.spec, form.box, own.tests, there)
+    mapped = np.asarray(jax.jacfwd(form.forth)(jax.numpy.asarray(theta)))
+    return np.asarray(derivative(own, form.box, there, ranges) @ mapped[list(form.box.free)])
 
 
 def given_bounds(fit: Fit) -> dict[str, tuple[float, float]]:

@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.identification.fit import Fit
 from mrwork.identification.verdict import VerdictName
+from mrwork.parameters import ParamSpec
 from mrwork.uncertainty.curvature import Scaled
 from mrwork.uncertainty.information import WEAK
 from mrwork.uncertainty.walk import End, Place, signed_root
@@ -40,7 +40,7 @@ class Profile:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Profiles:
-    """Profiles of the free parameters of a fit.
+    """Profiles of the free parameters of a fit, in the form of its `model` that has no redundant ones.
 
     `threshold` is that of the likelihood ratio, chi-squared with one degree of freedom at `level`. `n_effective` is
     what the `n_time` samples are worth. `remark` says so where the fit was not at the least misfit.
@@ -60,7 +60,7 @@ class Profiles:
 
 
 def profile_of(
-    fit: Fit,
+    parameter: ParamSpec,
     scaled: Scaled,
     index: int,
     below: list[Place],
@@ -80,7 +80,6 @@ def profile_of(
     dof
         The likelihood ratio is `dof ln(S/least)`.
     """
-    estimate = fit.estimates[scaled.free[index]]
     line = [*reversed(below[1:]), *above]
     position = np.array([place.position[index] for place in line])
     roots = np.array([signed_root(place.squared, least, dof) for place in line])
@@ -96,8 +95,8 @@ def profile_of(
     values = scaled.values(at)[:, index]
     interval = [None if each is None else _value(scaled, index, each) for each in crossings]
     profile = Profile(
-        name=estimate.name,
-        unit=estimate.unit,
+        name=parameter.name,
+        unit=parameter.unit,
         estimate=float(values[origin]),
         log=bool(scaled.log[index]),
         values=tuple(map(float, values)),
@@ -139,7 +138,10 @@ def _judged(profile: Profile, crossings: list[float | None], limit: float) -> tu
         if crossing is None
     ]
     if crossings[0] is None and crossings[1] is None:
-        return "not", f"open {'; '.join(open_ends)}"
+        reasons = [_IN_WORDS[profile.lower_end], _IN_WORDS[profile.upper_end]]
+        return "not", f"open either way: {reasons[0]}" if len(
+            set(reasons)
+        ) == 1 else f"open {'; '.join(open_ends)}"
     if crossings[0] is None or crossings[1] is None:
         return "weakly", f"open {open_ends[0]}"
     half = 0.5 * (crossings[1] - crossings[0])
@@ -151,7 +153,7 @@ def _judged(profile: Profile, crossings: list[float | None], limit: float) -> tu
 
 _IN_WORDS: dict[End, str] = {
     "closed": "the fit was not at the least misfit",
-    "bound": "up to the bound of the range the data do not object",
+    "bound": "the data do not object up to the bound of its range",
     "not simulated": "no simulation finished beyond",
     "too many points": "the walk was given up",
     "interrupted": "interrupted",

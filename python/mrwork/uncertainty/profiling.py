@@ -5,14 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
 
 from mrwork.coordinates import Box
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
 from mrwork.identification.objective import Objective
 from mrwork.records import DamperTest
@@ -64,6 +65,9 @@ def profile_likelihood(
     as the residuals are worth, `n_eff (1 - n_params/n)`. The interval is where it stays below chi-squared with one
     degree of freedom (Venzon, Moolgavkar, Applied Statistics 37, 1988, 87-94).
 
+    A model with a redundant form is profiled in the one in which it is identified: along the valley of a Spencer
+    Bouc-Wen gamma and beta cancel to many digits, and nobody can walk there.
+
     Parameters
     ----------
     tests
@@ -95,9 +99,9 @@ def profile_likelihood(
             "identify again without a power"
         )
     began = time.perf_counter()
-    spec, theta = fit.spec, np.array(fit.theta)
-    held = {each.name: (each.value, each.value) for each in fit.estimates if each.remark == "fixed"}
-    box = Box.of(spec).with_bounds(given_bounds(fit) | held)
+    form = identifiable_form(fit.spec, given_bounds(fit))
+    spec, box = form.spec, form.box
+    theta = np.clip(form.forth(np.array(fit.theta)), box.lower, box.upper)
     wanted = _wanted(box, parameters)
     objective = Objective.of(spec, tuple(tests), nuisances=fit.nuisances, threads=threads)
     scale = Scale.of(box, scaled_ranges(spec, box, objective.tests, theta), theta)
@@ -111,14 +115,15 @@ def profile_likelihood(
     residuals = objective.residuals(scaled.parameters(start.position)[None])[0]
     n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
     dof = n_effective * max(1.0 - len(box.free) / residuals.size, 0.0)
-    threshold = float(chi2.ppf(level, 1))
+    # Of chi-squared with one degree of freedom, which is a squared normal variable.
+    threshold = NormalDist().inv_cdf(0.5 * (1.0 + level)) ** 2
 
     def result(sides: Sides, status: Literal["finished", "interrupted"]) -> Profiles:
         least = min(each.squared for side in sides.values() for each in side.points)
         gone = signed_root(start.squared, least, dof) ** 2
         made = tuple(
             profile_of(
-                fit,
+                spec.parameters[box.free[index]],
                 scaled,
                 index,
                 sides[index, -1].points,
@@ -131,7 +136,7 @@ def profile_likelihood(
             for index in wanted
         )
         return Profiles(
-            model=fit.model,
+            model=spec.name,
             level=level,
             threshold=threshold,
             misfit=float(np.sqrt(least)),
