@@ -67,6 +67,8 @@ class Ensemble:
         sampler = EnsembleSampler(
             self.n_walkers, self.positions.shape[2], self.target, moves=moves(), vectorize=True
         )
+        # emcee's wrapper would print the place where Ctrl-C meets a simulation.
+        sampler.log_prob_fn = self.target
         start = State(self.positions[done], log_prob=self.densities[done], random_state=random_state)
         steps = sampler.sample(start, iterations=until - done, store=False, skip_initial_state_check=True)
         for step, state in enumerate(steps, done + 1):
