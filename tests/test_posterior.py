@@ -90,7 +90,7 @@ def draws() -> Draws:
 
 def test_a_sampling_stops_by_itself_and_says_why(draws: Draws) -> None:
     assert draws.status == "converged"
-    assert draws.verdict.startswith(f"Converged after {draws.n_steps} steps: R-hat at most 1.00")
+    assert draws.verdict.startswith(f"Converged after {draws.n_steps} steps: R-hat below 1.01")
     assert all(each.rhat < 1.01 and each.ess_bulk > 400 and each.ess_tail > 400 for each in draws.summaries)
     assert draws.theta.shape == (len(draws.log_posterior), 4)
     assert draws.noise.shape == (len(draws.log_posterior), 1)

@@ -18,7 +18,7 @@ from mrwork.coordinates import Box
 from mrwork.identification.fit import Provenance
 from mrwork.journal import digest_of
 from mrwork.spec import DamperSpec
-from mrwork.uncertainty.diagnosis import Diagnosis, autocorrelation_times, diagnose, kept
+from mrwork.uncertainty.diagnosis import LARGEST_RHAT, Diagnosis, autocorrelation_times, diagnose, kept
 from mrwork.uncertainty.draws import Draws, DrawsStatus, DrawSummary, summary_of
 from mrwork.uncertainty.ensemble import Ensemble
 from mrwork.uncertainty.prior import Prior
@@ -152,8 +152,8 @@ class Sampling:
         else:
             ess = float(min(diagnosis.ess_bulk.min(), diagnosis.ess_tail.min()))
             said = (
-                f"Converged after {n_steps} steps: R-hat at most {float(diagnosis.rhat.max()):.4f}, at least {ess:.0f} "
-                f"effective draws, a chain of {diagnosis.length:.0f} autocorrelation times."
+                f"Converged after {n_steps} steps: R-hat below {LARGEST_RHAT} throughout, at least {ess:.0f} effective "
+                f"draws, a chain of {diagnosis.length:.0f} autocorrelation times."
             )
         if self.target.temper < 1.0:
             n_time = self.target.objective.n_time

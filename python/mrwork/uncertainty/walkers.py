@@ -35,10 +35,7 @@ def first_walkers(target: Target, start: Array, n_walkers: int, rng: np.random.G
         Where no candidate about the start is possible at all.
     """
     space = target.space
-    theta = target.form.box.inside(start)
-    noise = target.noise_at(theta)
-    origin = np.asarray(space.position(space.box.inside(np.concatenate([theta, noise]))))
-    root = np.linalg.cholesky(np.linalg.inv(_information(target, theta, origin)))
+    origin, root = ellipsoid(target, start)
     walkers = np.tile(origin, (n_walkers, 1))
     waiting = np.arange(n_walkers)
     scale = 1.0
@@ -53,6 +50,14 @@ def first_walkers(target: Target, start: Array, n_walkers: int, rng: np.random.G
         f"{waiting.size} of {n_walkers} walkers found no place near the start that prior and simulation allow; "
         "give priors that allow for the fit, or another fit"
     )
+
+
+def ellipsoid(target: Target, start: Array) -> tuple[Array, Array]:
+    """Position of `start` and the noise there, (n_dim,), and a root of the covariance about it, (n_dim, n_dim)."""
+    space = target.space
+    theta = target.form.box.inside(start)
+    origin = np.asarray(space.position(space.box.inside(np.concatenate([theta, target.noise_at(theta)]))))
+    return origin, np.linalg.cholesky(np.linalg.inv(_information(target, theta, origin)))
 
 
 def _information(target: Target, theta: Array, origin: Array) -> Array:
