@@ -67,6 +67,7 @@ def write_run(
     manifest: Mapping[str, Any],
     journal: str | Path,
     documents: Mapping[str, object] | None = None,
+    flush: bool = True,
 ) -> Path:
     """Write a run directory, in place of an earlier run if there is one.
 
@@ -84,6 +85,8 @@ def write_run(
         File with the steps of the run, which is copied.
     documents
         More to be written as JSON, by the path inside the folder.
+    flush
+        Wait until it is on the disk, but for a fit that was interrupted.
 
     Raises
     ------
@@ -112,7 +115,7 @@ def write_run(
             (fresh / name).parent.mkdir(parents=True, exist_ok=True)
             _write(fresh / name, json_document(document).encode())
         _keep_additions(place, fresh)
-        if fit.status != "interrupted":
+        if flush and fit.status != "interrupted":
             # Whoever pressed Ctrl-C waits for the prompt; the system flushes that run when it gets to it.
             _flush(fresh)
         _swap(fresh, place, beside / "old")
