@@ -20,11 +20,14 @@ if TYPE_CHECKING:
     from mrwork.simulate import Loading, simulate_force
     from mrwork.spec import DamperSpec, damper, dampers
     from mrwork.synthetic import synthetic_test
+    from mrwork.uncertainty.choice import choose_model
+    from mrwork.uncertainty.comparison import Choice
     from mrwork.uncertainty.draws import Draws
     from mrwork.uncertainty.posterior import sample_posterior
 
 _HOME = {
     "Box": "mrwork.coordinates",
+    "Choice": "mrwork.uncertainty.comparison",
     "DamperSpec": "mrwork.spec",
     "DamperTest": "mrwork.records",
     "Draws": "mrwork.uncertainty.draws",
@@ -32,6 +35,7 @@ _HOME = {
     "Journal": "mrwork.journal",
     "Loading": "mrwork.simulate",
     "MrworkError": "mrwork.errors",
+    "choose_model": "mrwork.uncertainty.choice",
     "damper": "mrwork.spec",
     "dampers": "mrwork.spec",
     "identify": "mrwork.identification.identify",
