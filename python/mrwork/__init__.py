@@ -20,11 +20,14 @@ if TYPE_CHECKING:
     from mrwork.simulate import Loading, simulate_force
     from mrwork.spec import DamperSpec, damper, dampers
     from mrwork.synthetic import synthetic_test
+    from mrwork.uncertainty.draws import Draws
+    from mrwork.uncertainty.posterior import sample_posterior
 
 _HOME = {
     "Box": "mrwork.coordinates",
     "DamperSpec": "mrwork.spec",
     "DamperTest": "mrwork.records",
+    "Draws": "mrwork.uncertainty.draws",
     "Fit": "mrwork.identification.fit",
     "Journal": "mrwork.journal",
     "Loading": "mrwork.simulate",
@@ -34,6 +37,7 @@ _HOME = {
     "identify": "mrwork.identification.identify",
     "read_damper_test": "mrwork.records",
     "read_damper_tests": "mrwork.records",
+    "sample_posterior": "mrwork.uncertainty.posterior",
     "simulate_force": "mrwork.simulate",
     "start_from": "mrwork.identification.warm_start",
     "synthetic_test": "mrwork.synthetic",

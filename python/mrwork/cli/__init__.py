@@ -9,13 +9,24 @@ import argparse
 import os
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from typing import NoReturn
 
 from mrwork import __version__
-from mrwork.cli import bench, check, convert, identify, models, plan, predict, profile
 from mrwork.errors import MrworkError
 
-_VERBS = (models, check, identify, predict, profile, plan, convert, bench)
+_VERBS = (
+    "models",
+    "check",
+    "identify",
+    "sample",
+    "calibrate",
+    "predict",
+    "profile",
+    "plan",
+    "convert",
+    "bench",
+)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -25,8 +36,13 @@ class _Parser(argparse.ArgumentParser):
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 
-def parser() -> argparse.ArgumentParser:
-    """The whole command line."""
+def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
+    """The command line: of the verb that `arguments` begin with, else of all.
+
+    A verb may want libraries that take a second to load; the others do not wait for them.
+    """
+    first = arguments[0] if arguments else ""
+    wanted = (first,) if first in _VERBS else () if first == "--version" else _VERBS
     root = _Parser(
         prog="mrwork",
         description="Identify magnetorheological dampers from test records.",
@@ -34,14 +50,15 @@ def parser() -> argparse.ArgumentParser:
     )
     root.add_argument("--version", action="version", version=f"mrwork {__version__}")
     verbs = root.add_subparsers(title="verbs", metavar="VERB", required=True, parser_class=_Parser)
-    for verb in _VERBS:
-        verb.add_parser(verbs)
+    for verb in wanted:
+        import_module(f"mrwork.cli.{verb}").add_parser(verbs)
     return root
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run a command line and leave the process with its exit status."""
-    options = parser().parse_args(arguments)
+    arguments = sys.argv[1:] if arguments is None else arguments
+    options = parser(arguments).parse_args(arguments)
     try:
         status = int(options.run(options))
         sys.stdout.flush()

@@ -13,10 +13,13 @@ from mrwork.records import DamperTest, parse_column_option
 from mrwork.records.repair import REPAIR_KINDS, RepairKind
 
 
-def add_files(parser: argparse.ArgumentParser) -> None:
+def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
     """FILE..., and which part of each is used."""
     parser.add_argument(
-        "files", nargs="+", metavar="FILE", help="test record: .csv, .tsv, .parquet, .mat, or synthetic:NAME"
+        "files",
+        nargs="+" if required else "*",
+        metavar="FILE",
+        help="test record: .csv, .tsv, .parquet, .mat, or synthetic:NAME",
     )
     parser.add_argument(
         "--column",

@@ -12,7 +12,10 @@ import numpy as np
 from mrwork.cli.observe import add_observation, nuisances_of, observed
 from mrwork.cli.options import add_files, add_json, read_tests
 from mrwork.identification.judge import judge
+from mrwork.report.calibration_json import read_calibration
 from mrwork.report.run_directory import read_fit
+from mrwork.uncertainty.bands.band import score
+from mrwork.uncertainty.bands.prediction import Prediction
 
 
 def add_parser(verbs: Any) -> None:
@@ -32,6 +35,13 @@ def add_parser(verbs: Any) -> None:
         metavar="N",
         help="multiply the sub-steps of the integration by 2, 4, ... to check that nothing changes",
     )
+    parser.add_argument(
+        "--level",
+        type=float,
+        metavar="SHARE",
+        help="say also how much of each test lies in the prediction band of this level, such as 0.9, that mrwork "
+        "calibrate has made for the run",
+    )
     add_json(parser)
     parser.set_defaults(run=run)
 
@@ -39,12 +49,14 @@ def add_parser(verbs: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Predict every test and print how it compares."""
     fit = read_fit(options.fit)
+    calibration = None if options.level is None else read_calibration(options.fit)
     spec, theta = fit.spec, np.array(fit.theta)
-    rows = []
+    rows: list[dict[str, Any]] = []
     nuisances = nuisances_of(options)
     for test in read_tests(options):
-        _, quality = judge(
-            spec, theta, observed(test, options), nuisances=nuisances, substep_factor=options.substep_factor
+        recorded = observed(test, options)
+        force, quality = judge(
+            spec, theta, recorded, nuisances=nuisances, substep_factor=options.substep_factor
         )
         rows.append(
             {
@@ -62,14 +74,30 @@ def run(options: argparse.Namespace) -> int:
                 "substeps": quality.substeps,
             }
         )
+        if calibration is not None:
+            band = calibration.band(Prediction(test=recorded, model_force=force), options.level)
+            judged = score(band, recorded.force[recorded.counted])
+            rows[-1]["band"] = {
+                "level": band.level,
+                "half_width_n": 0.5 * judged.width,
+                "inside": judged.coverage,
+            }
+    basis = None if calibration is None else calibration.basis
     if options.json:
-        print(json.dumps({"model": fit.model, "files": rows}))
+        print(json.dumps({"model": fit.model, "files": rows} | ({"basis": basis} if basis else {})))
         return 0
     width = max(len(str(row["file"])) for row in rows)
-    print(f"{'file':<{width}}  {'fit %':>8}  {'NRMSE':>8}  {'RMSE [N]':>9}  {'samples':>8}  {'sub-steps':>9}")
+    heads = ["fit %", "NRMSE", "RMSE [N]", "samples", "sub-steps"]
+    heads += ["+- [N]", "inside %"] if basis else []
+    print(f"{'file':<{width}}" + "".join(f"  {head:>9}" for head in heads))
     for row in rows:
-        print(
-            f"{row['file']:<{width}}  {row['fit_percent']:8.2f}  {row['nrmse']:8.4f}  {row['rmse_n']:9.2f}  "
-            f"{row['n_time']:8d}  {row['substeps']:9d}"
+        line = (
+            f"{row['file']:<{width}}  {row['fit_percent']:9.2f}  {row['nrmse']:9.4f}  {row['rmse_n']:9.2f}  "
+            f"{row['n_time']:9d}  {row['substeps']:9d}"
         )
+        if basis:
+            line += f"  {row['band']['half_width_n']:9.4g}  {100.0 * row['band']['inside']:9.1f}"
+        print(line)
+    if basis:
+        print(f"Bands of {100.0 * options.level:g} %, {basis}.")
     return 0

@@ -4,43 +4,91 @@ from __future__ import annotations
 
 import math
 import sys
+from typing import TYPE_CHECKING
 
 from mrwork.identification.run import Progress
 
+if TYPE_CHECKING:
+    from mrwork.uncertainty.posterior import SamplingProgress
+
 _EVERY = 0.2
+# A sampling that is over sooner needs no line.
+_SAMPLING_FROM = 2.0
 _THOUSAND = 1000.0
 _MINUTE, _HOUR = 60.0, 3600.0
 
 
-class ProgressLine:
+class _Line:
     """Rewrites one line on a terminal; elsewhere writes nothing, so that logs stay readable."""
 
     def __init__(self, *, quiet: bool) -> None:
-        self._active = not quiet and sys.stderr.isatty()
+        self.active = not quiet and sys.stderr.isatty()
+        self._width = 0
+
+    def write(self, text: str) -> None:
+        """Put `text` in place of what is there."""
+        print("\r" + text.ljust(self._width), end="", file=sys.stderr, flush=True)
+        self._width = len(text)
+
+    def close(self) -> None:
+        """Clear the line."""
+        if self.active:
+            self.write("")
+            print("\r", end="", file=sys.stderr, flush=True)
+
+
+class ProgressLine:
+    """An identification, in one line; of several, `prefix` says which."""
+
+    def __init__(self, *, quiet: bool, prefix: str = "") -> None:
+        self._line = _Line(quiet=quiet)
+        self._prefix = prefix
         self._last = -math.inf
         self._began: Progress | None = None
-        self._width = 0
 
     def __call__(self, progress: Progress) -> None:
         """Show where the identification stands."""
-        if not self._active:
+        if not self._line.active:
             return
         if self._began is None or self._began.stage != progress.stage:
             self._began = progress
         if progress.seconds - self._last < _EVERY:
             return
         self._last = progress.seconds
-        self._write(described(progress, self._began))
+        self._line.write(self._prefix + described(progress, self._began))
 
     def close(self) -> None:
         """Clear the line."""
-        if self._active:
-            self._write("")
-            print("\r", end="", file=sys.stderr, flush=True)
+        self._line.close()
 
-    def _write(self, text: str) -> None:
-        print("\r" + text.ljust(self._width), end="", file=sys.stderr, flush=True)
-        self._width = len(text)
+
+class SamplingLine:
+    """A sampling, in one line, once it takes longer than two seconds."""
+
+    def __init__(self, *, quiet: bool) -> None:
+        self._line = _Line(quiet=quiet)
+
+    def __call__(self, progress: SamplingProgress) -> None:
+        """Show where the sampling stands."""
+        if self._line.active and progress.seconds >= _SAMPLING_FROM:
+            self._line.write(sampling_described(progress))
+
+    def close(self) -> None:
+        """Clear the line."""
+        self._line.close()
+
+
+def sampling_described(progress: SamplingProgress) -> str:
+    """Progress in one line; the time left is that to the most steps allowed, for nobody knows when it converges."""
+    parts = [f"step {progress.steps}", f"{_short(progress.steps_per_second)} steps/s"]
+    if progress.diagnosis is not None:
+        rhat = float(progress.diagnosis.rhat.max())
+        parts.append(f"R-hat {rhat:.3f}, {progress.diagnosis.length:.0f} autocorrelation times")
+    parts.append(_duration(progress.seconds))
+    if progress.steps_per_second > 0.0:
+        left = (progress.most_steps - progress.steps) / progress.steps_per_second
+        parts.append(f"at most {_duration(left)} left")
+    return ", ".join(parts)
 
 
 def described(progress: Progress, began: Progress) -> str:

@@ -29,8 +29,11 @@ FIGURES = "figures"
 # Of the fit that was there before: what later verbs made of it does not outlive it.
 PROFILES = "profiles.json"
 PLAN = "plan.json"
+# What `mrwork sample` adds: the chain, and the draws made of it.
+CHAIN = "posterior.h5"
+DRAWS = "posterior.nc"
 
-_WRITTEN = frozenset({MANIFEST, FIT, JOURNAL, REPORT, FIGURES, PROFILES, PLAN})
+_WRITTEN = frozenset({MANIFEST, FIT, JOURNAL, REPORT, FIGURES, PROFILES, PLAN, CHAIN, DRAWS})
 _BESIDE = ".mrwork-"
 _DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 

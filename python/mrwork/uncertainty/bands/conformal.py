@@ -1,23 +1,22 @@
 """Prediction bands calibrated on tests that the fit has not seen: conformal over tests.
 
 A formula for noise knows nothing of another excitation, because there the error is the model's. What does know is how
-far the model was off on other tests that it had not seen. Each is one group of samples; if the next test is one more of
-the kind, the quantile below covers at least the given share of its samples on average, whatever the distribution of
-the errors within a test (hierarchical conformal prediction: Lee, Barber and Willett, JRSS B 87, 2025).
+far the model was off on other tests that it had not seen: the scaled error of the next test is taken to be one more of
+theirs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
 from mrwork.errors import SettingError
 from mrwork.uncertainty.bands.band import Band, score
 from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles
+from mrwork.uncertainty.bands.quantile import next_test_quantile, pooled_quantile
 
 # Bins of the phase over which the mean error is taken, and the level at which the variants compete.
 _BINS = 24
@@ -70,53 +69,32 @@ class Calibration:
     scores: tuple[NDArray[np.float64], ...]
     tests: tuple[str, ...]
     held_out: str
-    _values: NDArray[np.float64] = field(init=False, repr=False, compare=False)
-    _weights: NDArray[np.float64] = field(init=False, repr=False, compare=False)
 
-    def __post_init__(self) -> None:
-        values = np.concatenate(self.scores)
-        weights = np.concatenate([np.full(each.size, 1.0 / each.size) for each in self.scores])
-        order = np.argsort(values, kind="stable")
-        object.__setattr__(self, "_values", values[order])
-        object.__setattr__(self, "_weights", np.cumsum(weights[order]) / (len(self.scores) + 1))
-
-    @property
-    def highest_level(self) -> float:
-        """The highest level that so many tests can promise."""
-        return len(self.scores) / (len(self.scores) + 1)
-
-    def factor(self, level: float) -> float:
-        """What the scale is multiplied by for a band of this level; beyond the highest, the largest error seen.
+    def band(self, prediction: Prediction, level: float) -> Band:
+        """The prediction band of the force, shape (n_counted,).
 
         Raises
         ------
         SettingError
             Where the level is not between 0 and 1.
         """
-        if not 0.0 < level < 1.0:
-            raise SettingError(f"the level of a band lies between 0 and 1, got {level:g}")
-        index = int(np.searchsorted(self._weights, level * (1.0 - 1e-12)))
-        return float(self._values[min(index, self._values.size - 1)])
-
-    def band(self, prediction: Prediction, level: float) -> Band:
-        """The prediction band of the force, shape (n_counted,)."""
         centre, scale = self.shape.of(prediction)
-        half = self.factor(level) * scale
+        half = next_test_quantile(self.scores, level) * scale
         return Band(
             kind="prediction",
             level=level,
             lower=centre - half,
             upper=centre + half,
-            basis=self.basis(level),
+            basis=self.basis,
         )
 
-    def basis(self, level: float) -> str:
+    @property
+    def basis(self) -> str:
         """On what the band rests, in words."""
         n_tests = len(self.tests)
-        rests = f"calibrated on {n_tests} test{'s' if n_tests > 1 else ''} {self.held_out}"
-        if level <= self.highest_level:
-            return rests
-        return f"{rests}; so few promise at most {100.0 * self.highest_level:.0f} %, the band takes in all their errors"
+        if n_tests == 1:
+            return f"calibrated on one test {self.held_out}, which says little of the next"
+        return f"calibrated on {n_tests} tests {self.held_out}"
 
 
 def calibrate(predictions: Sequence[Prediction], *, held_out: str) -> Calibration:
@@ -192,7 +170,9 @@ def _left_out_score(errors: Sequence[_Errors], variant: tuple[bool, bool]) -> fl
     for index, test in enumerate(errors):
         calibration = _calibrated([*errors[:index], *errors[index + 1 :]], variant, "")
         centre = calibration.shape.bias_at(test.phase)
-        half = calibration.factor(_JUDGED_AT) * calibration.shape.relative_scale(test.steepness)
+        half = pooled_quantile(calibration.scores, _JUDGED_AT) * calibration.shape.relative_scale(
+            test.steepness
+        )
         band = Band(kind="prediction", level=_JUDGED_AT, lower=centre - half, upper=centre + half, basis="")
         total += score(band, test.error).interval_score
     return total
@@ -218,6 +198,9 @@ def _calibrated(errors: Sequence[_Errors], variant: tuple[bool, bool], held_out:
 
 def _scale(errors: Sequence[_Errors]) -> tuple[float, float]:
     """The size of errors as a line over the steepness, both coefficients positive, each test weighing the same."""
+    # Slow to load, and whoever reads a calibration does not need it.
+    from scipy.optimize import nnls
+
     weights = [test.error.size**-0.5 for test in errors]
     rows = [
         weight * np.stack([np.ones_like(test.steepness), test.steepness], axis=1)

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from mrwork.errors import RecordError
 from mrwork.records import DamperTest
 from mrwork.records.cycles import whole_cycles
+from mrwork.uncertainty.bands.band import Band
 from mrwork.uncertainty.bands.prediction import Prediction
+from mrwork.uncertainty.bands.quantile import next_test_quantile
 
 CycleQuantity = Literal["energy", "stiffness", "damping"]
 QUANTITIES: tuple[CycleQuantity, ...] = get_args(CycleQuantity)
@@ -66,16 +68,27 @@ def scales_of(prediction: Prediction) -> dict[CycleQuantity, float]:
     return {"energy": 2.0 * np.pi * force * x, "stiffness": force / x, "damping": force / v}
 
 
-def errors_over_cycles(
-    predictions: Sequence[Prediction], name: CycleQuantity
-) -> tuple[NDArray[np.float64], ...]:
-    """Size of the error in each cycle of each test, in the natural size, sorted: scores for a calibration."""
-    result = []
-    for prediction in predictions:
-        measured = cycles_of(prediction.test, prediction.test.force).quantity(name)
-        model = cycles_of(prediction.test, prediction.model_force).quantity(name)
-        result.append(np.sort(np.abs(measured - model) / scales_of(prediction)[name]))
-    return tuple(result)
+def errors_over_cycles(prediction: Prediction, name: CycleQuantity) -> NDArray[np.float64]:
+    """Size of the error of each cycle of a test, in the natural size, shape (n_cycles,)."""
+    measured = cycles_of(prediction.test, prediction.test.force).quantity(name)
+    model = cycles_of(prediction.test, prediction.model_force).quantity(name)
+    return np.asarray(np.abs(measured - model) / scales_of(prediction)[name])
+
+
+def cycle_band(
+    prediction: Prediction, name: CycleQuantity, scores: Sequence[NDArray[np.float64]], level: float
+) -> Band:
+    """The prediction band of a quantity, shape (n_cycles,), from the errors of the cycles of other tests.
+
+    Parameters
+    ----------
+    scores
+        `errors_over_cycles` of each test that the fit has not seen.
+    """
+    model = cycles_of(prediction.test, prediction.model_force).quantity(name)
+    half = next_test_quantile(scores, level) * scales_of(prediction)[name]
+    basis = f"calibrated on the cycles of {len(scores)} tests"
+    return Band(kind="prediction", level=level, lower=model - half, upper=model + half, basis=basis)
 
 
 def _cycle(

@@ -1,0 +1,147 @@
+"""`mrwork calibrate`: prediction bands for a run, calibrated on tests that its fit has not seen."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+
+from mrwork.cli.observe import add_observation, nuisances_of, observed
+from mrwork.cli.options import add_files, add_json, read_tests
+from mrwork.cli.progress import ProgressLine
+from mrwork.errors import SettingError
+from mrwork.identification.again import identify_again
+from mrwork.identification.fit import Fit
+from mrwork.records import DamperTest
+from mrwork.report.calibration_json import CALIBRATION, write_calibration
+from mrwork.report.folds import Folds
+from mrwork.report.reopen import reopen
+from mrwork.report.run_directory import read_fit
+from mrwork.uncertainty.bands.conformal import Calibration, calibrate
+from mrwork.uncertainty.bands.coverage import LEVELS, LeftOutCoverage, measured_coverage
+from mrwork.uncertainty.bands.left_out import IN_WORDS, Fold, predict_left_out
+from mrwork.uncertainty.bands.prediction import Prediction, predict_test
+
+
+def add_parser(verbs: Any) -> None:
+    """Declare the verb."""
+    parser = verbs.add_parser(
+        "calibrate",
+        help="calibrate a run's prediction bands on tests that its fit has not seen",
+        description="Measure how far the model is off on tests that the fit has not seen, and keep it with the run: "
+        "mrwork predict RUN --level then draws bands from it. Without files, the run's own tests are left out in turn "
+        "and predicted by identifying without them.",
+    )
+    parser.add_argument("fit", type=Path, metavar="RUN", help="run directory of mrwork identify")
+    add_files(parser, required=False)
+    add_observation(parser)
+    parser.add_argument(
+        "--leave-out",
+        choices=get_args(Fold),
+        default="test",
+        help="without files: what is left out together, default each test by itself",
+    )
+    parser.add_argument("--threads", type=int, default=0, metavar="N", help="threads, default all")
+    parser.add_argument("--quiet", action="store_true", help="no progress")
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Predict, calibrate, measure the coverage, write it beside the fit."""
+    if options.files:
+        predictions, held_out = _unseen(options), "the fit has not seen"
+    else:
+        predictions, held_out = _left_out(options), IN_WORDS[options.leave_out]
+    calibration = calibrate(predictions, held_out=held_out)
+    coverage = measured_coverage(predictions) if len(predictions) > 1 else ()
+    write_calibration(options.fit, calibration, coverage)
+    if options.json:
+        print(json.dumps(_summary(calibration, coverage)))
+    else:
+        print(_text(calibration, coverage, options.fit))
+    return 0
+
+
+def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:
+    """The files predicted by the run's fit, which must not know them."""
+    fit = read_fit(options.fit)
+    tests = tuple(observed(test, options) for test in read_tests(options))
+    seen = set(fit.provenance.inputs.values())
+    for test in tests:
+        if test.sha256 in seen:
+            raise SettingError(
+                f"{test.path or test.name} is one of the tests that {options.fit} was identified from; "
+                "give tests that it has not seen, or none to leave its own out in turn"
+            )
+    nuisances = nuisances_of(options) or fit.nuisances
+    theta = np.array(fit.theta)
+    return tuple(predict_test(fit.spec, theta, test, nuisances=nuisances) for test in tests)
+
+
+def _left_out(options: argparse.Namespace) -> tuple[Prediction, ...]:
+    """The run's own tests, each predicted by an identification without it."""
+    opened = reopen(options.fit)
+    folds = Folds(opened.place, opened.fit)
+    prefix = ""
+
+    def on_fold(done: int, count: int) -> None:
+        nonlocal prefix
+        prefix = f"{options.leave_out} {done + 1} of {count}: "
+
+    def identify_rest(rest: tuple[DamperTest, ...]) -> Fit:
+        line = ProgressLine(quiet=options.quiet or options.json, prefix=prefix)
+        try:
+            return folds.fit(
+                rest, lambda: identify_again(opened.fit, rest, threads=options.threads, on_progress=line)
+            )
+        finally:
+            line.close()
+
+    found = predict_left_out(opened.tests, options.leave_out, identify_rest, on_fold=on_fold)
+    if found.failures:
+        raise SettingError(
+            f"{len(found.failures)} of {len(opened.tests)} tests cannot be predicted without themselves, first: "
+            f"{found.failures[0]}; leave out less at a time"
+        )
+    return found.predictions
+
+
+def _summary(calibration: Calibration, coverage: Sequence[LeftOutCoverage]) -> dict[str, Any]:
+    return {
+        "tests": calibration.tests,
+        "held_out": calibration.held_out,
+        "shape": asdict(calibration.shape),
+        "coverage": [asdict(row) for row in coverage],
+    }
+
+
+def _text(calibration: Calibration, coverage: Sequence[LeftOutCoverage], place: Path) -> str:
+    lines = [f"Bands {calibration.basis}.", ""]
+    if coverage:
+        width = max(len(name) for name in calibration.tests)
+        levels = "".join(f"{f'in {100 * level:.0f} %':>10}" for level in LEVELS)
+        lines += [
+            "Each test in the bands that the others give it, % of its samples, and the score of 90 %:",
+            "",
+        ]
+        lines.append(f"  {'test':<{width}}{levels}{'score':>10}")
+        rows = [coverage[first : first + len(LEVELS)] for first in range(0, len(coverage), len(LEVELS))]
+        for row in rows:
+            shares = "".join(f"{100 * each.samples.coverage:10.1f}" for each in row)
+            lines.append(f"  {row[0].test:<{width}}{shares}{row[1].samples.interval_score:10.3f}")
+        means = "".join(
+            f"{100 * np.mean([row[index].samples.coverage for row in rows]):10.1f}"
+            for index in range(len(LEVELS))
+        )
+        lines += [
+            f"  {'mean':<{width}}{means}{np.mean([row[1].samples.interval_score for row in rows]):10.3f}",
+            "",
+        ]
+    lines.append(f"Written: {place / CALIBRATION}")
+    return "\n".join(lines)

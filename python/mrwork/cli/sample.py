@@ -1,0 +1,171 @@
+"""`mrwork sample`: the posterior of an identified damper."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import asdict
+from math import isfinite
+from pathlib import Path
+from typing import Any, get_args
+
+from mrwork.cli.options import add_json
+from mrwork.cli.progress import SamplingLine
+from mrwork.errors import OutputError, SettingError
+from mrwork.report.reopen import reopen
+from mrwork.report.run_directory import CHAIN, DRAWS
+from mrwork.uncertainty.draws import Draws, DrawSummary
+from mrwork.uncertainty.noise.model import NoiseName
+from mrwork.uncertainty.prior import parse_prior
+
+
+def add_parser(verbs: Any) -> None:
+    """Declare the verb."""
+    parser = verbs.add_parser(
+        "sample",
+        help="sample the posterior of an identified damper",
+        description="Sample the posterior of the parameters of a run of mrwork identify, from its own tests. Writes "
+        f"{CHAIN}, the chain as it grows, and {DRAWS}, the draws for ArviZ, into the run directory.",
+    )
+    parser.add_argument("run_directory", type=Path, metavar="RUN", help="run directory of mrwork identify")
+    parser.add_argument(
+        "--noise",
+        choices=get_args(NoiseName),
+        default="iid",
+        help="how the force scatters about the model's, default iid",
+    )
+    parser.add_argument(
+        "--prior",
+        action="append",
+        default=[],
+        metavar="NAME=KIND:A:B",
+        help="normal:MEAN:DEVIATION, lognormal:MEDIAN:DEVIATION_OF_LOG or uniform:LOWER:UPPER, as in "
+        "k_w=normal:650:50; repeat for more. Others are even over their range",
+    )
+    parser.add_argument(
+        "--tempering",
+        metavar="SHARE",
+        help="what the log-likelihood is multiplied by, or effective: the share of independent residuals at the fit. "
+        "Default effective, 1 for noise that knows of correlation",
+    )
+    parser.add_argument("--walkers", type=int, default=64, metavar="N", help="walkers, default 64")
+    parser.add_argument("--steps", type=int, default=20_000, metavar="N", help="steps at most, default 20000")
+    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the walkers, default 0")
+    parser.add_argument("--threads", type=int, default=0, metavar="N", help="threads, default all")
+    parser.add_argument(
+        "--resume", action="store_true", help=f"go on from {CHAIN}; only --steps and --threads may differ"
+    )
+    parser.add_argument("--quiet", action="store_true", help="no progress")
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Sample, write the draws, say what came out."""
+    if options.seed < 0 or options.threads < 0:
+        raise SettingError(
+            f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
+        )
+    priors = dict(parse_prior(text) for text in options.prior)
+    opened = reopen(options.run_directory)
+    # ArviZ, emcee and HDF5 take seconds to load.
+    from mrwork.uncertainty.posterior import SamplingInterrupted, sample_posterior
+
+    line = SamplingLine(quiet=options.quiet or options.json)
+    try:
+        draws = sample_posterior(
+            opened.fit.spec,
+            opened.tests,
+            start=opened.fit,
+            noise=options.noise,
+            priors=priors,
+            tempering=_tempering(options.tempering),
+            walkers=options.walkers,
+            most_steps=options.steps,
+            rng=options.seed,
+            threads=options.threads,
+            store=opened.place / CHAIN,
+            resume=options.resume,
+            on_progress=line,
+        )
+    except SamplingInterrupted as interrupt:
+        line.close()
+        print(
+            f"mrwork: interrupted; {interrupt.steps} steps are kept in {opened.place / CHAIN}, the same with --resume "
+            "goes on",
+            file=sys.stderr,
+        )
+        return 130
+    finally:
+        line.close()
+    _write(draws, opened.place / DRAWS)
+    print(json.dumps(_summary(draws, opened.place)) if options.json else _text(draws, opened.place))
+    return 0
+
+
+def _tempering(text: str | None) -> Any:
+    if text is None or text == "effective":
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        raise SettingError(f"--tempering is {text!r}; give effective, or a share such as 0.1") from None
+
+
+def _write(draws: Draws, path: Path) -> None:
+    """Write the draws beside their place and rename them into it."""
+    beside = path.with_name(f".{path.name}.new")
+    try:
+        draws.as_datatree().to_netcdf(beside, engine="h5netcdf")
+        beside.replace(path)
+    except OSError as reason:
+        raise OutputError(f"cannot write {path}: {reason}; free some space") from reason
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def _summary(draws: Draws, place: Path) -> dict[str, Any]:
+    return {
+        "model": draws.model,
+        "noise": draws.noise_model,
+        "status": draws.status,
+        "verdict": draws.verdict,
+        "temper": draws.temper,
+        "parameters": {each.name: _finite(each) for each in draws.summaries},
+        "n_draws": len(draws.theta),
+        "steps": draws.n_steps,
+        "seconds": draws.seconds,
+        "rng": draws.provenance.rng,
+        "out": str(place),
+    }
+
+
+def _finite(summary: DrawSummary) -> dict[str, Any]:
+    """JSON has no NaN."""
+    return {
+        name: value if not isinstance(value, float) or isfinite(value) else None
+        for name, value in asdict(summary).items()
+    }
+
+
+def _text(draws: Draws, place: Path) -> str:
+    status = draws.status.replace("_", " ")
+    lines = [
+        f"posterior of {draws.model} with {draws.noise_model} noise, {status}: {len(draws.theta)} draws kept of "
+        f"{draws.n_steps} steps, {draws.seconds:.1f} s",
+        "",
+    ]
+    width = max(len(each.name) for each in draws.summaries)
+    units = max(len(each.unit) for each in draws.summaries)
+    lines.append(
+        f"  {'':<{width}} {'median':>12} {'5 %':>12} {'95 %':>12}  {'':<{units}} {'ESS':>7} {'R-hat':>6}"
+    )
+    for each in draws.summaries:
+        told = f"{each.ess_bulk:7.0f} {each.rhat:6.3f}" if isfinite(each.rhat) else f"{'-':>7} {'-':>6}"
+        remark = f"  ({each.remark})" if each.remark else ""
+        lines.append(
+            f"  {each.name:<{width}} {each.median:12.6g} {each.lower_5:12.6g} {each.upper_95:12.6g}  "
+            f"{each.unit:<{units}} {told}{remark}"
+        )
+    return "\n".join([*lines, "", draws.verdict, "", f"Draws: {place / DRAWS}"])

@@ -1,0 +1,130 @@
+"""The chain of a sampling on disk: it grows with the chain, and the same random stream goes on from it.
+
+HDF5: `position` (n_steps + 1, n_walkers, n_dim), `log_density` (n_steps + 1, n_walkers), and two `place`s, each with a
+number of steps and the random state after them. The attribute `current` says which of the two counts; it is set last,
+so that a run that is killed while it writes goes on from where it wrote before.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.errors import JournalError, OutputError
+from mrwork.journal.difference import differences
+from mrwork.uncertainty.ensemble import Ensemble
+
+Array = NDArray[np.float64]
+
+_KIND = "mrwork posterior, version 1"
+_ROWS = 64
+
+
+@dataclass(slots=True, kw_only=True)
+class ChainFile:
+    """A chain at `path`, of which `written` steps are on disk."""
+
+    path: Path
+    written: int
+
+    @classmethod
+    def begin(cls, path: Path, premises: Mapping[str, Any], ensemble: Ensemble) -> ChainFile:
+        """A fresh file, in place of one that may be there, with the start of the ensemble.
+
+        Raises
+        ------
+        OutputError
+            Where it cannot be written.
+        """
+        _, n_walkers, n_dim = ensemble.positions.shape
+        try:
+            with h5py.File(path, "w") as file:
+                file.attrs["kind"] = _KIND
+                file.attrs["premises"] = json.dumps(premises)
+                file.attrs["current"] = 0
+                for name, shape in (("position", (n_walkers, n_dim)), ("log_density", (n_walkers,))):
+                    file.create_dataset(
+                        name, (0, *shape), "f8", maxshape=(None, *shape), chunks=(_ROWS, *shape)
+                    )
+                for place in "01":
+                    file.create_dataset(f"place{place}", (624,), "u4")
+        except OSError as reason:
+            raise OutputError(f"cannot write {path}: {reason}; choose another folder") from reason
+        chain = cls(path=path, written=-1)
+        chain.append(ensemble)
+        return chain
+
+    @classmethod
+    def resume(
+        cls, path: Path, premises: Mapping[str, Any], target: Callable[[Array], Array]
+    ) -> tuple[ChainFile, Ensemble]:
+        """The file, and the ensemble where it stood.
+
+        Raises
+        ------
+        JournalError
+            Where there is none, it is damaged, or of another sampling than the one that `premises` describe.
+        """
+        if not path.is_file():
+            raise JournalError(f"there is no {path} to resume; sample without it first")
+        try:
+            with h5py.File(path, "r") as file:
+                recorded = json.loads(file.attrs["premises"])
+                place = file[f"place{file.attrs['current']}"]
+                n_steps = int(place.attrs["n_steps"])
+                state = (
+                    "MT19937",
+                    np.asarray(place[()], dtype=np.uint32),
+                    int(place.attrs["position"]),
+                    int(place.attrs["has_gauss"]),
+                    float(place.attrs["cached"]),
+                )
+                positions = file["position"][: n_steps + 1]
+                densities = file["log_density"][: n_steps + 1]
+        except (OSError, KeyError, ValueError) as reason:
+            raise JournalError(f"{path} is damaged ({reason}); sample again without resuming") from reason
+        different = differences(recorded, json.loads(json.dumps(premises)))
+        if different:
+            raise JournalError(
+                f"{path} is of another sampling: {'; '.join(different[:3])}; "
+                "sample as it was begun, or without resuming"
+            )
+        ensemble = Ensemble(target=target, positions=positions, densities=densities, at=(n_steps, state))
+        return cls(path=path, written=n_steps), ensemble
+
+    def append(self, ensemble: Ensemble) -> None:
+        """Write the steps that are not on disk yet.
+
+        Raises
+        ------
+        OutputError
+            Where they cannot be written.
+        """
+        done, state = ensemble.at
+        if done <= self.written:
+            return
+        new = slice(self.written + 1, done + 1)
+        try:
+            with h5py.File(self.path, "r+") as file:
+                for name, rows in (("position", ensemble.positions), ("log_density", ensemble.densities)):
+                    file[name].resize(done + 1, axis=0)
+                    file[name][new] = rows[new]
+                place = 1 - int(file.attrs["current"])
+                _, keys, position, has_gauss, cached = state
+                entry = file[f"place{place}"]
+                entry[...] = keys
+                entry.attrs.update(
+                    {"n_steps": done, "position": position, "has_gauss": has_gauss, "cached": cached}
+                )
+                file.flush()
+                file.attrs["current"] = place
+        except OSError as reason:
+            raise OutputError(f"cannot write {self.path}: {reason}; free some space") from reason
+        self.written = done

@@ -1,0 +1,140 @@
+"""The density that is sampled: prior times likelihood of all tests, for a batch at once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.errors import SettingError
+from mrwork.identification.equivalent import Form
+from mrwork.identification.nuisance import without_nuisance
+from mrwork.identification.objective import Objective
+from mrwork.simulate import Outcome, simulate_forces
+from mrwork.uncertainty.noise import Iid, Noise
+from mrwork.uncertainty.prior import Prior
+from mrwork.uncertainty.space import Space
+from mrwork.uncertainty.tempering import independent_samples
+
+Array = NDArray[np.float64]
+Tempering = Literal["effective"] | float
+
+# Rows whose histories are held in memory at once.
+_ROWS = 64
+# Whose residuals remember those before: their likelihood counts the samples by itself.
+_CORRELATED = ("ar1", "arma11")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Target:
+    """Log posterior density of positions of a `space`, known up to a constant.
+
+    Residuals are those of a free run, in units of each test's force deviation; observation models and nuisance
+    parameters act as in the fit, the latter at their best for each candidate. `temper` multiplies the log-likelihood.
+    """
+
+    form: Form
+    objective: Objective
+    noise: Noise
+    space: Space
+    temper: float
+
+    @classmethod
+    def of(
+        cls,
+        form: Form,
+        objective: Objective,
+        noise: Noise,
+        *,
+        start: Array,
+        priors: Mapping[str, Prior],
+        tempering: Tempering | None,
+    ) -> Target:
+        """The target about `start`, shape (n_params,), where the residuals say what they are worth.
+
+        Parameters
+        ----------
+        tempering
+            "effective" multiplies the log-likelihood by n_eff / n, the share of independent samples among the residuals
+            at the start; a number is that share. Default "effective" for noise that is independent from sample to
+            sample, 1 for noise that remembers. On real tests what is left is model error, of a lag-1 autocorrelation of
+            0.9 and more: counted as independent, 2000 such residuals claim to be 2000 observations where they
+            are some tens, and intervals come out far too narrow.
+
+        Raises
+        ------
+        SettingError
+            Where the tempering is neither, or the start cannot be simulated.
+        """
+        space = Space.of(form, noise, priors)
+        target = cls(form=form, objective=objective, noise=noise, space=space, temper=1.0)
+        if tempering is None:
+            tempering = 1.0 if noise.name in _CORRELATED else "effective"
+        if tempering == "effective":
+            residuals = [residual[0] for residual, _, _ in target.residuals(start[None])]
+            share = sum(independent_samples(each) for each in residuals) / objective.n_time
+        else:
+            share = float(tempering)
+            if not 0.0 < share <= 1.0:
+                raise SettingError(f"`tempering` is {share:g}; give 'effective', or a share above 0 up to 1")
+        return cls(form=form, objective=objective, noise=noise, space=space, temper=share)
+
+    def __call__(self, position: Array) -> Array:
+        """Log posterior of each row of `position` (n_batch, n_dim), shape (n_batch,); -inf outside and on failure."""
+        density = np.full(len(position), -np.inf)
+        with np.errstate(invalid="ignore"):
+            rows = np.flatnonzero(self.space.inside(position))
+        if rows.size:
+            within = position[rows]
+            density[rows] = self.space.log_prior(within) + self.temper * self.log_likelihood(within)
+        return density
+
+    def log_likelihood(self, position: Array) -> Array:
+        """Untempered log-likelihood of positions inside, shape (n_batch,); -inf where a simulation failed."""
+        values = self.space.values(position)
+        n_params = self.space.n_params
+        theta, noise = np.ascontiguousarray(values[:, :n_params]), values[:, n_params:]
+        if isinstance(self.noise, Iid) and self.objective.is_direct:
+            squared = np.zeros(len(theta))
+            for run, test in zip(self.objective.misfits(theta), self.objective.tests, strict=True):
+                squared += run.squared_error / np.var(test.force[test.counted])
+            return self.noise.log_likelihood_of_sum(squared, self.objective.n_time, noise)
+        chunks = -(-len(theta) // _ROWS)
+        pairs = zip(np.array_split(theta, chunks), np.array_split(noise, chunks), strict=True)
+        return np.concatenate([self._of_histories(*rows) for rows in pairs])
+
+    def _of_histories(self, theta: Array, noise: Array) -> Array:
+        total = np.zeros(len(theta))
+        for residual, force, failed in self.residuals(theta):
+            total += self.noise.log_densities(residual, force, noise).sum(axis=1)
+            total[failed] = -np.inf
+        return total
+
+    def residuals(self, theta: Array) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
+        """Test by test: residuals and forces about the measured mean, (n_batch, n_counted), and which rows failed.
+
+        Both are in units of the deviation of the test's measured force; those of a row that failed are zero.
+        """
+        objective = self.objective
+        objective.tally.simulations += len(theta)
+        for test, history in zip(objective.tests, objective.histories, strict=True):
+            run = simulate_forces(objective.spec, theta, history, threads=objective.threads)
+            failed = run.outcome != Outcome.FINISHED
+            run.force[failed] = 0.0
+            observed = test.observation.observe(run.force, test.dt)[:, test.counted]
+            measured = test.force[test.counted]
+            residual = without_nuisance(observed, measured, objective.nuisances) / np.std(measured)
+            force = residual + (measured - measured.mean()) / np.std(measured)
+            residual[failed] = 0.0
+            force[failed] = 0.0
+            yield residual, force, failed
+
+    def noise_at(self, theta: Array) -> Array:
+        """Noise parameters by the moments of the residuals at `theta` (n_params,), averaged over tests, (n_noise,)."""
+        found = [
+            self.noise.estimate(residual[0], force[0]) for residual, force, _ in self.residuals(theta[None])
+        ]
+        return np.asarray(np.mean(found, axis=0))

@@ -1,0 +1,85 @@
+"""A joint model of all currents, asked for a motion or a current that it was identified without."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from mrwork.identification.fit import Fit
+from mrwork.identification.identify import identify
+from mrwork.records import DamperTest
+from mrwork.spec import damper
+from mrwork.uncertainty.bands.band import Band
+from mrwork.uncertainty.bands.conformal import calibrate
+from mrwork.uncertainty.bands.left_out import Fold, LeftOut, predict_left_out
+from mrwork.uncertainty.bands.prediction import Prediction, predict_test
+from mrwork.uncertainty.noise import NOISES, Noise
+from random_scale import next_test_half_width
+from rig_tests import CURRENTS, MOTIONS, rig_test
+from scores import LEVEL, Outcome, constant_band, outcome
+
+SPEC = damper("normalised_bouc_wen").with_current_laws({"k_w": "cubic", "c": "linear"})
+
+
+def tests() -> tuple[DamperTest, ...]:
+    return tuple(rig_test(motion, current, observed=True) for current in CURRENTS for motion in MOTIONS)
+
+
+def left_out(fold: Fold, *, rng: int, threads: int) -> LeftOut:
+    def identify_rest(rest: tuple[DamperTest, ...]) -> Fit:
+        fit = identify(SPEC, rest, rng=rng, threads=threads)
+        print(f"# without one {fold}: {len(rest)} tests, fit {fit.fit_percent:.2f} %", flush=True)
+        return fit
+
+    return predict_left_out(tests(), fold, identify_rest)
+
+
+def outcomes_of(found: LeftOut, *, rng: int) -> Iterator[Outcome]:
+    """Noise models by the residuals that each fit has seen; bands calibrated on the other tests left out."""
+    fits = {frozenset(quality.test for quality in fit.quality): fit for fit in found.fits}
+    everything = {test.name: test for test in tests()}
+    seen: dict[int, list[Prediction]] = {}
+    for fit in found.fits:
+        theta = np.array(fit.theta)
+        seen[id(fit)] = [predict_test(SPEC, theta, everything[quality.test]) for quality in fit.quality]
+    for prediction in found.predictions:
+        fit = next(fit for names, fit in fits.items() if prediction.test.name not in names)
+        for noise in NOISES.values():
+            band = noise_of_fit(noise, seen[id(fit)], prediction, np.random.default_rng(rng))
+            yield outcome(f"{noise.title} noise", prediction, band)
+    for index, prediction in enumerate(found.predictions):
+        others = [*found.predictions[:index], *found.predictions[index + 1 :]]
+        band = calibrate(others, held_out="left out too").band(prediction, LEVEL)
+        yield outcome("calibrated: all other tests (default)", prediction, band)
+        sizes = np.array([np.sqrt(np.mean(each.residual**2)) / each.deviation for each in others])
+        half = prediction.deviation * next_test_half_width(sizes, LEVEL)
+        band = constant_band(prediction.force, half, "")
+        yield outcome("random size per test, all other tests", prediction, band)
+
+
+def noise_of_fit(
+    noise: Noise, seen: list[Prediction], prediction: Prediction, rng: np.random.Generator
+) -> Band:
+    """Noise of the mean size that the tests of the fit show by their moments; the parameters count as known.
+
+    Of thirty tests they are known to a per cent, which is little beside the noise.
+    """
+    estimates = [
+        noise.estimate(each.residual / deviation, (each.force - each.measured.mean()) / deviation)
+        for each in seen
+        for deviation in [float(np.std(each.measured))]
+    ]
+    # Root mean square of the first, a size; means of the others.
+    columns = np.array(estimates)
+    values = np.concatenate([[np.sqrt(np.mean(columns[:, 0] ** 2))], columns[:, 1:].mean(axis=0)])
+    force = (prediction.force - prediction.force.mean()) / prediction.deviation
+    draws = noise.draw(np.tile(force, (400, 1)), np.tile(values, (400, 1)), rng)
+    lower, upper = np.quantile(draws, [0.5 - 0.5 * LEVEL, 0.5 + 0.5 * LEVEL], axis=0)
+    return Band(
+        kind="prediction",
+        level=LEVEL,
+        lower=prediction.force + prediction.deviation * lower,
+        upper=prediction.force + prediction.deviation * upper,
+        basis=noise.title,
+    )

@@ -1,0 +1,31 @@
+"""The measured tests of this study: thirty sinusoids of one damper, six motions at five currents."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+from mrwork.records import DamperTest, Observation, detect_smoothing, read_damper_test, repair
+from mrwork.records.window import cut
+
+ROOT = Path(__file__).parents[2]
+DATA = Path(os.environ.get("MRWORK_DATA", ROOT.parent / "shared" / "data"))
+RECORDS = DATA / "dampers" / "utfsm"
+
+MOTIONS = ("25mm0x1Hz", "25mm0x25Hz", "25mm0x5Hz", "10mm1Hz", "5mm3Hz", "2mm5Hz")
+CURRENTS = ("0A", "0x25A", "0x5A", "0x75A", "1A")
+FITTED = "10mm1Hz"
+# Samples of a cycle: thinned to so many, the fit of no test changes by more than 0.01.
+_PER_CYCLE = 250
+
+
+def rig_test(motion: str, current: str, *, observed: bool = False) -> DamperTest:
+    """One test, thinned, its late velocity derived anew; if `observed`, with the moving average of its authors."""
+    test, _ = repair(read_damper_test(RECORDS / f"{motion}{current}.csv"), ["velocity"])
+    assert test.frequency is not None
+    if observed:
+        smoothing = detect_smoothing(test)
+        if smoothing is not None:
+            test = replace(test, observation=Observation(average_seconds=smoothing.window_seconds))
+    return cut(test, every=max(1, int(1.0 / (test.frequency * test.dt * _PER_CYCLE))))

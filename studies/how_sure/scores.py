@@ -1,0 +1,81 @@
+"""How the bands of several ways did on the same tests left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.uncertainty.bands.band import Band, score
+from mrwork.uncertainty.bands.prediction import Prediction
+
+LEVEL = 0.9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """One band on one test left out; width and interval score per deviation of the measured force."""
+
+    way: str
+    test: str
+    coverage: float
+    width: float
+    interval_score: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """One way over all tests left out: means, and the least coverage of a test."""
+
+    way: str
+    n_tests: int
+    coverage: float
+    least: float
+    width: float
+    interval_score: float
+
+
+def outcome(way: str, prediction: Prediction, band: Band) -> Outcome:
+    judged = score(band, prediction.measured, per=float(np.std(prediction.measured)))
+    return Outcome(
+        way=way,
+        test=prediction.test.name,
+        coverage=judged.coverage,
+        width=judged.width,
+        interval_score=judged.interval_score,
+    )
+
+
+def constant_band(centre: NDArray[np.float64], half: float, basis: str) -> Band:
+    return Band(kind="prediction", level=LEVEL, lower=centre - half, upper=centre + half, basis=basis)
+
+
+def table(outcomes: Iterable[Outcome]) -> tuple[Row, ...]:
+    """Rows in the order in which their ways first appear."""
+    groups: dict[str, list[Outcome]] = {}
+    for each in outcomes:
+        groups.setdefault(each.way, []).append(each)
+    return tuple(
+        Row(
+            way=way,
+            n_tests=len(group),
+            coverage=float(np.mean([each.coverage for each in group])),
+            least=min(each.coverage for each in group),
+            width=float(np.mean([each.width for each in group])),
+            interval_score=float(np.mean([each.interval_score for each in group])),
+        )
+        for way, group in groups.items()
+    )
+
+
+def lines(title: str, rows: Sequence[Row]) -> str:
+    width = max(len(row.way) for row in rows)
+    head = f"{title}\n  {'way':<{width}}  tests  coverage  least   width  score"
+    body = [
+        f"  {row.way:<{width}}  {row.n_tests:5d}  {100 * row.coverage:6.1f} %  {100 * row.least:5.1f}  "
+        f"{row.width:6.3f} {row.interval_score:6.3f}"
+        for row in rows
+    ]
+    return "\n".join([head, *body])

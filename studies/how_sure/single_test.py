@@ -1,0 +1,101 @@
+"""A fit to one test, asked for other motions at the same current: what each kind of band covers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrwork.identification.fit import Fit
+from mrwork.identification.identify import identify
+from mrwork.records import DamperTest
+from mrwork.uncertainty.bands.conformal import calibrate
+from mrwork.uncertainty.bands.parametric import noise_band, simulate_draws
+from mrwork.uncertainty.bands.prediction import Prediction, predict_test
+from mrwork.uncertainty.noise import NOISES
+from mrwork.uncertainty.posterior import sample_posterior
+from random_scale import next_test_half_width
+from rig_tests import CURRENTS, FITTED, MOTIONS, rig_test
+from scores import LEVEL, Outcome, constant_band, outcome
+
+MODEL = "normalised_bouc_wen"
+_DRAWS = 300
+# An ensemble that has not settled by then has all but its last digits.
+_MOST_STEPS = 3000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fitted:
+    """The fit at one current, and its predictions of the five motions that it has not seen."""
+
+    test: DamperTest
+    fit: Fit
+    predictions: dict[str, Prediction]
+
+
+def fitted(current: str, *, rng: int, threads: int) -> Fitted:
+    test = rig_test(FITTED, current)
+    fit = identify(MODEL, test, rng=rng, threads=threads)
+    others = [motion for motion in MOTIONS if motion != FITTED]
+    theta = np.array(fit.theta)
+    return Fitted(
+        test=test,
+        fit=fit,
+        predictions={motion: predict_test(fit.spec, theta, rig_test(motion, current)) for motion in others},
+    )
+
+
+def noise_outcomes(current: str, at: Fitted, *, rng: int, threads: int) -> Iterator[Outcome]:
+    """What each noise model promises from the posterior of the one test."""
+    for name, noise in NOISES.items():
+        draws = sample_posterior(
+            at.fit.spec, at.test, start=at.fit, noise=name, rng=rng, threads=threads, most_steps=_MOST_STEPS
+        )
+        print(f"# {current} {name}: {draws.verdict}", flush=True)
+        stream = np.random.default_rng([rng, len(name)])
+        chosen = stream.choice(len(draws.theta), _DRAWS, replace=False)
+        measured = at.test.force[at.test.counted]
+        for prediction in at.predictions.values():
+            forces = simulate_draws(at.fit.spec, draws.theta[chosen], prediction.test, threads=threads)
+            band = noise_band(
+                forces[:, prediction.test.counted],
+                draws.noise[chosen][: len(forces)],
+                noise,
+                LEVEL,
+                deviation=float(np.std(measured)),
+                mean=float(np.mean(measured)),
+                rng=stream,
+            )
+            yield outcome(f"{noise.title} noise", prediction, band)
+
+
+def calibrated_outcomes(all_fitted: dict[str, Fitted]) -> Iterator[Outcome]:
+    """Bands calibrated on other tests left out, never on the one that is predicted."""
+    entries = [(current, motion) for current in all_fitted for motion in all_fitted[current].predictions]
+    ways: tuple[tuple[str, Callable[[tuple[str, str], tuple[str, str]], bool]], ...] = (
+        ("calibrated: other motions, same current", lambda one, other: one[0] == other[0] and one != other),
+        ("calibrated: other motions, any current", lambda one, other: one[1] != other[1]),
+        ("calibrated: any motion, other currents", lambda one, other: one[0] != other[0]),
+        ("calibrated: all other tests (default)", lambda one, other: one != other),
+    )
+    predictions = {entry: all_fitted[entry[0]].predictions[entry[1]] for entry in entries}
+    for way, may_know in ways:
+        for entry in entries:
+            known = [predictions[other] for other in entries if may_know(entry, other)]
+            band = calibrate(known, held_out="the fit has not seen").band(predictions[entry], LEVEL)
+            yield outcome(way, predictions[entry], band)
+    for entry in entries:
+        others = [predictions[other] for other in entries if other != entry]
+        sizes = np.array([np.sqrt(np.mean(each.residual**2)) / each.deviation for each in others])
+        own = predictions[entry]
+        half = own.deviation * next_test_half_width(sizes, LEVEL)
+        yield outcome("random size per test, all other tests", own, constant_band(own.force, half, ""))
+
+
+def all_outcomes(*, rng: int, threads: int, currents: tuple[str, ...] = CURRENTS) -> list[Outcome]:
+    at = {current: fitted(current, rng=rng, threads=threads) for current in currents}
+    outcomes = [
+        each for current in at for each in noise_outcomes(current, at[current], rng=rng, threads=threads)
+    ]
+    return outcomes + list(calibrated_outcomes(at))

@@ -1,0 +1,74 @@
+"""How much of a test that the fit has not seen lies inside its 90 % band.
+
+python studies/how_sure/study.py [single] [joint] [synthetic] [--replicates N] [--seed N] [--threads N] [--json]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import joint_model
+import single_test
+import synthetic_calibration
+from rig_tests import RECORDS
+from scores import Outcome, lines, table
+
+PARTS = ("single", "joint", "synthetic")
+
+
+def measured(options: argparse.Namespace, part: str) -> dict[str, Sequence[Outcome]]:
+    if part == "single":
+        return {
+            "A fit to 10 mm, 1 Hz, asked for the five other motions at its current": single_test.all_outcomes(
+                rng=options.seed, threads=options.threads
+            )
+        }
+    result = {}
+    for fold, what in (("motion", "a motion"), ("command", "a current")):
+        found = joint_model.left_out(fold, rng=options.seed, threads=options.threads)
+        outcomes = list(joint_model.outcomes_of(found, rng=options.seed))
+        result[f"A joint model, asked for {what} that it was identified without"] = outcomes
+    return result
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}; default all")
+    parser.add_argument("--replicates", type=int, default=100, help="of each synthetic case")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--threads", type=int, default=0, help="default: all")
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    for part in options.parts:
+        if part not in PARTS:
+            parser.error(f"there is no part {part!r}; give {', '.join(PARTS)}")
+    document: dict[str, Any] = {}
+    for part in options.parts or PARTS:
+        begun = time.perf_counter()
+        if part == "synthetic":
+            cases = synthetic_calibration.cases(options.replicates, rng=options.seed, threads=options.threads)
+            document[part] = [asdict(case) for case in cases]
+            print(synthetic_calibration.lines(cases))
+        elif not RECORDS.is_dir():
+            print(
+                f"skipped {part}: {RECORDS} is not there; set MRWORK_DATA to the folder of the measured records"
+            )
+            continue
+        else:
+            for title, outcomes in measured(options, part).items():
+                document[title] = [asdict(each) for each in outcomes]
+                print(lines(title, table(outcomes)), flush=True)
+        print(f"({part}: {time.perf_counter() - begun:.0f} s)", flush=True)
+    if options.json:
+        print(json.dumps(document))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

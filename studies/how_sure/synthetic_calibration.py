@@ -1,0 +1,192 @@
+"""Simulation-based calibration: truths drawn from the prior, their ranks among the draws, and bands on another motion.
+
+If prior, likelihood and sampler are those the data come from, the rank of the truth among independent draws of the
+posterior is uniform (Talts et al. 2018), and a 90 % prediction band holds 90 % of another test of the same damper.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chisquare
+
+from mrwork.coordinates import Box
+from mrwork.identification.identify import identify
+from mrwork.records import DamperTest, build_damper_test
+from mrwork.simulate import Loading, simulate_force
+from mrwork.spec import DamperSpec, damper
+from mrwork.uncertainty.bands.band import score
+from mrwork.uncertainty.bands.parametric import noise_band, simulate_draws
+from mrwork.uncertainty.noise import Noise, noise_model
+from mrwork.uncertainty.posterior import sample_posterior
+from mrwork.uncertainty.prior import Uniform
+
+LEVEL = 0.9
+# Parameters that are free, the others held at their nominal values.
+MODELS = {
+    "static_hysteretic": ("c", "alpha", "beta", "delta"),
+    "normalised_bouc_wen": ("c", "k_w", "rho", "n"),
+    "dahl": ("k_x", "k_w", "rho"),
+}
+# Even in the value between these; shares of the force's deviation.
+NOISES = {
+    "iid": {"sigma": (0.02, 0.1)},
+    "student_t": {"sigma": (0.02, 0.1), "nu": (3.0, 20.0)},
+    "ar1": {"sigma": (0.02, 0.1), "phi": (0.3, 0.9)},
+}
+# Draws that a rank is taken among, and bins of their histogram.
+_RANKED = 63
+_BINS = 8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """One model under one noise: coverage of another motion, and the histogram of all ranks, shape (n_bins,).
+
+    `p_uniform` is the probability of ranks at least so uneven if they are uniform (chi-squared).
+    """
+
+    model: str
+    noise: str
+    replicates: int
+    coverage: float
+    ranks: tuple[int, ...]
+    p_uniform: float
+    unfinished: int
+
+
+def cases(replicates: int, *, rng: int, threads: int) -> tuple[Case, ...]:
+    return tuple(
+        case(model, noise, replicates, rng=rng, threads=threads) for model in MODELS for noise in NOISES
+    )
+
+
+def case(model: str, noise: str, replicates: int, *, rng: int, threads: int) -> Case:
+    ranks, coverage, unfinished = [], [], 0
+    for number in range(replicates):
+        found = replicate(model, noise, np.random.default_rng([rng, number]), threads=threads)
+        ranks += found.ranks
+        coverage.append(found.coverage)
+        unfinished += not found.converged
+    counts = np.histogram(ranks, bins=_BINS, range=(-0.5, _RANKED + 0.5))[0]
+    return Case(
+        model=model,
+        noise=noise,
+        replicates=replicates,
+        coverage=float(np.mean(coverage)),
+        ranks=tuple(int(count) for count in counts),
+        p_uniform=float(chisquare(counts).pvalue),
+        unfinished=unfinished,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Replicate:
+    """Ranks of the truths among the draws, and the share of another motion in its band."""
+
+    ranks: list[int]
+    coverage: float
+    converged: bool
+
+
+def replicate(model: str, noise_name: str, stream: np.random.Generator, *, threads: int) -> Replicate:
+    spec, noise = damper(model), noise_model(noise_name)
+    box = prior_box(spec)
+    truth = np.asarray(box.theta_from_unit(stream.uniform(size=len(box.free))))
+    noise_truth = np.array([stream.uniform(*NOISES[noise_name][each.name]) for each in noise.parameters])
+    test = noisy_test(spec, truth, noise, noise_truth, amplitude=0.01, frequency=1.5, stream=stream)
+    other = noisy_test(spec, truth, noise, noise_truth, amplitude=0.006, frequency=3.0, stream=stream)
+    bounds = {name: (box.lower[index], box.upper[index]) for index, name in enumerate(box.names)}
+    fit = identify(spec, test, bounds=bounds, rng=0, threads=threads)
+    draws = sample_posterior(
+        spec,
+        test,
+        start=fit,
+        noise=noise_name,
+        priors={
+            f"noise.{name}": Uniform(lower=lower, upper=upper)
+            for name, (lower, upper) in NOISES[noise_name].items()
+        },
+        tempering=1.0,
+        rng=int(stream.integers(2**31)),
+        threads=threads,
+    )
+    # The walkers forget one another within an autocorrelation time; draws far apart count as independent.
+    chosen = np.linspace(0, len(draws.theta) - 1, _RANKED).astype(int)
+    values = np.concatenate([draws.theta[:, list(box.free)], draws.noise], axis=1)[chosen]
+    true = np.concatenate([truth[list(box.free)], noise_truth])
+    forces = simulate_draws(spec, draws.theta[chosen], other, threads=threads)
+    band = noise_band(
+        np.repeat(forces, 8, axis=0),
+        np.repeat(draws.noise[chosen][: len(forces)], 8, axis=0),
+        noise,
+        LEVEL,
+        deviation=float(np.std(other.force)),
+        mean=float(np.mean(other.force)),
+        rng=stream,
+    )
+    return Replicate(
+        ranks=[int(rank) for rank in np.sum(values < true, axis=0)],
+        coverage=score(band, other.force).coverage,
+        converged=draws.status == "converged",
+    )
+
+
+def prior_box(spec: DamperSpec) -> Box:
+    """Free parameters within 0.7 to 1.4 times their nominal value, but where the model does not admit it."""
+    free = MODELS[spec.name]
+    lower, upper = [], []
+    for each, nominal in zip(spec.parameters, spec.nominal, strict=True):
+        ends = sorted((0.7 * nominal, 1.4 * nominal)) if each.name in free else (nominal, nominal)
+        lower.append(max(ends[0], each.lower))
+        upper.append(min(ends[1], each.upper))
+    return Box(
+        names=spec.names,
+        lower=tuple(lower),
+        upper=tuple(upper),
+        log=tuple(each.scale == "log" for each in spec.parameters),
+    )
+
+
+def noisy_test(
+    spec: DamperSpec,
+    theta: np.ndarray,
+    noise: Noise,
+    noise_theta: np.ndarray,
+    *,
+    amplitude: float,
+    frequency: float,
+    stream: np.random.Generator,
+) -> DamperTest:
+    """Four cycles of a sinusoid, 60 samples each."""
+    dt = 1.0 / (60.0 * frequency)
+    time = dt * np.arange(241)
+    omega = 2.0 * np.pi * frequency
+    x, v = amplitude * np.sin(omega * time), amplitude * omega * np.cos(omega * time)
+    force = simulate_force(spec, theta, Loading(dt=dt, displacement=x, velocity=v))
+    deviation = float(np.std(force))
+    added = noise.draw((force - force.mean())[None] / deviation, noise_theta[None], stream)[0]
+    return build_damper_test(
+        name=f"{amplitude} m, {frequency} Hz",
+        time=time,
+        displacement=x,
+        velocity=v,
+        force=force + deviation * added,
+    )
+
+
+def lines(found: Sequence[Case]) -> str:
+    head = f"  {'model':<22}{'noise':<11}{'runs':>5}  {'in 90 %':>8}  {'p uniform':>9}  ranks"
+    return "\n".join(
+        [
+            "Synthetic tests, noise as assumed",
+            head,
+            *(
+                f"  {each.model:<22}{each.noise:<11}{each.replicates:5d}  {100 * each.coverage:6.1f} %"
+                f"  {each.p_uniform:9.3f}  {' '.join(str(count) for count in each.ranks)}"
+                for each in found
+            ),
+        ]
+    )

@@ -1,0 +1,71 @@
+"""`mrwork calibrate` and the bands of `mrwork predict`."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+COMMAND = [sys.executable, "-m", "mrwork"]
+# One free number: the search is over at once.
+FIXED = {"k_w": 650.0, "rho": 15000.0, "sigma": 0.5, "n": 2.0, "k": 2500.0, "x0": 0.038}
+OTHERS = ["synthetic:spencer1997_slow", "synthetic:spencer1997_fast"]
+
+
+def mrwork(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [*COMMAND, *map(str, arguments)], capture_output=True, text=True, check=False, timeout=120
+    )
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("calibrate") / "run"
+    held = [f"--fix={name}={value}" for name, value in FIXED.items()]
+    tests = ["synthetic:spencer1997", "synthetic:spencer1997_fast"]
+    done = mrwork("identify", *tests, *held, "--every", "4", "--out", out, "--quiet", "--json")
+    assert done.returncode == 0, done.stderr
+    return out
+
+
+def test_bands_are_calibrated_on_tests_that_the_fit_has_not_seen(place: Path) -> None:
+    before = mrwork("predict", place, OTHERS[0], "--level", "0.9")
+    assert before.returncode == 2
+    assert f"run `mrwork calibrate {place}`" in before.stderr
+
+    made = json.loads(mrwork("calibrate", place, OTHERS[0], "--json").stdout)
+    assert made["tests"] == [OTHERS[0]]
+    predicted = json.loads(mrwork("predict", place, OTHERS[0], "--level", "0.9", "--json").stdout)
+    # Its own quantile: all that calibration can say of a single test.
+    assert predicted["files"][0]["band"]["inside"] == pytest.approx(0.9, abs=0.01)
+    assert "one test the fit has not seen" in predicted["basis"]
+    assert "Bands of 90 %, calibrated on" in mrwork("predict", place, OTHERS[0], "--level", "0.9").stdout
+
+
+def test_a_test_that_the_fit_has_seen_is_refused(place: Path) -> None:
+    result = mrwork("calibrate", place, "synthetic:spencer1997_fast")
+    assert result.returncode == 2
+    assert "is one of the tests that" in result.stderr
+
+
+def test_without_files_the_tests_of_the_run_are_left_out_in_turn_and_kept(place: Path) -> None:
+    first = mrwork("calibrate", place, "--json")
+    assert first.returncode == 0, first.stderr
+    assert len(json.loads(first.stdout)["coverage"]) == 2 * 3
+    folds = sorted((place / "left_out").iterdir())
+    assert len(folds) == 2
+    written = [path.stat().st_mtime_ns for path in folds]
+    again = mrwork("calibrate", place)
+    assert "each predicted without itself" in again.stdout
+    assert [path.stat().st_mtime_ns for path in folds] == written
+
+
+def test_an_impossible_level_and_a_lone_fold_are_refused(place: Path) -> None:
+    assert mrwork("calibrate", place, OTHERS[0]).returncode == 0
+    level = mrwork("predict", place, OTHERS[0], "--level", "90")
+    assert (level.returncode, "between 0 and 1, got 90" in level.stderr) == (2, True)
+    alone = mrwork("calibrate", place, "--leave-out", "command")
+    assert (alone.returncode, "have one command in common" in alone.stderr) == (2, True)
