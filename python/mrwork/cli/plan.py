@@ -7,20 +7,24 @@ import json
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrwork.cli.options import add_json
 from mrwork.errors import SettingError
+from mrwork.identification.equivalent import identifiable_form
+from mrwork.parameters import CommandUnit
 from mrwork.report.additions import add_to_run
 from mrwork.report.fit_json import json_document
 from mrwork.report.reopen import OpenedRun, reopen
 from mrwork.report.run_directory import PLAN
-
-if TYPE_CHECKING:
-    from mrwork.uncertainty.candidates import Candidate
-    from mrwork.uncertainty.plan_draws import Check
+from mrwork.report.stored_draws import stored_draws
+from mrwork.uncertainty.candidates import Candidate, Limits, candidate_grid, read_candidates
+from mrwork.uncertainty.identifiability import given_bounds
+from mrwork.uncertainty.plan import Knowledge, knowledge_of, plan_next_test
+from mrwork.uncertainty.plan_draws import Check, checked_with_draws, normal_draws
 
 # Lines of the table; the rest is in the document.
 _SHOWN = 15
@@ -76,11 +80,6 @@ def add_parser(verbs: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Rank the candidates, check the gains with draws, write and print."""
-    # SciPy's optimisers are slow to load.
-    from mrwork.uncertainty.candidates import Limits, read_candidates
-    from mrwork.uncertainty.plan import knowledge_of, plan_next_test
-    from mrwork.uncertainty.plan_draws import checked_with_draws, normal_draws
-
     if options.seed < 0 or options.threads < 0:
         raise SettingError(
             f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
@@ -95,9 +94,10 @@ def run(options: argparse.Namespace) -> int:
     )
     known = knowledge_of(opened.fit, opened.tests, threads=options.threads)
     rng = np.random.default_rng(options.seed)
-    check = checked_with_draws(plan, known, normal_draws(known, _DRAWS, rng), targets=targets, rng=rng)
+    draws, origin = _draws(opened, known, rng)
+    check = checked_with_draws(plan, known, draws, targets=targets, rng=rng)
     unit = None if spec.current is None else spec.current.unit
-    document = asdict(check) | {"limits": asdict(limits)}
+    document = asdict(check) | {"draws": origin, "limits": asdict(limits)}
     # Matplotlib is slow to load.
     from mrwork.report.plan_figure import plan_figure
 
@@ -105,7 +105,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps(json.loads(json_document(document | {"out": str(opened.place / PLAN)}))))
     else:
-        print(_text(check, unit, opened.place))
+        print(_text(check, origin, unit, opened.place))
     if plan.left_out and not options.quiet:
         left = "; ".join(each.in_words(unit) for each in plan.left_out)
         print(f"mrwork: not ranked, as they could not be simulated: {left}", file=sys.stderr)
@@ -113,8 +113,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _candidates(options: argparse.Namespace, opened: OpenedRun) -> tuple[Candidate, ...]:
-    from mrwork.uncertainty.candidates import Limits, candidate_grid, read_candidates
-
     limits = Limits(stroke=options.stroke, peak_velocity=options.peak_velocity)
     if options.candidates is None:
         return candidate_grid(
@@ -132,6 +130,16 @@ def _candidates(options: argparse.Namespace, opened: OpenedRun) -> tuple[Candida
     return read_candidates(options.candidates, opened.fit.spec, limits)
 
 
+def _draws(opened: OpenedRun, known: Knowledge, rng: np.random.Generator) -> tuple[NDArray[np.float64], str]:
+    """Draws in the order of the model of `known`, and what they are of."""
+    stored = stored_draws(opened)
+    if stored is None:
+        return normal_draws(known, _DRAWS, rng), "the linearised posterior"
+    few = stored[rng.choice(len(stored), size=min(2 * _DRAWS, len(stored)), replace=False)]
+    form = identifiable_form(opened.fit.spec, given_bounds(opened.fit))
+    return np.asarray(form.forth(few)), "the posterior"
+
+
 def _numbers(text: str, option: str) -> list[float]:
     try:
         return [float(part) for part in text.split(",") if part.strip()]
@@ -139,7 +147,7 @@ def _numbers(text: str, option: str) -> list[float]:
         raise SettingError(f"{option} is {text!r}; give numbers with commas between, as 0.005,0.01") from None
 
 
-def _text(check: Check, unit: Any, place: Path) -> str:
+def _text(check: Check, origin: str, unit: CommandUnit | None, place: Path) -> str:
     plan = check.plan
     best = plan.gains[0]
     deviations = [
@@ -162,17 +170,17 @@ def _text(check: Check, unit: Any, place: Path) -> str:
         lines.append(f"  {named}  {100.0 * each.gain:>17.1f} %  {drawn:>8}  {each.deviation:>15.3g}")
     if len(plan.gains) > _SHOWN:
         lines.append(f"  and {len(plan.gains) - _SHOWN} more in {place / PLAN}")
-    lines += ["", _check_in_words(check), f"Figure: {place / 'figures'}"]
+    lines += ["", _check_in_words(check, origin), f"Figure: {place / 'figures'}"]
     return "\n".join(lines)
 
 
-def _check_in_words(check: Check) -> str:
+def _check_in_words(check: Check, origin: str) -> str:
     if check.agreement is None:
         return (
-            "Draws of the linearised posterior could not check this: next to none fits the simulated tests, so the "
-            "posterior is far from normal or the next test tells very much; take the order, not the numbers."
+            f"Draws of {origin} could not check this: next to none fits the simulated tests, so the posterior is far "
+            "from normal or the next test tells very much; take the order, not the numbers."
         )
     return (
-        f"Draws of the linearised posterior rank the tests with a rank correlation of {check.agreement:.2f} to this; "
+        f"Draws of {origin} rank the tests with a rank correlation of {check.agreement:.2f} to this; "
         f"at least {check.least_effective:.0f} of them counted after a test."
     )
