@@ -10,6 +10,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrwork.cli.dossier import renew_dossier
 from mrwork.cli.options import add_json
 from mrwork.cli.progress import SamplingLine
 from mrwork.errors import OutputError, SettingError
@@ -101,6 +102,7 @@ def run(options: argparse.Namespace) -> int:
     finally:
         line.close()
     _write(draws, opened.place / DRAWS)
+    renew_dossier(opened.place)
     print(json.dumps(_summary(draws, opened.place)) if options.json else _text(draws, opened.place))
     return 0
 
