@@ -15,7 +15,18 @@ from typing import NoReturn
 from mrwork import __version__
 from mrwork.errors import MrworkError
 
-_VERBS = ("models", "check", "identify", "profile", "sample", "calibrate", "predict", "convert", "bench")
+_VERBS = (
+    "models",
+    "check",
+    "identify",
+    "profile",
+    "sample",
+    "calibrate",
+    "predict",
+    "plan",
+    "convert",
+    "bench",
+)
 
 
 class _Parser(argparse.ArgumentParser):

@@ -67,6 +67,7 @@ def write_identification(
             manifest=manifest,
             journal=journal,
             documents=documents,
+            flush=False,
         )
         return
     # Matplotlib is slow to load and needed for reports only.

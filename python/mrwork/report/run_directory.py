@@ -33,12 +33,13 @@ DRAWS = "posterior.nc"
 PROFILES = "profiles.json"
 PLAN = "plan.json"
 CALIBRATION = "calibration.json"
+FOLDS = "left_out"
 PREDICTIONS = "predictions.npz"
 # What a comparison of models adds: the ranking, and in a folder for each the fit of every model.
 RANKING = "ranking.json"
 MODELS = "models"
 
-_ADDED = frozenset({CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, PREDICTIONS, RANKING, MODELS})
+_ADDED = frozenset({CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, PREDICTIONS, RANKING, MODELS})
 _WRITTEN = _ADDED | {MANIFEST, FIT, JOURNAL, REPORT, FIGURES}
 _BESIDE = ".mrwork-"
 _DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
@@ -73,6 +74,7 @@ def write_run(
     manifest: Mapping[str, Any],
     journal: str | Path,
     documents: Mapping[str, object] | None = None,
+    flush: bool = True,
 ) -> Path:
     """Write a run directory, in place of an earlier run if there is one.
 
@@ -90,6 +92,8 @@ def write_run(
         File with the steps of the run, which is copied.
     documents
         More to be written as JSON, by the path inside the folder.
+    flush
+        Wait until it is on the disk, but for a fit that was interrupted.
 
     Raises
     ------
@@ -118,7 +122,7 @@ def write_run(
             (fresh / name).parent.mkdir(parents=True, exist_ok=True)
             _write(fresh / name, json_document(document).encode())
         _keep_additions(place, fresh)
-        if fit.status != "interrupted":
+        if flush and fit.status != "interrupted":
             # Whoever pressed Ctrl-C waits for the prompt; the system flushes that run when it gets to it.
             _flush(fresh)
         _swap(fresh, place, beside / "old")

@@ -70,8 +70,9 @@ def _with_noise(target: Target, theta: Array) -> Array:
 def _tried(target: Target, position: Array) -> Array:
     """Positions with the noise that their residuals tell, shape (n_tried, n_dim); those outside as they are."""
     result = position.copy()
-    for row in np.flatnonzero(target.space.inside(position)):
-        theta = np.asarray(target.space.values(position[row]))[: target.space.n_params]
+    values, inside = target.space.values(position)
+    for row in np.flatnonzero(inside):
+        theta = np.asarray(values[row])[: target.space.n_params]
         own = _with_noise(target, theta)
         n_noise = len(target.noise.parameters)
         result[row, -n_noise:] = own[-n_noise:]
@@ -81,7 +82,7 @@ def _tried(target: Target, position: Array) -> Array:
 def _off_faces(target: Target, position: Array) -> NDArray[np.intp]:
     """Coordinates whose parameters lie off the faces of the box."""
     space = target.space
-    unit = np.asarray(space.box.unit_from_theta(np.asarray(space.values(position))))
+    unit = np.asarray(space.box.unit_from_theta(np.asarray(space.values(position)[0])))
     return np.flatnonzero((unit > _ON_FACE) & (unit < 1.0 - _ON_FACE))
 
 
@@ -116,12 +117,12 @@ def _noise_curvature(target: Target, centre: Array, index: int) -> float:
     step = 1e-3 * min(centre[index], 1.0 - centre[index])
     offsets = np.zeros((3, centre.size))
     offsets[:, index] = [-step, 0.0, step]
-    before, here, after = target.temper * target.log_likelihood(centre + offsets)
+    before, here, after = target.temper * target.log_likelihood(target.space.values(centre + offsets)[0])
     curvature = float((2.0 * here - before - after) / step**2)
     return max(curvature, 0.0) if np.isfinite(curvature) else 0.0
 
 
 def _residuals(target: Target, position: Array) -> Array:
     """Residuals of all tests in a row, shape (n_batch, n_residuals), in deviations."""
-    theta = np.ascontiguousarray(np.asarray(target.space.values(position))[:, : target.space.n_params])
+    theta = np.ascontiguousarray(np.asarray(target.space.values(position)[0])[:, : target.space.n_params])
     return np.concatenate([residual for residual, _, _ in target.residuals(theta)], axis=1)

@@ -70,7 +70,12 @@ def _later_cycles(test: DamperTest, identify_rest: IdentifyRest) -> tuple[float,
     first, second = halves(test)
     fit = identify_rest((first,))
     prediction = predict_test(fit.spec, np.array(fit.theta), second, nuisances=fit.nuisances)
-    cycles = whole_cycles(second.displacement[second.counted])
+    start = second.n_settle
+    cycles = [
+        slice(cycle.start - start, cycle.stop - start)
+        for cycle in whole_cycles(test.displacement)
+        if cycle.start >= start
+    ]
     deviation = float(np.std(prediction.measured))
     if not cycles:
         return (_nrmse(prediction),)

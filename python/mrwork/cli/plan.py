@@ -1,0 +1,186 @@
+"""`mrwork plan`: which test to make next."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.cli.options import add_json
+from mrwork.errors import SettingError
+from mrwork.identification.equivalent import identifiable_form
+from mrwork.parameters import CommandUnit
+from mrwork.report.additions import add_to_run
+from mrwork.report.fit_json import json_document
+from mrwork.report.reopen import OpenedRun, reopen
+from mrwork.report.run_directory import PLAN
+from mrwork.report.stored_draws import stored_draws
+from mrwork.uncertainty.candidates import Candidate, Limits, candidate_grid, read_candidates
+from mrwork.uncertainty.identifiability import given_bounds
+from mrwork.uncertainty.plan import Knowledge, knowledge_of, plan_next_test
+from mrwork.uncertainty.plan_draws import Check, checked_with_draws, normal_draws
+
+# Lines of the table; the rest is in the document.
+_SHOWN = 15
+_DRAWS = 400
+
+
+def add_parser(verbs: Any) -> None:
+    """Declare the verb."""
+    parser = verbs.add_parser(
+        "plan",
+        help="say which test narrows a band of a stored fit most",
+        description="Rank sinusoidal tests that could be made next by how much of a band's variance each takes away.",
+    )
+    parser.add_argument("place", type=Path, metavar="RUN", help="run directory of mrwork identify")
+    parser.add_argument(
+        "--band",
+        default="force",
+        metavar="BAND",
+        help="what is to be narrowed: force (default) or energy, mean over the targets, or a parameter by its name",
+    )
+    parser.add_argument(
+        "--candidates",
+        type=Path,
+        metavar="FILE",
+        help="CSV with the columns amplitude [m], frequency [Hz] and, with current laws, current",
+    )
+    for name, what in (
+        ("amplitudes", "amplitudes [m] of the candidates, as in 0.005,0.01"),
+        ("frequencies", "their frequencies [Hz]"),
+        ("currents", "their currents, or voltages, where the model has current laws"),
+    ):
+        parser.add_argument(
+            f"--{name}", default="", metavar="LIST", help=f"{what}; default: about what was tested"
+        )
+    parser.add_argument(
+        "--stroke", type=float, metavar="M", help="largest stroke of the rig, peak to peak [m]"
+    )
+    parser.add_argument("--peak-velocity", type=float, metavar="V", help="largest velocity of the rig [m/s]")
+    parser.add_argument(
+        "--targets",
+        type=Path,
+        metavar="FILE",
+        help="the excitations that the band is wanted for, as in --candidates; default: the candidates",
+    )
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="seed of the draws that check the gains"
+    )
+    parser.add_argument("--threads", type=int, default=0, metavar="N", help="threads, default all")
+    parser.add_argument("--quiet", action="store_true", help="no note on what could not be simulated")
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Rank the candidates, check the gains with draws, write and print."""
+    if options.seed < 0 or options.threads < 0:
+        raise SettingError(
+            f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
+        )
+    opened = reopen(options.place)
+    spec = opened.fit.spec
+    limits = Limits(stroke=options.stroke, peak_velocity=options.peak_velocity)
+    candidates = _candidates(options, opened)
+    targets = () if options.targets is None else read_candidates(options.targets, spec, limits=None)
+    plan = plan_next_test(
+        opened.fit, opened.tests, candidates, band=options.band, targets=targets, threads=options.threads
+    )
+    known = knowledge_of(opened.fit, opened.tests, threads=options.threads)
+    rng = np.random.default_rng(options.seed)
+    draws, origin = _draws(opened, known, rng)
+    check = checked_with_draws(plan, known, draws, targets=targets, rng=rng)
+    unit = None if spec.current is None else spec.current.unit
+    document = asdict(check) | {"draws": origin, "limits": asdict(limits)}
+    # Matplotlib is slow to load.
+    from mrwork.report.plan_figure import plan_figure
+
+    add_to_run(opened.place, PLAN, document, {"plan": plan_figure(check.plan, unit)})
+    if options.json:
+        print(json.dumps(json.loads(json_document(document | {"out": str(opened.place / PLAN)}))))
+    else:
+        print(_text(check, origin, unit, opened.place))
+    if plan.left_out and not options.quiet:
+        left = "; ".join(each.in_words(unit) for each in plan.left_out)
+        print(f"mrwork: not ranked, as they could not be simulated: {left}", file=sys.stderr)
+    return 0
+
+
+def _candidates(options: argparse.Namespace, opened: OpenedRun) -> tuple[Candidate, ...]:
+    limits = Limits(stroke=options.stroke, peak_velocity=options.peak_velocity)
+    if options.candidates is None:
+        return candidate_grid(
+            opened.fit.spec,
+            opened.tests,
+            amplitudes=_numbers(options.amplitudes, "--amplitudes"),
+            frequencies=_numbers(options.frequencies, "--frequencies"),
+            commands=_numbers(options.currents, "--currents"),
+            limits=limits,
+        )
+    if options.amplitudes or options.frequencies or options.currents:
+        raise SettingError(
+            "--candidates comes with --amplitudes, --frequencies or --currents; give one or the other"
+        )
+    return read_candidates(options.candidates, opened.fit.spec, limits)
+
+
+def _draws(opened: OpenedRun, known: Knowledge, rng: np.random.Generator) -> tuple[NDArray[np.float64], str]:
+    """Draws in the order of the model of `known`, and what they are of."""
+    stored = stored_draws(opened)
+    if stored is None:
+        return normal_draws(known, _DRAWS, rng), "the linearised posterior"
+    few = stored[rng.choice(len(stored), size=min(2 * _DRAWS, len(stored)), replace=False)]
+    form = identifiable_form(opened.fit.spec, given_bounds(opened.fit))
+    return np.asarray(form.forth(few)), "the posterior"
+
+
+def _numbers(text: str, option: str) -> list[float]:
+    try:
+        return [float(part) for part in text.split(",") if part.strip()]
+    except ValueError:
+        raise SettingError(f"{option} is {text!r}; give numbers with commas between, as 0.005,0.01") from None
+
+
+def _text(check: Check, origin: str, unit: CommandUnit | None, place: Path) -> str:
+    plan = check.plan
+    best = plan.gains[0]
+    deviations = [
+        f"{value:.3g} {'' if plan.unit == '1' else plan.unit}".strip()
+        for value in (plan.deviation, best.deviation)
+    ]
+    lines = [
+        f"Of {len(plan.gains)} tests the one that narrows the band of {plan.band} most: "
+        f"{best.candidate.in_words(unit)}",
+        f"Its standard deviation is {deviations[0]} now, {deviations[1]} after it, so far as the model holds there.",
+        "",
+    ]
+    width = max(len(each.candidate.in_words(unit)) for each in plan.gains)
+    lines.append(
+        f"  {'test':<{width}}  {'variance taken away':>19}  {'by draws':>8}  {'deviation after':>15}"
+    )
+    for each in plan.gains[:_SHOWN]:
+        drawn = "-" if each.drawn is None else f"{100.0 * each.drawn:.0f} %"
+        named = f"{each.candidate.in_words(unit):<{width}}"
+        lines.append(f"  {named}  {100.0 * each.gain:>17.1f} %  {drawn:>8}  {each.deviation:>15.3g}")
+    if len(plan.gains) > _SHOWN:
+        lines.append(f"  and {len(plan.gains) - _SHOWN} more in {place / PLAN}")
+    lines += ["", _check_in_words(check, origin), f"Figure: {place / 'figures'}"]
+    return "\n".join(lines)
+
+
+def _check_in_words(check: Check, origin: str) -> str:
+    if check.agreement is None:
+        return (
+            f"Draws of {origin} could not check this: next to none fits the simulated tests, so the posterior is far "
+            "from normal or the next test tells very much; take the order, not the numbers."
+        )
+    return (
+        f"Draws of {origin} rank the tests with a rank correlation of {check.agreement:.2f} to this; "
+        f"at least {check.least_effective:.0f} of them counted after a test."
+    )

@@ -1,0 +1,187 @@
+"""Tests that could be made next: sinusoids within what a rig can do, and the motion of each."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite, pi
+from pathlib import Path
+
+import numpy as np
+
+from mrwork.errors import RecordError, SettingError
+from mrwork.parameters import CommandUnit
+from mrwork.records import DamperTest
+from mrwork.records.motion import spectrum
+from mrwork.simulate import Loading
+from mrwork.spec import DamperSpec
+
+# About what was tested: this much further either way, in so many steps; the velocity goes less far.
+_FURTHER = 2.0
+_STEPS = 7
+_FASTER = 1.5
+_SAMPLES_PER_CYCLE = 200
+# One to forget how the test began, two to be compared.
+_CYCLES = 3
+_COLUMNS = ("amplitude", "frequency", "current")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """A sinusoidal test: amplitude [m], frequency [Hz], and the command in the model's unit, `None` without laws."""
+
+    amplitude: float
+    frequency: float
+    command: float | None = None
+
+    @property
+    def peak_velocity(self) -> float:
+        """The largest velocity [m/s]."""
+        return 2.0 * pi * self.frequency * self.amplitude
+
+    def in_words(self, unit: CommandUnit | None) -> str:
+        """As in "10 mm, 1 Hz, 0.5 A"."""
+        command = "" if self.command is None else f", {self.command:g} {unit}"
+        return f"{1e3 * self.amplitude:.3g} mm, {self.frequency:.3g} Hz{command}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limits:
+    """What a rig can do: `stroke` peak to peak [m] and `peak_velocity` [m/s]; `None` is no limit."""
+
+    stroke: float | None = None
+    peak_velocity: float | None = None
+
+    def __post_init__(self) -> None:
+        for name, value in (("stroke", self.stroke), ("peak_velocity", self.peak_velocity)):
+            if value is not None and not (isfinite(value) and value > 0.0):
+                raise SettingError(f"`{name}` is {value:g}; a limit is a positive number, in SI")
+
+    def allow(self, candidate: Candidate) -> bool:
+        """Whether the rig can make the test; rounding does not count."""
+        within = 1.0 + 1e-9
+        return (self.stroke is None or 2.0 * candidate.amplitude <= self.stroke * within) and (
+            self.peak_velocity is None or candidate.peak_velocity <= self.peak_velocity * within
+        )
+
+
+def candidate_grid(
+    spec: DamperSpec,
+    tests: Sequence[DamperTest],
+    *,
+    amplitudes: Sequence[float] = (),
+    frequencies: Sequence[float] = (),
+    commands: Sequence[float] = (),
+    limits: Limits | None = None,
+) -> tuple[Candidate, ...]:
+    """Every amplitude with every frequency and command that the rig allows.
+
+    Those not given lie about what was tested, twice as far either way; commands are those that were tested. Where
+    either grid is a default and the velocity has no limit, half as much again as the largest tested is one.
+
+    Raises
+    ------
+    SettingError
+        Where a number is not positive, commands are given for a model without laws, or nothing is left.
+    """
+    if commands and spec.current is None:
+        raise SettingError(
+            f"{spec.name} was identified without current laws, so no test at another current can be foretold; "
+            "leave the currents out"
+        )
+    for name, values in (("amplitudes", amplitudes), ("frequencies", frequencies)):
+        if any(not (isfinite(value) and value > 0.0) for value in values):
+            raise SettingError(
+                f"`{name}` are {', '.join(f'{value:g}' for value in values)}; all must be positive"
+            )
+    limits = limits or Limits()
+    tested = [excitation_of(test) for test in tests]
+    if limits.peak_velocity is None and not (amplitudes and frequencies):
+        fastest = _FASTER * max(each.peak_velocity for each in tested)
+        limits = Limits(stroke=limits.stroke, peak_velocity=fastest)
+    amplitudes = amplitudes or _about([each.amplitude for each in tested])
+    frequencies = frequencies or _about([each.frequency for each in tested])
+    levels: Sequence[float | None] = [None]
+    if spec.current is not None:
+        known = [test.current if spec.current.unit == "A" else test.voltage for test in tests]
+        levels = commands or sorted({level for level in known if level is not None})
+    grid = tuple(
+        candidate
+        for command in levels
+        for amplitude in amplitudes
+        for frequency in frequencies
+        if limits.allow(
+            candidate := Candidate(amplitude=float(amplitude), frequency=float(frequency), command=command)
+        )
+    )
+    if not grid:
+        raise SettingError(
+            "no candidate is within the limits of the rig; raise them, or give smaller amplitudes"
+        )
+    return grid
+
+
+def read_candidates(path: Path, spec: DamperSpec, limits: Limits | None = None) -> tuple[Candidate, ...]:
+    """Candidates from a CSV file with the columns `amplitude` [m], `frequency` [Hz], and `current` where laws want it.
+
+    Raises
+    ------
+    RecordError
+        Where the file cannot be read, lacks a column, holds no number, or nothing the rig allows.
+    """
+    columns = _COLUMNS if spec.current is not None else _COLUMNS[:2]
+    try:
+        with path.open(newline="", encoding="utf-8") as stream:
+            rows = list(csv.DictReader(stream))
+    except (OSError, UnicodeDecodeError, csv.Error) as reason:
+        raise RecordError(
+            f"{path} cannot be read as CSV ({reason}); give a table with {', '.join(columns)}"
+        ) from None
+    candidates = []
+    for number, row in enumerate(rows, start=2):
+        try:
+            values = [float(row[name]) for name in columns]
+        except (KeyError, TypeError, ValueError):
+            values = [float("nan")]
+        if not all(map(isfinite, values)) or min(values[:2]) <= 0.0:
+            raise RecordError(
+                f"{path}, line {number}: expected the columns {', '.join(columns)} with numbers in SI, "
+                "amplitude and frequency positive"
+            )
+        command = values[2] if len(values) > 2 else None
+        candidates.append(Candidate(amplitude=values[0], frequency=values[1], command=command))
+    allowed = tuple(each for each in candidates if (limits or Limits()).allow(each))
+    if not allowed:
+        raise RecordError(
+            f"{path} has no candidate within the limits of the rig; add some, or raise the limits"
+        )
+    return allowed
+
+
+def motion_of(candidate: Candidate, spec: DamperSpec) -> tuple[Loading, slice]:
+    """The motion of a candidate, from rest at mid-stroke, and the cycles of it that count."""
+    dt = 1.0 / (candidate.frequency * _SAMPLES_PER_CYCLE)
+    phase = 2.0 * np.pi * np.arange(_CYCLES * _SAMPLES_PER_CYCLE + 1) / _SAMPLES_PER_CYCLE
+    loading = Loading(
+        dt=dt,
+        displacement=candidate.amplitude * np.sin(phase),
+        velocity=candidate.peak_velocity * np.cos(phase),
+        command=candidate.command,
+        command_unit=None if spec.current is None else spec.current.unit,
+    )
+    return loading, slice(_SAMPLES_PER_CYCLE, _CYCLES * _SAMPLES_PER_CYCLE)
+
+
+def excitation_of(test: DamperTest) -> Candidate:
+    """The sinusoid nearest to what a test did."""
+    return Candidate(
+        amplitude=test.amplitude or 0.5 * float(np.ptp(test.displacement)),
+        frequency=test.frequency or float(spectrum(test.displacement, test.dt).dominant),
+    )
+
+
+def _about(values: Sequence[float]) -> list[float]:
+    """Values in equal ratios about some, rounded to two digits, each once."""
+    spread = np.geomspace(min(values) / _FURTHER, max(values) * _FURTHER, _STEPS)
+    return sorted({float(f"{value:.2g}") for value in spread})

@@ -1,0 +1,154 @@
+"""The same gains from draws of the posterior, as a check: one draw is the truth, the others are weighed by its test."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import spearmanr
+
+from mrwork.errors import SettingError
+from mrwork.identification.nuisance import without_nuisance
+from mrwork.simulate import Outcome, simulate_forces
+from mrwork.uncertainty.candidates import Candidate, motion_of
+from mrwork.uncertainty.plan import Knowledge, Plan, column_of
+
+# Fewer draws than this that still count after a test tell nothing of a variance.
+_LEAST = 8.0
+_TRUTHS = 60
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Check:
+    """A plan with gains from draws: how far the two rank alike (Spearman), and how many draws were left to count.
+
+    `agreement` is `None` where fewer than three gains could be told.
+    """
+
+    plan: Plan
+    agreement: float | None
+    least_effective: float
+
+
+def normal_draws(known: Knowledge, n_draws: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Draws of the linearised posterior, as parameters of the model, shape (n_draws, n_params), pulled into the box."""
+    root = np.linalg.cholesky(np.linalg.inv(known.precision))
+    position = known.position + rng.standard_normal((n_draws, known.position.size)) @ root.T
+    return known.scaled.parameters(np.clip(position, known.scaled.lower, known.scaled.upper))
+
+
+def checked_with_draws(
+    plan: Plan,
+    known: Knowledge,
+    draws: NDArray[np.float64],
+    *,
+    targets: Sequence[Candidate] = (),
+    rng: np.random.Generator,
+) -> Check:
+    """Estimate each gain of a plan from draws (n_draws, n_params) of the posterior.
+
+    For each of some draws as the truth its test is simulated with noise, the others are weighed by the likelihood of
+    that test, and the variance of the band among them is taken; the mean over truths is what is left of the variance
+    (nested Monte Carlo, Ryan, Journal of Computational and Graphical Statistics 12, 2003, 585-603).
+
+    Parameters
+    ----------
+    draws
+        In the order of the model of `known`; rows that cannot be simulated are left out.
+
+    Raises
+    ------
+    SettingError
+        Where there are too few draws to weigh.
+    """
+    if len(draws) < 2 * _LEAST:
+        raise SettingError(f"{len(draws)} draws are too few to weigh against each other; give some hundreds")
+    forces = _forces(known, draws, [each.candidate for each in plan.gains])
+    wanted = _forces(known, draws, targets) if targets else forces
+    usable = np.all([np.isfinite(each.told).all(axis=1) for each in [*forces, *wanted]], axis=0)
+    forces, wanted = ([_rows(each, usable) for each in group] for group in (forces, wanted))
+    gram = _band_gram(known, draws[usable], wanted, plan.band)
+    n_draws = len(gram)
+    now = float(_variances(gram, np.full((1, n_draws), 1.0 / n_draws))[0])
+    truths = rng.choice(n_draws, size=min(_TRUTHS, n_draws), replace=False)
+    gains, least = [], float(n_draws)
+    for gain, answer in zip(plan.gains, forces, strict=True):
+        weights = _weights(known, answer.told, truths, rng)
+        counted = float(np.median(1.0 / np.sum(weights**2, axis=1)))
+        least = min(least, counted)
+        told = counted >= _LEAST and now > 0.0
+        drawn = 1.0 - float(np.mean(_variances(gram, weights))) / now if told else None
+        gains.append(replace(gain, drawn=drawn))
+    pairs = [(each.gain, each.drawn) for each in gains if each.drawn is not None]
+    agreement = float(spearmanr(*np.array(pairs).T).statistic) if len(pairs) > 2 else None
+    return Check(plan=replace(plan, gains=tuple(gains)), agreement=agreement, least_effective=least)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Forces:
+    """Forces of the draws less their mean, (n_draws, n_counted), in its deviations over root n; energies of a cycle.
+
+    `told` is what a test with nuisance parameters would tell of the forces.
+    """
+
+    force: NDArray[np.float64]
+    told: NDArray[np.float64]
+    energy: NDArray[np.float64]
+
+
+def _forces(known: Knowledge, draws: NDArray[np.float64], candidates: Sequence[Candidate]) -> list[_Forces]:
+    found = []
+    for candidate in candidates:
+        loading, counted = motion_of(candidate, known.spec)
+        run = simulate_forces(known.spec, draws, loading.history(), threads=known.threads)
+        force = np.where((run.outcome == Outcome.FINISHED)[:, None], run.force[:, counted], np.nan)
+        middle = np.nanmean(force, axis=0)
+        size = np.std(middle) * np.sqrt(middle.size)
+        velocity = candidate.peak_velocity * np.cos(
+            2.0 * np.pi * candidate.frequency * loading.dt * np.arange(counted.start, counted.stop)
+        )
+        energy = force @ velocity
+        found.append(
+            _Forces(
+                force=(force - middle) / size,
+                told=without_nuisance(force, middle, known.nuisances) / size,
+                energy=energy / float(np.nanmean(energy)),
+            )
+        )
+    return found
+
+
+def _rows(forces: _Forces, usable: NDArray[np.bool_]) -> _Forces:
+    return _Forces(force=forces.force[usable], told=forces.told[usable], energy=forces.energy[usable])
+
+
+def _band_gram(
+    known: Knowledge, draws: NDArray[np.float64], wanted: Sequence[_Forces], band: str
+) -> NDArray[np.float64]:
+    """Inner products of the draws in what the band is of, shape (n_draws, n_draws)."""
+    if band == "force":
+        return np.asarray(np.mean([each.force @ each.force.T for each in wanted], axis=0))
+    if band == "energy":
+        return np.asarray(np.mean([np.outer(each.energy, each.energy) for each in wanted], axis=0))
+    index = column_of(known, band)
+    value = known.scaled.position(draws)[:, index]
+    return np.outer(value - value.mean(), value - value.mean())
+
+
+def _weights(
+    known: Knowledge, told: NDArray[np.float64], truths: NDArray[np.int64], rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """How likely each draw makes the test of each truth, shape (n_truths, n_draws), rows adding up to one."""
+    seen = told[truths] + rng.standard_normal((truths.size, told.shape[1])) / np.sqrt(known.weight)
+    exponent = -0.5 * known.weight * (np.einsum("jt,jt->j", told, told) - 2.0 * seen @ told.T)
+    # The truth itself would always weigh most.
+    exponent[np.arange(truths.size), truths] = -np.inf
+    weights = np.exp(exponent - exponent.max(axis=1, keepdims=True))
+    return np.asarray(weights / weights.sum(axis=1, keepdims=True))
+
+
+def _variances(gram: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Variance under each row of weights, from inner products."""
+    return np.asarray(weights @ np.diag(gram) - np.einsum("kj,kj->k", weights @ gram, weights))
