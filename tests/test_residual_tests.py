@@ -94,6 +94,10 @@ def test_the_section_says_what_the_tests_found() -> None:
     model = residual_section([with_residual(np.cos(6.0 * np.pi * time) + 0.1 * white(5))])
     assert any("error of the model, not noise" in sentence for sentence in model.groups[0].prose)
     assert "98 % of their mean square comes back" in model.summary
+    once = comparison(n_time=N_TIME, duration=2.0)
+    short = residual_section([replace(once, test=replace(once.test, force=once.model_force + coloured(5)))])
+    assert short.summary == "Residuals: not noise on this test."
+    assert any("cannot be told without cycles" in sentence for sentence in short.groups[0].prose)
     table = both.groups[0].table
     assert table is not None
     assert [row[2] for row in table.rows][1] == "< 0.001"

@@ -51,7 +51,7 @@ def parameter_draws(
         position = first_walkers(target, start, _DRAWS, np.random.default_rng(0))
     except (SettingError, np.linalg.LinAlgError):
         return None
-    values = np.asarray(target.space.values(position))[:, : target.space.n_params]
+    values = np.asarray(target.space.values(position)[0])[:, : target.space.n_params]
     return ParameterDraws(theta=np.asarray(form.back(values)), origin="the Fisher ellipsoid about the fit")
 
 

@@ -58,8 +58,10 @@ def _summary(found: Sequence[ResidualTests]) -> str:
     if coloured == 0:
         return "Residuals: nothing speaks against white noise."
     repeating = _repeating(found)
-    share = f"; {most_of(float(np.median(repeating)))} % of their mean square comes back in every cycle"
-    return f"Residuals: not noise on {tests_of(coloured, len(found))}{share if repeating else ''}."
+    said = f"Residuals: not noise on {tests_of(coloured, len(found))}"
+    if not repeating:
+        return f"{said}."
+    return f"{said}; {most_of(float(np.median(repeating)))} % of their mean square comes back in every cycle."
 
 
 def _repeating(found: Sequence[ResidualTests]) -> list[float]:
