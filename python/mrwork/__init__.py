@@ -20,11 +20,17 @@ if TYPE_CHECKING:
     from mrwork.simulate import Loading, simulate_force
     from mrwork.spec import DamperSpec, damper, dampers
     from mrwork.synthetic import synthetic_test
+    from mrwork.uncertainty.choice import choose_model
+    from mrwork.uncertainty.comparison import Choice
     from mrwork.uncertainty.draws import Draws
+    from mrwork.uncertainty.identifiability import identifiability_of
+    from mrwork.uncertainty.plan import plan_next_test
     from mrwork.uncertainty.posterior import sample_posterior
+    from mrwork.uncertainty.profiling import profile_likelihood
 
 _HOME = {
     "Box": "mrwork.coordinates",
+    "Choice": "mrwork.uncertainty.comparison",
     "DamperSpec": "mrwork.spec",
     "DamperTest": "mrwork.records",
     "Draws": "mrwork.uncertainty.draws",
@@ -32,9 +38,13 @@ _HOME = {
     "Journal": "mrwork.journal",
     "Loading": "mrwork.simulate",
     "MrworkError": "mrwork.errors",
+    "choose_model": "mrwork.uncertainty.choice",
     "damper": "mrwork.spec",
     "dampers": "mrwork.spec",
+    "identifiability_of": "mrwork.uncertainty.identifiability",
     "identify": "mrwork.identification.identify",
+    "plan_next_test": "mrwork.uncertainty.plan",
+    "profile_likelihood": "mrwork.uncertainty.profiling",
     "read_damper_test": "mrwork.records",
     "read_damper_tests": "mrwork.records",
     "sample_posterior": "mrwork.uncertainty.posterior",

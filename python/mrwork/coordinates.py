@@ -91,14 +91,18 @@ class Box:
         start, span, log = self._spread(xp)
         spread = start + span * unit
         value = xp.where(log, xp.exp(xp.where(log, spread, 0.0)), spread)
-        columns: list[Array] = []
-        free = iter(range(len(self.free)))
-        for lower, upper in zip(self.lower, self.upper, strict=True):
-            if lower < upper:
-                # Rounding in exp(log(...)) must not leave the box.
-                columns.append(xp.clip(value[..., next(free)], lower, upper))
-            else:
-                columns.append(xp.full(unit.shape[:-1], lower))
+        free = self.free
+        # Rounding in exp(log(...)) must not leave the box.
+        value = xp.clip(
+            value,
+            xp.asarray([self.lower[index] for index in free]),
+            xp.asarray([self.upper[index] for index in free]),
+        )
+        if len(free) == len(self.names):
+            return value
+        columns = [xp.full(unit.shape[:-1], lower) for lower in self.lower]
+        for place, index in enumerate(free):
+            columns[index] = value[..., place]
         return xp.stack(columns, axis=-1)
 
     def unit_from_theta(self, theta: Array) -> Array:

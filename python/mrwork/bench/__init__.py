@@ -6,6 +6,7 @@ from mrwork.bench.identify import SearchBenchmark, bench_identify
 from mrwork.bench.identify_table import format_identify
 from mrwork.bench.kernels import KernelBenchmark, KernelRow, bench_kernels, format_table
 from mrwork.bench.models import ModelBenchmark, ModelRow, bench_models, format_models
+from mrwork.bench.posterior import PosteriorBenchmark, bench_posterior, format_posterior
 from mrwork.bench.search_rows import SearchRow
 
 __all__ = [
@@ -13,12 +14,15 @@ __all__ = [
     "KernelRow",
     "ModelBenchmark",
     "ModelRow",
+    "PosteriorBenchmark",
     "SearchBenchmark",
     "SearchRow",
     "bench_identify",
     "bench_kernels",
     "bench_models",
+    "bench_posterior",
     "format_identify",
     "format_models",
+    "format_posterior",
     "format_table",
 ]

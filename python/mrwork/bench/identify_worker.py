@@ -99,7 +99,7 @@ def measure(settings: Settings, threads: int) -> None:
     variant = ""
     if importlib.util.find_spec("numba") is not None:
         tell("progress", "choosing the fastest numba")
-        objectives["numba"], variant, first_calls["numba"] = _numba(
+        objectives["numba"], variant, first_calls["numba"] = fastest_numba(
             job, threads, choose=settings.choose_variant
         )
     everyone, missing = contenders()
@@ -177,7 +177,7 @@ def best_known_misfit(job: SearchJob, budget: int) -> tuple[float, int]:
     return attempt.least, attempt.evaluations
 
 
-def _numba(job: SearchJob, threads: int, *, choose: bool) -> tuple[BatchObjective, str, float]:
+def fastest_numba(job: SearchJob, threads: int, *, choose: bool) -> tuple[BatchObjective, str, float]:
     """The fastest numba objective that agrees with ours, what it is, and the seconds of its first two calls.
 
     Half of the candidates of the trial are scattered over the box, half lie close together, as in a search.

@@ -65,6 +65,25 @@ def add_parser(verbs: Any) -> None:
     searches.add_argument("--quiet", action="store_true", help="no progress")
     add_json(searches)
     searches.set_defaults(run=run_identify)
+    posterior = subjects.add_parser(
+        "posterior", help="effective draws per second beside emcee on jax and numba, and numpyro's NUTS"
+    )
+    posterior.add_argument("--steps", type=int, default=2000, metavar="N", help="of each ensemble")
+    posterior.add_argument("--walkers", type=int, default=64, metavar="N", help="of each ensemble")
+    posterior.add_argument(
+        "--nuts-draws",
+        type=int,
+        default=100,
+        metavar="N",
+        help="of NUTS, after as many of warm-up; 0 leaves it out",
+    )
+    posterior.add_argument(
+        "--threads", type=int, nargs="+", default=[1], metavar="N", help="numbers of threads, default 1"
+    )
+    posterior.add_argument("--quick", action="store_true", help="the first variant of each peer that comes")
+    posterior.add_argument("--quiet", action="store_true", help="no progress")
+    add_json(posterior)
+    posterior.set_defaults(run=run_posterior)
 
 
 def run_kernels(options: argparse.Namespace) -> int:
@@ -105,6 +124,22 @@ def run_identify(options: argparse.Namespace) -> int:
         on_progress=_progress(options),
     )
     print(json.dumps(benchmark.as_dict()) if options.json else format_identify(benchmark))
+    return 130 if benchmark.interrupted else 0
+
+
+def run_posterior(options: argparse.Namespace) -> int:
+    """Measure how fast a posterior is sampled; after Ctrl-C, say what was measured until then."""
+    from mrwork.bench import bench_posterior, format_posterior
+
+    benchmark = bench_posterior(
+        steps=options.steps,
+        walkers=options.walkers,
+        threads=tuple(options.threads),
+        nuts_draws=options.nuts_draws,
+        quick=options.quick,
+        on_progress=_progress(options),
+    )
+    print(json.dumps(benchmark.as_dict()) if options.json else format_posterior(benchmark))
     return 130 if benchmark.interrupted else 0
 
 

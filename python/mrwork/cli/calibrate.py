@@ -18,10 +18,10 @@ from mrwork.errors import SettingError
 from mrwork.identification.again import identify_again
 from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
-from mrwork.report.calibration_json import CALIBRATION, write_calibration
+from mrwork.report.calibration_json import write_calibration
 from mrwork.report.folds import Folds
 from mrwork.report.reopen import reopen
-from mrwork.report.run_directory import read_fit
+from mrwork.report.run_directory import CALIBRATION, read_fit
 from mrwork.uncertainty.bands.conformal import Calibration, calibrate
 from mrwork.uncertainty.bands.coverage import LEVELS, LeftOutCoverage, measured_coverage
 from mrwork.uncertainty.bands.left_out import IN_WORDS, Fold, predict_left_out

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from mrwork.identification.run import Progress
 
 if TYPE_CHECKING:
+    from mrwork.uncertainty.comparison import ChoiceProgress
     from mrwork.uncertainty.posterior import SamplingProgress
 
 _EVERY = 0.2
@@ -76,6 +77,35 @@ class SamplingLine:
     def close(self) -> None:
         """Clear the line."""
         self._line.close()
+
+
+class ChoiceLine:
+    """A comparison of models, in one line."""
+
+    def __init__(self, *, quiet: bool) -> None:
+        self._line = _Line(quiet=quiet)
+        self._last = -math.inf
+
+    def __call__(self, progress: ChoiceProgress) -> None:
+        """Show where the comparison stands."""
+        if self._line.active and progress.seconds - self._last >= _EVERY:
+            self._last = progress.seconds
+            self._line.write(choice_described(progress))
+
+    def close(self) -> None:
+        """Clear the line."""
+        self._line.close()
+
+
+def choice_described(progress: ChoiceProgress) -> str:
+    """Progress in one line: which model, how many there are, what is being fitted, how long it may take."""
+    parts = [f"{progress.model}, model {progress.number} of {progress.n_models}", progress.task]
+    if progress.within is not None:
+        parts.append(f"best {progress.within.fit_percent:.2f} %")
+    parts.append(_duration(progress.seconds))
+    if progress.seconds_left is not None:
+        parts.append(f"about {_duration(progress.seconds_left)} left")
+    return ", ".join(parts)
 
 
 def sampling_described(progress: SamplingProgress) -> str:

@@ -11,10 +11,10 @@ import numpy as np
 
 from mrwork.errors import OutputError, RecordError
 from mrwork.report.fit_json import json_document
+from mrwork.report.run_directory import CALIBRATION
 from mrwork.uncertainty.bands.conformal import Calibration, Shape
 from mrwork.uncertainty.bands.coverage import LeftOutCoverage
 
-CALIBRATION = "calibration.json"
 # Of a score: what the errors of the next test are compared with is not known better.
 _DIGITS = 5
 

@@ -9,8 +9,7 @@ from mrwork.identification.fit import Fit
 from mrwork.journal import digest_of
 from mrwork.records import DamperTest
 from mrwork.report.fit_json import fit_from_json, json_document
-
-FOLDS = "left_out"
+from mrwork.report.run_directory import FOLDS
 
 
 class Folds:

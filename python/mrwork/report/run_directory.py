@@ -26,14 +26,23 @@ FIT = "fit.json"
 JOURNAL = "journal.jsonl"
 REPORT = "report.html"
 FIGURES = "figures"
-# Of the fit that was there before: what later verbs made of it does not outlive it.
-PROFILES = "profiles.json"
-PLAN = "plan.json"
-# What `mrwork sample` adds: the chain, and the draws made of it.
+# What later verbs make of a fit goes with it: it does not outlive the fit that it was made of.
 CHAIN = "posterior.h5"
 DRAWS = "posterior.nc"
+PROFILES = "profiles.json"
+PLAN = "plan.json"
+CALIBRATION = "calibration.json"
+FOLDS = "left_out"
+# What a comparison of models adds: the ranking, and in a folder for each the fit of every model.
+RANKING = "ranking.json"
+MODELS = "models"
 
-_WRITTEN = frozenset({MANIFEST, FIT, JOURNAL, REPORT, FIGURES, PROFILES, PLAN, CHAIN, DRAWS})
+_WRITTEN = frozenset(
+    {
+        *(MANIFEST, FIT, JOURNAL, REPORT, FIGURES),
+        *(CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, RANKING, MODELS),
+    }
+)
 _BESIDE = ".mrwork-"
 _DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
@@ -66,6 +75,8 @@ def write_run(
     figures: Mapping[str, Figure],
     manifest: Mapping[str, Any],
     journal: str | Path,
+    documents: Mapping[str, object] | None = None,
+    flush: bool = True,
 ) -> Path:
     """Write a run directory, in place of an earlier run if there is one.
 
@@ -81,6 +92,10 @@ def write_run(
         numbers that are not finite become `null`.
     journal
         File with the steps of the run, which is copied.
+    documents
+        More to be written as JSON, by the path inside the folder.
+    flush
+        Wait until it is on the disk, but for a fit that was interrupted.
 
     Raises
     ------
@@ -105,8 +120,11 @@ def write_run(
         shutil.copyfile(journal, fresh / JOURNAL)
         _write(fresh / REPORT, report_html.encode())
         _write_figures(fresh / FIGURES, figures)
+        for name, document in (documents or {}).items():
+            (fresh / name).parent.mkdir(parents=True, exist_ok=True)
+            _write(fresh / name, json_document(document).encode())
         _keep_additions(place, fresh)
-        if fit.status != "interrupted":
+        if flush and fit.status != "interrupted":
             # Whoever pressed Ctrl-C waits for the prompt; the system flushes that run when it gets to it.
             _flush(fresh)
         _swap(fresh, place, beside / "old")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -50,7 +51,7 @@ class Draws:
     `noise_chains` (n_walkers, n_kept, n_noise) those of the noise, in deviations of the test's force; `densities`
     (n_walkers, n_kept) the log posterior in the coordinates that were sampled, up to a constant. `temper` is what the
     log-likelihood was multiplied by. `n_steps` were taken, of which the burn-in and all but every `thinning`-th are
-    left out.
+    left out. `measured` has the force of each test [N], by its name.
     """
 
     model: str
@@ -68,6 +69,7 @@ class Draws:
     thinning: int
     seconds: float
     provenance: Provenance
+    measured: Mapping[str, Array]
 
     @property
     def theta(self) -> Array:
@@ -90,9 +92,8 @@ class Draws:
 
         named = dict(zip(self.names, np.moveaxis(self.chains, -1, 0), strict=True))
         named |= dict(zip(self.noise_names, np.moveaxis(self.noise_chains, -1, 0), strict=True))
-        fit = {"fit_nrmse": np.asarray(self.provenance.settings["nrmse"])}
         tree: DataTree = from_dict(
-            {"posterior": named, "sample_stats": {"lp": self.densities}, "observed_data": fit},
+            {"posterior": named, "sample_stats": {"lp": self.densities}, "observed_data": self.measured},
             attrs={
                 "/": {
                     "model": self.model,
@@ -107,6 +108,8 @@ class Draws:
                 | {name: str(value) for name, value in asdict(self.provenance).items()}
             },
         )
+        for name in self.measured:
+            tree["observed_data"][name].attrs["units"] = "N"
         for summary in self.summaries:
             tree["posterior"][summary.name].attrs["units"] = summary.unit
         return tree

@@ -1,9 +1,7 @@
-"""An ensemble of walkers on its way: emcee's moves, a chain that grows, and a random stream that can be put aside.
+"""An ensemble of walkers on its way: emcee, a chain that grows, and a random stream that can be put aside.
 
-Walkers move by differences of the others (differential evolution, ter Braak 2006), one half of them at a time, so that
-a half is one batch of simulations. A tenth of the steps take a whole difference, which jumps from mode to mode. The
-snooker move is left out: as emcee 3.1.6 has it, it samples something else (a standard normal of 8 dimensions comes out
-with a variance of 0.63), and the test of this module would show when that is so of another move.
+Walkers move by differences of their past. The snooker move is left out: as emcee 3.1.6 has it, it samples something
+else (a standard normal of 8 dimensions comes out with a variance of 0.63).
 """
 
 from __future__ import annotations
@@ -18,8 +16,6 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 # As `numpy.random.RandomState.get_state` gives it.
 RandomState = tuple[str, NDArray[np.uint32], int, int, float]
-
-_JUMPS = 0.1
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -62,11 +58,17 @@ class Ensemble:
         # emcee takes a second to load.
         from emcee import EnsembleSampler, State
 
+        from mrwork.uncertainty.past_differences import PastDifferences
+
         done, random_state = self.at
         self._make_room(until + 1)
+        # The past is the chain itself, so a chain that is resumed has the past that it had.
+        move = PastDifferences(lambda: self.positions[: self.n_steps + 1])
         sampler = EnsembleSampler(
-            self.n_walkers, self.positions.shape[2], self.target, moves=moves(), vectorize=True
+            self.n_walkers, self.positions.shape[2], self.target, moves=move, vectorize=True
         )
+        # emcee's wrapper would print the place where Ctrl-C meets a simulation.
+        sampler.log_prob_fn = self.target
         start = State(self.positions[done], log_prob=self.densities[done], random_state=random_state)
         steps = sampler.sample(start, iterations=until - done, store=False, skip_initial_state_check=True)
         for step, state in enumerate(steps, done + 1):
@@ -80,13 +82,6 @@ class Ensemble:
         if missing > 0:
             self.positions = np.concatenate([self.positions, np.empty((missing, *self.positions.shape[1:]))])
             self.densities = np.concatenate([self.densities, np.empty((missing, self.n_walkers))])
-
-
-def moves() -> list[tuple[Any, float]]:
-    """What walkers do, and how often."""
-    from emcee.moves import DEMove
-
-    return [(DEMove(), 1.0 - _JUMPS), (DEMove(gamma0=1.0), _JUMPS)]
 
 
 def _state_of(legacy: Any) -> RandomState:

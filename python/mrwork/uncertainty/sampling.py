@@ -18,7 +18,7 @@ from mrwork.coordinates import Box
 from mrwork.identification.fit import Provenance
 from mrwork.journal import digest_of
 from mrwork.spec import DamperSpec
-from mrwork.uncertainty.diagnosis import Diagnosis, autocorrelation_times, diagnose, kept
+from mrwork.uncertainty.diagnosis import LARGEST_RHAT, Diagnosis, autocorrelation_times, diagnose, kept
 from mrwork.uncertainty.draws import Draws, DrawsStatus, DrawSummary, summary_of
 from mrwork.uncertainty.ensemble import Ensemble
 from mrwork.uncertainty.prior import Prior
@@ -82,8 +82,8 @@ class Sampling:
     def diagnosis(self, ensemble: Ensemble) -> Diagnosis:
         """How the chain stands, after its burn-in."""
         space = self.target.space
-        values = space.values(ensemble.positions[kept(ensemble.n_steps)])[..., np.array(space.box.free)]
-        return diagnose(np.asarray(values), space.names)
+        values, _ = space.values(ensemble.positions[kept(ensemble.n_steps)])
+        return diagnose(np.asarray(values)[..., np.array(space.box.free)], space.names)
 
     def draws(
         self, ensemble: Ensemble, diagnosis: Diagnosis, *, seconds: float, interrupted: bool = False
@@ -91,7 +91,7 @@ class Sampling:
         """The draws of a chain of at least one step."""
         rows = kept(ensemble.n_steps)
         space = self.target.space
-        values = np.moveaxis(np.asarray(space.values(ensemble.positions[rows])), 0, 1)
+        values = np.moveaxis(np.asarray(space.values(ensemble.positions[rows])[0]), 0, 1)
         chains = np.asarray(self.target.form.back(values[..., : space.n_params]))
         noise_chains = values[..., space.n_params :]
         summaries = self._summaries(np.concatenate([chains, noise_chains], axis=-1))
@@ -115,6 +115,7 @@ class Sampling:
             thinning=thin,
             seconds=seconds,
             provenance=self._provenance(),
+            measured={test.name: test.force for test in self.target.objective.tests},
         )
 
     @property
@@ -151,8 +152,8 @@ class Sampling:
         else:
             ess = float(min(diagnosis.ess_bulk.min(), diagnosis.ess_tail.min()))
             said = (
-                f"Converged after {n_steps} steps: R-hat at most {float(diagnosis.rhat.max()):.3f}, at least {ess:.0f} "
-                f"effective draws, a chain of {diagnosis.length:.0f} autocorrelation times."
+                f"Converged after {n_steps} steps: R-hat below {LARGEST_RHAT} throughout, at least {ess:.0f} effective "
+                f"draws, a chain of {diagnosis.length:.0f} autocorrelation times."
             )
         if self.target.temper < 1.0:
             n_time = self.target.objective.n_time

@@ -84,20 +84,19 @@ class Space:
         """Number of coordinates."""
         return len(self.box.free)
 
-    def inside(self, position: Array) -> Array:
-        """Whether all parameters lie in the box, shape (...)."""
+    def values(self, position: Array) -> tuple[Array, Array]:
+        """Parameters and noise parameters, shape (..., n_params + n_noise), and whether they lie in the box, (...).
+
+        The values of a position outside mean nothing.
+        """
         xp = position.__array_namespace__()
         unit = self._unit(position)
-        # The stiffness must not be zero where x0 is asked of it: then `unit` is not a number, and not inside.
-        return xp.all((unit >= 0.0) & (unit <= 1.0), axis=-1)
-
-    def values(self, position: Array) -> Array:
-        """Parameters and noise parameters, shape (..., n_params + n_noise), of positions inside."""
-        xp = position.__array_namespace__()
-        return self.box.theta_from_unit(xp.clip(self._unit(position), 0.0, 1.0))
+        # Without stiffness there is no x0 with a product: then `unit` is not a number, and not inside.
+        inside = xp.all((unit >= 0.0) & (unit <= 1.0), axis=-1)
+        return self.box.theta_from_unit(xp.where(inside[..., None], unit, 0.5)), inside
 
     def position(self, values: Array) -> Array:
-        """Undo `values`."""
+        """The position of values, shape (..., n_dim)."""
         unit = self.box.unit_from_theta(values)
         if self.pair is None:
             return unit
@@ -107,11 +106,10 @@ class Space:
             [product if index == self.pair[1] else unit[..., index] for index in range(self.n_dim)], axis=-1
         )
 
-    def log_prior(self, position: Array) -> Array:
-        """Log prior density of positions inside, shape (...), per volume of the position."""
-        xp = position.__array_namespace__()
-        values = self.values(position)
-        total = xp.zeros(position.shape[:-1])
+    def log_prior(self, values: Array) -> Array:
+        """Log prior density of values inside, shape (...), per volume of the position."""
+        xp = values.__array_namespace__()
+        total = xp.zeros(values.shape[:-1])
         for prior, index in zip(self.priors, self.box.free, strict=True):
             if prior is not None:
                 value = values[..., index]

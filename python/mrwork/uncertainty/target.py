@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -32,14 +32,16 @@ _CORRELATED = ("ar1", "arma11")
 class Target:
     """Log posterior density of positions of a `space`, known up to a constant.
 
-    Residuals are those of a free run, in units of each test's force deviation; observation models and nuisance
-    parameters act as in the fit, the latter at their best for each candidate. `temper` multiplies the log-likelihood.
+    Residuals are those of a free run, in units of each test's force deviation, `deviations` [N]; observation models
+    and nuisance parameters act as in the fit, the latter at their best for each candidate. `temper` multiplies the
+    log-likelihood.
     """
 
     form: Form
     objective: Objective
     noise: Noise
     space: Space
+    deviations: tuple[float, ...]
     temper: float
 
     @classmethod
@@ -69,8 +71,14 @@ class Target:
         SettingError
             Where the tempering is neither, or the start cannot be simulated.
         """
-        space = Space.of(form, noise, priors)
-        target = cls(form=form, objective=objective, noise=noise, space=space, temper=1.0)
+        target = cls(
+            form=form,
+            objective=objective,
+            noise=noise,
+            space=Space.of(form, noise, priors),
+            deviations=tuple(float(np.std(test.force[test.counted])) for test in objective.tests),
+            temper=1.0,
+        )
         if tempering is None:
             tempering = 1.0 if noise.name in _CORRELATED else "effective"
         if tempering == "effective":
@@ -80,27 +88,26 @@ class Target:
             share = float(tempering)
             if not 0.0 < share <= 1.0:
                 raise SettingError(f"`tempering` is {share:g}; give 'effective', or a share above 0 up to 1")
-        return cls(form=form, objective=objective, noise=noise, space=space, temper=share)
+        return replace(target, temper=share)
 
     def __call__(self, position: Array) -> Array:
         """Log posterior of each row of `position` (n_batch, n_dim), shape (n_batch,); -inf outside and on failure."""
+        values, inside = self.space.values(position)
         density = np.full(len(position), -np.inf)
-        with np.errstate(invalid="ignore"):
-            rows = np.flatnonzero(self.space.inside(position))
+        rows = np.flatnonzero(inside)
         if rows.size:
-            within = position[rows]
+            within = values if rows.size == len(values) else values[rows]
             density[rows] = self.space.log_prior(within) + self.temper * self.log_likelihood(within)
         return density
 
-    def log_likelihood(self, position: Array) -> Array:
-        """Untempered log-likelihood of positions inside, shape (n_batch,); -inf where a simulation failed."""
-        values = self.space.values(position)
+    def log_likelihood(self, values: Array) -> Array:
+        """Untempered log-likelihood of parameters and noise, shape (n_batch,); -inf where a simulation failed."""
         n_params = self.space.n_params
         theta, noise = np.ascontiguousarray(values[:, :n_params]), values[:, n_params:]
         if isinstance(self.noise, Iid) and self.objective.is_direct:
             squared = np.zeros(len(theta))
-            for run, test in zip(self.objective.misfits(theta), self.objective.tests, strict=True):
-                squared += run.squared_error / np.var(test.force[test.counted])
+            for run, deviation in zip(self.objective.misfits(theta), self.deviations, strict=True):
+                squared += run.squared_error / deviation**2
             return self.noise.log_likelihood_of_sum(squared, self.objective.n_time, noise)
         chunks = -(-len(theta) // _ROWS)
         pairs = zip(np.array_split(theta, chunks), np.array_split(noise, chunks), strict=True)
@@ -120,14 +127,15 @@ class Target:
         """
         objective = self.objective
         objective.tally.simulations += len(theta)
-        for test, history in zip(objective.tests, objective.histories, strict=True):
+        each = zip(objective.tests, objective.histories, self.deviations, strict=True)
+        for test, history, deviation in each:
             run = simulate_forces(objective.spec, theta, history, threads=objective.threads)
             failed = run.outcome != Outcome.FINISHED
             run.force[failed] = 0.0
             observed = test.observation.observe(run.force, test.dt)[:, test.counted]
             measured = test.force[test.counted]
-            residual = without_nuisance(observed, measured, objective.nuisances) / np.std(measured)
-            force = residual + (measured - measured.mean()) / np.std(measured)
+            residual = without_nuisance(observed, measured, objective.nuisances) / deviation
+            force = residual + (measured - measured.mean()) / deviation
             residual[failed] = 0.0
             force[failed] = 0.0
             yield residual, force, failed

@@ -35,10 +35,7 @@ def first_walkers(target: Target, start: Array, n_walkers: int, rng: np.random.G
         Where no candidate about the start is possible at all.
     """
     space = target.space
-    theta = target.form.box.inside(start)
-    noise = target.noise_at(theta)
-    origin = np.asarray(space.position(space.box.inside(np.concatenate([theta, noise]))))
-    root = np.linalg.cholesky(np.linalg.inv(_information(target, theta, origin)))
+    origin, root = ellipsoid(target, start)
     walkers = np.tile(origin, (n_walkers, 1))
     waiting = np.arange(n_walkers)
     scale = 1.0
@@ -55,9 +52,17 @@ def first_walkers(target: Target, start: Array, n_walkers: int, rng: np.random.G
     )
 
 
+def ellipsoid(target: Target, start: Array) -> tuple[Array, Array]:
+    """Position of `start` and the noise there, (n_dim,), and a root of the covariance about it, (n_dim, n_dim)."""
+    space = target.space
+    theta = target.form.box.inside(start)
+    origin = np.asarray(space.position(space.box.inside(np.concatenate([theta, target.noise_at(theta)]))))
+    return origin, np.linalg.cholesky(np.linalg.inv(_information(target, theta, origin)))
+
+
 def _information(target: Target, theta: Array, origin: Array) -> Array:
     """Fisher information of the tempered likelihood, and a little more, shape (n_dim, n_dim)."""
-    form, objective = target.form, target.objective
+    form, objective, space = target.form, target.objective, target.space
     searched = search_box(form.spec, form.box, objective.tests)
     misfit = float(objective.plain(theta[None])[0])
     # Residuals of the objective have the squared misfit for their sum of squares, whatever the samples.
@@ -65,24 +70,22 @@ def _information(target: Target, theta: Array, origin: Array) -> Array:
     n_free = jacobian.shape[1]
     slope = _position_slope(target, theta, origin, searched)
     by_position = np.linalg.solve(slope.T, jacobian.T).T
-    information = _EVEN * np.eye(target.space.n_dim)
+    information = _EVEN * np.eye(space.n_dim)
     weight = target.temper * objective.n_time / max(misfit, 1e-12) ** 2
     information[:n_free, :n_free] += weight * by_position.T @ by_position
-    for index in range(n_free, target.space.n_dim):
+    for index in range(n_free, space.n_dim):
         step = _NOISE_STEP * min(origin[index], 1.0 - origin[index])
-        offsets = np.zeros((3, target.space.n_dim))
+        offsets = np.zeros((3, space.n_dim))
         offsets[:, index] = [-step, 0.0, step]
-        before, here, after = target(origin + offsets)
-        curvature = (2.0 * here - before - after) / step**2
-        information[index, index] += max(float(curvature), 0.0) if np.isfinite(curvature) else 0.0
+        before, here, after = target.temper * target.log_likelihood(space.values(origin + offsets)[0])
+        information[index, index] += max(float(2.0 * here - before - after) / step**2, 0.0)
     return information
 
 
 def _position_slope(target: Target, theta: Array, origin: Array, searched: Box) -> Array:
     """Derivative of the free parameters' coordinates with respect to these parameters, (n_free, n_free)."""
     box, space = target.form.box, target.space
-    noise = np.asarray(space.values(origin))[space.n_params :]
-    values = np.concatenate([theta, noise])
+    values = np.concatenate([theta, np.asarray(space.values(origin)[0])[space.n_params :]])
     width = np.array(searched.upper) - np.array(searched.lower)
     columns = []
     for index in box.free:

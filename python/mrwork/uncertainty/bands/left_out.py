@@ -61,12 +61,7 @@ def predict_left_out(
     SettingError
         Where there are fewer than two folds.
     """
-    folds = _folds(tests, fold)
-    if len(folds) < 2:
-        raise SettingError(
-            f"to leave one {fold} out there must be two, the {len(tests)} tests given have one {fold} in common; "
-            "give tests that differ in it"
-        )
+    folds = folds_of(tests, fold)
     predictions: dict[int, Prediction] = {}
     fits, failures = [], []
     for done, members in enumerate(folds):
@@ -89,8 +84,14 @@ def predict_left_out(
     )
 
 
-def _folds(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:
-    """Indices of the tests of each fold."""
+def folds_of(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:
+    """Indices of the tests of each fold.
+
+    Raises
+    ------
+    SettingError
+        Where there are fewer than two.
+    """
     folds: list[list[int]] = []
     for index, test in enumerate(tests):
         for members in folds:
@@ -99,6 +100,11 @@ def _folds(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:
                 break
         else:
             folds.append([index])
+    if len(folds) < 2:
+        raise SettingError(
+            f"to leave one {fold} out there must be two, the {len(tests)} tests given have one {fold} in common; "
+            "give tests that differ in it"
+        )
     return folds
 
 

@@ -1,0 +1,161 @@
+"""`mrwork identify --model all`: families of models identified from the same tests, and ranked."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import textwrap
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, get_args
+
+from mrwork.cli.identified import note, stem_of, text_of, with_command, write_identification
+from mrwork.cli.laws import command_unit, laws_of
+from mrwork.cli.observe import nuisances_of, observed
+from mrwork.cli.options import parse_bounds, reading_of
+from mrwork.cli.progress import ChoiceLine
+from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
+from mrwork.identification.multistart import Multistart
+from mrwork.report.run_directory import FIT, MODELS, RANKING, check_destination
+from mrwork.report.unfinished_comparison import StepJournals
+from mrwork.search import EfficientGA
+from mrwork.uncertainty.bands.left_out import Fold
+from mrwork.uncertainty.families import ALL
+
+if TYPE_CHECKING:
+    from mrwork.uncertainty.comparison import Choice
+    from mrwork.uncertainty.verdict import Ranking
+
+_WIDTH = 118
+
+
+def add_choice(parser: argparse.ArgumentParser) -> None:
+    """What only a comparison takes."""
+    parser.add_argument(
+        "--leave-out",
+        choices=get_args(Fold),
+        help="with several models: what is left out together and predicted, each test (default), all tests of one "
+        "motion, or all at one command",
+    )
+    parser.add_argument(
+        "--posterior",
+        action="store_true",
+        help="with several models: draw for PSIS-LOO from the posterior's chain, not from an ellipsoid about the fit",
+    )
+
+
+def is_choice(options: argparse.Namespace) -> bool:
+    """Whether the command line asks for a comparison.
+
+    Raises
+    ------
+    SettingError
+        Where it does not, but gives what belongs to one; or gives what does not.
+    """
+    several = options.model == ALL or "," in options.model
+    if not several and (options.leave_out or options.posterior):
+        raise SettingError("--leave-out and --posterior belong to a comparison; give --model all, or A,B,C")
+    if several and options.starts:
+        raise SettingError("--start gives one model's parameters; leave it out where models are compared")
+    return several
+
+
+def run(options: argparse.Namespace, search: Multistart | EfficientGA | None) -> int:
+    """Identify and rank, write the run directory of the best, say what came out."""
+    # What weighs models loads SciPy, which no other identification needs so soon.
+    from mrwork.uncertainty.choice import ChoiceInterrupted, choose_model
+
+    models: str | list[str] = ALL if options.model == ALL else options.model.split(",")
+    reading = reading_of(options)
+    tests = tuple(observed(test, options) for test in reading.tests())
+    place = options.out or Path("out") / f"{stem_of(tests)}-models"
+    check_destination(place)
+    journals = StepJournals(place, resume=options.resume, note=note)
+    line = ChoiceLine(quiet=options.quiet or options.json)
+    status = 0
+    try:
+        choice = choose_model(
+            tests,
+            models,
+            leave_out=options.leave_out or "test",
+            laws=laws_of(options),
+            unit=command_unit(tests, options),
+            search=search,
+            bounds=parse_bounds(options.bound, options.fix),
+            nuisances=nuisances_of(options),
+            power=options.power,
+            sampled=options.posterior,
+            rng=options.seed,
+            threads=options.threads,
+            on_progress=line,
+            journal_of=journals,
+        )
+    except ChoiceInterrupted as interrupt:
+        choice, status = interrupt.choice, 130
+    except MrworkError as error:
+        # What cannot be compared at all is not worth going on with; another disk or another setting may be.
+        if not options.resume and not isinstance(error, JournalError | OutputError):
+            journals.discard()
+        raise
+    except KeyboardInterrupt:
+        line.close()
+        note("interrupted before any model was judged; the same with --resume goes on")
+        return 130
+    finally:
+        line.close()
+    fits = {fit.model: with_command(fit, reading) for fit in choice.fits}
+    best = fits[choice.ranking.chosen]
+    documents: dict[str, object] = {f"{MODELS}/{name}/{FIT}": fit.as_dict() for name, fit in fits.items()}
+    write_identification(
+        place,
+        best,
+        tests,
+        journals.path(f"{best.model}/fit"),
+        with_figures=status == 0,
+        ranking=choice.ranking,
+        documents=documents | {RANKING: asdict(choice.ranking)},
+    )
+    if status == 0:
+        journals.discard()
+    print(json.dumps(_summary(choice, place)) if options.json else _text(choice.ranking, place))
+    if status == 0 and not options.json:
+        print("\n" + text_of(best, tests, place))
+    if status == 130:
+        note(f"interrupted; the models that were done are in {place}, the same with --resume goes on")
+    return status
+
+
+def _summary(choice: Choice, place: Path) -> dict[str, Any]:
+    fits = {fit.model: str(place / MODELS / fit.model / FIT) for fit in choice.fits}
+    return asdict(choice.ranking) | {"fits": fits, "out": str(place)}
+
+
+def _text(ranking: Ranking, place: Path) -> str:
+    from mrwork.report.ranking_rows import HEADINGS, ranking_rows
+
+    rows = [
+        (
+            row.model,
+            row.n_params,
+            row.fit,
+            row.left_out,
+            row.behind,
+            row.elpd_behind,
+            row.bic_behind,
+            row.seconds,
+            row.remark,
+        )
+        for row in ranking_rows(ranking)
+    ]
+    widths = [max(len(row[column]) for row in [HEADINGS, *rows]) for column in range(len(HEADINGS))]
+    lines = [_aligned(row, widths) for row in [HEADINGS, *rows]]
+    for sentence in (ranking.sentence, *(f"Note: {remark}." for remark in ranking.remarks)):
+        lines += ["", *textwrap.wrap(sentence, _WIDTH)]
+    return "\n".join([*lines, "", f"Ranking: {place / RANKING}"])
+
+
+def _aligned(row: tuple[str, ...], widths: list[int]) -> str:
+    first, *middle, last = row
+    cells = [first.ljust(widths[0])]
+    cells += [cell.rjust(width) for cell, width in zip(middle, widths[1:-1], strict=True)]
+    return "  ".join([*cells, last]).rstrip()

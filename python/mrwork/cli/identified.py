@@ -1,0 +1,174 @@
+"""What verbs that identify have in common: where a run goes, how it is written, what is said of it."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import sys
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from mrwork.identification.fit import Fit
+from mrwork.identification.judge import judge
+from mrwork.identification.reading import Reading
+from mrwork.records import DamperTest
+from mrwork.report.reopen import READING
+from mrwork.report.run_directory import write_run
+from mrwork.spec import damper
+
+if TYPE_CHECKING:
+    from mrwork.uncertainty.verdict import Ranking
+
+
+def note(sentence: str) -> None:
+    """Say something that is no result."""
+    print(f"mrwork: {sentence}", file=sys.stderr)
+
+
+def stem_of(tests: tuple[DamperTest, ...]) -> str:
+    """The beginning of a run directory's name."""
+    first = tests[0].name.replace(" ", "_").replace(os.sep, "_")
+    return first if len(tests) == 1 else f"{first}-and-{len(tests) - 1}-more"
+
+
+def with_command(fit: Fit, reading: Reading) -> Fit:
+    """The fit with what was asked for, and how the tests were read, so that `reopen` can read them again."""
+    asked = {"command": shlex.join(["mrwork", *sys.argv[1:]]), READING: reading.as_record()}
+    return replace(fit, provenance=replace(fit.provenance, settings=fit.provenance.settings | asked))
+
+
+def write_identification(
+    place: Path,
+    fit: Fit,
+    tests: tuple[DamperTest, ...],
+    journal: Path,
+    *,
+    with_figures: bool,
+    ranking: Ranking | None = None,
+    documents: Mapping[str, object] | None = None,
+) -> None:
+    """Write the run directory; an interrupted run is written at once, without the pictures that take time."""
+    manifest = {"kind": "identification", "model": fit.model, "status": fit.status} | asdict(fit.provenance)
+    if not with_figures:
+        write_run(
+            place,
+            fit=fit,
+            report_html=_INTERRUPTED,
+            figures={},
+            manifest=manifest,
+            journal=journal,
+            documents=documents,
+            flush=False,
+        )
+        return
+    # Matplotlib is slow to load and needed for reports only.
+    from mrwork.report.comparison import Comparison
+    from mrwork.report.figures import run_figures
+    from mrwork.report.html import identification_report
+
+    spec = fit.spec
+    theta = np.array(fit.theta)
+    comparisons = [
+        Comparison(
+            test=test,
+            model_force=judge(spec, theta, test, nuisances=fit.nuisances)[0],
+            quality=quality,
+        )
+        for test, quality in zip(tests, fit.quality, strict=True)
+    ]
+    figures = run_figures(fit, comparisons)
+    if ranking is not None:
+        from mrwork.report.ranking_figure import ranking_figure
+
+        figures["ranking"] = ranking_figure(ranking)
+    write_run(
+        place,
+        fit=fit,
+        report_html=identification_report(
+            fit, comparisons, model_title=spec.title, equation=spec.equation, source=spec.source
+        ),
+        figures=figures,
+        manifest=manifest,
+        journal=journal,
+        documents=documents,
+    )
+
+
+_INTERRUPTED = (
+    "<!doctype html><html lang=en><meta charset=utf-8><title>mrwork: interrupted</title>"
+    "<p>This identification was interrupted. The best parameters found so far are in fit.json; "
+    "run the same command with <code>--resume</code> to go on and for the full report.</p></html>\n"
+)
+
+
+def summary_of(fit: Fit, place: Path) -> dict[str, Any]:
+    """A fit, for --json."""
+    return {
+        "model": fit.model,
+        "parameters": {
+            estimate.name: {
+                "value": estimate.value,
+                "unit": estimate.unit,
+                "standard_error": estimate.standard_error,
+                "lower": estimate.lower,
+                "upper": estimate.upper,
+                "remark": estimate.remark,
+            }
+            for estimate in fit.estimates
+        },
+        "current_laws": None if fit.current is None else asdict(fit.current),
+        "identifiability": None if fit.identifiability is None else asdict(fit.identifiability),
+        "nuisances": fit.nuisances,
+        "fit_percent": fit.fit_percent,
+        "nrmse": fit.nrmse,
+        "rmse_n": fit.rmse_n,
+        "error_norms": asdict(fit.error_norms),
+        "status": fit.status,
+        "stop_reason": fit.stop_reason,
+        "evaluations": fit.evaluations,
+        "refinement_steps": fit.refinement_steps,
+        "seconds": fit.seconds,
+        "n_time": fit.n_time,
+        "rng": fit.provenance.rng,
+        "files": [asdict(quality) for quality in fit.quality],
+        "out": str(place),
+    }
+
+
+def text_of(fit: Fit, tests: tuple[DamperTest, ...], place: Path) -> str:
+    """A fit, for people."""
+    status = fit.status.replace("_", " ")
+    lines = [
+        f"{damper(fit.model).title}, {status} after {fit.evaluations} simulations, {fit.seconds:.1f} s",
+        "",
+    ]
+    width = max(7, *(len(estimate.name) for estimate in fit.estimates))
+    units = max(6, *(len(estimate.unit) for estimate in fit.estimates))
+    doubts = {
+        each.name: f"{each.verdict} identifiable: {each.reason}"
+        for each in (fit.identifiability.verdicts if fit.identifiability else ())
+        if each.verdict != "identifiable"
+    }
+    for estimate in fit.estimates:
+        error = "" if estimate.standard_error is None else f"+- {estimate.standard_error:.2g}"
+        remark = estimate.remark or doubts.get(estimate.name, "")
+        remark = f"({remark})" if remark else ""
+        row = f"  {estimate.name:<{width}} {estimate.value:>12.6g}  {error:<12} {estimate.unit:<{units}} {remark}"
+        lines.append(row.rstrip())
+    lines.append("")
+    if fit.identifiability is not None and fit.identifiability.directions:
+        lines += [*(f"  - {each.sentence}" for each in fit.identifiability.directions), ""]
+    for test, quality in zip(tests, fit.quality, strict=True):
+        settle = f", first {quality.settle_seconds:.2g} s not compared" if quality.settle_seconds > 0 else ""
+        recorded = ", ".join(filter(None, (quality.observation.in_words, quality.nuisance.in_words)))
+        lines.append(
+            f"  {test.path or test.name}: fit {quality.fit_percent:.2f} %, RMSE {quality.rmse_n:.4g} N "
+            f"over {quality.n_time} samples{settle}{f'; the model force {recorded}' if recorded else ''}"
+        )
+        lines += [f"    {finding.severity}: {finding.message}" for finding in test.findings]
+    lines += ["", f"Report: {place / 'report.html'}"]
+    return "\n".join(lines)

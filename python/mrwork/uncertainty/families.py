@@ -1,0 +1,92 @@
+"""Which families of models are compared, each with the laws and bounds that it has parameters for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from mrwork.errors import SettingError, UnknownNameError
+from mrwork.identification.equivalent import identifiable_form
+from mrwork.parameters import CommandUnit, LawName
+from mrwork.records import DamperTest
+from mrwork.spec import DamperSpec, damper, dampers
+
+ALL = "all"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Family:
+    """A model with its laws, and the bounds that are its own."""
+
+    spec: DamperSpec
+    bounds: dict[str, tuple[float, float]]
+
+
+def families(
+    models: str | Sequence[DamperSpec | str],
+    *,
+    laws: Mapping[str, LawName],
+    unit: CommandUnit,
+    bounds: Mapping[str, tuple[float, float]],
+) -> tuple[tuple[Family, ...], tuple[str, ...]]:
+    """The families of that name, or all, and what is to be said of their selection.
+
+    Of all, those that are identified in another's parameters are left out: they would tie with it to the last digit.
+
+    Raises
+    ------
+    UnknownNameError
+        Where there is no such model, or a law or bound names what no family has.
+    SettingError
+        Where a model is named twice, or none is.
+    """
+    remarks: list[str] = []
+    if isinstance(models, str) and models == ALL:
+        specs = list(dampers())
+        others = {spec.name: identifiable_form(spec, {}).spec.name for spec in specs}
+        for name, form in others.items():
+            if name != form:
+                remarks.append(f"{name} is not listed: it is {form} in other parameters")
+        specs = [spec for spec in specs if others[spec.name] == spec.name]
+    else:
+        named = [models] if isinstance(models, str) else list(models)
+        specs = [damper(each) if isinstance(each, str) else each for each in named]
+    names = [spec.name for spec in specs]
+    if not names or len(set(names)) < len(names):
+        raise SettingError(f"the models to compare are {', '.join(names) or 'none'}; name each once")
+    lawful = [_with_own_laws(spec, laws, unit) for spec in specs]
+    for name in laws:
+        if not any(name in {each.name for each in spec.plain} for spec in specs):
+            raise UnknownNameError(
+                f"a law was given for {name!r}, which none of the models has as a parameter"
+            )
+    for name in bounds:
+        if not any(name in spec.names for spec in lawful):
+            raise UnknownNameError(
+                f"a bound was given for {name!r}, which none of the models has as a parameter"
+            )
+    plain = [spec.name for spec in lawful if spec.current is None]
+    if laws and plain:
+        remarks.append(f"none of the parameters that follow the command is one of {', '.join(plain)}")
+    return (
+        tuple(
+            Family(spec=spec, bounds={name: pair for name, pair in bounds.items() if name in spec.names})
+            for spec in lawful
+        ),
+        tuple(remarks),
+    )
+
+
+def command_remark(tests: Sequence[DamperTest], *, has_laws: bool) -> tuple[str, ...]:
+    """A warning where plain models are to describe tests at several commands."""
+    commands = {(test.current, test.voltage) for test in tests}
+    if has_laws or len(commands) < 2:
+        return ()
+    return (
+        f"the tests are at {len(commands)} commands, which plain models cannot follow; give laws, or fewer tests",
+    )
+
+
+def _with_own_laws(spec: DamperSpec, laws: Mapping[str, LawName], unit: CommandUnit) -> DamperSpec:
+    own = {name: law for name, law in laws.items() if name in {each.name for each in spec.plain}}
+    return spec.with_current_laws(own, unit=unit) if own else spec

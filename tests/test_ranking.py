@@ -1,0 +1,180 @@
+"""The ranking of families: by what was left out, the simplest of those as good, in words that say so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mrwork.errors import SettingError
+from mrwork.uncertainty.psis import LeaveOneOut
+from mrwork.uncertainty.ranking import Evidence, Standing, rank
+from mrwork.uncertainty.verdict import Ranking, concluded
+
+TESTS = np.array([0.10, 0.14, 0.08, 0.12, 0.11, 0.13])
+
+
+def family(
+    model: str,
+    n_params: int,
+    left_out: np.ndarray[tuple[int], np.dtype[np.float64]] | None,
+    *,
+    variance: float = 0.01,
+    elpd: tuple[float, ...] = (),
+    pareto_k: float = 0.2,
+    reason: str = "",
+) -> Evidence:
+    told = LeaveOneOut(elpd=np.array(elpd), pareto_k=np.full(len(elpd), pareto_k))
+    return Evidence(
+        model=model,
+        title=model.capitalize(),
+        n_params=n_params,
+        status="converged" if left_out is not None else "failed",
+        seconds=1.0,
+        reason=reason,
+        fit_percent=None if left_out is None else 90.0,
+        left_out=() if left_out is None else tuple(left_out.tolist()),
+        variance=None if left_out is None else variance,
+        leave_one_out=told if elpd else None,
+    )
+
+
+def verdicts(*evidence: Evidence, n_effective: float = 100.0) -> dict[str, str]:
+    return {each.model: each.verdict for each in rank(evidence, n_effective)}
+
+
+def ranking(*evidence: Evidence, missing: tuple[str, ...] = ()) -> Ranking:
+    return concluded(
+        rank(evidence, 100.0),
+        held_out="6 tests, each predicted without itself",
+        n_folds=6,
+        n_blocks=12,
+        n_effective=100.0,
+        missing=missing,
+    )
+
+
+WOBBLE = np.array([0.004, -0.004, 0.005, -0.005, 0.006, -0.004])
+
+
+def test_a_larger_family_is_not_chosen_for_a_hair() -> None:
+    # A tenth of a point better on every test: always, but by less than rigs repeat.
+    assert verdicts(family("small", 4, TESTS), family("large", 9, TESTS - 0.0009)) == {
+        "large": "as good",
+        "small": "chosen",
+    }
+
+
+def test_within_one_standard_error_the_simpler_is_chosen() -> None:
+    assert verdicts(family("small", 4, TESTS + 0.001 + WOBBLE), family("large", 9, TESTS)) == {
+        "large": "as good",
+        "small": "chosen",
+    }
+
+
+def test_a_family_that_is_better_everywhere_is_chosen_whatever_its_size() -> None:
+    found = verdicts(family("small", 4, TESTS), family("large", 9, TESTS - 0.02))
+    assert found == {"large": "chosen", "small": "behind"}
+
+
+def test_the_pairing_tells_what_the_scatter_of_tests_hides() -> None:
+    # Tests differ by far more than the families do, on all of them alike.
+    scattered = np.array([0.05, 0.30, 0.10, 0.50, 0.20, 0.40])
+    found = rank([family("worse", 4, scattered + 0.01 + 0.1 * WOBBLE), family("better", 5, scattered)], 100.0)
+    assert [each.verdict for each in found] == ["chosen", "behind"]
+    assert found[1].left_out_error is not None
+    assert found[1].left_out_behind_error is not None
+    assert found[1].left_out_behind_error < 0.01 * found[1].left_out_error
+
+
+def test_one_test_that_goes_wrong_does_not_excuse_a_family() -> None:
+    # The paired difference is 40 points with an error of 40.
+    failing = TESTS + np.array([0.0, 0.0, 0.0, 0.0, 0.0, 2.4])
+    assert verdicts(family("fragile", 3, failing), family("sound", 8, TESTS))["fragile"] == "behind"
+
+
+def test_the_order_does_not_depend_on_that_of_the_evidence() -> None:
+    families = [family(name, n, TESTS + 0.01 * n) for name, n in (("a", 3), ("b", 5), ("c", 4))]
+    assert rank(families, 100.0) == rank(families[::-1], 100.0)
+
+
+def test_bic_counts_effective_samples_and_parameters() -> None:
+    small, large = rank([family("small", 4, TESTS), family("large", 9, TESTS + 0.05, variance=0.009)], 50.0)
+    assert small.bic is not None
+    assert large.bic is not None
+    assert large.bic - small.bic == pytest.approx(50.0 * np.log(0.9) + 5.0 * np.log(50.0))
+    assert small.bic_behind == 0.0
+
+
+def test_differences_in_log_density_are_paired_over_blocks() -> None:
+    base = (10.0, -30.0, 25.0, 0.0)
+    best, other = rank(
+        [
+            family("best", 4, TESTS, elpd=base),
+            family("other", 4, TESTS + 0.05, elpd=tuple(each - 2.0 for each in base)),
+        ],
+        100.0,
+    )
+    assert best.elpd == 5.0
+    assert (other.elpd_behind, other.elpd_behind_error) == (8.0, pytest.approx(0.0, abs=1e-12))
+
+
+def test_a_family_that_failed_is_a_row_with_its_reason() -> None:
+    found = rank([family("broken", 4, None, reason="it diverged"), family("sound", 5, TESTS)], 100.0)
+    assert [(each.model, each.verdict, each.reason) for each in found] == [
+        ("sound", "chosen", ""),
+        ("broken", "failed", "it diverged"),
+    ]
+
+
+def test_where_all_failed_the_reasons_are_told() -> None:
+    with pytest.raises(SettingError, match="broken: it diverged"):
+        rank([family("broken", 4, None, reason="it diverged")], None)
+
+
+def test_the_sentence_tells_choice_margin_and_where_criteria_disagree() -> None:
+    found = ranking(
+        family("small", 4, TESTS + 0.001 + WOBBLE, elpd=(1.0, 2.0, 1.5)),
+        family("large", 9, TESTS, variance=0.005, elpd=(5.0, 5.5, 5.2), pareto_k=0.9),
+        family("poor", 3, TESTS + 0.2, variance=0.05, elpd=(0.0, 0.0, 0.0)),
+        family("broken", 4, None, reason="it diverged"),
+        missing=("other",),
+    )
+    assert found.chosen == "small"
+    for words in (
+        "Of 4 families, Small with 4 parameters is chosen",
+        "6 tests, each predicted without itself",
+        "behind Large, the best, which has 5 parameters more: as good, and simpler",
+        "Next comes Poor with 3 parameters, 20.00",
+        "PSIS-LOO prefers Large",
+        "Pareto k of 3 blocks is above 0.7",
+        "BIC prefers Large",
+        "Not judged: Broken",
+        "lacks other",
+    ):
+        assert words in found.sentence
+
+
+def test_criteria_that_agree_are_said_to() -> None:
+    sentence = ranking(
+        family("good", 4, TESTS, elpd=(5.0, 5.5, 5.2)),
+        family("poor", 5, TESTS + 0.2, variance=0.05, elpd=(0.0, 0.0, 0.0)),
+    ).sentence
+    assert "PSIS-LOO over 12 blocks agrees" in sentence
+    assert "BIC agrees" in sentence
+    assert "Pareto" not in sentence
+
+
+def test_a_difference_within_its_error_is_no_preference() -> None:
+    sentence = ranking(
+        family("good", 4, TESTS, elpd=(5.0, 3.0, 5.0)),
+        family("poor", 5, TESTS + 0.2, variance=0.05, elpd=(4.0, 5.0, 4.5)),
+    ).sentence
+    assert "PSIS-LOO cannot tell it from Poor" in sentence
+
+
+def test_rows_are_frozen_numbers() -> None:
+    (row,) = rank([family("only", 2, TESTS[:1])], 100.0)
+    assert isinstance(row, Standing)
+    # One fold tells no standard error.
+    assert row.left_out_error is None
+    assert row.left_out_percent == pytest.approx(90.0)
