@@ -177,7 +177,7 @@ _TEXT = """
     const matrix = e.getScreenCTM ? e.getScreenCTM() : null
     return [matrix ? size * Math.hypot(matrix.a, matrix.b) : size, e.textContent.trim().slice(0, 30)]
   })
-  .filter(pair => pair[0] < %g && !/^[0-9,.]+$/.test(pair[1]))
+  .filter(pair => pair[0] < %g)
 """
 _WIDE = "[document.documentElement.scrollWidth, window.innerWidth]"
 

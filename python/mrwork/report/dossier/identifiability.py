@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Set
 
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
 from mrwork.identification.fit import Fit
-from mrwork.identification.verdict import Direction, Identifiability, Verdict
+from mrwork.identification.verdict import Direction, Identifiability, VerdictName
 from mrwork.report import numbers, style
 from mrwork.report.dossier.canvas import small_axes
 from mrwork.report.dossier.section import Group, Panel, Section, Table, panel, table
@@ -20,7 +20,9 @@ _WORDS = {"identifiable": "identifiable", "weakly": "weakly", "not": "not identi
 
 def identifiability_section(fit: Fit, found: Identifiability, profiles: Profiles | None) -> Section:
     """Verdict per parameter, directions that are not seen, and the profiles of the likelihood if there are any."""
-    groups = [Group(prose=_prose(fit, found), table=_table(fit, found), points=_sentences(found.directions))]
+    names = {each.name for each in fit.estimates}
+    points = tuple(_sentence(each, names) for each in found.directions)
+    groups = [Group(prose=_prose(found), table=_table(fit, found), points=points)]
     if profiles is not None:
         groups.append(
             Group(
@@ -34,13 +36,19 @@ def identifiability_section(fit: Fit, found: Identifiability, profiles: Profiles
     return Section(
         anchor="identifiability",
         title="Identifiability",
-        summary=_summary(found.verdicts),
+        summary=_summary(_verdicts(found, profiles)),
         groups=tuple(groups),
     )
 
 
-def _summary(verdicts: Sequence[Verdict]) -> str:
-    counts = {word: [each.name for each in verdicts if each.verdict == word] for word in _WORDS}
+def _verdicts(found: Identifiability, profiles: Profiles | None) -> dict[str, VerdictName]:
+    """A verdict per parameter: that of its profile where there is one, which assumes less."""
+    told: dict[str, VerdictName] = {each.name: each.verdict for each in found.verdicts}
+    return told | {each.name: each.verdict for each in (profiles.profiles if profiles is not None else ())}
+
+
+def _summary(verdicts: Mapping[str, VerdictName]) -> str:
+    counts = {word: [name for name, verdict in verdicts.items() if verdict == word] for word in _WORDS}
     said = [f"{len(counts['identifiable'])} of {len(verdicts)} parameters are settled by the data"]
     if counts["weakly"]:
         said.append(f"weakly: {', '.join(counts['weakly'])}")
@@ -49,7 +57,7 @@ def _summary(verdicts: Sequence[Verdict]) -> str:
     return f"Identifiability: {'; '.join(said)}."
 
 
-def _prose(fit: Fit, found: Identifiability) -> tuple[str, ...]:
+def _prose(found: Identifiability) -> tuple[str, ...]:
     worth = numbers.fixed(found.n_effective, 0)
     text = (
         f"The {numbers.fixed(found.n_time, 0)} residuals are correlated and are worth about {worth} independent ones. "
@@ -71,8 +79,11 @@ def _prose(fit: Fit, found: Identifiability) -> tuple[str, ...]:
     return text, advice
 
 
-def _sentences(directions: Sequence[Direction]) -> tuple[str, ...]:
-    return tuple(f"{each.sentence[0].upper()}{each.sentence[1:]}." for each in directions)
+def _sentence(direction: Direction, names: Set[str]) -> str:
+    """With a capital, but for a name that has none."""
+    sentence = direction.sentence
+    first = sentence.replace(",", " ").partition(" ")[0]
+    return f"{sentence if first in names else sentence[0].upper() + sentence[1:]}."
 
 
 def _table(fit: Fit, found: Identifiability) -> Table:

@@ -43,7 +43,7 @@ def posterior_section(fit: Fit, draws: StoredDraws) -> Section:
     return Section(
         anchor="posterior",
         title="Posterior",
-        summary=f"Posterior: {draws.verdict[0].lower()}{draws.verdict[1:]}",
+        summary=_summary(draws),
         groups=(
             Group(prose=_prose(draws), table=_table(draws)),
             Group(
@@ -75,6 +75,12 @@ def posterior_section(fit: Fit, draws: StoredDraws) -> Section:
             ),
         ),
     )
+
+
+def _summary(draws: StoredDraws) -> str:
+    """How the sampling ended, without what it lacks."""
+    ended = draws.verdict.partition(":")[0]
+    return f"Posterior: {ended[0].lower()}{ended[1:]}, {numbers.fixed(draws.n_kept, 0)} draws."
 
 
 def _prose(draws: StoredDraws) -> tuple[str, ...]:

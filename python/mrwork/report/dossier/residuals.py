@@ -21,6 +21,8 @@ from mrwork.report.dossier.wording import most_of, percent, probability, tests_o
 
 # Figures of more tests than this make a page that nobody reads: then those of the worst are drawn.
 _DRAWN = 2
+# Share of the mean square from which on the residuals are called the model's error.
+_MOST = 0.5
 
 
 def residual_section(comparisons: Sequence[Comparison]) -> Section:
@@ -55,13 +57,14 @@ def _summary(found: Sequence[ResidualTests]) -> str:
     coloured = sum(not each.is_white for each in found)
     if coloured == 0:
         return "Residuals: nothing speaks against white noise."
-    repeating = [each.repeating for each in found if np.isfinite(each.repeating)]
-    share = (
-        f"; {most_of(float(np.median(repeating)))} % of their mean square comes back in every cycle"
-        if repeating
-        else ""
-    )
-    return f"Residuals: not noise on {tests_of(coloured, len(found))}{share}."
+    repeating = _repeating(found)
+    share = f"; {most_of(float(np.median(repeating)))} % of their mean square comes back in every cycle"
+    return f"Residuals: not noise on {tests_of(coloured, len(found))}{share if repeating else ''}."
+
+
+def _repeating(found: Sequence[ResidualTests]) -> list[float]:
+    """What repeats of the residuals that are not noise, where that is known."""
+    return [each.repeating for each in found if not each.is_white and np.isfinite(each.repeating)]
 
 
 def _prose(found: Sequence[ResidualTests]) -> tuple[str, ...]:
@@ -75,17 +78,8 @@ def _prose(found: Sequence[ResidualTests]) -> tuple[str, ...]:
     else:
         first = (
             f"On {tests_of(coloured, len(found))} neighbouring residuals are alike, which independent noise is not. "
-            "What is left is then mostly the model's own error: longer records of the same motion do not reduce it, "
-            "another model may. Standard errors and bands that count every sample as independent are too narrow; "
-            "bands that hold are calibrated on tests that the fit has not seen."
-        )
-    repeating = [each.repeating for each in found if np.isfinite(each.repeating)]
-    if coloured and repeating:
-        low, high = most_of(min(repeating)), most_of(max(repeating))
-        span = low if low == high else f"{low} to {high}"
-        first += (
-            f" From cycle to cycle {span} % of the mean squared residual stays the same"
-            f"{', which is error of the model and not noise.' if min(repeating) > 0.5 else '; the rest changes.'}"
+            "Standard errors and bands that count every sample as independent are then too narrow; bands that hold are "
+            f"calibrated on tests that the fit has not seen. {_origin(_repeating(found))}"
         )
     if uneven == 0:
         second = "Their size does not depend on speed or stroke as far as these samples tell."
@@ -95,6 +89,20 @@ def _prose(found: Sequence[ResidualTests]) -> tuple[str, ...]:
             "wide in one part of the cycle and too narrow in another."
         )
     return first, second
+
+
+def _origin(repeating: Sequence[float]) -> str:
+    """Whether it is the model that errs, as far as cycles tell."""
+    if not repeating:
+        return "Whether it is the model that errs or noise that remembers cannot be told without cycles that repeat."
+    low, high = most_of(min(repeating)), most_of(max(repeating))
+    text = f"From cycle to cycle {low if low == high else f'{low} to {high}'} % of their mean square stays the same"
+    if float(np.median(repeating)) > _MOST:
+        return (
+            f"{text}: that is error of the model, not noise. Longer records of the same motion do not reduce it, "
+            "another model may."
+        )
+    return f"{text}: most of what is left is no error that the model makes in each cycle."
 
 
 def _table(comparisons: Sequence[Comparison], found: Sequence[ResidualTests]) -> Table:

@@ -35,6 +35,11 @@ class StoredDraws:
         """Those that were not held fixed."""
         return tuple(each for each in self.summaries if each.remark != "fixed")
 
+    @property
+    def n_kept(self) -> int:
+        """Number of draws."""
+        return next(iter(self.chains.values())).size
+
     def theta(self, names: tuple[str, ...]) -> Array:
         """All draws of the parameters called so, shape (n_draws, n_params)."""
         return np.stack([self.chains[name].reshape(-1) for name in names], axis=1)
