@@ -77,7 +77,7 @@ def identifiability_of(
 def _jacobian(objective: Objective, box: Box, theta: NDArray[np.float64]) -> NDArray[np.float64]:
     """Derivative of the residuals with respect to the free parameters of a box, shape (n_residuals, n_free)."""
     _, jacobian = objective.linearised(theta[None], box.free)
-    return jacobian[0].T
+    return np.asarray(jacobian[0].T)
 
 
 def _through(form: Form, objective: Objective, theta: NDArray[np.float64]) -> NDArray[np.float64]:
