@@ -12,7 +12,7 @@ from mrwork.records import DamperTest, build_damper_test
 from mrwork.simulate import Loading, simulate_force
 from mrwork.spec import damper
 from mrwork.uncertainty.noise import noise_model
-from mrwork.uncertainty.posterior import _sampling
+from mrwork.uncertainty.prepare import prepared
 from mrwork.uncertainty.sampling import Sampling
 
 MODEL = "viscous_dahl"
@@ -43,4 +43,4 @@ def small_sampling(noise: str = "iid", **settings: object) -> Sampling:
         "rng": 0,
         "threads": 1,
     }
-    return _sampling(damper(MODEL), (small_test(),), small_fit(), **(plain | settings))  # type: ignore[arg-type]
+    return prepared(damper(MODEL), (small_test(),), small_fit(), **(plain | settings))  # type: ignore[arg-type]

@@ -93,6 +93,7 @@ def test_what_cannot_be_is_one_sentence(
         ([tmp_path / "none"], "does not exist"),
         ([run, "--prior", "alpha=flat"], "NAME=normal"),
         ([run, "--prior", "k_w=normal:1:1"], "'k_w'"),
+        ([run, "--noise", "pink"], "iid, student_t"),
         ([run, "--tempering", "some"], "--tempering"),
         ([run, "--walkers", "4"], "an even number"),
         ([run, "--seed", "-1"], "negative"),

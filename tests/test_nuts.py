@@ -12,7 +12,8 @@ from mrwork.errors import SettingError
 from mrwork.identification.identify import identify
 from mrwork.synthetic import synthetic_test
 from mrwork.uncertainty.diagnosis import convergence
-from mrwork.uncertainty.posterior import _sampling, sample_posterior
+from mrwork.uncertainty.posterior import sample_posterior
+from mrwork.uncertainty.prepare import prepared
 from mrwork.uncertainty.prior import Normal
 from mrwork.uncertainty.twin_target import substeps_at, twin_log_posterior
 from mrwork.uncertainty.walkers import first_walkers
@@ -37,7 +38,7 @@ def test_where_a_stiffness_may_be_zero_the_twin_follows() -> None:
 
     test = synthetic_test("spencer1997_fast")
     fit = identify("normalised_bouc_wen", test, rng=1)
-    sampling = _sampling(
+    sampling = prepared(
         damper("normalised_bouc_wen"),
         (test,),
         fit,

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from mrwork.cli.progress import described
+from mrwork.cli.progress import choice_described, described
 from mrwork.identification.run import Progress
+from mrwork.uncertainty.comparison import ChoiceProgress
 
 BEGAN = Progress(
     stage="search",
@@ -56,3 +57,21 @@ def test_what_cannot_be_told_yet_is_left_out() -> None:
 def test_long_times_are_in_minutes_and_hours(seconds: float, left: str) -> None:
     now = replace(NOW, seconds=seconds)
     assert left in described(now, BEGAN)
+
+
+def test_a_comparison_tells_which_model_how_many_there_are_and_how_long_it_may_take() -> None:
+    progress = ChoiceProgress(
+        model="dahl",
+        number=3,
+        n_models=15,
+        task="left out 2 of 6",
+        seconds=65.0,
+        seconds_left=600.0,
+        within=NOW,
+    )
+    assert choice_described(progress) == (
+        "dahl, model 3 of 15, left out 2 of 6, best 92.08 %, 1 min, about 10 min left"
+    )
+    assert choice_described(replace(progress, within=None, seconds_left=None)) == (
+        "dahl, model 3 of 15, left out 2 of 6, 1 min"
+    )

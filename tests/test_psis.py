@@ -46,7 +46,7 @@ def test_it_is_the_posterior_given_the_other_blocks(record: DamperTest, fit: Fit
     blocks = (blocks_of(record, 1.0),)
     target, theta = target_of(fit, (record,), NOISES["iid"], temper=0.5)
     draws = draw_about(target, theta, 2000, np.random.default_rng(0))
-    values = np.asarray(target.space.values(draws.position))
+    values = np.asarray(target.space.values(draws.position)[0])
     n_params = len(theta)
     found = leave_one_out(
         block_densities(target, values[:, :n_params], values[:, n_params:], blocks), draws.log_ratio
@@ -56,7 +56,7 @@ def test_it_is_the_posterior_given_the_other_blocks(record: DamperTest, fit: Fit
     axes = [np.linspace(-4.5, 4.5, 17) * each for each in deviation]
     grid = np.tile(ellipsoid.centre, (17**3, 1))
     grid[:, ellipsoid.moving] += np.array(list(product(*axes)))
-    values = np.asarray(target.space.values(grid))
+    values = np.asarray(target.space.values(grid)[0])
     expected = exact(block_densities(target, values[:, :n_params], values[:, n_params:], blocks))
     assert len(expected) >= 6
     assert np.all(found.pareto_k < UNRELIABLE)
@@ -68,7 +68,7 @@ def test_weighted_draws_have_the_moments_of_the_posterior(record: DamperTest, fi
     target, theta = target_of(fit, (record,), NOISES["iid"], temper=0.5)
     draws = draw_about(target, theta, 2000, np.random.default_rng(1))
     assert draws.effective > 1000.0
-    values = np.asarray(target.space.values(draws.position))
+    values = np.asarray(target.space.values(draws.position)[0])
     mean = draws.weights @ values
     spread = np.sqrt(draws.weights @ (values - mean) ** 2)
     # The posterior is that of half the samples.

@@ -132,6 +132,26 @@ def test_a_second_run_replaces_the_first_but_keeps_what_a_person_added(tmp_path:
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
 
+def test_documents_of_a_comparison_go_with_the_run_that_replaces_it(tmp_path: Path) -> None:
+    place = tmp_path / "run"
+    documents = {"ranking.json": {"chosen": "dahl", "elpd": math.nan}, "models/dahl/fit.json": FIT.as_dict()}
+    write_run(
+        place,
+        fit=FIT,
+        report_html="",
+        figures={},
+        manifest={},
+        journal=STEPS,
+        documents=documents,
+        flush=False,
+    )
+    assert json.loads((place / "ranking.json").read_text()) == {"chosen": "dahl", "elpd": None}
+    assert json.loads((place / "models" / "dahl" / "fit.json").read_text())["model"] == FIT.model
+    write(place)
+    assert not (place / "ranking.json").exists()
+    assert not (place / "models").exists()
+
+
 def test_an_empty_folder_and_a_link_may_be_written_to(tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     assert read_fit(write(tmp_path / "empty")) == FIT

@@ -15,6 +15,8 @@ from mrwork.errors import SettingError
 
 _AIM = 5.0
 _OURS = "mrwork"
+# With fewer there is no effective size, and fewer walkers than twice the dimensions do not fill the space.
+_FEWEST_STEPS, _FEWEST_DRAWS, _FEWEST_WALKERS = 20, 10, 18
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,10 +81,11 @@ def bench_posterior(
     MrworkError
         If a peer's densities differ from ours or a process fails.
     """
-    if min(steps, *threads, 1) < 1 or steps < 20 or nuts_draws < 0 or walkers < 18 or walkers % 2:
+    few_draws = nuts_draws != 0 and nuts_draws < _FEWEST_DRAWS
+    if min(*threads, 1) < 1 or steps < _FEWEST_STEPS or few_draws or walkers < _FEWEST_WALKERS or walkers % 2:
         raise SettingError(
-            "give at least 20 `steps`, an even number of `walkers` from 18, `threads` of 1 or more, "
-            "and no negative `nuts_draws`"
+            f"give at least {_FEWEST_STEPS} `steps`, an even number of `walkers` from {_FEWEST_WALKERS}, "
+            f"`threads` of 1 or more, and 0 or at least {_FEWEST_DRAWS} `nuts_draws`"
         )
     cores = cores_for(threads)
     settings = Settings(

@@ -11,6 +11,7 @@ from typing import Any, get_args
 
 import numpy as np
 
+from mrwork.cli.dossier import renew_dossier
 from mrwork.cli.observe import add_observation, nuisances_of, observed
 from mrwork.cli.options import add_files, add_json, read_tests
 from mrwork.cli.progress import ProgressLine
@@ -19,6 +20,7 @@ from mrwork.identification.again import identify_again
 from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
 from mrwork.report.calibration_json import write_calibration
+from mrwork.report.dossier.predictions import write_predictions
 from mrwork.report.folds import Folds
 from mrwork.report.reopen import reopen
 from mrwork.report.run_directory import CALIBRATION, read_fit
@@ -61,6 +63,8 @@ def run(options: argparse.Namespace) -> int:
     calibration = calibrate(predictions, held_out=held_out)
     coverage = measured_coverage(predictions) if len(predictions) > 1 else ()
     write_calibration(options.fit, calibration, coverage)
+    write_predictions(options.fit, predictions)
+    renew_dossier(options.fit)
     if options.json:
         print(json.dumps(_summary(calibration, coverage)))
     else:

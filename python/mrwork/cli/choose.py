@@ -9,7 +9,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
-from mrwork.cli.identified import note, stem_of, text_of, with_command, write_identification
+from mrwork.cli.identified import (
+    note,
+    stem_of,
+    text_of,
+    with_command,
+    with_identifiability,
+    write_identification,
+)
 from mrwork.cli.laws import command_unit, laws_of
 from mrwork.cli.observe import nuisances_of, observed
 from mrwork.cli.options import parse_bounds, reading_of
@@ -105,6 +112,8 @@ def run(options: argparse.Namespace, search: Multistart | EfficientGA | None) ->
         line.close()
     fits = {fit.model: with_command(fit, reading) for fit in choice.fits}
     best = fits[choice.ranking.chosen]
+    if status == 0:
+        best = with_identifiability(best, tests, threads=options.threads)
     documents: dict[str, object] = {f"{MODELS}/{name}/{FIT}": fit.as_dict() for name, fit in fits.items()}
     write_identification(
         place,

@@ -10,10 +10,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from mrwork.identification.fit import Fit
-from mrwork.identification.judge import judge
 from mrwork.identification.reading import Reading
 from mrwork.records import DamperTest
 from mrwork.report.reopen import READING
@@ -41,6 +38,14 @@ def with_command(fit: Fit, reading: Reading) -> Fit:
     return replace(fit, provenance=replace(fit.provenance, settings=fit.provenance.settings | asked))
 
 
+def with_identifiability(fit: Fit, tests: tuple[DamperTest, ...], *, threads: int) -> Fit:
+    """The fit with what its tests say of each parameter."""
+    # SciPy's optimisers are slow to load.
+    from mrwork.uncertainty.identifiability import identifiability_of
+
+    return replace(fit, identifiability=identifiability_of(fit, tests, threads=threads))
+
+
 def write_identification(
     place: Path,
     fit: Fit,
@@ -66,20 +71,10 @@ def write_identification(
         )
         return
     # Matplotlib is slow to load and needed for reports only.
-    from mrwork.report.comparison import Comparison
+    from mrwork.report.dossier.page import comparisons_of, dossier_page
     from mrwork.report.figures import run_figures
-    from mrwork.report.html import identification_report
 
-    spec = fit.spec
-    theta = np.array(fit.theta)
-    comparisons = [
-        Comparison(
-            test=test,
-            model_force=judge(spec, theta, test, nuisances=fit.nuisances)[0],
-            quality=quality,
-        )
-        for test, quality in zip(tests, fit.quality, strict=True)
-    ]
+    comparisons = comparisons_of(fit, tests)
     figures = run_figures(fit, comparisons)
     if ranking is not None:
         from mrwork.report.ranking_figure import ranking_figure
@@ -88,9 +83,7 @@ def write_identification(
     write_run(
         place,
         fit=fit,
-        report_html=identification_report(
-            fit, comparisons, model_title=spec.title, equation=spec.equation, source=spec.source
-        ),
+        report_html=dossier_page(fit, comparisons, ranking=ranking),
         figures=figures,
         manifest=manifest,
         journal=journal,

@@ -10,7 +10,15 @@ from typing import Any
 
 from mrwork.cli import choose
 from mrwork.cli.choose import add_choice, is_choice
-from mrwork.cli.identified import note, stem_of, summary_of, text_of, with_command, write_identification
+from mrwork.cli.identified import (
+    note,
+    stem_of,
+    summary_of,
+    text_of,
+    with_command,
+    with_identifiability,
+    write_identification,
+)
 from mrwork.cli.laws import command_unit, laws_of
 from mrwork.cli.observe import add_observation, nuisances_of, observed
 from mrwork.cli.options import add_files, add_json, parse_bounds, reading_of
@@ -142,10 +150,7 @@ def run(options: argparse.Namespace) -> int:
         line.close()
         journal.close()
     if status == 0:
-        # SciPy's optimisers are slow to load.
-        from mrwork.uncertainty.identifiability import identifiability_of
-
-        fit = replace(fit, identifiability=identifiability_of(fit, tests, threads=options.threads))
+        fit = with_identifiability(fit, tests, threads=options.threads)
     fit = with_command(fit, reading)
     write_identification(place, fit, tests, journal.path, with_figures=status == 0)
     discard_journal(journal)

@@ -10,6 +10,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrwork.cli.dossier import renew_dossier
 from mrwork.cli.options import add_json
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
@@ -86,6 +87,7 @@ def run(options: argparse.Namespace) -> int:
 
         figures["profiles"] = profiles_figure(profiles)
     add_to_run(opened.place, PROFILES, document, figures)
+    renew_dossier(opened.place)
     if options.json:
         # One line, and null for what is not finite, as in the file.
         print(json.dumps(json.loads(json_document(document | {"out": str(opened.place / PROFILES)}))))

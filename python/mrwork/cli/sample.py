@@ -8,16 +8,18 @@ import sys
 from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Any
 
+from mrwork.cli.dossier import renew_dossier
 from mrwork.cli.options import add_json
 from mrwork.cli.progress import SamplingLine
 from mrwork.errors import OutputError, SettingError
 from mrwork.report.reopen import reopen
 from mrwork.report.run_directory import CHAIN, DRAWS
-from mrwork.uncertainty.draws import Draws, DrawSummary
-from mrwork.uncertainty.noise.model import NoiseName
 from mrwork.uncertainty.prior import parse_prior
+
+if TYPE_CHECKING:
+    from mrwork.uncertainty.draws import Draws, DrawSummary
 
 
 def add_parser(verbs: Any) -> None:
@@ -31,9 +33,9 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("run_directory", type=Path, metavar="RUN", help="run directory of mrwork identify")
     parser.add_argument(
         "--noise",
-        choices=get_args(NoiseName),
         default="iid",
-        help="how the force scatters about the model's, default iid",
+        metavar="NAME",
+        help="how the force scatters about the model's: iid (default), student_t, ar1, arma11 or amplitude",
     )
     parser.add_argument(
         "--prior",
@@ -100,6 +102,7 @@ def run(options: argparse.Namespace) -> int:
     finally:
         line.close()
     _write(draws, opened.place / DRAWS)
+    renew_dossier(opened.place)
     print(json.dumps(_summary(draws, opened.place)) if options.json else _text(draws, opened.place))
     return 0
 

@@ -112,7 +112,11 @@ def _descend_plain(
 
 def _course(found: Found) -> SearchTrace:
     return SearchTrace(
-        evaluations=found.evaluations, best=found.best, median=found.median, stop_reason=found.stop_reason
+        evaluations=found.evaluations,
+        best=found.best,
+        median=found.median,
+        stop_reason=found.stop_reason,
+        ends=tuple(found.misfit.tolist()),
     )
 
 

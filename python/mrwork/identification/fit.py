@@ -65,13 +65,15 @@ class FitQuality:
 class SearchTrace:
     """One entry per generation: simulations so far, least and median misfit (NRMSE) of the population.
 
-    Where descents were searched with, an entry is one iteration of those under way.
+    Where descents were searched with, an entry is one iteration of those under way, and `ends` are the misfits at which
+    they ended, best first.
     """
 
     evaluations: tuple[int, ...]
     best: tuple[float, ...]
     median: tuple[float, ...]
     stop_reason: str
+    ends: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

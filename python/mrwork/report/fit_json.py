@@ -13,15 +13,17 @@ import types
 from collections.abc import Mapping
 from dataclasses import MISSING, fields, is_dataclass
 from pathlib import PurePath
-from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hints
+from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 
+Record = TypeVar("Record")
+
 _ARTICLES = {int: "an integer", str: "a string"}
-_WHERE_NULL = {"lower": -math.inf, "upper": math.inf, "best": math.inf, "median": math.inf}
+_WHERE_NULL = {"lower": -math.inf, "upper": math.inf, "best": math.inf, "median": math.inf, "ends": math.inf}
 
 
 def json_document(value: object) -> str:
@@ -37,14 +39,25 @@ def fit_from_json(text: str, *, origin: str) -> Fit:
     RecordError
         If the text is not JSON or not a fit; the message names the field.
     """
+    return record_from_json(Fit, text, origin=origin, name="fit", verb="identify")
+
+
+def record_from_json(kind: type[Record], text: str, *, origin: str, name: str, verb: str) -> Record:
+    """The dataclass `kind` that `json_document` wrote, called `name` in messages and made by `mrwork VERB`.
+
+    Raises
+    ------
+    RecordError
+        If the text is not JSON or not such a record; the message names the field.
+    """
     try:
         document = json.loads(text)
     except ValueError as reason:
-        raise RecordError(f"{origin} is not JSON ({reason}); run `mrwork identify` again") from None
+        raise RecordError(f"{origin} is not JSON ({reason}); run `mrwork {verb}` again") from None
     try:
-        return cast(Fit, _built(Fit, document, "fit"))
+        return cast(Record, _built(kind, document, name))
     except _MismatchError as reason:
-        raise RecordError(f"{origin} is not a fit: {reason}; run `mrwork identify` again") from None
+        raise RecordError(f"{origin} is not a {name}: {reason}; run `mrwork {verb}` again") from None
 
 
 class _MismatchError(Exception):

@@ -1,4 +1,4 @@
-"""The report of an identification as one HTML page that needs nothing from anywhere else."""
+"""The dossier of an identification as one HTML page that needs nothing from anywhere else."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ from mrwork.records.damper_test import DamperTest, Finding
 from mrwork.report import figures, numbers, style, tables
 from mrwork.report.comparison import Comparison
 from mrwork.report.cycles import zoom_window
+from mrwork.report.dossier.section import Absent, Panel, Section, panel
+from mrwork.report.dossier.waterfall import descents_in_words, waterfall_panel
 from mrwork.report.panels import POINTS_IN_LOOP, POINTS_IN_WINDOW
 from mrwork.report.style import DisplayUnit
-from mrwork.report.svg import inline_svg
-from mrwork.report.typeset import breakable, equation_html, symbol
+from mrwork.report.typeset import breakable, coded, equation_html, symbol
 
 _STATUS = {
     "converged": "Converged",
@@ -39,15 +40,6 @@ _HASH_SHOWN = 12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Panel:
-    """One figure of the page with the lines that stand above and below it."""
-
-    title: str
-    svg: Markup
-    note: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class TestBlock:
     """Everything the page shows of one test."""
 
@@ -61,7 +53,14 @@ class TestBlock:
 
 
 def identification_report(
-    fit: Fit, comparisons: Sequence[Comparison], *, model_title: str, equation: str, source: str
+    fit: Fit,
+    comparisons: Sequence[Comparison],
+    *,
+    model_title: str,
+    equation: str,
+    source: str,
+    sections: Sequence[Section] = (),
+    absent: Sequence[Absent] = (),
 ) -> str:
     """The page of a fit and of the tests it is compared with.
 
@@ -74,6 +73,10 @@ def identification_report(
     model_title, equation, source
         The model's name for people, its equations in plain letters (`k_w`, `rho`, `|w|^(n-1)`; a few simple
         tags pass through) and where they were published.
+    sections
+        What stands between the fit and its provenance.
+    absent
+        Sections that the run does not have yet.
 
     Returns
     -------
@@ -107,8 +110,11 @@ def identification_report(
             _test_block(number, comparison, row, unit)
             for number, (comparison, row) in enumerate(zip(comparisons, agreement, strict=True), start=1)
         ],
-        convergence=_convergence_panel(fit),
+        searched=tuple(filter(None, (_convergence_panel(fit), waterfall_panel(fit)))),
         search=_search_facts(fit),
+        sections=sections,
+        checked=tables.checked(comparisons),
+        absent=absent,
         settings=[(name, _plain(value)) for name, value in fit.provenance.settings.items() if value],
         inputs=[
             (name, digest, digest[:_HASH_SHOWN], name in synthetic)
@@ -152,6 +158,7 @@ def _headline(fit: Fit) -> list[tuple[str, str, str]]:
 
 def _search_facts(fit: Fit) -> list[tuple[str, str]]:
     return [
+        ("Descents", descents_in_words(fit)),
         ("Search ended", _ENDED.get(fit.trace.stop_reason, fit.trace.stop_reason)),
         ("Generations or iterations", numbers.fixed(len(fit.trace.evaluations), 0)),
         ("Simulated candidates", numbers.fixed(fit.evaluations, 0)),
@@ -187,33 +194,32 @@ def _test_panels(
     in_window = _thinning(window.stop - window.start, POINTS_IN_WINDOW)
     in_loop = _thinning(test.n_time, POINTS_IN_LOOP)
 
-    def panel(suffix: str, title: str, figure: Figure, what: str, note: str) -> Panel:
-        svg = inline_svg(figure, identifier=f"{identifier}-{suffix}", description=f"{what} {agrees}")
-        return Panel(title=title, svg=Markup(svg), note=note)
+    def of(suffix: str, title: str, figure: Figure, what: str, note: str) -> Panel:
+        return panel(f"{identifier}-{suffix}", title, figure, f"{what} {agrees}", note)
 
     panels = (
-        panel(
+        of(
             "record",
             "Whole record",
             figures.record_panel(comparison, unit),
             "Force against time over the whole record, with the residual below,",
             f"Residual: {data} minus model. The shaded part is enlarged in the next figure.",
         ),
-        panel(
+        of(
             "cycles",
             _window_title(comparison),
             figures.cycles_panel(comparison, unit),
             "Force against time over a few cycles, with the residual below,",
             in_window,
         ),
-        panel(
+        of(
             "displacement",
             "Force against displacement",
             figures.displacement_loop(comparison, unit),
             "Force against displacement",
             in_loop,
         ),
-        panel(
+        of(
             "velocity",
             "Force against velocity",
             figures.velocity_loop(comparison, unit),
@@ -227,15 +233,12 @@ def _test_panels(
 
 
 def _repair_panel(identifier: str, test: DamperTest, original: DamperTest, unit: DisplayUnit) -> Panel:
-    svg = inline_svg(
+    return panel(
+        f"{identifier}-repair",
+        "Before and after repair",
         figures.repair_panel(test, original, unit),
-        identifier=f"{identifier}-repair",
-        description=f"Force against displacement of test {test.name}, as it came and repaired",
-    )
-    return Panel(
-        title="Before and after repair",
-        svg=Markup(svg),
-        note="What was repaired stands among the findings; the model was compared with the repaired record.",
+        f"Force against displacement of test {test.name}, as it came and repaired",
+        "What was repaired stands among the findings; the model was compared with the repaired record.",
     )
 
 
@@ -260,8 +263,7 @@ def _convergence_panel(fit: Fit) -> Panel:
         f"NRMSE of the best and of the median candidate against simulated candidates, "
         f"{len(fit.trace.evaluations)} generations or iterations, {reached} {numbers.significant(fit.nrmse, 3)}"
     )
-    svg = inline_svg(figures.search_figure(fit), identifier="search", description=description)
-    return Panel(title="Misfit during the search", svg=Markup(svg))
+    return panel("search", "Misfit during the search", figures.search_figure(fit), description)
 
 
 def _plain(value: object) -> str:
@@ -298,5 +300,6 @@ def environment() -> Environment:
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["breakable"] = lambda name: Markup(breakable(name))
+    environment.filters["coded"] = lambda sentence: Markup(coded(sentence))
     environment.filters["symbol"] = lambda name: Markup(symbol(name))
     return environment

@@ -43,8 +43,8 @@ def draw_force(axes: Axes, comparison: Comparison, unit: DisplayUnit, window: Wi
         _draw_points(axes, time[drawn], measured[drawn], comparison.data_label)
         axes.plot(time, model, color=style.MODEL, linewidth=1.4, label="model")
     axes.set_ylim(*_limits_of(comparison, unit))
-    _finish(axes, f"Force ({unit.symbol})")
-    _legend(axes)
+    finish(axes, f"Force ({unit.symbol})")
+    legend(axes)
 
 
 def draw_residual(axes: Axes, comparison: Comparison, unit: DisplayUnit, window: Window | None) -> None:
@@ -58,7 +58,7 @@ def draw_residual(axes: Axes, comparison: Comparison, unit: DisplayUnit, window:
     )
     largest = _largest(residual) or 1.0
     axes.set_ylim(-1.1 * largest, 1.1 * largest)
-    _finish(axes, f"Residual ({unit.symbol})", y_bins=3)
+    finish(axes, f"Residual ({unit.symbol})", y_bins=3)
     axes.set_xlabel("Time (s)")
     axes.set_xlim(*_span(test.time[samples]))
 
@@ -83,9 +83,9 @@ def draw_loop(
     _draw_points(axes, abscissa[drawn], measured[drawn], comparison.data_label)
     axes.plot(abscissa, comparison.model_force * unit.factor, color=style.MODEL, linewidth=1.1, label="model")
     axes.set_ylim(*_limits_of(comparison, unit))
-    _finish(axes, f"Force ({unit.symbol})")
+    finish(axes, f"Force ({unit.symbol})")
     axes.set_xlabel(label)
-    _legend(axes)
+    legend(axes)
 
 
 def draw_repair(axes: Axes, test: DamperTest, original: DamperTest, unit: DisplayUnit) -> None:
@@ -103,9 +103,9 @@ def draw_repair(axes: Axes, test: DamperTest, original: DamperTest, unit: Displa
             linewidth=width,
             label=label,
         )
-    _finish(axes, f"Force ({unit.symbol})")
+    finish(axes, f"Force ({unit.symbol})")
     axes.set_xlabel(f"Displacement ({scale.symbol})")
-    _legend(axes)
+    legend(axes)
 
 
 def draw_convergence(axes: Axes, trace: SearchTrace, refined: float | None) -> None:
@@ -126,10 +126,10 @@ def draw_convergence(axes: Axes, trace: SearchTrace, refined: float | None) -> N
     axes.set_xlim(0, 1.04 * float(evaluations.max(initial=1)))
     axes.xaxis.set_major_locator(MaxNLocator(nbins=5, integer=True))
     axes.xaxis.set_major_formatter(FuncFormatter(_count))
-    _logarithmic(axes, np.concatenate(seen))
+    logarithmic(axes, np.concatenate(seen))
     if evaluations.size == 0:
         axes.text(0.5, 0.5, "no generation was finished", transform=axes.transAxes, ha="center")
-    _legend(axes)
+    legend(axes)
 
 
 def _count(value: float, _: int | None) -> str:
@@ -138,7 +138,8 @@ def _count(value: float, _: int | None) -> str:
     return text.replace(",", _NO_BREAK_SPACE if value >= 1e4 else "")
 
 
-def _logarithmic(axes: Axes, values: NDArray[np.float64]) -> None:
+def logarithmic(axes: Axes, values: NDArray[np.float64]) -> None:
+    """A logarithmic ordinate for positive `values`, with ticks wherever they are."""
     axes.set_yscale("log")
     low, high = (float(values.min()), float(values.max())) if values.size else (0.1, 1.0)
     margin = (high / low) ** 0.08 if high > low else 1.2
@@ -170,17 +171,19 @@ def _draw_points(axes: Axes, abscissa: NDArray[np.float64], force: NDArray[np.fl
     )
 
 
-def _finish(axes: Axes, title: str, y_bins: int = 6) -> None:
+def finish(axes: Axes, title: str, y_bins: int = 6) -> None:
+    """Title, ticks and a line at zero."""
     axes.set_title(title, loc="left", pad=7)
     axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]))
     axes.yaxis.set_major_locator(MaxNLocator(nbins=y_bins, steps=[1, 2, 2.5, 5, 10], symmetric=y_bins == 3))
     axes.axhline(0.0, color=style.FAINT_INK, linewidth=0.6, zorder=0.9)
 
 
-def _legend(axes: Axes) -> None:
+def legend(axes: Axes, columns: int = 3) -> None:
+    """A legend above the axes, at their right."""
     figure = cast(Figure, axes.get_figure(root=True))
     height = axes.get_position().height * figure.get_figheight()
-    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0 + _LEGEND_GAP / height), ncols=3)
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0 + _LEGEND_GAP / height), ncols=columns)
 
 
 def _limits_of(comparison: Comparison, unit: DisplayUnit) -> tuple[float, float]:

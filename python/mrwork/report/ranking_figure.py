@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from mrwork.report import style
+from mrwork.report import numbers, style
 from mrwork.uncertainty.ranking import Standing
 from mrwork.uncertainty.verdict import Ranking
 
@@ -50,7 +50,7 @@ def _draw(axes: Axes, row: int, own: Standing, edge: float) -> None:
     if percent < edge:
         axes.plot([edge], [row], marker="<", color=colour, markersize=6, linestyle="none")
         axes.annotate(
-            f"{percent:.0f} %",
+            f"{numbers.fixed(percent, 0)} %",
             (edge, row),
             xytext=(8, 0),
             textcoords="offset points",

@@ -26,23 +26,21 @@ FIT = "fit.json"
 JOURNAL = "journal.jsonl"
 REPORT = "report.html"
 FIGURES = "figures"
-# What later verbs make of a fit goes with it: it does not outlive the fit that it was made of.
+# What later verbs add: the chain and the draws made of it, profiles, a plan, calibrated bands and the predictions they
+# are calibrated on. They go with the fit they were made of.
 CHAIN = "posterior.h5"
 DRAWS = "posterior.nc"
 PROFILES = "profiles.json"
 PLAN = "plan.json"
 CALIBRATION = "calibration.json"
 FOLDS = "left_out"
+PREDICTIONS = "predictions.npz"
 # What a comparison of models adds: the ranking, and in a folder for each the fit of every model.
 RANKING = "ranking.json"
 MODELS = "models"
 
-_WRITTEN = frozenset(
-    {
-        *(MANIFEST, FIT, JOURNAL, REPORT, FIGURES),
-        *(CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, RANKING, MODELS),
-    }
-)
+_ADDED = frozenset({CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, PREDICTIONS, RANKING, MODELS})
+_WRITTEN = _ADDED | {MANIFEST, FIT, JOURNAL, REPORT, FIGURES}
 _BESIDE = ".mrwork-"
 _DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 

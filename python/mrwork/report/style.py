@@ -23,6 +23,10 @@ DATA = "#8b979f"
 MODEL = "#0a5a96"
 RESIDUAL = "#b0502a"
 WINDOW = "#eef2f5"
+# Two bands that are never taken for each other: light and wide, dark and narrow.
+BAND = "#d9e6f0"
+BAND_EDGE = "#8fb3cf"
+PARAMETER_BAND = "#e0913a"
 
 FONTS = (
     "Source Sans 3",

@@ -67,7 +67,7 @@ def parameter_rows(estimates: Sequence[Estimate]) -> list[ParameterRow]:
             value=value,
             error=error,
             relative=relative,
-            unit=_unit(estimate.unit),
+            unit=shown_unit(estimate.unit),
             lower=lower,
             upper=upper,
             remark=estimate.remark,
@@ -136,6 +136,20 @@ def conditions(test: DamperTest, quality: FitQuality) -> str:
     return _MIDDLE_DOT.join(part for part in parts if part)
 
 
+def checked(comparisons: Sequence[Comparison]) -> str:
+    """How much the checks of the records found, in words."""
+    found = [finding.severity for comparison in comparisons for finding in comparison.test.findings]
+    parts = [
+        f"{count} {word}{'s' if count > 1 else ''}"
+        for word, count in (("warning", found.count("warning")), ("note", found.count("note")))
+        if count
+    ]
+    if "repaired" in found:
+        parts.append(f"{found.count('repaired')} repaired")
+    records = "the record" if len(comparisons) == 1 else f"{len(comparisons)} records"
+    return f"the checks of {records} found {', '.join(parts) or 'nothing to report'}."
+
+
 def caution(fit: Fit) -> str:
     """What the standard errors assume, and what the residuals of this fit say about it."""
     if all(estimate.standard_error is None for estimate in fit.estimates):
@@ -174,5 +188,6 @@ def _quantity(value: float | None, unit: str) -> str:
     return "" if value is None else f"{numbers.shortest(value)}{_THIN}{unit}"
 
 
-def _unit(unit: str) -> str:
+def shown_unit(unit: str) -> str:
+    """A unit that does not break, nothing for none."""
     return "" if unit in {"", "-", "1"} else unit.replace(" ", "\N{NO-BREAK SPACE}")

@@ -66,6 +66,12 @@ def breakable(name: str) -> str:
     return escape(name).replace("_", "_<wbr>")
 
 
+def coded(sentence: str) -> str:
+    """A sentence whose `commands` stand between backticks, as HTML; a per cent sign stays with its number."""
+    bound = escape(sentence).replace(" %", "\N{NO-BREAK SPACE}%")
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", bound)
+
+
 def equation_html(equation: str) -> str:
     """An equation as HTML: Greek letters, subscripts, powers and a true minus.
 

@@ -73,7 +73,7 @@ class ChainFile:
             Where there is none, it is damaged, or of another sampling than the one that `premises` describe.
         """
         if not path.is_file():
-            raise JournalError(f"there is no {path} to resume; sample without it first")
+            raise JournalError(f"there is no {path} to go on from; sample without resuming first")
         try:
             with h5py.File(path, "r") as file:
                 recorded = json.loads(file.attrs["premises"])

@@ -117,12 +117,12 @@ def _noise_curvature(target: Target, centre: Array, index: int) -> float:
     step = 1e-3 * min(centre[index], 1.0 - centre[index])
     offsets = np.zeros((3, centre.size))
     offsets[:, index] = [-step, 0.0, step]
-    before, here, after = target.temper * target.log_likelihood(centre + offsets)
+    before, here, after = target.temper * target.log_likelihood(target.space.values(centre + offsets)[0])
     curvature = float((2.0 * here - before - after) / step**2)
     return max(curvature, 0.0) if np.isfinite(curvature) else 0.0
 
 
 def _residuals(target: Target, position: Array) -> Array:
     """Residuals of all tests in a row, shape (n_batch, n_residuals), in deviations."""
-    theta = np.ascontiguousarray(np.asarray(target.space.values(position))[:, : target.space.n_params])
+    theta = np.ascontiguousarray(np.asarray(target.space.values(position)[0])[:, : target.space.n_params])
     return np.concatenate([residual for residual, _, _ in target.residuals(theta)], axis=1)

@@ -88,7 +88,7 @@ class SharedLikelihood:
             log_ratio = np.zeros(len(theta))
         else:
             draws = draw_about(target, start, N_DRAWS, np.random.default_rng(own.rng))
-            theta, noise = np.split(np.asarray(target.space.values(draws.position)), [start.size], axis=1)
+            theta, noise = np.split(np.asarray(target.space.values(draws.position)[0]), [start.size], axis=1)
             log_ratio = draws.log_ratio
         return leave_one_out(block_densities(target, theta, noise, self.blocks), log_ratio)
 

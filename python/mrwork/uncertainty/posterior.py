@@ -10,19 +10,17 @@ from pathlib import Path
 import numpy as np
 
 from mrwork.errors import SettingError
-from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
-from mrwork.identification.objective import Objective
 from mrwork.records import DamperTest
 from mrwork.spec import DamperSpec, damper
 from mrwork.uncertainty.chain_file import ChainFile
 from mrwork.uncertainty.diagnosis import Diagnosis, next_check
 from mrwork.uncertainty.draws import Draws
 from mrwork.uncertainty.ensemble import Ensemble
-from mrwork.uncertainty.noise import noise_model
+from mrwork.uncertainty.prepare import prepared
 from mrwork.uncertainty.prior import Prior
 from mrwork.uncertainty.sampling import Sampling
-from mrwork.uncertainty.target import Target, Tempering
+from mrwork.uncertainty.target import Tempering
 from mrwork.uncertainty.walkers import first_walkers
 
 # Seconds between two calls of who watches, and between two times that the chain is written.
@@ -138,7 +136,7 @@ def sample_posterior(
     began = time.perf_counter()
     spec = damper(spec) if isinstance(spec, str) else spec
     tests = (tests,) if isinstance(tests, DamperTest) else tuple(tests)
-    sampling = _sampling(
+    sampling = prepared(
         spec,
         tests,
         start,
@@ -220,46 +218,3 @@ class _Watch:
                     diagnosis=self.diagnosis,
                 )
             )
-
-
-def _sampling(
-    spec: DamperSpec,
-    tests: tuple[DamperTest, ...],
-    start: Fit,
-    *,
-    noise: str,
-    priors: dict[str, Prior],
-    tempering: Tempering | None,
-    walkers: int,
-    rng: int,
-    threads: int,
-) -> Sampling:
-    if start.spec != spec:
-        raise SettingError(
-            f"the start is a fit of {start.model} with other laws or parameters than this {spec.name}; "
-            "sample the model that was fitted"
-        )
-    bounds = {name: (pair[0], pair[1]) for name, pair in start.provenance.settings["bounds"].items()}
-    form = identifiable_form(spec, bounds)
-    theta = np.asarray(form.box.inside(np.asarray(form.forth(np.array(start.theta)))))
-    objective = Objective.of(form.spec, tests, nuisances=start.nuisances, threads=threads)
-    if not np.isfinite(objective(theta[None])[0]):
-        raise SettingError(
-            f"the fit of {spec.name} cannot be simulated on these tests; give those of the fit"
-        )
-    target = Target.of(form, objective, noise_model(noise), start=theta, priors=priors, tempering=tempering)
-    n_dim = target.space.n_dim
-    if walkers < 2 * n_dim or walkers % 2:
-        raise SettingError(
-            f"`walkers` is {walkers} for {n_dim} parameters with those of the noise; "
-            f"give an even number, at least {2 * n_dim}"
-        )
-    return Sampling(
-        spec=spec,
-        target=target,
-        bounds=bounds,
-        priors=priors,
-        start=theta,
-        walkers=walkers,
-        rng=rng,
-    )

@@ -1,0 +1,68 @@
+"""Forces that the parameters could also give: of draws of the posterior, or of the Fisher ellipsoid without one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.errors import SettingError
+from mrwork.identification.equivalent import identifiable_form
+from mrwork.identification.fit import Fit
+from mrwork.identification.nuisance import NuisanceName, nuisance_of
+from mrwork.identification.objective import Objective
+from mrwork.records import DamperTest
+from mrwork.records.observation import delayed
+from mrwork.report.dossier.stored_draws import StoredDraws
+from mrwork.uncertainty.bands.parametric import simulate_draws
+from mrwork.uncertainty.identifiability import given_bounds
+from mrwork.uncertainty.noise import noise_model
+from mrwork.uncertainty.target import Target
+from mrwork.uncertainty.walkers import first_walkers
+
+Array = NDArray[np.float64]
+
+_DRAWS = 200
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ParameterDraws:
+    """Parameters `theta`, shape (n_draws, n_params), and in words where they come from."""
+
+    theta: Array
+    origin: str
+
+
+def parameter_draws(
+    fit: Fit, tests: Sequence[DamperTest], stored: StoredDraws | None
+) -> ParameterDraws | None:
+    """Draws of the parameters of a fit; `None` where its tests say too little for an ellipsoid."""
+    if stored is not None:
+        theta = stored.theta(fit.spec.names)
+        chosen = np.linspace(0, len(theta) - 1, min(_DRAWS, len(theta))).astype(int)
+        return ParameterDraws(theta=theta[chosen], origin="the posterior")
+    form = identifiable_form(fit.spec, given_bounds(fit))
+    start = np.asarray(form.box.inside(np.asarray(form.forth(np.array(fit.theta)))))
+    objective = Objective.of(form.spec, tuple(tests), nuisances=fit.nuisances)
+    try:
+        target = Target.of(form, objective, noise_model("iid"), start=start, priors={}, tempering=None)
+        position = first_walkers(target, start, _DRAWS, np.random.default_rng(0))
+    except (SettingError, np.linalg.LinAlgError):
+        return None
+    values = np.asarray(target.space.values(position))[:, : target.space.n_params]
+    return ParameterDraws(theta=np.asarray(form.back(values)), origin="the Fisher ellipsoid about the fit")
+
+
+def drawn_forces(fit: Fit, draws: ParameterDraws, test: DamperTest) -> Array:
+    """Forces of the draws on a test [N], shape (n_draws, n_time), relieved of nuisances as in the fit."""
+    forces = simulate_draws(fit.spec, draws.theta, test)
+    if not fit.nuisances:
+        return forces
+    return np.array([_relieved(force, test, fit.nuisances) for force in forces])
+
+
+def _relieved(force: Array, test: DamperTest, nuisances: tuple[NuisanceName, ...]) -> Array:
+    found = nuisance_of(force[test.counted], test.force[test.counted], test.dt, nuisances)
+    return np.asarray(found.level * delayed(force, found.delay / test.dt) + found.offset)

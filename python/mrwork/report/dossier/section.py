@@ -1,0 +1,110 @@
+"""What a section of the dossier consists of: sentences, tables and figures, all ready to be set."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from markupsafe import Markup
+from matplotlib.figure import Figure
+
+from mrwork.report.numbers import fixed
+from mrwork.report.svg import inline_svg
+
+Layout = Literal["columns", "small", "whole"]
+"""How figures stand: two beside each other, four small ones, or one as wide as it is, to be scrolled sideways."""
+
+
+NOTHING = fixed(None, 0)
+# At which the letters of a figure are as large as the small ones of the page.
+_PIXELS_PER_INCH = 78
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Panel:
+    """One figure of the page with the lines that stand above and below it, and its natural width [px]."""
+
+    title: str
+    svg: Markup
+    note: str = ""
+    width: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Table:
+    """A table: its first column names the row, those in `words` are text, all others numbers.
+
+    `label` is for who cannot see it, `note` stands below it.
+    """
+
+    label: str
+    columns: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    foot: tuple[str, ...] = ()
+    words: tuple[int, ...] = ()
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Group:
+    """Part of a section: paragraphs, then a table, then figures; `synthetic` where its data were not measured."""
+
+    title: str = ""
+    prose: tuple[str, ...] = ()
+    points: tuple[str, ...] = ()
+    table: Table | None = None
+    panels: tuple[Panel, ...] = ()
+    layout: Layout = "columns"
+    synthetic: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Section:
+    """A section of the page; `summary` is what it comes to, in the sentence that stands at the top of the page."""
+
+    anchor: str
+    title: str
+    summary: str
+    groups: tuple[Group, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Absent:
+    """A section that a run does not have yet, what it would say, and the verb that makes it."""
+
+    title: str
+    says: str
+    command: str
+
+
+def table(
+    *,
+    label: str,
+    columns: tuple[str, ...],
+    rows: tuple[tuple[str, ...], ...],
+    foot: tuple[str, ...] = (),
+    words: tuple[int, ...] = (),
+    note: str = "",
+) -> Table:
+    """A table without the columns in which no row says anything."""
+    silent = {"", NOTHING}
+    told = [index for index in range(len(columns)) if any(row[index] not in silent for row in rows)]
+
+    def kept(row: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(row[index] for index in told) if row else row
+
+    return Table(
+        label=label,
+        columns=kept(columns),
+        rows=tuple(kept(row) for row in rows),
+        foot=kept(foot),
+        words=tuple(place for place, index in enumerate(told) if index in words),
+        note=note,
+    )
+
+
+def panel(identifier: str, title: str, figure: Figure, description: str, note: str = "") -> Panel:
+    """A figure as a panel; `identifier` is unique on the page, `description` is for who cannot see it."""
+    svg = inline_svg(figure, identifier=identifier, description=description)
+    width = round(_PIXELS_PER_INCH * figure.get_figwidth())
+    return Panel(title=title, svg=Markup(svg), note=note, width=width)

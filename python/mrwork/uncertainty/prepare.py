@@ -1,0 +1,70 @@
+"""From a fit to a sampling about it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from mrwork.errors import SettingError
+from mrwork.identification.equivalent import identifiable_form
+from mrwork.identification.fit import Fit
+from mrwork.identification.objective import Objective
+from mrwork.records import DamperTest
+from mrwork.spec import DamperSpec
+from mrwork.uncertainty.noise import noise_model
+from mrwork.uncertainty.prior import Prior
+from mrwork.uncertainty.sampling import Sampling
+from mrwork.uncertainty.target import Target, Tempering
+
+
+def prepared(
+    spec: DamperSpec,
+    tests: tuple[DamperTest, ...],
+    start: Fit,
+    *,
+    noise: str,
+    priors: Mapping[str, Prior],
+    tempering: Tempering | None,
+    walkers: int,
+    rng: int,
+    threads: int,
+) -> Sampling:
+    """What `sample_posterior` samples, with its arguments.
+
+    Raises
+    ------
+    SettingError
+        Where the start is of another model or cannot be simulated, or a setting or a prior is impossible.
+    UnknownNameError
+        Where there is no such noise model, or a prior is of what there is not.
+    """
+    if start.spec != spec:
+        raise SettingError(
+            f"the start is a fit of {start.model} with other laws or parameters than this {spec.name}; "
+            "sample the model that was fitted"
+        )
+    bounds = {name: (pair[0], pair[1]) for name, pair in start.provenance.settings["bounds"].items()}
+    form = identifiable_form(spec, bounds)
+    theta = np.asarray(form.box.inside(np.asarray(form.forth(np.array(start.theta)))))
+    objective = Objective.of(form.spec, tests, nuisances=start.nuisances, threads=threads)
+    if not np.isfinite(objective(theta[None])[0]):
+        raise SettingError(
+            f"the fit of {spec.name} cannot be simulated on these tests; give those of the fit"
+        )
+    target = Target.of(form, objective, noise_model(noise), start=theta, priors=priors, tempering=tempering)
+    n_dim = target.space.n_dim
+    if walkers < 2 * n_dim or walkers % 2:
+        raise SettingError(
+            f"`walkers` is {walkers} for {n_dim} parameters with those of the noise; "
+            f"give an even number, at least {2 * n_dim}"
+        )
+    return Sampling(
+        spec=spec,
+        target=target,
+        bounds=bounds,
+        priors=priors,
+        start=theta,
+        walkers=walkers,
+        rng=rng,
+    )
