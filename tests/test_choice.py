@@ -167,6 +167,21 @@ def test_of_one_test_the_later_cycles_are_predicted_and_that_proves_little() -> 
     assert any("this proves little" in remark for remark in choice.ranking.remarks)
 
 
+def test_an_ellipsoid_about_the_fit_tells_what_the_chain_tells() -> None:
+    # Cycles enough that leaving one out moves the posterior but little.
+    longer = [
+        sinusoidal_test("viscous_dahl", VISCOUS_DAHL, motion, noise=0.02, cycles=5) for motion in MOTIONS[:2]
+    ]
+    (drawn,), (sampled,) = (
+        choose_model(longer, ["viscous_dahl"], search=FEW, sampled=sampled, threads=1).ranking.standings
+        for sampled in (False, True)
+    )
+    assert drawn.elpd is not None
+    assert drawn.unreliable_blocks == sampled.unreliable_blocks == 0
+    # Both have 2000 draws; a block's log density is known to some hundredths from these.
+    assert drawn.elpd == pytest.approx(sampled.elpd, abs=0.2)
+
+
 def test_impossible_requests_are_refused_before_anything_is_fitted(tests: tuple[DamperTest, ...]) -> None:
     with pytest.raises(SettingError, match="name each once"):
         choose_model(tests, ["dahl", "dahl"])

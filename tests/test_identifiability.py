@@ -157,6 +157,18 @@ def test_a_parameter_that_nothing_feels_is_named(columns: NDArray[np.float64]) -
     assert [each.sentence for each in found.directions] == ["the residuals do not feel c at all"]
 
 
+def test_a_weak_direction_begins_with_what_it_leaves_open_most(columns: NDArray[np.float64]) -> None:
+    # a is told ten times better than b along a + 10 b, which is all but a multiple of the third column.
+    nearly = columns / np.linalg.norm(columns, axis=0)
+    nearly[:, 0] = -10.0 * nearly[:, 1] + 1e-3 * nearly[:, 0]
+    found = judged(nearly, names="abcd", of_range=[False] * 4, misfit=0.1, n_effective=60.0)
+    weak = found.directions[0]
+    assert weak.seen
+    assert [each.name for each in weak.changes] == ["b", "a"]
+    assert [each.percent for each in weak.changes] == pytest.approx([1.0, 0.1], rel=0.05)
+    assert "so b is known no better than to" in weak.sentence
+
+
 def test_correlated_residuals_widen_standard_errors(columns: NDArray[np.float64]) -> None:
     few, many = (
         judged(columns, names="abcd", of_range=[False] * 4, misfit=1e-9, n_effective=n).verdicts

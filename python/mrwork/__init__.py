@@ -23,7 +23,10 @@ if TYPE_CHECKING:
     from mrwork.uncertainty.choice import choose_model
     from mrwork.uncertainty.comparison import Choice
     from mrwork.uncertainty.draws import Draws
+    from mrwork.uncertainty.identifiability import identifiability_of
+    from mrwork.uncertainty.plan import plan_next_test
     from mrwork.uncertainty.posterior import sample_posterior
+    from mrwork.uncertainty.profiling import profile_likelihood
 
 _HOME = {
     "Box": "mrwork.coordinates",
@@ -38,7 +41,10 @@ _HOME = {
     "choose_model": "mrwork.uncertainty.choice",
     "damper": "mrwork.spec",
     "dampers": "mrwork.spec",
+    "identifiability_of": "mrwork.uncertainty.identifiability",
     "identify": "mrwork.identification.identify",
+    "plan_next_test": "mrwork.uncertainty.plan",
+    "profile_likelihood": "mrwork.uncertainty.profiling",
     "read_damper_test": "mrwork.records",
     "read_damper_tests": "mrwork.records",
     "sample_posterior": "mrwork.uncertainty.posterior",

@@ -15,6 +15,7 @@ __all__ = [
     "instruction_set",
     "misfits",
     "rate",
+    "sensitivities",
 ]
 
 __version__: str
@@ -66,6 +67,16 @@ def force_histories(
     substep_factor: int = 1,
     threads: int = 0,
 ) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint32]]: ...
+def sensitivities(
+    model: str,
+    theta: NDArray[np.float64],
+    loading: LoadingHistory,
+    columns: list[int] | None = None,
+    laws: list[str] | None = None,
+    lagged: bool = False,
+    substep_factor: int = 1,
+    threads: int = 0,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint32]]: ...
 def rate(
     model: str,
     theta: NDArray[np.float64],

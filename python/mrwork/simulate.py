@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
@@ -91,6 +92,20 @@ class ForceHistories:
     substeps: NDArray[np.uint32]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensitivities:
+    """Forces [N] of a batch, shape (n_batch, n_time), and their derivatives with respect to columns of `theta`.
+
+    `jacobian` has shape (n_batch, n_columns, n_time) and is in newtons per unit of each column. A row that did not
+    finish is infinite, force and derivatives; one whose derivatives left the finite numbers counts as diverged.
+    """
+
+    force: NDArray[np.float64]
+    jacobian: NDArray[np.float64]
+    outcome: NDArray[np.uint8]
+    substeps: NDArray[np.uint32]
+
+
 def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
     """The motion of a test, with its command in the unit that the model takes.
 
@@ -175,6 +190,49 @@ def simulate_forces(
     except ValueError as error:
         raise SettingError(str(error)) from error
     return ForceHistories(force=force, outcome=outcome, substeps=substeps)
+
+
+def simulate_sensitivities(
+    spec: DamperSpec,
+    theta: ArrayLike,
+    history: _rust.LoadingHistory,
+    *,
+    columns: Sequence[int] | None = None,
+    substep_factor: int = 1,
+    threads: int = 0,
+) -> Sensitivities:
+    """Simulate a batch with the exact derivatives of its forces; other parameters as in `simulate_misfits`.
+
+    The forces have the bits of `simulate_forces`. The derivatives are those of the equations as they are computed, in
+    the sub-steps of the value, and exact up to rounding; at a kink they are those of the side the value takes.
+
+    Parameters
+    ----------
+    columns
+        Columns of `theta` to differentiate with respect to, counted from 0, shape (n_columns,); all where `None`.
+
+    Examples
+    --------
+    >>> import numpy as np, mrwork as mr
+    >>> from mrwork.simulate import simulate_sensitivities
+    >>> spec = mr.damper("bingham")
+    >>> history = mr.Loading(dt=0.001, displacement=0.01 * np.sin(np.arange(0, 6, 0.001))).history()
+    >>> simulate_sensitivities(spec, [spec.nominal], history, columns=[0, 2]).jacobian.shape
+    (1, 2, 6000)
+    """
+    try:
+        force, jacobian, outcome, substeps = _rust.sensitivities(
+            spec.name,
+            _rows(spec, theta),
+            history,
+            None if columns is None else [int(column) for column in columns],
+            *_laws(spec),
+            substep_factor,
+            threads,
+        )
+    except (ValueError, OverflowError) as error:
+        raise SettingError(str(error)) from error
+    return Sensitivities(force=force, jacobian=jacobian, outcome=outcome, substeps=substeps)
 
 
 def simulate_force(

@@ -10,8 +10,10 @@ use crate::driver::{Driver, Following, Steady};
 use crate::integrate::{advance, substeps};
 use crate::lanes::Lanes;
 use crate::loading::{Command, LoadingHistory};
-use crate::misfit::{Keep, Kept, Target};
+use crate::misfit::{Keep, Keeper, Kept, Target};
 use crate::parameters::FromSlice;
+use crate::real::Real;
+use crate::sensitivity::{self, LaneRows, Seed};
 use crate::threads::StopRequested;
 
 /// Steps between two looks at the stop flag and at lost lanes: well below a millisecond apart on a full block.
@@ -104,6 +106,14 @@ pub trait Damper: Sync {
     fn squared_errors(&self, set: InstructionSet, block: &Block<'_>, target: Target<'_>) -> Reached;
     /// Force histories, one row per candidate of the block.
     fn histories(&self, set: InstructionSet, block: &Block<'_>, rows: &mut [&mut [f64]]);
+    /// Force histories and their derivatives along the seeds, one seed and one set of rows per lane.
+    fn sensitivities(
+        &self,
+        set: InstructionSet,
+        block: &Block<'_>,
+        seeds: &[Seed],
+        rows: &mut [LaneRows<'_>],
+    );
 }
 
 impl<M: DamperModel> Damper for M {
@@ -144,6 +154,16 @@ impl<M: DamperModel> Damper for M {
     fn histories(&self, set: InstructionSet, block: &Block<'_>, rows: &mut [&mut [f64]]) {
         run::<M>(set, block, Keep { target: None, rows });
     }
+
+    fn sensitivities(
+        &self,
+        set: InstructionSet,
+        block: &Block<'_>,
+        seeds: &[Seed],
+        rows: &mut [LaneRows<'_>],
+    ) {
+        sensitivity::run::<M>(set, block, seeds, rows);
+    }
 }
 
 /// Runs a block.
@@ -172,14 +192,7 @@ impl<M: DamperModel> LaneJob for SteadyJob<'_, '_, M> {
     type Output = Reached;
     #[inline(always)]
     fn run<R: Lanes>(self) -> Reached {
-        let Block { laws, loading, .. } = *self.block;
-        let mut columns = columns::<R>(self.block);
-        if let (false, Command::Held(command)) = (laws.are_constant(), loading.command()) {
-            let mut values = vec![R::splat(f64::NAN); laws.n_params()];
-            laws.evaluate(&columns, R::splat(*command), &mut values);
-            columns = values;
-        }
-        let mut steady = Steady { parameters: M::Parameters::from_slice(&columns) };
+        let mut steady = steady::<M, R>(self.block, columns(self.block));
         run_block::<M, R, _>(self.block, &mut steady, self.keep)
     }
 }
@@ -204,9 +217,24 @@ impl<M: DamperModel> LaneJob for FollowingJob<'_, '_, M> {
     }
 }
 
+/// The driver whose parameters stay what they are at the first command.
+#[inline(always)]
+pub(crate) fn steady<M: DamperModel, R: Real>(
+    block: &Block<'_>,
+    mut columns: Vec<R>,
+) -> Steady<M::Parameters<R>> {
+    let Block { laws, loading, .. } = *block;
+    if let (false, Command::Held(command)) = (laws.are_constant(), loading.command()) {
+        let mut values = vec![R::splat(f64::NAN); laws.n_params()];
+        laws.evaluate(&columns, R::splat(*command), &mut values);
+        columns = values;
+    }
+    Steady { parameters: M::Parameters::from_slice(&columns) }
+}
+
 /// The columns of `theta`, one candidate per lane. Lanes without a candidate repeat the last one.
 #[inline(always)]
-fn columns<R: Lanes>(block: &Block<'_>) -> Vec<R> {
+pub(crate) fn columns<R: Lanes>(block: &Block<'_>) -> Vec<R> {
     let Block { theta, laws, candidates, .. } = *block;
     let n_columns = laws.n_columns();
     let last = candidates.len() - 1;
@@ -222,7 +250,7 @@ fn run_block<M: DamperModel, R: Lanes, D: Driver<M, R>>(
     driver: &mut D,
     keep: Keep<'_, '_>,
 ) -> Reached {
-    let Block { candidates, loading, ref span, standings, substeps, stop, .. } = *block;
+    let Block { candidates, standings, .. } = *block;
     let last = candidates.len() - 1;
     let candidate = |lane: usize| candidates[lane.min(last)];
     let n_states = M::SPEC.n_states;
@@ -231,9 +259,26 @@ fn run_block<M: DamperModel, R: Lanes, D: Driver<M, R>>(
         sum: R::from_fn(|lane| standings.sums[candidate(lane)]),
         limit: R::from_fn(|lane| standings.limits[candidate(lane)]),
     };
-    let mut state = M::State::<R>::from_fn(|entry| {
+    let state = M::State::<R>::from_fn(|entry| {
         R::from_fn(|lane| standings.states[candidate(lane) * n_states + entry])
     });
+    let (state, samples) = march::<M, R, D>(block, driver, state, &mut kept);
+    let mut sums = Vec::with_capacity(R::WIDTH);
+    kept.sum.for_each(|_, sum| sums.push(sum));
+    let mut states = vec![0.0; R::WIDTH * n_states];
+    state.for_each(|entry, values| values.for_each(|lane, value| states[lane * n_states + entry] = value));
+    Reached { sums, states, samples }
+}
+
+/// Steps through the span of a block; where the states came to, and the samples simulated.
+#[inline(always)]
+pub(crate) fn march<M: DamperModel, R: Real, D: Driver<M, R>>(
+    block: &Block<'_>,
+    driver: &mut D,
+    mut state: M::State<R>,
+    kept: &mut impl Keeper<R>,
+) -> (M::State<R>, usize) {
+    let Block { loading, ref span, substeps, stop, .. } = *block;
     let fraction = 1.0 / f64::from(substeps);
     let step = loading.dt() * fraction;
     // A power of two, as both are: a mask finds its multiples without a division per sample.
@@ -247,7 +292,7 @@ fn run_block<M: DamperModel, R: Lanes, D: Driver<M, R>>(
         let mut start = interval.motion(0.0);
         driver.begin(sample);
         kept.take(sample, M::force(driver.parameters(), state, start.splat()));
-        if n_states == 0 {
+        if M::SPEC.n_states == 0 {
             driver.step();
         } else {
             for substep in 0..substeps {
@@ -265,9 +310,5 @@ fn run_block<M: DamperModel, R: Lanes, D: Driver<M, R>>(
         kept.take(loading.n_time() - 1, M::force(driver.parameters(), state, loading.last().splat()));
         samples += 1;
     }
-    let mut sums = Vec::with_capacity(R::WIDTH);
-    kept.sum.for_each(|_, sum| sums.push(sum));
-    let mut states = vec![0.0; R::WIDTH * n_states];
-    state.for_each(|entry, values| values.for_each(|lane, value| states[lane * n_states + entry] = value));
-    Reached { sums, states, samples }
+    (state, samples)
 }

@@ -68,6 +68,12 @@ impl InstructionSet {
         }
     }
 
+    /// This one, or [`InstructionSet::Plain`] where this processor lacks it.
+    #[must_use]
+    pub fn or_plain(self) -> Self {
+        if self.is_supported() { self } else { Self::Plain }
+    }
+
     /// Lanes of a full block.
     #[must_use]
     pub const fn block_width(self) -> usize {
@@ -90,6 +96,31 @@ impl InstructionSet {
             #[allow(unsafe_code)] // the features were asked for on the same line
             Self::Avx2 if self.is_supported() => unsafe { x86::run_avx2(candidates, job) },
             _ => job.run::<Plain>(),
+        }
+    }
+
+    /// Lanes of a single vector.
+    #[must_use]
+    pub const fn vector_width(self) -> usize {
+        match self {
+            Self::Avx512 => 8,
+            Self::Avx2 => 4,
+            Self::Plain => 1,
+        }
+    }
+
+    /// Runs `job` in a single vector, for work whose numbers are several vectors each.
+    ///
+    /// An instruction set that this processor lacks falls back to [`InstructionSet::Plain`], one lane.
+    pub fn run_vector<J: LaneJob>(self, job: J) -> J::Output {
+        match self {
+            #[cfg(target_arch = "x86_64")]
+            #[allow(unsafe_code)] // the features were asked for on the same line
+            Self::Avx512 if self.is_supported() => unsafe { x86::run_narrow_avx512(job) },
+            #[cfg(target_arch = "x86_64")]
+            #[allow(unsafe_code)] // the features were asked for on the same line
+            Self::Avx2 if self.is_supported() => unsafe { x86::run_vector_avx2(job) },
+            _ => job.run::<f64>(),
         }
     }
 

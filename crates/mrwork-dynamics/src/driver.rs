@@ -5,11 +5,11 @@ use core::mem::swap;
 use crate::current_law::CurrentLaws;
 use crate::damper::DamperModel;
 use crate::elementary::exp;
-use crate::lanes::Lanes;
 use crate::parameters::FromSlice;
+use crate::real::Real;
 
 /// Gives the parameters of each step.
-pub(crate) trait Driver<M: DamperModel, R: Lanes> {
+pub(crate) trait Driver<M: DamperModel, R: Real> {
     /// Begins the interval of `sample`, whose command is held until the next.
     fn begin(&mut self, sample: usize);
     /// Parameters now.
@@ -23,7 +23,7 @@ pub(crate) struct Steady<P> {
     pub(crate) parameters: P,
 }
 
-impl<M: DamperModel, R: Lanes> Driver<M, R> for Steady<M::Parameters<R>> {
+impl<M: DamperModel, R: Real> Driver<M, R> for Steady<M::Parameters<R>> {
     #[inline(always)]
     fn begin(&mut self, _: usize) {}
     #[inline(always)]
@@ -40,7 +40,7 @@ impl<M: DamperModel, R: Lanes> Driver<M, R> for Steady<M::Parameters<R>> {
 ///
 /// Between two changes of the command the lag is an exponential, so it is stepped exactly and adds nothing to the
 /// stiffness.
-pub(crate) struct Following<'a, M: DamperModel, R: Lanes> {
+pub(crate) struct Following<'a, M: DamperModel, R: Real> {
     laws: &'a CurrentLaws,
     columns: Vec<R>,
     values: Vec<R>,
@@ -53,7 +53,7 @@ pub(crate) struct Following<'a, M: DamperModel, R: Lanes> {
     at: [M::Parameters<R>; 3],
 }
 
-impl<'a, M: DamperModel, R: Lanes> Following<'a, M, R> {
+impl<'a, M: DamperModel, R: Real> Following<'a, M, R> {
     /// The driver at rest at the first command.
     #[inline(always)]
     pub(crate) fn new(laws: &'a CurrentLaws, columns: Vec<R>, command: &'a [f64], step: f64) -> Self {
@@ -81,7 +81,7 @@ impl<'a, M: DamperModel, R: Lanes> Following<'a, M, R> {
     }
 }
 
-impl<M: DamperModel, R: Lanes> Driver<M, R> for Following<'_, M, R> {
+impl<M: DamperModel, R: Real> Driver<M, R> for Following<'_, M, R> {
     #[inline(always)]
     fn begin(&mut self, sample: usize) {
         self.held = R::splat(self.command[sample]);
@@ -102,5 +102,36 @@ impl<M: DamperModel, R: Lanes> Driver<M, R> for Following<'_, M, R> {
         self.at[2] = self.half_step();
         let [start, middle, end] = &self.at;
         [start, middle, end]
+    }
+}
+
+/// Either of the two, chosen for each block: what is costly to compile is then compiled once.
+pub(crate) enum Either<'a, M: DamperModel, R: Real> {
+    /// The parameters never change.
+    Steady(Steady<M::Parameters<R>>),
+    /// They follow the command.
+    Following(Following<'a, M, R>),
+}
+
+impl<M: DamperModel, R: Real> Driver<M, R> for Either<'_, M, R> {
+    #[inline(always)]
+    fn begin(&mut self, sample: usize) {
+        if let Self::Following(following) = self {
+            following.begin(sample);
+        }
+    }
+    #[inline(always)]
+    fn parameters(&self) -> &M::Parameters<R> {
+        match self {
+            Self::Steady(steady) => &steady.parameters,
+            Self::Following(following) => following.parameters(),
+        }
+    }
+    #[inline(always)]
+    fn step(&mut self) -> [&M::Parameters<R>; 3] {
+        match self {
+            Self::Steady(steady) => [&steady.parameters; 3],
+            Self::Following(following) => following.step(),
+        }
     }
 }

@@ -1,8 +1,8 @@
 //! Exponential, logarithm, real power and hyperbolic tangent of lanes.
 //!
-//! Every function is one straight line of arithmetic over [`Real`]: tables of sixteen that fit in two vectors, and no
+//! Every function is one straight line of arithmetic over [`Bits`]: tables of sixteen that fit in two vectors, and no
 //! branch other than the whole exponents of [`powf`]. A lane therefore gives the bits of the scalar, on every
-//! instruction set.
+//! instruction set. A dual number takes the chain rule instead ([`Elementary`]).
 //!
 //! Subnormal numbers count as zero: as argument of [`ln`] and [`powf`] (but for its whole exponents, which are
 //! products). Results of [`exp`] and [`powf`] below 2^-1020 count as zero too. NaN goes in and comes out.
@@ -11,7 +11,7 @@ mod tables;
 
 use core::f64::consts::{LN_2, LOG2_E};
 
-use crate::real::{Real, SIXTEENTH_ALIGNER};
+use crate::real::{Bits, Real, SIXTEENTH_ALIGNER};
 use tables::{
     BINARY_EXPONENTIAL, BINARY_LOGARITHM, EXPONENTIAL, LOGARITHM, OCTAVE_LOGARITHMS, RECIPROCALS,
     SIXTEENTH_ROOTS,
@@ -27,11 +27,48 @@ const LARGEST_EXPONENT: f64 = 709.782_712_893_383_4;
 /// Powers with a smaller binary exponent count as zero: [`Real::times_two_to`] asks for results well above subnormal.
 const SMALLEST_BINARY_EXPONENT: f64 = -1020.0;
 
+/// How a kind of number takes the elementary functions; models call [`exp`], [`powf`] and [`tanh`].
+pub trait Elementary: Sized {
+    /// See [`exp`].
+    fn exponential(self) -> Self;
+    /// See [`powf`].
+    fn power(self, exponent: &Exponent<Self>) -> Self
+    where
+        Self: Real;
+    /// See [`tanh`].
+    fn hyperbolic_tangent(self) -> Self;
+}
+
+impl<R: Bits> Elementary for R {
+    #[inline(always)]
+    fn exponential(self) -> Self {
+        exponential_of(self)
+    }
+    #[inline(always)]
+    fn power(self, exponent: &Exponent<Self>) -> Self {
+        let &Exponent { n, whole, all_whole, any_whole } = exponent;
+        if all_whole {
+            return whole_power(self, n);
+        }
+        let (general, _) = power_and_logarithm(self, n);
+        if any_whole { R::select(whole, whole_power(self, n), general) } else { general }
+    }
+    #[inline(always)]
+    fn hyperbolic_tangent(self) -> Self {
+        tangent_of(self)
+    }
+}
+
 /// Exponential e^x.
 ///
 /// At most 1.2 units in the last place off; 0 below -707.03, infinite above 709.78.
 #[inline(always)]
 pub fn exp<R: Real>(x: R) -> R {
+    x.exponential()
+}
+
+#[inline(always)]
+fn exponential_of<R: Bits>(x: R) -> R {
     let high = R::splat(LOG2_E);
     let (t, sixteenths) = sixteenths(x, high);
     let f = x.mul_add(R::splat(LOG2_E_TAIL), x.mul_add(high, -t));
@@ -43,7 +80,7 @@ pub fn exp<R: Real>(x: R) -> R {
 ///
 /// At most 1 unit in the last place off; -infinity for zero and for subnormal numbers, NaN for negative ones.
 #[inline(always)]
-pub fn ln<R: Real>(x: R) -> R {
+pub fn ln<R: Bits>(x: R) -> R {
     // x = 2^e m with 1/sqrt(2) <= m < sqrt(2): ln x = e ln 2 + 2 artanh((m - 1)/(m + 1)).
     let one = R::splat(1.0);
     let (e, m, _) = x.octave();
@@ -76,9 +113,9 @@ pub fn ln<R: Real>(x: R) -> R {
 /// An exponent n >= 1 of [`powf`], one for each lane, and what can be said of it before any base is known.
 #[derive(Clone, Copy)]
 pub struct Exponent<R: Real> {
-    n: R,
+    pub(crate) n: R,
     /// Whether n is exactly 1, 2 or 3.
-    whole: R::Mask,
+    pub(crate) whole: R::Mask,
     all_whole: bool,
     any_whole: bool,
 }
@@ -101,11 +138,12 @@ impl<R: Real> Exponent<R> {
 /// asks for a negative base or a smaller exponent, and they are not looked for.
 #[inline(always)]
 pub fn powf<R: Real>(x: R, exponent: &Exponent<R>) -> R {
-    let &Exponent { n, whole, all_whole, any_whole } = exponent;
-    if all_whole {
-        return whole_power(x, n);
-    }
+    x.power(exponent)
+}
 
+/// x^n for a magnitude x and any n >= 1, and log2 x; for zero a large negative number, so that their product is zero.
+#[inline(always)]
+pub(crate) fn power_and_logarithm<R: Bits>(x: R, n: R) -> (R, R) {
     // x = 2^e m, and c m = 1 + r with the reciprocal c of the middle of m's sixteenth of the octave:
     // log2 x = (e - log2 c) + log2(1 + r), where the first sum is exact and r is rounded once.
     // The bits of 0 and of infinity read as 2^-1023 and 2^1024, whose powers fall out of range by themselves.
@@ -114,16 +152,15 @@ pub fn powf<R: Real>(x: R, exponent: &Exponent<R>) -> R {
     let high = e + sixteenth.entry_of(&OCTAVE_LOGARITHMS);
     let low = r * binary_logarithm(r);
 
-    let (t, sixteenths) = sixteenths(high + low, n);
+    let logarithm = high + low;
+    let (t, sixteenths) = sixteenths(logarithm, n);
     let f = n.mul_add(low, n.mul_add(high, -t));
-    let general = power_of_two(t, sixteenths, f);
-
-    if any_whole { R::select(whole, whole_power(x, n), general) } else { general }
+    (power_of_two(t, sixteenths, f), logarithm)
 }
 
 /// x^n for n = 1, 2 or 3, as products.
 #[inline(always)]
-fn whole_power<R: Real>(x: R, n: R) -> R {
+pub(crate) fn whole_power<R: Real>(x: R, n: R) -> R {
     let one = R::splat(1.0);
     let second = R::select(one.less(n), x, one);
     let third = R::select(R::splat(2.0).less(n), x, one);
@@ -135,6 +172,11 @@ fn whole_power<R: Real>(x: R, n: R) -> R {
 /// Less than 2 units in the last place off, odd, and +-1 for |x| > 20.
 #[inline(always)]
 pub fn tanh<R: Real>(x: R) -> R {
+    x.hyperbolic_tangent()
+}
+
+#[inline(always)]
+fn tangent_of<R: Bits>(x: R) -> R {
     let one = R::splat(1.0);
     let half = R::splat(0.5);
     let size = R::splat(20.0).min(x.abs());
@@ -176,7 +218,7 @@ fn sixteenths<R: Real>(x: R, factor: R) -> (R, R) {
 
 /// 2^(t + f), for |f| <= 1/32 and t as [`sixteenths`] gives it; 0 where t is too small.
 #[inline(always)]
-fn power_of_two<R: Real>(t: R, sixteenths: R, f: R) -> R {
+fn power_of_two<R: Bits>(t: R, sixteenths: R, f: R) -> R {
     let [c1, c2, c3, c4, c5, c6] = BINARY_EXPONENTIAL;
     let root = sixteenths.entry_of(&SIXTEENTH_ROOTS);
     let s = f * f;

@@ -54,6 +54,16 @@ pub enum DynamicsError {
         /// Columns needed.
         expected: usize,
     },
+    /// A derivative with respect to a column that there is not.
+    #[error("column {column} of `theta` was asked for, `{model}` has {n_columns}, counted from 0")]
+    NoColumn {
+        /// The model.
+        model: &'static str,
+        /// The column asked for.
+        column: usize,
+        /// Columns there are.
+        n_columns: usize,
+    },
     /// A list of limits of the wrong length.
     #[error("{found} limits were given for {expected} candidates; give one for each")]
     LimitCount {

@@ -3,13 +3,13 @@
 use core::array;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-use crate::real::Real;
+use crate::real::{Bits, Real};
 
 /// Candidates in one vector.
 pub const VECTOR_WIDTH: usize = 8;
 
 /// A real number with several lanes.
-pub trait Lanes: Real {
+pub trait Lanes: Bits {
     /// Number of lanes.
     const WIDTH: usize;
     /// Lane `i` holds `value(i)`.
@@ -72,7 +72,7 @@ impl<V: Real, const GROUPS: usize> Neg for Pack<V, GROUPS> {
     }
 }
 
-impl<V: Real, const GROUPS: usize> Real for Pack<V, GROUPS> {
+impl<V: Bits, const GROUPS: usize> Real for Pack<V, GROUPS> {
     type Mask = [V::Mask; GROUPS];
 
     #[inline(always)]
@@ -127,6 +127,9 @@ impl<V: Real, const GROUPS: usize> Real for Pack<V, GROUPS> {
         }
         any
     }
+}
+
+impl<V: Bits, const GROUPS: usize> Bits for Pack<V, GROUPS> {
     #[inline(always)]
     fn octave(self) -> (Self, Self, Self) {
         (

@@ -2,8 +2,8 @@
 //!
 //! A model is written once over [`real::Real`] ([`damper`]); a batch of candidates runs through one loading
 //! history ([`loading`]) in lanes of eight or more ([`lanes`], [`dispatch`]), by one time-stepping rule
-//! ([`integrate`]), and leaves behind a misfit or a force history ([`block`], [`simulate`]). No Python, no files, no
-//! randomness, no printing.
+//! ([`integrate`]), and leaves behind a misfit or a force history ([`block`], [`simulate`]), or a force history with its
+//! derivatives ([`dual`], [`sensitivity`]). No Python, no files, no randomness, no printing.
 
 pub mod block;
 pub mod current_law;
@@ -11,6 +11,7 @@ pub mod damper;
 #[allow(unsafe_code)] // the one module that enters an instruction set
 pub mod dispatch;
 mod driver;
+pub mod dual;
 pub mod elementary;
 pub mod error;
 pub mod integrate;
@@ -21,5 +22,6 @@ pub mod parameters;
 pub mod peak;
 mod plan;
 pub mod real;
+pub mod sensitivity;
 pub mod simulate;
 pub mod threads;

@@ -2,6 +2,14 @@
 
 use crate::lanes::Lanes;
 
+/// Takes the forces of a block as they come.
+pub(crate) trait Keeper<R> {
+    /// Takes the force [N] of every lane at `sample`.
+    fn take(&mut self, sample: usize, force: R);
+    /// Whether nothing that could still come would matter, so that the rest can be skipped.
+    fn is_lost(&self) -> bool;
+}
+
 /// What candidates are compared with.
 #[derive(Clone, Copy, Debug)]
 pub struct Target<'a> {
@@ -28,10 +36,9 @@ pub(crate) struct Kept<'a, 'b, R> {
     pub(crate) limit: R,
 }
 
-impl<R: Lanes> Kept<'_, '_, R> {
-    /// Takes the force [N] of every lane at `sample`.
+impl<R: Lanes> Keeper<R> for Kept<'_, '_, R> {
     #[inline(always)]
-    pub(crate) fn take(&mut self, sample: usize, force: R) {
+    fn take(&mut self, sample: usize, force: R) {
         if let Some(Target { force: measured, first }) = self.keep.target
             && sample >= first
         {
@@ -47,9 +54,9 @@ impl<R: Lanes> Kept<'_, '_, R> {
         }
     }
 
-    /// Whether every lane has reached its limit, or left the finite numbers, so that the rest can be skipped.
+    /// Whether every lane has reached its limit, or left the finite numbers.
     #[inline(always)]
-    pub(crate) fn is_lost(&self) -> bool {
+    fn is_lost(&self) -> bool {
         self.keep.target.is_some() && !R::any(self.sum.less(self.limit))
     }
 }

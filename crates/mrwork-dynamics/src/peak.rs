@@ -11,7 +11,7 @@ use crate::error::DynamicsError;
 use crate::integrate::advance;
 use crate::lanes::Lanes;
 use crate::parameters::FromSlice;
-use crate::real::Real;
+use crate::real::{Bits, Real};
 use crate::threads::{on_threads, thread_count};
 
 /// Peak rate of fused multiply-adds [flop/s], measured on `threads` threads for about `seconds` each.
@@ -147,6 +147,9 @@ impl Real for Counted {
     fn any(mask: bool) -> bool {
         mask
     }
+}
+
+impl Bits for Counted {
     fn octave(self) -> (Self, Self, Self) {
         let (exponent, mantissa, sixteenth) = self.0.octave();
         (Self(exponent), Self(mantissa), Self(sixteenth))

@@ -1,14 +1,23 @@
-//! The number a model computes with: one `f64`, or a pack of lanes that holds one candidate each.
+//! The number a model computes with: one `f64`, a pack of lanes that holds one candidate each, or a dual number that
+//! carries derivatives along.
 //!
-//! A model written over `R: Real` is one text for both. Nothing here is contracted or reordered by the
+//! A model written over `R: Real` is one text for all. Nothing here is contracted or reordered by the
 //! compiler: a fused multiply-add happens where `mul_add` is written and nowhere else, so a lane gives the
 //! bits that the scalar gives, on every instruction set.
 
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
+use crate::elementary::Elementary;
+
 /// A real number, or several side by side; every operation is lane by lane and correctly rounded.
 pub trait Real:
-    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self> + Neg<Output = Self>
+    Copy
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+    + Elementary
 {
     /// One truth value per lane.
     type Mask: Copy;
@@ -35,6 +44,10 @@ pub trait Real:
     fn all(mask: Self::Mask) -> bool;
     /// Whether the mask holds in at least one lane.
     fn any(mask: Self::Mask) -> bool;
+}
+
+/// A real number whose exponent and fraction can be taken apart, which is what elementary functions are made of.
+pub trait Bits: Real {
     /// For a positive normal number `m * 2^e` with `1/sqrt(2) <= m < sqrt(2)`: `(e, m, j)`, the exponent as a real, and
     /// the sixteenth of the octave in which m lies, counted by bit patterns, in the low four bits of j.
     fn octave(self) -> (Self, Self, Self);
@@ -93,6 +106,9 @@ impl Real for f64 {
     fn any(mask: bool) -> bool {
         mask
     }
+}
+
+impl Bits for f64 {
     #[inline(always)]
     fn octave(self) -> (Self, Self, Self) {
         // Shifting 1/sqrt(2) to 1 first makes the exponent step there.

@@ -151,6 +151,6 @@ pub fn force_histories(
     Ok(rows)
 }
 
-fn stopped(stop: &StopRequested<'_>) -> Result<(), DynamicsError> {
+pub(crate) fn stopped(stop: &StopRequested<'_>) -> Result<(), DynamicsError> {
     if stop() { Err(DynamicsError::Cancelled) } else { Ok(()) }
 }

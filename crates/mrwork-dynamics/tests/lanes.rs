@@ -7,7 +7,7 @@ use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 use mrwork_dynamics::dispatch::{InstructionSet, LaneJob};
 use mrwork_dynamics::elementary::{self, exp, ln, powf, tanh};
 use mrwork_dynamics::lanes::Lanes;
-use mrwork_dynamics::real::Real;
+use mrwork_dynamics::real::{Bits, Real};
 
 /// Batch sizes that reach every width of pack: one number, then 8, 16, 32 and 48 lanes.
 const BATCHES: [usize; 5] = [1, 8, 16, 32, 48];
@@ -41,7 +41,7 @@ const SPECIAL: [f64; 24] = [
 
 /// An operation on three numbers, written for any number of lanes.
 trait Operation: Copy {
-    fn apply<R: Real>(self, a: R, b: R, c: R) -> R;
+    fn apply<R: Bits>(self, a: R, b: R, c: R) -> R;
 }
 
 macro_rules! operations {
@@ -52,7 +52,7 @@ macro_rules! operations {
             impl Operation for $name {
                 #[inline(always)]
                 #[allow(unused_variables)] // not every operation takes three numbers
-                fn apply<R: Real>(self, $a: R, $b: R, $c: R) -> R {
+                fn apply<R: Bits>(self, $a: R, $b: R, $c: R) -> R {
                     $value
                 }
             }

@@ -6,9 +6,12 @@ use mrwork_dynamics::damper::{DamperSpec, Motion, REGISTRY, find};
 use mrwork_dynamics::error::DynamicsError;
 use mrwork_dynamics::misfit::Target;
 use mrwork_dynamics::parameters::ParamSpec;
+use mrwork_dynamics::sensitivity;
 use mrwork_dynamics::simulate::{self, Row, Settings};
-use numpy::ndarray::Array2;
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::ndarray::{Array2, Array3};
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
+};
 use pyo3::exceptions::{PyLookupError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -114,6 +117,44 @@ pub fn force_histories<'py>(
         .map_err(|error| PyValueError::new_err(error.to_string()))?;
     let (outcome, substeps) = columns(py, &rows);
     Ok((force.into_pyarray(py), outcome, substeps))
+}
+
+/// Force histories of a batch, shape (`n_batch`, `n_time`), and their derivatives with respect to columns of `theta`, all
+/// where none are named, shape (`n_batch`, `n_asked`, `n_time`); rows that did not finish are infinite.
+#[pyfunction]
+#[pyo3(signature = (
+    model, theta, loading, columns=None, laws=None, lagged=false, substep_factor=1, threads=0
+))]
+#[allow(clippy::too_many_arguments)] // a boundary function takes plain values, by keyword from Python
+#[allow(clippy::type_complexity)] // what one run leaves behind
+pub fn sensitivities<'py>(
+    py: Python<'py>,
+    model: &str,
+    theta: PyReadonlyArray2<'py, f64>,
+    loading: &LoadingHistory,
+    columns: Option<Vec<usize>>,
+    laws: Option<Vec<String>>,
+    lagged: bool,
+    substep_factor: u32,
+    threads: usize,
+) -> PyResult<(Bound<'py, PyArray2<f64>>, Bound<'py, PyArray3<f64>>, Outcomes<'py>, Substeps<'py>)> {
+    let (n_batch, n_time) = (theta.shape()[0], loading.dynamics.n_time());
+    let (damper, laws, theta) = batch(model, laws, lagged, &theta)?;
+    let asked = columns.unwrap_or_else(|| (0..laws.n_columns()).collect());
+    let instruction_set = chosen_instruction_set()?;
+    let mut force = vec![0.0; n_batch * n_time];
+    let mut jacobian = vec![0.0; n_batch * asked.len() * n_time];
+    let rows = interruptible(py, |stop| {
+        let settings = Settings { substep_factor, threads, instruction_set, stop };
+        let (force, jacobian) = (&mut force, &mut jacobian);
+        sensitivity::sensitivities(damper, &laws, theta, &asked, &loading.dynamics, force, jacobian, settings)
+    })?;
+    let force = Array2::from_shape_vec((n_batch, n_time), force)
+        .map_err(|error| PyValueError::new_err(error.to_string()))?;
+    let jacobian = Array3::from_shape_vec((n_batch, asked.len(), n_time), jacobian)
+        .map_err(|error| PyValueError::new_err(error.to_string()))?;
+    let (outcome, substeps) = self::columns(py, &rows);
+    Ok((force.into_pyarray(py), jacobian.into_pyarray(py), outcome, substeps))
 }
 
 /// Time derivative of the states at one point, shape (`n_states`,).

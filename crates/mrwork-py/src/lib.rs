@@ -15,7 +15,7 @@ mod _rust {
     use super::{Bound, PyModule, PyModuleMethods, PyResult};
 
     #[pymodule_export]
-    use crate::damper::{current_laws, damper_specs, force, force_histories, misfits, rate};
+    use crate::damper::{current_laws, damper_specs, force, force_histories, misfits, rate, sensitivities};
     #[pymodule_export]
     use crate::loading::LoadingHistory;
     #[pymodule_export]

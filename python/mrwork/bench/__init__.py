@@ -7,6 +7,7 @@ from mrwork.bench.identify_table import format_identify
 from mrwork.bench.kernels import KernelBenchmark, KernelRow, bench_kernels, format_table
 from mrwork.bench.models import ModelBenchmark, ModelRow, bench_models, format_models
 from mrwork.bench.posterior import PosteriorBenchmark, bench_posterior, format_posterior
+from mrwork.bench.refine import RefineBenchmark, RefineRow, bench_refine, format_refine
 from mrwork.bench.search_rows import SearchRow
 
 __all__ = [
@@ -15,14 +16,18 @@ __all__ = [
     "ModelBenchmark",
     "ModelRow",
     "PosteriorBenchmark",
+    "RefineBenchmark",
+    "RefineRow",
     "SearchBenchmark",
     "SearchRow",
     "bench_identify",
     "bench_kernels",
     "bench_models",
     "bench_posterior",
+    "bench_refine",
     "format_identify",
     "format_models",
     "format_posterior",
+    "format_refine",
     "format_table",
 ]

@@ -23,10 +23,10 @@ from mrwork.bench.search_job import SearchJob
 from mrwork.identification.objective import weight_of
 
 Array = NDArray[np.float64]
-_RESOLUTION = 1.4
-_MAX_SUBSTEPS = 256
+RESOLUTION = 1.4
+MAX_SUBSTEPS = 256
 # All liberties of fast-math but that of taking infinity for impossible: it marks a failure.
-_FASTMATH = {"reassoc", "contract", "arcp", "nsz", "afn"}
+FASTMATH = {"reassoc", "contract", "arcp", "nsz", "afn"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -133,11 +133,11 @@ def _substeps(
         travel = min(math.log(1.0 + excess), 0.25 / (n - 1.0)) / (excess * rho)
         unloading = min(peak, math.sqrt(2.0 * reversal_acceleration * travel))
         bound = n * rho * max(peak, excess * unloading) + rho * mu / w_s
-        wanted = dt * bound / _RESOLUTION
+        wanted = dt * bound / RESOLUTION
         steps = 1
-        while steps < wanted and steps <= _MAX_SUBSTEPS:
+        while steps < wanted and steps <= MAX_SUBSTEPS:
             steps *= 2
-        if steps <= _MAX_SUBSTEPS and math.isfinite(wanted):
+        if steps <= MAX_SUBSTEPS and math.isfinite(wanted):
             count[row] = steps
     return count
 
@@ -161,9 +161,9 @@ block_starts: Any = numba.njit(_block_starts)
 
 @cache
 def _compiled(variant: ObjectiveVariant, keep: bool) -> Any:
-    fastmath = _FASTMATH if variant.fastmath else False
+    fastmath = FASTMATH if variant.fastmath else False
     inlined = numba.njit(inline="always", fastmath=fastmath)
-    power, hyperbolic = (inlined(function) for function in _FORMS[variant.form])
+    power, hyperbolic = (inlined(function) for function in FORMS[variant.form])
     block = variant.block
 
     def _rate(v: float, w: float, rho: float, sigma: float, n: float, mu: float, per_w_s: float) -> float:
@@ -254,4 +254,4 @@ def _tanh_by_exp(w: float) -> float:
     return 1.0 - 2.0 / (1.0 + math.exp(2.0 * w))
 
 
-_FORMS: dict[str, tuple[Any, Any]] = {"power": (_power, _tanh), "exp_log": (_exp_log, _tanh_by_exp)}
+FORMS: dict[str, tuple[Any, Any]] = {"power": (_power, _tanh), "exp_log": (_exp_log, _tanh_by_exp)}

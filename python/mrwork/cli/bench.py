@@ -84,6 +84,15 @@ def add_parser(verbs: Any) -> None:
     posterior.add_argument("--quiet", action="store_true", help="no progress")
     add_json(posterior)
     posterior.set_defaults(run=run_posterior)
+    refinements = subjects.add_parser(
+        "refine", help="from a start to the minimum: our engines beside SciPy's least squares on numba"
+    )
+    refinements.add_argument("--seeds", type=int, default=20, metavar="N", help="starts of each job")
+    refinements.add_argument("--threads", type=int, default=0, metavar="N", help="threads of ours, 0 for all")
+    refinements.add_argument("--quick", action="store_true", help="one record, no twin: some seconds")
+    refinements.add_argument("--quiet", action="store_true", help="no progress")
+    add_json(refinements)
+    refinements.set_defaults(run=run_refine)
 
 
 def run_kernels(options: argparse.Namespace) -> int:
@@ -141,6 +150,17 @@ def run_posterior(options: argparse.Namespace) -> int:
     )
     print(json.dumps(benchmark.as_dict()) if options.json else format_posterior(benchmark))
     return 130 if benchmark.interrupted else 0
+
+
+def run_refine(options: argparse.Namespace) -> int:
+    """Measure how long a refinement takes."""
+    from mrwork.bench import bench_refine, format_refine
+
+    benchmark = bench_refine(
+        seeds=options.seeds, threads=options.threads, quick=options.quick, on_progress=_progress(options)
+    )
+    print(json.dumps(benchmark.as_dict()) if options.json else format_refine(benchmark))
+    return 0
 
 
 def _add_common(subject: argparse.ArgumentParser) -> None:

@@ -7,7 +7,7 @@ import json
 import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +23,10 @@ from mrwork.report.reopen import OpenedRun, reopen
 from mrwork.report.run_directory import PLAN
 from mrwork.report.stored_draws import stored_draws
 from mrwork.uncertainty.candidates import Candidate, Limits, candidate_grid, read_candidates
-from mrwork.uncertainty.identifiability import given_bounds
-from mrwork.uncertainty.plan import Knowledge, knowledge_of, plan_next_test
-from mrwork.uncertainty.plan_draws import Check, checked_with_draws, normal_draws
+
+if TYPE_CHECKING:
+    from mrwork.uncertainty.plan import Knowledge
+    from mrwork.uncertainty.plan_draws import Check
 
 # Lines of the table; the rest is in the document.
 _SHOWN = 15
@@ -85,6 +86,10 @@ def run(options: argparse.Namespace) -> int:
         raise SettingError(
             f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
         )
+    # SciPy's optimisers are slow to load, and not wanted where help is.
+    from mrwork.uncertainty.plan import knowledge_of, plan_next_test
+    from mrwork.uncertainty.plan_draws import checked_with_draws
+
     opened = reopen(options.place)
     spec = opened.fit.spec
     limits = Limits(stroke=options.stroke, peak_velocity=options.peak_velocity)
@@ -134,6 +139,9 @@ def _candidates(options: argparse.Namespace, opened: OpenedRun) -> tuple[Candida
 
 def _draws(opened: OpenedRun, known: Knowledge, rng: np.random.Generator) -> tuple[NDArray[np.float64], str]:
     """Draws in the order of the model of `known`, and what they are of."""
+    from mrwork.uncertainty.identifiability import given_bounds
+    from mrwork.uncertainty.plan_draws import normal_draws
+
     stored = stored_draws(opened)
     if stored is None:
         return normal_draws(known, _DRAWS, rng), "the linearised posterior"

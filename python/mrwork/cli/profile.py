@@ -8,7 +8,7 @@ import sys
 import time
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.dossier import renew_dossier
 from mrwork.cli.options import add_json
@@ -19,9 +19,10 @@ from mrwork.report.additions import add_to_run
 from mrwork.report.fit_json import json_document
 from mrwork.report.reopen import reopen
 from mrwork.report.run_directory import PROFILES
-from mrwork.uncertainty.identifiability import identifiability_of
-from mrwork.uncertainty.profile import Profiles
-from mrwork.uncertainty.profiling import ProfileProgress, ProfilesInterrupted, profile_likelihood
+
+if TYPE_CHECKING:
+    from mrwork.uncertainty.profile import Profiles
+    from mrwork.uncertainty.profiling import ProfileProgress
 
 # Seconds until progress is worth a line, and between two.
 _PATIENCE, _EVERY = 2.0, 0.2
@@ -57,6 +58,10 @@ def run(options: argparse.Namespace) -> int:
     """Profile, write the document and the figure into the run directory, print the table."""
     if options.threads < 0:
         raise SettingError(f"--threads is {options.threads}; it cannot be negative")
+    # SciPy's optimisers are slow to load, and not wanted where help is.
+    from mrwork.uncertainty.identifiability import identifiability_of
+    from mrwork.uncertainty.profiling import ProfilesInterrupted, profile_likelihood
+
     opened = reopen(options.place)
     line = _Line(quiet=options.quiet or options.json)
     status = 0

@@ -1,12 +1,12 @@
 """Levenberg-Marquardt from many starts side by side, simulated in lanes.
 
 One simulation of a few candidates takes as long as one of some fifty: the steps of a record follow one another. So the
-Jacobians of all starts are one batch, and so are all steps they try, several of different damping for each start.
+exact Jacobians of all starts are one batch, and so are all steps they try, several of different damping for each start.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 from mrwork.coordinates import Box
 from mrwork.identification.objective import Objective
 
-# Of the size of a parameter, or of the width it was searched over. The error of the quotient, about the step itself
-# relative to the derivative, turns a descent but does not move its end: there the residuals decide.
-_STEP = 1e-6
 # Squared misfits that fall by less than this share have arrived.
 _TOLERANCE = 1e-7
+# Jacobians held in memory at once.
+_ROWS = 16
 # Of a parameter that the residuals do not feel: its square is still a number, so the system stays regular.
 _LEAST_SENSITIVITY = 1e-150
 # Times the present damping, all tried at once.
@@ -56,7 +55,7 @@ def descend_all(
     Parameters
     ----------
     searched
-        The narrower box of the search, which gives each parameter a scale.
+        The narrower box of the search: a journal knows a descent by it.
     on_iteration
         Called after each iteration with how far the descents have come.
     """
@@ -122,11 +121,10 @@ def _iteration(objective: Objective, box: Box, searched: Box, state: _State) -> 
     sensitivity, normal, gradient = state.sensitivity.copy(), state.normal.copy(), state.gradient.copy()
     moved, arrived, running = state.moved.copy(), state.arrived.copy(), state.running.copy()
     fresh = np.flatnonzero(running & moved)
-    linearised = _linearised(objective, box, searched, latent[fresh]) if fresh.size else []
-    for index, (residuals, jacobian) in zip(fresh, linearised, strict=True):
-        sensitivity[index] = np.maximum(sensitivity[index], np.linalg.norm(jacobian, axis=0))
-        normal[index] = jacobian.T @ jacobian
-        gradient[index] = jacobian.T @ residuals
+    for index, residuals, jacobian in _linearised(objective, box, latent, fresh):
+        sensitivity[index] = np.maximum(sensitivity[index], np.linalg.norm(jacobian, axis=1))
+        normal[index] = jacobian @ jacobian.T
+        gradient[index] = jacobian @ residuals
     active = np.flatnonzero(running)
     floor = 1e-9 * sensitivity[active].max(axis=1, keepdims=True)
     weight = np.maximum(sensitivity[active], np.maximum(floor, _LEAST_SENSITIVITY)) ** 2
@@ -177,23 +175,13 @@ def _minima(box: Box, state: _State, iterations: int) -> Minima:
 
 
 def _linearised(
-    objective: Objective, box: Box, searched: Box, latent: NDArray[np.float64]
-) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Residuals (n_residuals,) and their derivative with respect to the latent coordinates, at each row of `latent`."""
-    free = np.array(box.free)
-    theta = np.asarray(box.theta_from_latent(latent))
-    slope = np.exp(box.log_slope(latent))
-    width = (np.array(searched.upper) - np.array(searched.lower))[free]
-    at = theta[:, free]
-    step = _STEP * np.where(np.array(box.log)[free], at, np.maximum(np.abs(at), width))
-    # Away from the farther face, so that no candidate leaves the model's range.
-    middle = 0.5 * (np.array(box.lower) + np.array(box.upper))[free]
-    step = np.where(at > middle, -step, step)
-    points = np.repeat(theta[:, None, :], len(free) + 1, axis=1)
-    points[:, np.arange(len(free)) + 1, free] += step
-    found = objective.residuals(points.reshape(-1, theta.shape[1]))
-    found = found.reshape(len(latent), len(free) + 1, -1)
-    return [
-        (own[0], ((own[1:] - own[0]) * (slopes / steps)[:, None]).T)
-        for own, slopes, steps in zip(found, slope, step, strict=True)
-    ]
+    objective: Objective, box: Box, latent: NDArray[np.float64], rows: NDArray[np.intp]
+) -> Iterator[tuple[int, NDArray[np.float64], NDArray[np.float64]]]:
+    """Residuals (n_residuals,) and their derivative (n_free, n_residuals) at these rows of `latent`, in turn."""
+    for at in range(0, len(rows), _ROWS):
+        some = rows[at : at + _ROWS]
+        theta = np.asarray(box.theta_from_latent(latent[some]))
+        slope = np.exp(box.log_slope(latent[some]))
+        residuals, jacobian = objective.linearised(theta, box.free)
+        jacobian *= slope[..., None]
+        yield from zip(some.tolist(), residuals, jacobian, strict=True)

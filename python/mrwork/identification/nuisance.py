@@ -58,6 +58,40 @@ def without_nuisance(
     return residuals
 
 
+def linearised_without_nuisance(
+    force: NDArray[np.float64],
+    slope: NDArray[np.float64],
+    measured: NDArray[np.float64],
+    names: tuple[NuisanceName, ...],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The same with derivatives, from those of the force, shape (n_batch, n_params, n_time).
+
+    Residuals are r = y - C c with c = C^+ y, and the columns C follow the force too, but for the offset's. So
+
+        dr = P (dy - dC c) - (C^+)' dC' r,  P = 1 - C C^+
+
+    (Golub, Pereyra, SIAM J. Numer. Anal. 10, 1973, 413-432); exact, the delay being a column like the others.
+    """
+    residuals = force - measured
+    if not names:
+        return residuals, slope
+    coefficients, columns = _best(force, residuals, names)
+    residuals = residuals - np.einsum("kb,kbt->bt", coefficients, columns)
+    change = np.stack([_slope(name, slope) for name in names])
+    moved = slope - np.einsum("kb,kbpt->bpt", coefficients, change)
+    along = np.einsum("kbpt,bt->kbp", change, residuals)
+    derivative = np.empty_like(slope)
+    for row in range(len(force)):
+        own = columns[:, row]
+        # Rows of the pseudo-inverse, in columns of unit length as in `_best`.
+        length = np.maximum(np.linalg.norm(own, axis=-1), np.finfo(float).tiny)
+        unit = own / length[:, None]
+        inverse = np.linalg.pinv(unit @ unit.T) @ unit
+        seen = moved[row] - (moved[row] @ inverse.T) @ unit
+        derivative[row] = seen - (along[:, row] / length[:, None]).T @ inverse
+    return residuals, derivative
+
+
 def nuisance_of(
     force: NDArray[np.float64], measured: NDArray[np.float64], dt: float, names: tuple[NuisanceName, ...]
 ) -> Nuisance:
@@ -91,3 +125,8 @@ def _column(name: NuisanceName, force: NDArray[np.float64]) -> NDArray[np.float6
     if name == "offset":
         return np.ones_like(force)
     return force if name == "level" else np.gradient(force, axis=-1)
+
+
+def _slope(name: NuisanceName, slope: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Derivative of the column."""
+    return np.zeros_like(slope) if name == "offset" else _column(name, slope)

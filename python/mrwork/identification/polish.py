@@ -9,14 +9,13 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.coordinates import Box
-from mrwork.identification.descent import Descended, descend, difference_quotient
+from mrwork.identification.descent import Descended, descend
 from mrwork.identification.descents import descend_all
 from mrwork.identification.equivalent import Form
 from mrwork.identification.exploration import Exploration
 from mrwork.identification.objective import Objective
 from mrwork.identification.screen import best_few
-from mrwork.identification.standard_error import standard_errors
+from mrwork.identification.standard_error import jacobian, standard_errors
 
 _LAST_EVALUATIONS = 100
 
@@ -44,7 +43,7 @@ def polish(
     """Screen the starts, then finish the best: on the twin, or in lanes where the twin does not reach.
 
     The twin compares the simulated force itself, for one set of parameters, by least squares; an observed force,
-    nuisance parameters, current laws over many tests and other powers are descended in lanes, with central differences.
+    nuisance parameters, current laws over many tests and other powers are descended in lanes.
     Standard errors are those of least squares there. Starts that are minima already need neither: the last steps there
     are for whatever the iterations allowed had left, and for starts that were given.
     """
@@ -65,7 +64,7 @@ def polish(
             evaluations=minima.iterations,
             converged=bool(minima.arrived[best]),
         )
-        return _judged(objective, form, searched, ended)
+        return _judged(objective, form, ended)
     finalists = best_few(
         explored.objective, form.box, searched, explored.starts, mirrored=form.mirrored, on_start=on_start
     )
@@ -84,26 +83,28 @@ def polish(
             ),
             key=lambda descended: descended.misfit,
         )
-        return _judged(objective, form, searched, ended)
+        return _judged(objective, form, ended)
     # JAX is slow to load, and needed here only.
-    from mrwork.identification.refine import jacobian, refine
+    from mrwork.identification.refine import refine
 
     refined = min(
         (refine(objective, form.box, each, on_step=on_step) for each in finalists),
         key=lambda refined: refined.misfit,
     )
-    errors = standard_errors(partial(jacobian, objective), form, refined.theta, refined.misfit)
-    return Polished(
-        theta=refined.theta, standard_errors=errors, steps=refined.steps, converged=refined.converged
+    ended = Descended(
+        theta=refined.theta,
+        misfit=refined.misfit,
+        evaluations=refined.steps,
+        converged=refined.converged,
     )
+    return _judged(objective, form, ended)
 
 
-def _judged(objective: Objective, form: Form, searched: Box, ended: Descended) -> Polished:
-    """A minimum that was reached in lanes, with its standard errors, which are those of least squares there."""
+def _judged(objective: Objective, form: Form, ended: Descended) -> Polished:
+    """A minimum with its standard errors, which are those of least squares there."""
     plain = objective.plain
     misfit = ended.misfit if objective.is_plain else float(plain(ended.theta[None])[0])
-    derivative = partial(difference_quotient, plain, searched=searched)
-    errors = standard_errors(derivative, form, ended.theta, misfit)
+    errors = standard_errors(partial(jacobian, plain), form, ended.theta, misfit)
     return Polished(
         theta=ended.theta, standard_errors=errors, steps=ended.evaluations, converged=ended.converged
     )

@@ -67,12 +67,6 @@ def _refined(objective: Objective, box: Box, start: NDArray[np.float64], on_step
     return refined
 
 
-def jacobian(objective: Objective, box: Box, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Derivative of the normalised residuals with respect to the free parameters, shape (n_residuals, n_free)."""
-    evaluate = _jacobian(objective.spec, _windows(objective), box.free)
-    return np.asarray(evaluate(jnp.asarray(theta), _data(objective, _substeps(objective, theta))))
-
-
 def _descend(
     objective: Objective, box: Box, start: Refined, substeps: tuple[int, ...], on_step: OnStep | None
 ) -> Refined:
@@ -174,19 +168,3 @@ def _descent(spec: DamperSpec, box: Box, windows: _Windows) -> _Descent:
         return position, state, done, jnp.sum(state.f_info.residual**2)
 
     return _Descent(scale=scale, init=init, step=step)
-
-
-@cache
-def _jacobian(
-    spec: DamperSpec, windows: _Windows, free: tuple[int, ...]
-) -> Callable[[jax.Array, _Data], Any]:
-    index = np.array(free, dtype=int)
-
-    @jax.jit
-    def evaluate(theta: jax.Array, data: _Data) -> Any:
-        def residuals(values: jax.Array) -> jax.Array:
-            return _residuals(spec, windows, theta.at[index].set(values), data)
-
-        return jax.jacfwd(residuals)(theta[index])
-
-    return evaluate

@@ -12,10 +12,16 @@ from numpy.typing import NDArray
 from mrwork.coordinates import Box
 from mrwork.identification.equivalent import Form
 from mrwork.identification.estimate import remark_of
+from mrwork.identification.objective import Objective
 
 # A combination of parameters (each scaled to unit sensitivity) that moves the residuals less than this, relative
 # to the one that moves them most, is not seen by the data. Rounding leaves about 1e-11.
 _UNSEEN = 1e-7
+
+
+def jacobian(objective: Objective, box: Box, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Derivative of the residuals with respect to the free parameters, shape (n_residuals, n_free)."""
+    return np.asarray(objective.linearised(theta[None], box.free)[1][0].T)
 
 
 def standard_errors(

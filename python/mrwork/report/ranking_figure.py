@@ -39,7 +39,7 @@ def ranking_figure(ranking: Ranking) -> Figure:
         axes.set_xlim(edge - margin, min(farthest + margin, 100.5))
         axes.grid(visible=True, axis="x")
         axes.xaxis.set_major_locator(MaxNLocator(nbins=7, steps=[1, 2, 2.5, 5, 10]))
-        axes.set_xlabel(f"Left-out fit (%): {ranking.held_out}")
+        axes.set_xlabel(f"Left-out fit (%), mean and standard error over {ranking.held_out}")
         axes.set_title("Model, free parameters", loc="left", pad=7)
     return figure
 

@@ -76,10 +76,10 @@ class Course:
     evidence: dict[str, Evidence] = field(default_factory=dict)
     fits: dict[str, Fit] = field(default_factory=dict)
     n_blocks: int | None = None
-    _began: float = field(default_factory=time.perf_counter)
+    _began: float = field(default_factory=time.perf_counter, init=False)
     # Seconds of the fits so far, and their parameters: the cost of a fit goes with these first of all.
-    _spent: float = 0.0
-    _done: int = 0
+    _spent: float = field(default=0.0, init=False)
+    _done: int = field(default=0, init=False)
 
     @property
     def judged(self) -> bool:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.coordinates import Box
-from mrwork.identification.descent import difference_quotient
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.estimate import remark_of
 from mrwork.identification.fit import Fit
@@ -20,15 +19,11 @@ from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_t
 from mrwork.uncertainty.information import judged
 from mrwork.uncertainty.scale import Scale, scaled_ranges
 
-# Derivative of the residuals with respect to the free parameters of a box, shape (n_residuals, n_free).
-Derivative = Callable[[Objective, Box, NDArray[np.float64], Box], NDArray[np.float64]]
-
 
 def identifiability_of(
     fit: Fit,
     tests: Sequence[DamperTest],
     *,
-    derivative: Derivative = difference_quotient,
     threads: int = 0,
 ) -> Identifiability:
     """What the tests of a fit say of its parameters.
@@ -46,9 +41,9 @@ def identifiability_of(
     ranges = scaled_ranges(spec, box, objective.tests, theta)
     form = identifiable_form(spec, given_bounds(fit))
     if form.spec is spec:
-        jacobian = derivative(objective, inside, theta, ranges)
+        jacobian = _jacobian(objective, inside, theta)
     else:
-        jacobian = _through(form, objective, theta, derivative)[:, interior]
+        jacobian = _through(form, objective, theta)[:, interior]
     scale = Scale.of(box, ranges, theta)
     # Signed, so that a negative value goes up with its size, and products and ratios come out as they are.
     sign = np.where(scale.of_range | (theta >= 0.0), 1.0, -1.0)
@@ -79,18 +74,21 @@ def identifiability_of(
     return replace(found, verdicts=tuple(verdicts))
 
 
-def _through(
-    form: Form, objective: Objective, theta: NDArray[np.float64], derivative: Derivative
-) -> NDArray[np.float64]:
+def _jacobian(objective: Objective, box: Box, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Derivative of the residuals with respect to the free parameters of a box, shape (n_residuals, n_free)."""
+    _, jacobian = objective.linearised(theta[None], box.free)
+    return np.asarray(jacobian[0].T)
+
+
+def _through(form: Form, objective: Objective, theta: NDArray[np.float64]) -> NDArray[np.float64]:
     """Derivative for a model with redundant parameters, by the chain rule through its form without: exact in them."""
     # Slow to load.
     import jax
 
     there = np.asarray(form.box.inside(np.clip(form.forth(theta), form.box.lower, form.box.upper)))
     own = Objective.of(form.spec, objective.tests, nuisances=objective.nuisances, threads=objective.threads)
-    ranges = scaled_ranges(form.spec, form.box, own.tests, there)
     mapped = np.asarray(jax.jacfwd(form.forth)(jax.numpy.asarray(theta)))
-    return np.asarray(derivative(own, form.box, there, ranges) @ mapped[list(form.box.free)])
+    return np.asarray(_jacobian(own, form.box, there) @ mapped[list(form.box.free)])
 
 
 def given_bounds(fit: Fit) -> dict[str, tuple[float, float]]:

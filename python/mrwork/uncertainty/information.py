@@ -139,9 +139,14 @@ def _weak(
     for variance, vector in zip(variances[::-1], vectors.T[::-1], strict=True):
         if np.sqrt(variance) <= WEAK:
             break
-        changes = changes_along(vector, names, of_range)
+        # Named first is the one that the data leave open most.
+        order = np.argsort(np.arange(len(names)) != np.argmax(np.abs(vector)), kind="stable")
+        changes = changes_along(
+            vector[order], [names[index] for index in order], [of_range[index] for index in order]
+        )
         effect = _effect(changes, jacobian, names)
-        combinations = told_combinations(changes, within=_ABOUT)
+        in_order = sorted(changes, key=lambda change: names.index(change.name))
+        combinations = told_combinations(in_order, within=_ABOUT)
         better = f"; {listed(combinations)} is seen better" if combinations else ""
         first = float(np.sqrt(variance)) * abs(vector[names.index(changes[0].name)])
         sentence = (

@@ -20,7 +20,8 @@ DEFINITIONS = (
     "deviations of each test's force, the log density tempered by n_eff / n. Cycles of one test repeat, so it "
     "is about more of the same tests, not about another excitation.",
     "BIC: n_eff ln(mean squared residual in deviations) + k ln(n_eff), with k free parameters and n_eff "
-    "effective samples, those of the residuals of the family that fits best, for all families alike.",
+    "effective samples, those of the residuals of the family that fits best, for all families alike. Every cycle "
+    "counts anew in n_eff though cycles repeat, so that differences in ELPD and BIC are upper limits.",
 )
 
 

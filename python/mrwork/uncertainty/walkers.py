@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from mrwork.coordinates import Box
 from mrwork.errors import SettingError
-from mrwork.identification.descent import difference_quotient
 from mrwork.identification.explore import search_box
 from mrwork.uncertainty.space import Space
 from mrwork.uncertainty.target import Target
@@ -66,7 +65,7 @@ def _information(target: Target, theta: Array, origin: Array) -> Array:
     searched = search_box(form.spec, form.box, objective.tests)
     misfit = float(objective.plain(theta[None])[0])
     # Residuals of the objective have the squared misfit for their sum of squares, whatever the samples.
-    jacobian = difference_quotient(objective.plain, form.box, theta, searched)
+    jacobian = objective.plain.linearised(theta[None], form.box.free)[1][0].T
     n_free = jacobian.shape[1]
     slope = _position_slope(target, theta, origin, searched)
     by_position = np.linalg.solve(slope.T, jacobian.T).T

@@ -5,7 +5,8 @@ use core::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::{AVX2_GROUPS, GROUPS, LaneJob, Lanes, Pack};
 use crate::real::{
-    EXPONENT_BIAS_AT_TWO_TO_52, MANTISSA_BITS, ONE_BITS, Real, SIXTEENTH_ALIGNER, SQRT_HALF_BITS, TWO_TO_52,
+    Bits, EXPONENT_BIAS_AT_TWO_TO_52, MANTISSA_BITS, ONE_BITS, Real, SIXTEENTH_ALIGNER, SQRT_HALF_BITS,
+    TWO_TO_52,
 };
 
 /// # Safety
@@ -36,6 +37,13 @@ pub(super) unsafe fn run_avx2<J: LaneJob>(candidates: usize, job: J) -> J::Outpu
 #[target_feature(enable = "avx2,fma")]
 pub(super) unsafe fn run_narrow_avx2<J: LaneJob>(job: J) -> J::Output {
     job.run::<Pack<Avx2, 2>>()
+}
+
+/// # Safety
+/// The processor must have the enabled features.
+#[target_feature(enable = "avx2,fma")]
+pub(super) unsafe fn run_vector_avx2<J: LaneJob>(job: J) -> J::Output {
+    job.run::<Avx2>()
 }
 
 /// # Safety
@@ -161,6 +169,9 @@ impl Real for Avx512 {
     fn any(mask: __mmask8) -> bool {
         mask != 0
     }
+}
+
+impl Bits for Avx512 {
     #[inline(always)]
     fn octave(self) -> (Self, Self, Self) {
         unsafe {
@@ -245,6 +256,9 @@ impl Real for Avx2 {
     fn any(mask: __m256d) -> bool {
         unsafe { _mm256_movemask_pd(mask) != 0 }
     }
+}
+
+impl Bits for Avx2 {
     #[inline(always)]
     fn octave(self) -> (Self, Self, Self) {
         unsafe {

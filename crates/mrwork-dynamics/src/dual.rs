@@ -1,0 +1,186 @@
+//! Dual numbers: a value and its derivatives along a few directions, carried along by the chain rule.
+//!
+//! The value takes the operations that a plain number takes, in the same order, so its bits are those of a plain
+//! simulation. The derivatives are exact up to rounding: those of the equations as they are computed, sub-steps and
+//! all. Where an operation has a kink, they are those of the side that the value takes.
+
+use core::ops::{Add, Div, Mul, Neg, Sub};
+
+use crate::elementary::{Elementary, Exponent, exp, power_and_logarithm, tanh, whole_power};
+use crate::real::{Bits, Real};
+
+/// A value and its derivatives along `K` directions.
+#[derive(Clone, Copy)]
+pub struct Dual<R, const K: usize> {
+    /// The value.
+    pub value: R,
+    /// Its derivatives.
+    pub tangents: [R; K],
+}
+
+/// Applies an expression to every direction `$k`; a loop for the reason given in `lanes.rs`.
+macro_rules! each_tangent {
+    ($k:ident => $tangent:expr, from $start:expr) => {{
+        let mut tangents = $start;
+        let mut $k = 0;
+        while $k < K {
+            tangents[$k] = $tangent;
+            $k += 1;
+        }
+        tangents
+    }};
+}
+
+impl<R: Real, const K: usize> Dual<R, K> {
+    /// A value that depends on nothing.
+    #[inline(always)]
+    pub fn constant(value: R) -> Self {
+        Self { value, tangents: [R::splat(0.0); K] }
+    }
+
+    /// A function of this number with that value and that slope.
+    #[inline(always)]
+    fn chain(self, value: R, slope: R) -> Self {
+        Self { value, tangents: each_tangent!(k => slope * self.tangents[k], from self.tangents) }
+    }
+}
+
+impl<R: Bits, const K: usize> Add for Dual<R, K> {
+    type Output = Self;
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        let tangents = each_tangent!(k => self.tangents[k] + other.tangents[k], from self.tangents);
+        Self { value: self.value + other.value, tangents }
+    }
+}
+
+impl<R: Bits, const K: usize> Sub for Dual<R, K> {
+    type Output = Self;
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        let tangents = each_tangent!(k => self.tangents[k] - other.tangents[k], from self.tangents);
+        Self { value: self.value - other.value, tangents }
+    }
+}
+
+impl<R: Bits, const K: usize> Mul for Dual<R, K> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        let (a, b) = (self.value, other.value);
+        let tangents = each_tangent!(
+            k => self.tangents[k].mul_add(b, a * other.tangents[k]), from self.tangents
+        );
+        Self { value: a * b, tangents }
+    }
+}
+
+impl<R: Bits, const K: usize> Div for Dual<R, K> {
+    type Output = Self;
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        let value = self.value / other.value;
+        let per_other = R::splat(1.0) / other.value;
+        let tangents = each_tangent!(
+            k => (-value).mul_add(other.tangents[k], self.tangents[k]) * per_other, from self.tangents
+        );
+        Self { value, tangents }
+    }
+}
+
+impl<R: Bits, const K: usize> Neg for Dual<R, K> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self { value: -self.value, tangents: each_tangent!(k => -self.tangents[k], from self.tangents) }
+    }
+}
+
+impl<R: Bits, const K: usize> Real for Dual<R, K> {
+    type Mask = R::Mask;
+
+    #[inline(always)]
+    fn splat(value: f64) -> Self {
+        Self::constant(R::splat(value))
+    }
+    #[inline(always)]
+    fn mul_add(self, factor: Self, addend: Self) -> Self {
+        let (a, b) = (self.value, factor.value);
+        let tangents = each_tangent!(
+            k => self.tangents[k].mul_add(b, a.mul_add(factor.tangents[k], addend.tangents[k])),
+            from self.tangents
+        );
+        Self { value: a.mul_add(b, addend.value), tangents }
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.chain(self.value.abs(), R::splat(1.0).copysign(self.value))
+    }
+    #[inline(always)]
+    fn copysign(self, sign: Self) -> Self {
+        let own = R::splat(1.0).copysign(self.value);
+        self.chain(self.value.copysign(sign.value), own.copysign(own * sign.value))
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        Self::select(self.less(other), self, other)
+    }
+    #[inline(always)]
+    fn round_ties_even(self) -> Self {
+        Self::constant(self.value.round_ties_even())
+    }
+    #[inline(always)]
+    fn less(self, other: Self) -> Self::Mask {
+        self.value.less(other.value)
+    }
+    #[inline(always)]
+    fn equal(self, other: Self) -> Self::Mask {
+        self.value.equal(other.value)
+    }
+    #[inline(always)]
+    fn select(mask: Self::Mask, yes: Self, no: Self) -> Self {
+        let tangents =
+            each_tangent!(k => R::select(mask, yes.tangents[k], no.tangents[k]), from yes.tangents);
+        Self { value: R::select(mask, yes.value, no.value), tangents }
+    }
+    #[inline(always)]
+    fn all(mask: Self::Mask) -> bool {
+        R::all(mask)
+    }
+    #[inline(always)]
+    fn any(mask: Self::Mask) -> bool {
+        R::any(mask)
+    }
+}
+
+impl<R: Bits, const K: usize> Elementary for Dual<R, K> {
+    #[inline(always)]
+    fn exponential(self) -> Self {
+        let value = exp(self.value);
+        self.chain(value, value)
+    }
+
+    /// d(x^n) = n x^(n-1) dx + x^n ln x dn; at x = 0 the slopes are 1 (for n = 1) or 0, and 0.
+    #[inline(always)]
+    fn power(self, exponent: &Exponent<Self>) -> Self {
+        let x = self.value;
+        let Dual { value: n, tangents: n_tangents } = exponent.n;
+        let (general, logarithm) = power_and_logarithm(x, n);
+        let value = R::select(exponent.whole, whole_power(x, n), general);
+        let one = R::splat(1.0);
+        let at_rest = R::select(one.less(n), R::splat(0.0), one);
+        let slope = R::select(x.less(R::splat(f64::MIN_POSITIVE)), at_rest, n * value / x);
+        let along_n = value * logarithm * R::splat(core::f64::consts::LN_2);
+        let tangents = each_tangent!(
+            k => slope.mul_add(self.tangents[k], along_n * n_tangents[k]), from self.tangents
+        );
+        Self { value, tangents }
+    }
+
+    #[inline(always)]
+    fn hyperbolic_tangent(self) -> Self {
+        let value = tanh(self.value);
+        let one = R::splat(1.0);
+        self.chain(value, (one - value) * (one + value))
+    }
+}
