@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,13 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from mrwork.records.cycles import whole_cycles
 from mrwork.report import style
 from mrwork.report.cycles import even_samples
-from mrwork.report.dossier.canvas import column_axes, small_axes
+from mrwork.report.dossier.canvas import column_axes
 from mrwork.report.panels import finish, legend
 from mrwork.report.style import DisplayUnit
 from mrwork.uncertainty.bands.band import Band
@@ -101,42 +99,6 @@ def velocity_loop(banded: Banded, unit: DisplayUnit) -> Figure:
     scale = style.MILLIMETRE_PER_SECOND
     test = banded.prediction.test
     return _loop(banded, unit, test.velocity[test.counted] * scale.factor, f"Velocity ({scale.symbol})")
-
-
-def cycle_figure(title: str, measured: Array, model: Array, bands: Sequence[Band], factor: float) -> Figure:
-    """A quantity of each cycle, shape (n_cycles,), times `factor`, with its bands: bars, narrower for parameters."""
-    number = np.arange(1, measured.size + 1)
-    with style.drawn_in_style():
-        figure, axes = small_axes(labelled=True)
-        for band in bands:
-            lower, upper = band.lower * factor, band.upper * factor
-            wide = band.kind == "prediction"
-            axes.bar(
-                number,
-                upper - lower,
-                bottom=lower,
-                width=0.84 if wide else 0.4,
-                color=style.BAND if wide else style.PARAMETER_BAND,
-                edgecolor=style.BAND_EDGE if wide else style.PARAMETER_BAND,
-                linewidth=0.7,
-            )
-        axes.plot(number, model * factor, linestyle="none", marker="_", markersize=9, color=style.MODEL)
-        axes.plot(
-            number,
-            measured * factor,
-            linestyle="none",
-            marker="o",
-            markersize=3.6,
-            markerfacecolor=style.INK,
-            markeredgewidth=0,
-        )
-        axes.set_title(title, loc="left", pad=6)
-        axes.use_sticky_edges = False
-        axes.autoscale_view()
-        axes.set_xlim(0.3, measured.size + 0.7)
-        axes.xaxis.set_major_locator(MaxNLocator(nbins=4, integer=True))
-        axes.set_xlabel("Cycle")
-    return figure
 
 
 def middle_cycle(prediction: Prediction) -> slice:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from mrwork.report import figures, numbers
 from mrwork.report.comparison import Comparison
@@ -147,8 +148,8 @@ def _panels(
     unit = figures.common_force_unit(comparisons)
     name = comparison.test.name + (" (synthetic)" if comparison.test.synthetic else "")
 
-    def of(suffix: str, title: str, figure: object, what: str, note: str = "") -> Panel:
-        return panel(f"r{number}-{suffix}", title, figure, f"{what}, test {name}", note)  # type: ignore[arg-type]
+    def of(suffix: str, title: str, figure: Figure, what: str, note: str = "") -> Panel:
+        return panel(f"r{number}-{suffix}", title, figure, f"{what}, test {name}", note)
 
     return (
         of(
