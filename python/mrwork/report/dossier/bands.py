@@ -142,7 +142,7 @@ def _left_out_groups(
     whole = Group(
         title=f"A test left out: {prediction.test.name}",
         synthetic=prediction.test.synthetic,
-        prose=(f"{inside} The band is {band.basis}; this one is not among them.",),
+        prose=(f"The band is {band.basis}; this one is not among them.",),
         panels=(
             panel(
                 f"l{number}-displacement",

@@ -59,7 +59,7 @@ def _summary(found: Sequence[ResidualTests]) -> str:
     if coloured == 0:
         return "Residuals: nothing speaks against white noise."
     repeating = _repeating(found)
-    said = f"Residuals: not noise on {tests_of(coloured, len(found))}"
+    said = f"Residuals: correlated on {tests_of(coloured, len(found))}"
     if not repeating:
         return f"{said}."
     return f"{said}; {most_of(float(np.median(repeating)))} % of their mean square comes back in every cycle."
@@ -99,7 +99,7 @@ def _origin(repeating: Sequence[float]) -> str:
     if not repeating:
         return "Whether it is the model that errs or noise that remembers cannot be told without cycles that repeat."
     low, high = most_of(min(repeating)), most_of(max(repeating))
-    text = f"From cycle to cycle {low if low == high else f'{low} to {high}'} % of their mean square stays the same"
+    text = f"From cycle to cycle {low if low == high else f'between {low} and {high}'} % of their mean square stays the same"
     if float(np.median(repeating)) > _MOST:
         return (
             f"{text}: that is error of the model, not noise. Longer records of the same motion do not reduce it, "
