@@ -154,7 +154,7 @@ def _fill_over(
 
 def _fill_loop(axes: Axes, across: Array, band: Band, samples: slice, unit: DisplayUnit) -> None:
     """A band that follows the loop: the area between each two samples, all of the same flat colour."""
-    drawn = _thin(across.size)
+    drawn = even_samples(across, band.upper[samples], _BAND_POINTS, aspect=_ASPECT)
     lower, upper = (end[samples][drawn] * unit.factor for end in (band.lower, band.upper))
     x = across[drawn]
     # All run through in the same sense: areas that overlap with opposite ones would leave holes.
@@ -180,7 +180,7 @@ def _fill_loop(axes: Axes, across: Array, band: Band, samples: slice, unit: Disp
 def _draw_lines(axes: Axes, across: Array, banded: Banded, samples: slice, unit: DisplayUnit) -> None:
     measured = banded.prediction.measured[samples] * unit.factor
     model = banded.prediction.force[samples] * unit.factor
-    line = _thin(across.size)
+    line = even_samples(across, model, _BAND_POINTS, aspect=_ASPECT)
     axes.plot(across[line], model[line], color=style.MODEL, linewidth=1.2, label="model", zorder=2.3)
     drawn = even_samples(across, measured, _POINTS, aspect=_ASPECT)
     axes.plot(

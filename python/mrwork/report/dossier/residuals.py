@@ -99,7 +99,8 @@ def _origin(repeating: Sequence[float]) -> str:
     if not repeating:
         return "Whether it is the model that errs or noise that remembers cannot be told without cycles that repeat."
     low, high = most_of(min(repeating)), most_of(max(repeating))
-    text = f"From cycle to cycle {low if low == high else f'between {low} and {high}'} % of their mean square stays the same"
+    span = low if low == high else f"between {low} and {high}"
+    text = f"From cycle to cycle {span} % of their mean square stays the same"
     if float(np.median(repeating)) > _MOST:
         return (
             f"{text}: that is error of the model, not noise. Longer records of the same motion do not reduce it, "
