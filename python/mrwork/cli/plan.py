@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.cli.dossier import renew_dossier
 from mrwork.cli.options import add_json
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
@@ -107,6 +108,7 @@ def run(options: argparse.Namespace) -> int:
     from mrwork.report.plan_figure import plan_figure
 
     add_to_run(opened.place, PLAN, document, {"plan": plan_figure(check.plan, unit)})
+    renew_dossier(opened.place)
     if options.json:
         print(json.dumps(json.loads(json_document(document | {"out": str(opened.place / PLAN)}))))
     else:

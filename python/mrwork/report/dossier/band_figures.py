@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,13 +9,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from mrwork.records.cycles import whole_cycles
 from mrwork.report import style
 from mrwork.report.cycles import even_samples
-from mrwork.report.dossier.canvas import column_axes, small_axes
+from mrwork.report.dossier.canvas import column_axes
 from mrwork.report.panels import finish, legend
 from mrwork.report.style import DisplayUnit
 from mrwork.uncertainty.bands.band import Band
@@ -103,42 +101,6 @@ def velocity_loop(banded: Banded, unit: DisplayUnit) -> Figure:
     return _loop(banded, unit, test.velocity[test.counted] * scale.factor, f"Velocity ({scale.symbol})")
 
 
-def cycle_figure(title: str, measured: Array, model: Array, bands: Sequence[Band], factor: float) -> Figure:
-    """A quantity of each cycle, shape (n_cycles,), times `factor`, with its bands: bars, narrower for parameters."""
-    number = np.arange(1, measured.size + 1)
-    with style.drawn_in_style():
-        figure, axes = small_axes(labelled=True)
-        for band in bands:
-            lower, upper = band.lower * factor, band.upper * factor
-            wide = band.kind == "prediction"
-            axes.bar(
-                number,
-                upper - lower,
-                bottom=lower,
-                width=0.84 if wide else 0.4,
-                color=style.BAND if wide else style.PARAMETER_BAND,
-                edgecolor=style.BAND_EDGE if wide else style.PARAMETER_BAND,
-                linewidth=0.7,
-            )
-        axes.plot(number, model * factor, linestyle="none", marker="_", markersize=9, color=style.MODEL)
-        axes.plot(
-            number,
-            measured * factor,
-            linestyle="none",
-            marker="o",
-            markersize=3.6,
-            markerfacecolor=style.INK,
-            markeredgewidth=0,
-        )
-        axes.set_title(title, loc="left", pad=6)
-        axes.use_sticky_edges = False
-        axes.autoscale_view()
-        axes.set_xlim(0.3, measured.size + 0.7)
-        axes.xaxis.set_major_locator(MaxNLocator(nbins=4, integer=True))
-        axes.set_xlabel("Cycle")
-    return figure
-
-
 def middle_cycle(prediction: Prediction) -> slice:
     """The whole cycle in the middle of the samples that count; all of them where there is none."""
     cycles = whole_cycles(prediction.test.displacement[prediction.test.counted])
@@ -192,7 +154,7 @@ def _fill_over(
 
 def _fill_loop(axes: Axes, across: Array, band: Band, samples: slice, unit: DisplayUnit) -> None:
     """A band that follows the loop: the area between each two samples, all of the same flat colour."""
-    drawn = _thin(across.size)
+    drawn = even_samples(across, band.upper[samples], _BAND_POINTS, aspect=_ASPECT)
     lower, upper = (end[samples][drawn] * unit.factor for end in (band.lower, band.upper))
     x = across[drawn]
     # All run through in the same sense: areas that overlap with opposite ones would leave holes.
@@ -218,7 +180,7 @@ def _fill_loop(axes: Axes, across: Array, band: Band, samples: slice, unit: Disp
 def _draw_lines(axes: Axes, across: Array, banded: Banded, samples: slice, unit: DisplayUnit) -> None:
     measured = banded.prediction.measured[samples] * unit.factor
     model = banded.prediction.force[samples] * unit.factor
-    line = _thin(across.size)
+    line = even_samples(across, model, _BAND_POINTS, aspect=_ASPECT)
     axes.plot(across[line], model[line], color=style.MODEL, linewidth=1.2, label="model", zorder=2.3)
     drawn = even_samples(across, measured, _POINTS, aspect=_ASPECT)
     axes.plot(

@@ -6,43 +6,30 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
-from mrwork.report import figures, numbers
+from mrwork.report import figures
 from mrwork.report.comparison import Comparison
 from mrwork.report.dossier.band_figures import (
     Banded,
-    cycle_figure,
     displacement_loop,
     error_figure,
     time_figure,
     velocity_loop,
 )
 from mrwork.report.dossier.coverage import JUDGED, conditions_in_words
+from mrwork.report.dossier.cycle_panels import cycle_panels
 from mrwork.report.dossier.parameter_draws import ParameterDraws, drawn_forces
-from mrwork.report.dossier.section import Group, Panel, Section, panel
+from mrwork.report.dossier.section import Group, Section, panel
 from mrwork.report.dossier.stored_bands import StoredBands
 from mrwork.report.dossier.wording import percent
 from mrwork.report.style import DisplayUnit
-from mrwork.uncertainty.bands.band import Band, score
+from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.conformal import calibrate
-from mrwork.uncertainty.bands.cycle import (
-    QUANTITIES,
-    CycleQuantity,
-    cycle_band,
-    cycles_of,
-    errors_over_cycles,
-)
 from mrwork.uncertainty.bands.parametric import parameter_band
 from mrwork.uncertainty.bands.prediction import Prediction
 
 # Tests of the fit, and tests left out, that are drawn.
 _OWN, _LEFT_OUT = 1, 6
-_QUANTITIES: dict[CycleQuantity, tuple[str, float]] = {
-    "energy": ("Energy per cycle (J)", 1.0),
-    "stiffness": ("Stiffness (N/mm)", 1e-3),
-    "damping": ("Damping (N s/mm)", 1e-3),
-}
 
 
 def band_section(
@@ -118,7 +105,7 @@ def _own_groups(
     whole = Group(
         title=f"A test of the fit: {comparison.test.name}",
         synthetic=comparison.test.synthetic,
-        prose=(text,),
+        prose=(text,) if said else (),
         panels=(
             panel(
                 f"b{number}-time",
@@ -134,7 +121,7 @@ def _own_groups(
             ),
         ),
     )
-    return whole, Group(panels=_cycle_panels(f"b{number}", prediction, errors, forces), layout="small")
+    return whole, Group(panels=cycle_panels(f"b{number}", prediction, errors, forces), layout="small")
 
 
 def _left_out_groups(
@@ -155,7 +142,7 @@ def _left_out_groups(
     whole = Group(
         title=f"A test left out: {prediction.test.name}",
         synthetic=prediction.test.synthetic,
-        prose=(f"{inside} The band is {band.basis}; this one is not among them.",),
+        prose=(f"The band is {band.basis}; this one is not among them.",),
         panels=(
             panel(
                 f"l{number}-displacement",
@@ -173,49 +160,7 @@ def _left_out_groups(
             ),
         ),
     )
-    return whole, Group(panels=_cycle_panels(f"l{number}", prediction, others, None), layout="small")
-
-
-def _cycle_panels(
-    identifier: str, prediction: Prediction, others: Sequence[Prediction], forces: np.ndarray | None
-) -> tuple[Panel, ...]:
-    """Energy, stiffness and damping of each cycle; none where the test has no whole cycle."""
-    test = prediction.test
-    try:
-        measured, model = cycles_of(test, test.force), cycles_of(test, prediction.model_force)
-    except RecordError:
-        return ()
-    drawn = [] if forces is None else [cycles_of(test, force) for force in forces]
-    panels = []
-    for name in QUANTITIES:
-        title, factor = _QUANTITIES[name]
-        bands: list[Band] = []
-        scores = [_errors(each, name) for each in others]
-        scores = [each for each in scores if each.size]
-        if scores:
-            bands.append(cycle_band(prediction, name, scores, JUDGED))
-        if drawn:
-            bands.append(parameter_band(np.array([each.quantity(name) for each in drawn]), JUDGED))
-        values = measured.quantity(name)
-        figure = cycle_figure(title, values, model.quantity(name), bands, factor)
-        kinds = " and ".join(band.kind for band in bands) or "no"
-        panels.append(
-            panel(
-                f"{identifier}-{name}",
-                "",
-                figure,
-                f"{title} of each cycle of test {test.name} with {kinds} band, mean "
-                f"{numbers.significant(float(values.mean()) * factor, 3)}",
-            )
-        )
-    return tuple(panels)
-
-
-def _errors(prediction: Prediction, name: CycleQuantity) -> np.ndarray:
-    try:
-        return errors_over_cycles(prediction, name)
-    except RecordError:
-        return np.empty(0)
+    return whole, Group(panels=cycle_panels(f"l{number}", prediction, others, None), layout="small")
 
 
 def _chosen(bands: StoredBands) -> list[Prediction]:

@@ -17,6 +17,8 @@ from mrwork.uncertainty.bands.coverage import LEVELS, LeftOutCoverage
 JUDGED = 0.9
 _RIGHT = (0.8, 0.97)
 _FEW = 0.5
+# Tests whose coverage tells that of the next.
+_LEAST = 5
 _COLOURS = {0.5: style.DATA, 0.9: style.MODEL, 0.95: style.RESIDUAL}
 _ROW = 0.27
 # Width of a letter [in], on average.
@@ -112,7 +114,7 @@ def _verdict(rows: list[dict[float, LeftOutCoverage]]) -> str:
     shares = [row[JUDGED].samples.coverage for row in rows]
     mean = float(np.mean(shares))
     text = (
-        f"The band of each test is calibrated on the other {len(shares) - 1} only. On average {percent(mean)} % of the "
+        f"The band of each test is calibrated on the {_others(len(shares) - 1)} only. On average {percent(mean)} % of the "
         f"samples lie inside the 90 % bands, from {percent(min(shares))} to "
         f"{percent(max(shares))} %. "
     )
@@ -127,6 +129,8 @@ def _verdict(rows: list[dict[float, LeftOutCoverage]]) -> str:
     low = [share for share in shares if share < _RIGHT[0]]
     if low and mean >= _RIGHT[0]:
         text += f" For {len(low)} of {len(shares)} tests they are too narrow all the same."
+    if len(shares) < _LEAST:
+        text += f" So few as {len(shares)} tests say little of the next."
     cycles = [row[JUDGED].cycles_inside for row in rows if np.isfinite(row[JUDGED].cycles_inside)]
     if cycles and min(cycles) < _FEW:
         text += (
@@ -134,6 +138,10 @@ def _verdict(rows: list[dict[float, LeftOutCoverage]]) -> str:
             "of one test are alike, so that of a test nearly all or nearly none do."
         )
     return text
+
+
+def _others(count: int) -> str:
+    return "other" if count == 1 else f"other {count}"
 
 
 def _table(rows: list[dict[float, LeftOutCoverage]], names: list[str]) -> Table:

@@ -15,6 +15,7 @@ from mrwork.report.dossier.bands import band_section
 from mrwork.report.dossier.coverage import coverage_section
 from mrwork.report.dossier.identifiability import identifiability_section
 from mrwork.report.dossier.parameter_draws import parameter_draws
+from mrwork.report.dossier.plan import plan_section
 from mrwork.report.dossier.posterior import posterior_section
 from mrwork.report.dossier.ranking import ranking_section
 from mrwork.report.dossier.residuals import residual_section
@@ -23,7 +24,8 @@ from mrwork.report.dossier.stored_bands import read_bands
 from mrwork.report.dossier.stored_draws import read_draws
 from mrwork.report.fit_json import Record, record_from_json
 from mrwork.report.html import identification_report
-from mrwork.report.run_directory import PROFILES, RANKING
+from mrwork.report.run_directory import PLAN, PROFILES, RANKING
+from mrwork.uncertainty.plan_draws import Check
 from mrwork.uncertainty.profile import Profiles
 from mrwork.uncertainty.verdict import Ranking
 
@@ -49,6 +51,13 @@ _RANKING = Absent(
     title="Choice of model",
     command="mrwork identify TESTS --model all",
     says="compares families of models by what their fits have not seen, in a run of its own.",
+)
+
+
+_PLAN = Absent(
+    title="Next test",
+    command="mrwork plan RUN",
+    says="ranks candidates for the next test by how much they would narrow a band.",
 )
 
 
@@ -108,6 +117,11 @@ def dossier_page(
     else:
         absent.append(_RANKING)
     spec = fit.spec
+    plan = _stored(Check, place, PLAN, name="plan", verb="plan")
+    if plan is not None:
+        sections.append(plan_section(plan, None if spec.current is None else spec.current.unit))
+    else:
+        absent.append(_PLAN)
     return identification_report(
         fit,
         comparisons,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.errors import SettingError
+from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
 from mrwork.identification.nuisance import NuisanceName, nuisance_of
@@ -51,13 +51,19 @@ def parameter_draws(
         position = first_walkers(target, start, _DRAWS, np.random.default_rng(0))
     except (SettingError, np.linalg.LinAlgError):
         return None
-    values = np.asarray(target.space.values(position))[:, : target.space.n_params]
+    values = np.asarray(target.space.values(position)[0])[:, : target.space.n_params]
     return ParameterDraws(theta=np.asarray(form.back(values)), origin="the Fisher ellipsoid about the fit")
 
 
-def drawn_forces(fit: Fit, draws: ParameterDraws, test: DamperTest) -> Array:
-    """Forces of the draws on a test [N], shape (n_draws, n_time), relieved of nuisances as in the fit."""
-    forces = simulate_draws(fit.spec, draws.theta, test)
+def drawn_forces(fit: Fit, draws: ParameterDraws, test: DamperTest) -> Array | None:
+    """Forces of the draws on a test [N], shape (n_draws, n_time), relieved of nuisances as in the fit.
+
+    `None` where too many of them cannot be simulated.
+    """
+    try:
+        forces = simulate_draws(fit.spec, draws.theta, test)
+    except SimulationError:
+        return None
     if not fit.nuisances:
         return forces
     return np.array([_relieved(force, test, fit.nuisances) for force in forces])

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from mrwork.report import figures, numbers
 from mrwork.report.comparison import Comparison
@@ -58,8 +59,10 @@ def _summary(found: Sequence[ResidualTests]) -> str:
     if coloured == 0:
         return "Residuals: nothing speaks against white noise."
     repeating = _repeating(found)
-    share = f"; {most_of(float(np.median(repeating)))} % of their mean square comes back in every cycle"
-    return f"Residuals: not noise on {tests_of(coloured, len(found))}{share if repeating else ''}."
+    said = f"Residuals: correlated on {tests_of(coloured, len(found))}"
+    if not repeating:
+        return f"{said}."
+    return f"{said}; {most_of(float(np.median(repeating)))} % of their mean square comes back in every cycle."
 
 
 def _repeating(found: Sequence[ResidualTests]) -> list[float]:
@@ -96,7 +99,8 @@ def _origin(repeating: Sequence[float]) -> str:
     if not repeating:
         return "Whether it is the model that errs or noise that remembers cannot be told without cycles that repeat."
     low, high = most_of(min(repeating)), most_of(max(repeating))
-    text = f"From cycle to cycle {low if low == high else f'{low} to {high}'} % of their mean square stays the same"
+    span = low if low == high else f"between {low} and {high}"
+    text = f"From cycle to cycle {span} % of their mean square stays the same"
     if float(np.median(repeating)) > _MOST:
         return (
             f"{text}: that is error of the model, not noise. Longer records of the same motion do not reduce it, "
@@ -145,8 +149,8 @@ def _panels(
     unit = figures.common_force_unit(comparisons)
     name = comparison.test.name + (" (synthetic)" if comparison.test.synthetic else "")
 
-    def of(suffix: str, title: str, figure: object, what: str, note: str = "") -> Panel:
-        return panel(f"r{number}-{suffix}", title, figure, f"{what}, test {name}", note)  # type: ignore[arg-type]
+    def of(suffix: str, title: str, figure: Figure, what: str, note: str = "") -> Panel:
+        return panel(f"r{number}-{suffix}", title, figure, f"{what}, test {name}", note)
 
     return (
         of(
