@@ -12,7 +12,7 @@ from mrwork.uncertainty.ranking import Standing
 from mrwork.uncertainty.verdict import Ranking
 
 _ROW = 0.27
-_AROUND = 1.15
+_AROUND = 1.35
 _WIDTH = 7.2
 # Points below the best that are drawn to scale; what is worse stands at the edge with its number.
 _RANGE = 40.0
@@ -39,7 +39,7 @@ def ranking_figure(ranking: Ranking) -> Figure:
         axes.set_xlim(edge - margin, min(farthest + margin, 100.5))
         axes.grid(visible=True, axis="x")
         axes.xaxis.set_major_locator(MaxNLocator(nbins=7, steps=[1, 2, 2.5, 5, 10]))
-        axes.set_xlabel(f"Left-out fit (%), mean and standard error over {ranking.held_out}")
+        axes.set_xlabel(f"Left-out fit (%), mean and standard error over\n{ranking.held_out}")
         axes.set_title("Model, free parameters", loc="left", pad=7)
     return figure
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,15 +12,12 @@ from mrwork.coordinates import Box
 from mrwork.identification.objective import Objective
 from mrwork.uncertainty.scale import Scale
 
-# Of a parameter's size, to one side: the error of the quotient, about the step itself relative to the derivative,
-# turns a step but does not move where it ends: there the residuals decide.
-_STEP = 1e-6
 # Numbers that the residuals of one batch may hold at once.
 _NUMBERS = 2**24
 
 # Residuals (n_residuals,) and their derivative (n_residuals, n_free) per unit of the free parameters, at each row of
 # theta (n_batch, n_params).
-Linearise = Callable[[NDArray[np.float64]], list[tuple[NDArray[np.float64], NDArray[np.float64]]]]
+Linearise = Callable[[NDArray[np.float64]], Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,31 +117,14 @@ def curvature(linearise: Linearise, scaled: Scaled, position: NDArray[np.float64
     )
 
 
-def by_differences(objective: Objective, box: Box, scale: Scale) -> Linearise:
-    """Residuals and difference quotients, all columns of several rows in one batch."""
-    free = np.array(box.free, dtype=int)
-    middle = 0.5 * (np.array(box.lower) + np.array(box.upper))[free]
-    size = scale.size[free]
-    log = np.array(box.log)[free]
+def linearise(objective: Objective, columns: Sequence[int]) -> Linearise:
+    """Residuals and exact derivatives with respect to columns of theta, a few rows at a time."""
+    rows = max(1, _NUMBERS // ((len(columns) + 1) * objective.n_time))
 
-    def linearised(theta: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        at = theta[:, free]
-        step = _STEP * np.where(log, at, np.maximum(np.abs(at), size))
-        # Away from the farther face, so that no candidate leaves the model's range.
-        step = np.where(at > middle, -step, step)
-        points = np.repeat(theta[:, None, :], free.size + 1, axis=1)
-        points[:, np.arange(free.size) + 1, free] += step
-        found = objective.residuals(points.reshape(-1, theta.shape[1]))
-        found = found.reshape(len(theta), free.size + 1, -1)
-        return [
-            (own[0], ((own[1:] - own[0]) / each[:, None]).T) for own, each in zip(found, step, strict=True)
-        ]
+    def linearised(theta: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        for first in range(0, len(theta), rows):
+            residuals, jacobian = objective.linearised(theta[first : first + rows], columns)
+            for own, slope in zip(residuals, jacobian, strict=True):
+                yield own, slope.T
 
-    rows = max(1, _NUMBERS // ((free.size + 1) * objective.n_time))
-
-    def in_chunks(theta: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        return [
-            pair for first in range(0, len(theta), rows) for pair in linearised(theta[first : first + rows])
-        ]
-
-    return in_chunks
+    return linearised

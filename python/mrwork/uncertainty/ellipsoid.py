@@ -13,10 +13,11 @@ Array = NDArray[np.float64]
 
 # Information that an even spread over the unit interval is worth; it bounds what the data do not see.
 _EVEN = 12.0
-# Residuals are differenced over steps that change them by this share of their size, none longer than `_LONGEST`; how
-# long these are, a first and very short one tells. Coordinates are known to anything from 1e-11 to not at all.
+# Residuals are differenced over steps that change them by this share of their size, found from the longest step down:
+# some coordinates are known to 1e-11 and some not at all, and where a model jumps, too short a step meets one jump.
 _SHARE = 0.01
-_FIRST, _LONGEST = 1e-12, 1e-4
+_LONGEST = 1e-4
+_PASSES = 4
 # A coordinate nearer to a face of the box than this lies on it, and counts as known there.
 _ON_FACE = 1e-4
 # Gauss-Newton: at most so many steps, each tried in these lengths, until the log density gains no more than this.
@@ -101,8 +102,8 @@ def _slope(target: Target, centre: Array, moving: NDArray[np.intp]) -> tuple[Arr
     """Derivative of all residuals with respect to the parameters' coordinates, (n_free, n_residuals), and residuals."""
     parameters = moving[moving < target.space.n_dim - len(target.noise.parameters)]
     residual = _residuals(target, centre[None])[0]
-    step = np.full(parameters.size, _FIRST)
-    for _ in range(3):
+    step = np.full(parameters.size, _LONGEST)
+    for _ in range(_PASSES):
         offsets = np.zeros((parameters.size, centre.size))
         offsets[np.arange(parameters.size), parameters] = step
         ahead, behind = np.split(_residuals(target, np.concatenate([centre + offsets, centre - offsets])), 2)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import Any
 
@@ -32,49 +33,48 @@ class NutsDraws:
 class Trajectories:
     """What trajectories run in: coordinates in which the target is about a standard normal.
 
-    Logits of the position, which know no faces, then centred and scaled by the Fisher ellipsoid.
+    Logits of the unit coordinates, which know no faces, then centred and scaled by the Fisher ellipsoid. Of a pair k
+    and k x0 the second would have a face that moves with the first; so x0 itself stands for it, with the volume |k|.
     """
 
+    target: Target
     origin: Array
     root: Array
-    product: int | None
+    stiffness: int | None
     log_density: LogDensity
 
     @classmethod
     def of(cls, target: Target, start: Array) -> Trajectories:
         """The coordinates about `start`, (n_params,)."""
         pair = target.space.pair
-        product = None if pair is None else pair[1]
-        origin, root = ellipsoid(target, start)
+        even_in_product = pair is not None and target.space.priors[pair[1]] is None
+        plain = replace(target, space=replace(target.space, pair=None))
+        origin, root = ellipsoid(plain, start)
         # A fit on a face of the box is an infinite logit: one deviation inside is where the draws will be.
         deviation = np.minimum(np.sqrt(np.sum(root**2, axis=1)), 0.25)
         inside = np.clip(origin, deviation, 1.0 - deviation)
         slope = 1.0 / (inside * (1.0 - inside))
-        latent = np.log(inside) - np.log1p(-inside)
-        if product is not None:
-            # A product k x0 has no faces of its own.
-            slope[product], latent[product] = 1.0, origin[product]
-        theta = target.form.box.inside(start)
         return cls(
-            origin=latent,
+            target=plain,
+            origin=np.log(inside) - np.log1p(-inside),
             root=slope[:, None] * root,
-            product=product,
-            log_density=twin_log_posterior(target, substeps_at(target, theta)),
+            stiffness=plain.space.box.free[pair[0]] if pair is not None and even_in_product else None,
+            log_density=twin_log_posterior(plain, substeps_at(plain, target.form.box.inside(start))),
         )
 
     def position(self, place: jax.Array) -> jax.Array:
-        """Position of the target, (n_dim,), from that of a trajectory."""
-        latent = self.origin + self.root @ place
-        position = jax.nn.sigmoid(latent)
-        return position if self.product is None else position.at[self.product].set(latent[self.product])
+        """Unit coordinates, (n_dim,), from a place on a trajectory."""
+        return jax.nn.sigmoid(self.origin + self.root @ place)
 
     def potential(self, place: jax.Array) -> jax.Array:
         """Minus the log density of a place."""
         latent = self.origin + self.root @ place
-        volumes = jax.nn.log_sigmoid(latent) + jax.nn.log_sigmoid(-latent)
-        if self.product is not None:
-            volumes = volumes.at[self.product].set(0.0)
-        return -(self.log_density(self.position(place)) + jnp.sum(volumes))
+        position = jax.nn.sigmoid(latent)
+        density = self.log_density(position)
+        density = density + jnp.sum(jax.nn.log_sigmoid(latent) + jax.nn.log_sigmoid(-latent))
+        if self.stiffness is not None:
+            density = density + jnp.log(jnp.abs(self.target.space.values(position)[0][self.stiffness]))
+        return -density
 
 
 def sample_nuts(
@@ -96,6 +96,19 @@ def sample_nuts(
     SettingError
         Where numpyro is not installed, or the twin has no such target.
     """
+    return nuts_of(target, start, warmup=warmup, draws=draws, chains=chains)(rng)
+
+
+def nuts_of(
+    target: Target, start: Array, *, warmup: int, draws: int, chains: int
+) -> Callable[[int], NutsDraws]:
+    """What `sample_nuts` runs, by seed; compiled on the first call.
+
+    Raises
+    ------
+    SettingError
+        As `sample_nuts`.
+    """
     try:
         numpyro: Any = import_module("numpyro.infer")
     except ModuleNotFoundError as error:
@@ -112,18 +125,18 @@ def sample_nuts(
         chain_method="sequential",
         progress_bar=False,
     )
-    key, places = (
-        jax.random.PRNGKey(rng),
-        np.random.default_rng(rng).standard_normal((chains, len(trajectories.origin))),
-    )
-    first = jnp.asarray(places if chains > 1 else places[0])
-    run.run(key, init_params=first, extra_fields=("diverging", "num_steps"))
-    found = run.get_samples(group_by_chain=True)
-    positions = jax.vmap(jax.vmap(trajectories.position))(found)
-    extra = run.get_extra_fields()
-    values, _ = target.space.values(np.asarray(positions))
-    return NutsDraws(
-        values=np.asarray(values),
-        diverged=int(np.sum(extra["diverging"])),
-        evaluations=int(np.sum(extra["num_steps"])),
-    )
+    mapped = jax.jit(jax.vmap(jax.vmap(trajectories.position)))
+
+    def sample(rng: int) -> NutsDraws:
+        places = np.random.default_rng(rng).standard_normal((chains, len(trajectories.origin)))
+        first = jnp.asarray(places if chains > 1 else places[0])
+        run.run(jax.random.PRNGKey(rng), init_params=first, extra_fields=("diverging", "num_steps"))
+        extra = run.get_extra_fields()
+        values, _ = trajectories.target.space.values(np.asarray(mapped(run.get_samples(group_by_chain=True))))
+        return NutsDraws(
+            values=np.asarray(values),
+            diverged=int(np.sum(extra["diverging"])),
+            evaluations=int(np.sum(extra["num_steps"])),
+        )
+
+    return sample

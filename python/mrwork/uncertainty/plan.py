@@ -18,7 +18,7 @@ from mrwork.simulate import Outcome, simulate_forces
 from mrwork.spec import DamperSpec
 from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
 from mrwork.uncertainty.candidates import Candidate, motion_of
-from mrwork.uncertainty.curvature import Scaled, by_differences, curvature
+from mrwork.uncertainty.curvature import Scaled, curvature, linearise
 from mrwork.uncertainty.identifiability import given_bounds
 from mrwork.uncertainty.scale import Scale, scaled_ranges
 
@@ -161,7 +161,7 @@ def knowledge_of(fit: Fit, tests: Sequence[DamperTest], *, threads: int = 0) -> 
     scale = Scale.of(box, ranges, theta)
     scaled = Scaled.of(box, scale, theta)
     position = scaled.position(theta)
-    here = curvature(by_differences(objective, box, scale), scaled, position[None])
+    here = curvature(linearise(objective, box.free), scaled, position[None])
     residuals = objective.residuals(theta[None])[0]
     n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
     dof = n_effective * max(1.0 - len(box.free) / residuals.size, 0.0)

@@ -18,7 +18,7 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.objective import Objective
 from mrwork.records import DamperTest
 from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
-from mrwork.uncertainty.curvature import Linearise, Scaled, by_differences, curvature
+from mrwork.uncertainty.curvature import Scaled, curvature, linearise
 from mrwork.uncertainty.identifiability import given_bounds
 from mrwork.uncertainty.profile import Profiles, profile_of
 from mrwork.uncertainty.scale import Scale, scaled_ranges
@@ -55,7 +55,6 @@ def profile_likelihood(
     *,
     parameters: Sequence[str] = (),
     level: float = 0.95,
-    linearise: Callable[[Objective, Box, Scale], Linearise] = by_differences,
     threads: int = 0,
     on_progress: Callable[[ProfileProgress], None] | None = None,
 ) -> Profiles:
@@ -76,8 +75,6 @@ def profile_likelihood(
         Names of those to profile; default all that are free.
     level
         Of the intervals.
-    linearise
-        How residuals and their derivatives are computed.
     on_progress
         Called after each batch.
 
@@ -106,7 +103,7 @@ def profile_likelihood(
     objective = Objective.of(spec, tuple(tests), nuisances=fit.nuisances, threads=threads)
     scale = Scale.of(box, scaled_ranges(spec, box, objective.tests, theta), theta)
     scaled = Scaled.of(box, scale, theta)
-    derivatives = linearise(objective, box, scale)
+    derivatives = linearise(objective, box.free)
 
     def simulated(position: NDArray[np.float64]) -> list[Place]:
         return places(position, curvature(derivatives, scaled, position))
