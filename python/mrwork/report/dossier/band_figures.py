@@ -154,7 +154,7 @@ def _fill_over(
 
 def _fill_loop(axes: Axes, across: Array, band: Band, samples: slice, unit: DisplayUnit) -> None:
     """A band that follows the loop: the area between each two samples, all of the same flat colour."""
-    drawn = even_samples(across, band.upper[samples], _BAND_POINTS, aspect=_ASPECT)
+    drawn = _along(across, band.upper[samples])
     lower, upper = (end[samples][drawn] * unit.factor for end in (band.lower, band.upper))
     x = across[drawn]
     # All run through in the same sense: areas that overlap with opposite ones would leave holes.
@@ -180,7 +180,7 @@ def _fill_loop(axes: Axes, across: Array, band: Band, samples: slice, unit: Disp
 def _draw_lines(axes: Axes, across: Array, banded: Banded, samples: slice, unit: DisplayUnit) -> None:
     measured = banded.prediction.measured[samples] * unit.factor
     model = banded.prediction.force[samples] * unit.factor
-    line = even_samples(across, model, _BAND_POINTS, aspect=_ASPECT)
+    line = _along(across, model)
     axes.plot(across[line], model[line], color=style.MODEL, linewidth=1.2, label="model", zorder=2.3)
     drawn = even_samples(across, measured, _POINTS, aspect=_ASPECT)
     axes.plot(
@@ -194,6 +194,11 @@ def _draw_lines(axes: Axes, across: Array, banded: Banded, samples: slice, unit:
         label=banded.data_label,
         zorder=2.2,
     )
+
+
+def _along(across: Array, up: Array) -> NDArray[np.intp]:
+    """Samples at equal steps along a line, its end among them: a loop that lacks it does not close."""
+    return np.union1d(even_samples(across, up, _BAND_POINTS, aspect=_ASPECT), [across.size - 1])
 
 
 def _named(band: Band) -> str:

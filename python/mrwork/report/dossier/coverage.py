@@ -114,8 +114,8 @@ def _verdict(rows: list[dict[float, LeftOutCoverage]]) -> str:
     shares = [row[JUDGED].samples.coverage for row in rows]
     mean = float(np.mean(shares))
     text = (
-        f"The band of each test is calibrated on the {_others(len(shares) - 1)} only. On average {percent(mean)} % of the "
-        f"samples lie inside the 90 % bands, from {percent(min(shares))} to "
+        f"The band of each test is calibrated on the {_others(len(shares) - 1)} only. On average {percent(mean)} % "
+        f"of the samples lie inside the 90 % bands, from {percent(min(shares))} to "
         f"{percent(max(shares))} %. "
     )
     if _RIGHT[0] <= mean <= _RIGHT[1]:
