@@ -22,7 +22,7 @@ from scores import LEVEL, Outcome, constant_band, outcome
 MODEL = "normalised_bouc_wen"
 _DRAWS = 300
 # An ensemble that has not settled by then has all but its last digits.
-_MOST_STEPS = 3000
+_MOST_STEPS = 1500
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
