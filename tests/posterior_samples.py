@@ -12,8 +12,8 @@ from mrwork.records import DamperTest, build_damper_test
 from mrwork.simulate import Loading, simulate_force
 from mrwork.spec import damper
 from mrwork.uncertainty.noise import noise_model
-from mrwork.uncertainty.prepare import prepared
-from mrwork.uncertainty.sampling import Sampling
+from mrwork.uncertainty.posterior.prepare import prepared
+from mrwork.uncertainty.posterior.sampling import Sampling
 
 MODEL = "viscous_dahl"
 NOISE_N = 20.0

@@ -19,9 +19,9 @@ from mrwork.identification.multistart import Multistart
 from mrwork.journal import Journal
 from mrwork.records import DamperTest
 from mrwork.report.unfinished_comparison import StepJournals
-from mrwork.uncertainty.choice import ChoiceInterrupted, choose_model
-from mrwork.uncertainty.comparison import Choice, ChoiceProgress
-from mrwork.uncertainty.held_out import halves
+from mrwork.uncertainty.choice.choose import ChoiceInterrupted, choose_model
+from mrwork.uncertainty.choice.comparison import Choice, ChoiceProgress
+from mrwork.uncertainty.choice.held_out import halves
 
 VISCOUS_DAHL = (800.0, 900.0, 2000.0, 20.0)
 FEW = Multistart(samples=10, starts=4, most_rounds=2, found=2)

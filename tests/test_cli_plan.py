@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,7 @@ import xarray
 
 from mrwork.cli import main
 from mrwork.report.reopen import reopen
-from mrwork.report.stored_draws import stored_draws
+from mrwork.report.stored_draws import read_draws
 
 
 @pytest.fixture(scope="module")
@@ -91,14 +90,18 @@ def test_draws_of_the_posterior_are_used_where_there_are_some(
     spread = np.array([each.standard_error or 0.0 for each in opened.fit.estimates])
     chains = np.array(opened.fit.theta) + spread * rng.standard_normal((4, 150, spread.size))
     columns = dict(zip(opened.fit.spec.names, np.moveaxis(chains, -1, 0), strict=True))
-    dataset = xarray.Dataset({name: (("chain", "draw"), values) for name, values in columns.items()})
-    xarray.DataTree.from_dict({"posterior": dataset}).to_netcdf(sampled / "posterior.nc", engine="h5netcdf")
-    found = stored_draws(reopen(sampled))
+    dataset = xarray.Dataset(
+        {name: (("chain", "draw"), values, {"units": "1"}) for name, values in columns.items()}
+    )
+    tree = xarray.DataTree.from_dict({"posterior": dataset})
+    tree.attrs = {"noise": "iid", "verdict": "", "temper": 1.0, "steps": 150, "thinning": 1}
+    tree.to_netcdf(sampled / "posterior.nc", engine="h5netcdf")
+    found = read_draws(sampled, opened.fit)
     assert found is not None
-    np.testing.assert_array_equal(found, chains.reshape(-1, spread.size))
+    np.testing.assert_array_equal(found.theta(opened.fit.spec.names), chains.reshape(-1, spread.size))
     lists = ("--amplitudes", "0.005,0.02", "--frequencies", "0.5,2")
     text = printed(capsys, "plan", sampled, *lists)
     assert "Draws of the posterior" in text
     (sampled / "posterior.nc").write_text("no")
     assert "run `mrwork sample` again" in printed(capsys, "plan", sampled, *lists, status=2)
-    assert stored_draws(replace(opened, place=run)) is None
+    assert read_draws(run, opened.fit) is None

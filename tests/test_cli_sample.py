@@ -15,7 +15,7 @@ import pytest
 
 from mrwork.cli import main
 from mrwork.cli.progress import sampling_described
-from mrwork.uncertainty.posterior import SamplingProgress
+from mrwork.uncertainty.posterior.sample import SamplingProgress
 
 COMMAND = [sys.executable, "-m", "mrwork"]
 
@@ -109,7 +109,7 @@ def test_what_cannot_be_is_one_sentence(
 
 
 def test_the_line_tells_rate_agreement_and_time_left() -> None:
-    from mrwork.uncertainty.diagnosis import Diagnosis
+    from mrwork.uncertainty.posterior.diagnosis import Diagnosis
 
     told = np.array([1.0])
     diagnosis = Diagnosis(

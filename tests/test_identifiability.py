@@ -15,9 +15,9 @@ from mrwork.identification.verdict import Change, Identifiability
 from mrwork.records import DamperTest
 from mrwork.spec import damper
 from mrwork.synthetic import synthetic_test
-from mrwork.uncertainty.directions import changes_along, sparse_basis, told_combinations
-from mrwork.uncertainty.identifiability import identifiability_of
-from mrwork.uncertainty.information import WEAK, judged
+from mrwork.uncertainty.identifiability.directions import changes_along, sparse_basis, told_combinations
+from mrwork.uncertainty.identifiability.information import WEAK, judged
+from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
 TEST = synthetic_test("spencer1997_fast")
 

@@ -11,12 +11,12 @@ from scipy.stats import ks_2samp
 from mrwork.errors import SettingError
 from mrwork.identification.identify import identify
 from mrwork.synthetic import synthetic_test
-from mrwork.uncertainty.diagnosis import convergence
-from mrwork.uncertainty.posterior import sample_posterior
-from mrwork.uncertainty.prepare import prepared
-from mrwork.uncertainty.prior import Normal
-from mrwork.uncertainty.twin_target import substeps_at, twin_log_posterior
-from mrwork.uncertainty.walkers import first_walkers
+from mrwork.uncertainty.posterior.diagnosis import convergence
+from mrwork.uncertainty.posterior.prepare import prepared
+from mrwork.uncertainty.posterior.prior import Normal
+from mrwork.uncertainty.posterior.sample import sample_posterior
+from mrwork.uncertainty.posterior.twin_target import substeps_at, twin_log_posterior
+from mrwork.uncertainty.posterior.walkers import first_walkers
 from posterior_samples import MODEL, small_fit, small_sampling, small_test
 
 pytest.importorskip("numpyro", reason="numpyro is not installed; pip install 'mrwork[nuts]'")
@@ -60,7 +60,7 @@ def test_where_a_stiffness_may_be_zero_the_twin_follows() -> None:
 
 
 def test_the_ensemble_and_nuts_draw_from_the_same_posterior() -> None:
-    from mrwork.uncertainty.nuts import sample_nuts
+    from mrwork.uncertainty.posterior.nuts import sample_nuts
 
     sampling = small_sampling(tempering=0.8)
     ensemble = sample_posterior(

@@ -16,7 +16,8 @@ from mrwork.records.window import cut
 from mrwork.simulate import Loading, simulate_force
 from mrwork.spec import DamperSpec, damper
 from mrwork.synthetic import synthetic_test
-from mrwork.uncertainty.candidates import (
+from mrwork.uncertainty.identifiability.verdicts import identifiability_of
+from mrwork.uncertainty.planning.candidates import (
     Candidate,
     Limits,
     candidate_grid,
@@ -24,9 +25,8 @@ from mrwork.uncertainty.candidates import (
     motion_of,
     read_candidates,
 )
-from mrwork.uncertainty.identifiability import identifiability_of
-from mrwork.uncertainty.plan import band_matrix, information, knowledge_of, plan_next_test, responses
-from mrwork.uncertainty.plan_draws import checked_with_draws, normal_draws
+from mrwork.uncertainty.planning.plan import band_matrix, information, knowledge_of, plan_next_test, responses
+from mrwork.uncertainty.planning.plan_draws import checked_with_draws, normal_draws
 
 STATIC = damper("static_hysteretic")
 HELD = {

@@ -10,11 +10,11 @@ import pytest
 from scipy.stats import norm
 
 from mrwork.errors import JournalError, SettingError
-from mrwork.uncertainty.diagnosis import diagnose, next_check
-from mrwork.uncertainty.draws import Draws, summary_of
-from mrwork.uncertainty.ensemble import Ensemble
-from mrwork.uncertainty.posterior import SamplingInterrupted, SamplingProgress, sample_posterior
-from mrwork.uncertainty.prior import Normal, Uniform
+from mrwork.uncertainty.posterior.diagnosis import diagnose, next_check
+from mrwork.uncertainty.posterior.draws import Draws, summary_of
+from mrwork.uncertainty.posterior.ensemble import Ensemble
+from mrwork.uncertainty.posterior.prior import Normal, Uniform
+from mrwork.uncertainty.posterior.sample import SamplingInterrupted, SamplingProgress, sample_posterior
 from posterior_samples import MODEL, small_fit, small_test
 
 

@@ -20,11 +20,15 @@ from mrwork.records.window import cut
 from mrwork.simulate import Loading, simulate_force
 from mrwork.spec import damper
 from mrwork.synthetic import synthetic_test
-from mrwork.uncertainty.curvature import Scaled, curvature
-from mrwork.uncertainty.identifiability import identifiability_of
-from mrwork.uncertainty.profile import Profile, Profiles
-from mrwork.uncertainty.profiling import ProfileProgress, ProfilesInterrupted, profile_likelihood
-from mrwork.uncertainty.walk import Place, places, signed_root, walk
+from mrwork.uncertainty.identifiability.curvature import Scaled, curvature
+from mrwork.uncertainty.identifiability.profile import Profile, Profiles
+from mrwork.uncertainty.identifiability.profiling import (
+    ProfileProgress,
+    ProfilesInterrupted,
+    profile_likelihood,
+)
+from mrwork.uncertainty.identifiability.verdicts import identifiability_of
+from mrwork.uncertainty.identifiability.walk import Place, places, signed_root, walk
 
 SPEC = damper("static_hysteretic")
 

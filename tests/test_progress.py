@@ -9,7 +9,7 @@ import pytest
 
 from mrwork.cli.progress import choice_described, described
 from mrwork.identification.run import Progress
-from mrwork.uncertainty.comparison import ChoiceProgress
+from mrwork.uncertainty.choice.comparison import ChoiceProgress
 
 BEGAN = Progress(
     stage="search",

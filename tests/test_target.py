@@ -15,10 +15,10 @@ from mrwork.records import Observation
 from mrwork.simulate import Loading, simulate_force
 from mrwork.spec import damper
 from mrwork.uncertainty.noise import NOISES, noise_model
-from mrwork.uncertainty.prior import Lognormal, Normal
-from mrwork.uncertainty.space import Space
-from mrwork.uncertainty.tempering import independent_samples
-from mrwork.uncertainty.walkers import first_walkers
+from mrwork.uncertainty.posterior.prior import Lognormal, Normal
+from mrwork.uncertainty.posterior.space import Space
+from mrwork.uncertainty.posterior.tempering import independent_samples
+from mrwork.uncertainty.posterior.walkers import first_walkers
 from posterior_samples import MODEL, small_sampling, small_test
 
 SPENCER = damper("normalised_bouc_wen")

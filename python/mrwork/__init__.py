@@ -20,34 +20,40 @@ if TYPE_CHECKING:
     from mrwork.simulate import Loading, simulate_force
     from mrwork.spec import DamperSpec, damper, dampers
     from mrwork.synthetic import synthetic_test
-    from mrwork.uncertainty.choice import choose_model
-    from mrwork.uncertainty.comparison import Choice
-    from mrwork.uncertainty.draws import Draws
-    from mrwork.uncertainty.identifiability import identifiability_of
-    from mrwork.uncertainty.plan import plan_next_test
-    from mrwork.uncertainty.posterior import sample_posterior
-    from mrwork.uncertainty.profiling import profile_likelihood
+    from mrwork.uncertainty.bands.conformal import Calibration, calibrate
+    from mrwork.uncertainty.bands.prediction import Prediction, predict_test
+    from mrwork.uncertainty.choice.choose import choose_model
+    from mrwork.uncertainty.choice.comparison import Choice
+    from mrwork.uncertainty.identifiability.profiling import profile_likelihood
+    from mrwork.uncertainty.identifiability.verdicts import identifiability_of
+    from mrwork.uncertainty.planning.plan import plan_next_test
+    from mrwork.uncertainty.posterior.draws import Draws
+    from mrwork.uncertainty.posterior.sample import sample_posterior
 
 _HOME = {
     "Box": "mrwork.coordinates",
-    "Choice": "mrwork.uncertainty.comparison",
+    "Calibration": "mrwork.uncertainty.bands.conformal",
+    "Choice": "mrwork.uncertainty.choice.comparison",
     "DamperSpec": "mrwork.spec",
     "DamperTest": "mrwork.records",
-    "Draws": "mrwork.uncertainty.draws",
+    "Draws": "mrwork.uncertainty.posterior.draws",
     "Fit": "mrwork.identification.fit",
     "Journal": "mrwork.journal",
     "Loading": "mrwork.simulate",
     "MrworkError": "mrwork.errors",
-    "choose_model": "mrwork.uncertainty.choice",
+    "Prediction": "mrwork.uncertainty.bands.prediction",
+    "calibrate": "mrwork.uncertainty.bands.conformal",
+    "choose_model": "mrwork.uncertainty.choice.choose",
     "damper": "mrwork.spec",
     "dampers": "mrwork.spec",
-    "identifiability_of": "mrwork.uncertainty.identifiability",
+    "identifiability_of": "mrwork.uncertainty.identifiability.verdicts",
     "identify": "mrwork.identification.identify",
-    "plan_next_test": "mrwork.uncertainty.plan",
-    "profile_likelihood": "mrwork.uncertainty.profiling",
+    "plan_next_test": "mrwork.uncertainty.planning.plan",
+    "predict_test": "mrwork.uncertainty.bands.prediction",
+    "profile_likelihood": "mrwork.uncertainty.identifiability.profiling",
     "read_damper_test": "mrwork.records",
     "read_damper_tests": "mrwork.records",
-    "sample_posterior": "mrwork.uncertainty.posterior",
+    "sample_posterior": "mrwork.uncertainty.posterior.sample",
     "simulate_force": "mrwork.simulate",
     "start_from": "mrwork.identification.warm_start",
     "synthetic_test": "mrwork.synthetic",

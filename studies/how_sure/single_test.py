@@ -14,7 +14,7 @@ from mrwork.uncertainty.bands.conformal import calibrate
 from mrwork.uncertainty.bands.parametric import noise_band, simulate_draws
 from mrwork.uncertainty.bands.prediction import Prediction, predict_test
 from mrwork.uncertainty.noise import NOISES
-from mrwork.uncertainty.posterior import sample_posterior
+from mrwork.uncertainty.posterior.sample import sample_posterior
 from random_scale import next_test_half_width
 from rig_tests import CURRENTS, FITTED, MOTIONS, rig_test
 from scores import LEVEL, Outcome, constant_band, outcome

@@ -20,8 +20,8 @@ from mrwork.spec import DamperSpec, damper
 from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.parametric import noise_band, simulate_draws
 from mrwork.uncertainty.noise import Noise, noise_model
-from mrwork.uncertainty.posterior import sample_posterior
-from mrwork.uncertainty.prior import Uniform
+from mrwork.uncertainty.posterior.prior import Uniform
+from mrwork.uncertainty.posterior.sample import sample_posterior
 
 LEVEL = 0.9
 # Ranges of the parameters that are free, the others held at their nominal values. Loops as wide as these are resolved

@@ -13,8 +13,8 @@ from jax import Array, lax
 
 from mrwork.bench.posterior_job import PosteriorJob, Rows
 from mrwork.twins._base import twin_of
-from mrwork.uncertainty.target import Target
-from mrwork.uncertainty.twin_target import substeps_at, twin_log_posterior
+from mrwork.uncertainty.posterior.target import Target
+from mrwork.uncertainty.posterior.twin_target import substeps_at, twin_log_posterior
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -15,8 +15,8 @@ from mrwork.bench.search_job import REFERENCE, SearchJob, record
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.identify import identify
 from mrwork.uncertainty.noise import Iid
-from mrwork.uncertainty.target import Target
-from mrwork.uncertainty.walkers import first_walkers
+from mrwork.uncertainty.posterior.target import Target
+from mrwork.uncertainty.posterior.walkers import first_walkers
 
 Rows = NDArray[np.float64]
 

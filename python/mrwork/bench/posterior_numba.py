@@ -9,7 +9,7 @@ import numpy as np
 from mrwork.bench.numba_objective import NumbaObjective
 from mrwork.bench.posterior_job import Rows
 from mrwork.uncertainty.noise import Iid
-from mrwork.uncertainty.target import Target
+from mrwork.uncertainty.posterior.target import Target
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -22,8 +22,8 @@ from mrwork.bench.posterior_job import PosteriorJob, Rows
 from mrwork.bench.posterior_rows import SamplerRow, Settings, Setup
 from mrwork.bench.processes import pin, tell
 from mrwork.errors import MrworkError
-from mrwork.uncertainty.diagnosis import convergence, kept
-from mrwork.uncertainty.ensemble import Ensemble
+from mrwork.uncertainty.posterior.diagnosis import convergence, kept
+from mrwork.uncertainty.posterior.ensemble import Ensemble
 
 # The chain of each is advanced in so many turns, so that all meet the same noise of the machine.
 _TURNS = 10
@@ -214,7 +214,7 @@ def _row(contender: _Contender, job: PosteriorJob, settings: Settings, threads: 
 
 def _nuts(job: PosteriorJob, settings: Settings, threads: int) -> SamplerRow:
     """NUTS twice, with two seeds: what the first run took longer than the second was compiling."""
-    from mrwork.uncertainty.nuts import nuts_of
+    from mrwork.uncertainty.posterior.nuts import nuts_of
 
     sample = nuts_of(job.target, job.start, warmup=settings.nuts_warmup, draws=settings.nuts_draws, chains=1)
     took = []

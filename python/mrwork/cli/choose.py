@@ -27,11 +27,11 @@ from mrwork.report.run_directory import FIT, MODELS, RANKING, check_destination
 from mrwork.report.unfinished_comparison import StepJournals
 from mrwork.search import EfficientGA
 from mrwork.uncertainty.bands.left_out import Fold
-from mrwork.uncertainty.families import ALL
+from mrwork.uncertainty.choice.families import ALL
 
 if TYPE_CHECKING:
-    from mrwork.uncertainty.comparison import Choice
-    from mrwork.uncertainty.verdict import Ranking
+    from mrwork.uncertainty.choice.comparison import Choice
+    from mrwork.uncertainty.choice.verdict import Ranking
 
 _WIDTH = 118
 
@@ -70,7 +70,7 @@ def is_choice(options: argparse.Namespace) -> bool:
 def run(options: argparse.Namespace, search: Multistart | EfficientGA | None) -> int:
     """Identify and rank, write the run directory of the best, say what came out."""
     # What weighs models loads SciPy, which no other identification needs so soon.
-    from mrwork.uncertainty.choice import ChoiceInterrupted, choose_model
+    from mrwork.uncertainty.choice.choose import ChoiceInterrupted, choose_model
 
     models: str | list[str] = ALL if options.model == ALL else options.model.split(",")
     reading = reading_of(options)

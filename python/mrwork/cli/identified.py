@@ -18,7 +18,7 @@ from mrwork.report.run_directory import write_run
 from mrwork.spec import damper
 
 if TYPE_CHECKING:
-    from mrwork.uncertainty.verdict import Ranking
+    from mrwork.uncertainty.choice.verdict import Ranking
 
 
 def note(sentence: str) -> None:
@@ -41,7 +41,7 @@ def with_command(fit: Fit, reading: Reading) -> Fit:
 def with_identifiability(fit: Fit, tests: tuple[DamperTest, ...], *, threads: int) -> Fit:
     """The fit with what its tests say of each parameter."""
     # SciPy's optimisers are slow to load.
-    from mrwork.uncertainty.identifiability import identifiability_of
+    from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
     return replace(fit, identifiability=identifiability_of(fit, tests, threads=threads))
 

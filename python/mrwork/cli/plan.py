@@ -21,12 +21,12 @@ from mrwork.report.additions import add_to_run
 from mrwork.report.fit_json import json_document
 from mrwork.report.reopen import OpenedRun, reopen
 from mrwork.report.run_directory import PLAN
-from mrwork.report.stored_draws import stored_draws
-from mrwork.uncertainty.candidates import Candidate, Limits, candidate_grid, read_candidates
+from mrwork.report.stored_draws import read_draws
+from mrwork.uncertainty.planning.candidates import Candidate, Limits, candidate_grid, read_candidates
 
 if TYPE_CHECKING:
-    from mrwork.uncertainty.plan import Knowledge
-    from mrwork.uncertainty.plan_draws import Check
+    from mrwork.uncertainty.planning.plan import Knowledge
+    from mrwork.uncertainty.planning.plan_draws import Check
 
 # Lines of the table; the rest is in the document.
 _SHOWN = 15
@@ -87,8 +87,8 @@ def run(options: argparse.Namespace) -> int:
             f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
         )
     # SciPy's optimisers are slow to load, and not wanted where help is.
-    from mrwork.uncertainty.plan import knowledge_of, plan_next_test
-    from mrwork.uncertainty.plan_draws import checked_with_draws
+    from mrwork.uncertainty.planning.plan import knowledge_of, plan_next_test
+    from mrwork.uncertainty.planning.plan_draws import checked_with_draws
 
     opened = reopen(options.place)
     spec = opened.fit.spec
@@ -139,12 +139,13 @@ def _candidates(options: argparse.Namespace, opened: OpenedRun) -> tuple[Candida
 
 def _draws(opened: OpenedRun, known: Knowledge, rng: np.random.Generator) -> tuple[NDArray[np.float64], str]:
     """Draws in the order of the model of `known`, and what they are of."""
-    from mrwork.uncertainty.identifiability import given_bounds
-    from mrwork.uncertainty.plan_draws import normal_draws
+    from mrwork.uncertainty.identifiability.verdicts import given_bounds
+    from mrwork.uncertainty.planning.plan_draws import normal_draws
 
-    stored = stored_draws(opened)
-    if stored is None:
+    draws = read_draws(opened.place, opened.fit)
+    if draws is None:
         return normal_draws(known, _DRAWS, rng), "the linearised posterior"
+    stored = draws.theta(opened.fit.spec.names)
     few = stored[rng.choice(len(stored), size=min(2 * _DRAWS, len(stored)), replace=False)]
     form = identifiable_form(opened.fit.spec, given_bounds(opened.fit))
     return np.asarray(form.forth(few)), "the posterior"

@@ -21,8 +21,8 @@ from mrwork.report.reopen import reopen
 from mrwork.report.run_directory import PROFILES
 
 if TYPE_CHECKING:
-    from mrwork.uncertainty.profile import Profiles
-    from mrwork.uncertainty.profiling import ProfileProgress
+    from mrwork.uncertainty.identifiability.profile import Profiles
+    from mrwork.uncertainty.identifiability.profiling import ProfileProgress
 
 # Seconds until progress is worth a line, and between two.
 _PATIENCE, _EVERY = 2.0, 0.2
@@ -59,8 +59,8 @@ def run(options: argparse.Namespace) -> int:
     if options.threads < 0:
         raise SettingError(f"--threads is {options.threads}; it cannot be negative")
     # SciPy's optimisers are slow to load, and not wanted where help is.
-    from mrwork.uncertainty.identifiability import identifiability_of
-    from mrwork.uncertainty.profiling import ProfilesInterrupted, profile_likelihood
+    from mrwork.uncertainty.identifiability.profiling import ProfilesInterrupted, profile_likelihood
+    from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
     opened = reopen(options.place)
     line = _Line(quiet=options.quiet or options.json)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from mrwork.identification.run import Progress
 
 if TYPE_CHECKING:
-    from mrwork.uncertainty.comparison import ChoiceProgress
-    from mrwork.uncertainty.posterior import SamplingProgress
+    from mrwork.uncertainty.choice.comparison import ChoiceProgress
+    from mrwork.uncertainty.posterior.sample import SamplingProgress
 
 _EVERY = 0.2
 # A sampling that is over sooner needs no line.

@@ -16,10 +16,10 @@ from mrwork.cli.progress import SamplingLine
 from mrwork.errors import OutputError, SettingError
 from mrwork.report.reopen import reopen
 from mrwork.report.run_directory import CHAIN, DRAWS
-from mrwork.uncertainty.prior import parse_prior
+from mrwork.uncertainty.posterior.prior import parse_prior
 
 if TYPE_CHECKING:
-    from mrwork.uncertainty.draws import Draws, DrawSummary
+    from mrwork.uncertainty.posterior.draws import Draws, DrawSummary
 
 
 def add_parser(verbs: Any) -> None:
@@ -72,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
     priors = dict(parse_prior(text) for text in options.prior)
     opened = reopen(options.run_directory)
     # ArviZ, emcee and HDF5 take seconds to load.
-    from mrwork.uncertainty.posterior import SamplingInterrupted, sample_posterior
+    from mrwork.uncertainty.posterior.sample import SamplingInterrupted, sample_posterior
 
     line = SamplingLine(quiet=options.quiet or options.json)
     try:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from mrwork.parameters import CommandUnit
 from mrwork.report import style
-from mrwork.uncertainty.plan import Gain, Plan
+from mrwork.uncertainty.planning.plan import Gain, Plan
 
 _COLUMNS = 3
 _WIDTH, _HEIGHT = 3.6, 3.0

@@ -11,7 +11,7 @@ from scipy.interpolate import PchipInterpolator
 
 from mrwork.report import style
 from mrwork.report.numbers import shortest
-from mrwork.uncertainty.profile import Profile, Profiles
+from mrwork.uncertainty.identifiability.profile import Profile, Profiles
 
 _COLUMNS = 4
 # Inches: four panels are as wide as two columns of the report.

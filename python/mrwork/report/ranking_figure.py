@@ -8,8 +8,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrwork.report import numbers, style
-from mrwork.uncertainty.ranking import Standing
-from mrwork.uncertainty.verdict import Ranking
+from mrwork.uncertainty.choice.ranking import Standing
+from mrwork.uncertainty.choice.verdict import Ranking
 
 _ROW = 0.27
 _AROUND = 1.35

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mrwork.report import numbers
-from mrwork.uncertainty.ranking import Standing
-from mrwork.uncertainty.verdict import Ranking
+from mrwork.uncertainty.choice.ranking import Standing
+from mrwork.uncertainty.choice.verdict import Ranking
 
 HEADINGS = (
     "model",

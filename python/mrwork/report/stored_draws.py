@@ -1,34 +1,90 @@
-"""Draws that `mrwork sample` left in a run directory."""
+"""The draws that `mrwork sample` left in a run directory."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from mrwork.report.reopen import OpenedRun
+from mrwork.identification.fit import Fit
 from mrwork.report.run_directory import DRAWS
+from mrwork.uncertainty.noise import noise_model
+from mrwork.uncertainty.posterior.draws import DrawSummary, summary_of
+from mrwork.uncertainty.posterior.space import NOISE
+
+Array = NDArray[np.float64]
 
 
-def stored_draws(opened: OpenedRun) -> NDArray[np.float64] | None:
-    """Parameters of the posterior's draws, shape (n_draws, n_params), in the order of the fit; `None` without any.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StoredDraws:
+    """Draws by parameter, each of shape (n_walkers, n_kept), those of the noise last, and what was said of them."""
+
+    chains: dict[str, Array]
+    summaries: tuple[DrawSummary, ...]
+    noise: str
+    verdict: str
+    temper: float
+    n_steps: int
+    thinning: int
+
+    @property
+    def varied(self) -> tuple[DrawSummary, ...]:
+        """Those that were not held fixed."""
+        return tuple(each for each in self.summaries if each.remark != "fixed")
+
+    @property
+    def n_kept(self) -> int:
+        """Number of draws."""
+        return next(iter(self.chains.values())).size
+
+    def theta(self, names: tuple[str, ...]) -> Array:
+        """All draws of the parameters called so, shape (n_draws, n_params)."""
+        return np.stack([self.chains[name].reshape(-1) for name in names], axis=1)
+
+
+def read_draws(place: Path, fit: Fit) -> StoredDraws | None:
+    """The draws of a run directory, `None` where there are none.
 
     Raises
     ------
     RecordError
-        Where the file cannot be read, or is of another model.
+        Where they are damaged, or of another model.
     """
-    path = opened.place / DRAWS
+    path = place / DRAWS
     if not path.is_file():
         return None
-    # Slow to load.
+    # A second to load.
     import xarray
 
     try:
         with xarray.open_datatree(path, engine="h5netcdf") as tree:
-            columns = [np.asarray(tree["posterior"][name]).ravel() for name in opened.fit.spec.names]
+            posterior = tree["posterior"].to_dataset()
+            names = [str(name) for name in posterior.data_vars]
+            chains = {name: np.asarray(posterior[name].values, dtype=np.float64) for name in names}
+            units = {name: str(posterior[name].attrs["units"]) for name in names}
+            told = dict(tree.attrs)
     except (OSError, KeyError, ValueError) as reason:
+        raise RecordError(f"{path} cannot be read ({reason}); run `mrwork sample {place}` again") from None
+    missing = [estimate.name for estimate in fit.estimates if estimate.name not in chains]
+    if missing:
         raise RecordError(
-            f"{path} does not hold draws of {opened.fit.model} ({reason}); run `mrwork sample` again"
-        ) from None
-    return np.stack(columns, axis=-1)
+            f"{path} lacks {', '.join(missing)}, so it is of another fit; run `mrwork sample {place}` again"
+        )
+    bounds = {each.name: (each.lower, each.upper) for each in fit.estimates} | {
+        NOISE + each.name: (each.lower, each.upper) for each in noise_model(str(told["noise"])).parameters
+    }
+    return StoredDraws(
+        chains=chains,
+        summaries=tuple(
+            summary_of(chain, name=name, unit=units[name], bounds=bounds[name], tau=np.nan)
+            for name, chain in chains.items()
+        ),
+        noise=str(told["noise"]),
+        verdict=str(told["verdict"]),
+        temper=float(told["temper"]),
+        n_steps=int(told["steps"]),
+        thinning=int(told["thinning"]),
+    )

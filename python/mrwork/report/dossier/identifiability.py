@@ -13,7 +13,7 @@ from mrwork.report.dossier.canvas import small_axes
 from mrwork.report.dossier.section import Group, Panel, Section, Table, panel, table
 from mrwork.report.profile_figure import draw_profile
 from mrwork.report.tables import shown_unit
-from mrwork.uncertainty.profile import Profile, Profiles
+from mrwork.uncertainty.identifiability.profile import Profile, Profiles
 
 _WORDS = {"identifiable": "identifiable", "weakly": "weakly", "not": "not identifiable"}
 

@@ -21,13 +21,13 @@ from mrwork.report.dossier.ranking import ranking_section
 from mrwork.report.dossier.residuals import residual_section
 from mrwork.report.dossier.section import Absent, Section
 from mrwork.report.dossier.stored_bands import read_bands
-from mrwork.report.dossier.stored_draws import read_draws
 from mrwork.report.fit_json import Record, record_from_json
 from mrwork.report.html import identification_report
 from mrwork.report.run_directory import PLAN, PROFILES, RANKING
-from mrwork.uncertainty.plan_draws import Check
-from mrwork.uncertainty.profile import Profiles
-from mrwork.uncertainty.verdict import Ranking
+from mrwork.report.stored_draws import read_draws
+from mrwork.uncertainty.choice.verdict import Ranking
+from mrwork.uncertainty.identifiability.profile import Profiles
+from mrwork.uncertainty.planning.plan_draws import Check
 
 _PROFILES = Absent(
     title="Profiles",

@@ -15,12 +15,12 @@ from mrwork.identification.nuisance import NuisanceName, nuisance_of
 from mrwork.identification.objective import Objective
 from mrwork.records import DamperTest
 from mrwork.records.observation import delayed
-from mrwork.report.dossier.stored_draws import StoredDraws
+from mrwork.report.stored_draws import StoredDraws
 from mrwork.uncertainty.bands.parametric import simulate_draws
-from mrwork.uncertainty.identifiability import given_bounds
+from mrwork.uncertainty.identifiability.verdicts import given_bounds
 from mrwork.uncertainty.noise import noise_model
-from mrwork.uncertainty.target import Target
-from mrwork.uncertainty.walkers import first_walkers
+from mrwork.uncertainty.posterior.target import Target
+from mrwork.uncertainty.posterior.walkers import first_walkers
 
 Array = NDArray[np.float64]
 

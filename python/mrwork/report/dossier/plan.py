@@ -6,7 +6,7 @@ from mrwork.parameters import CommandUnit
 from mrwork.report import numbers
 from mrwork.report.dossier.section import Group, Section, panel, table
 from mrwork.report.plan_figure import plan_figure
-from mrwork.uncertainty.plan_draws import Check
+from mrwork.uncertainty.planning.plan_draws import Check
 
 _SHOWN = 8
 

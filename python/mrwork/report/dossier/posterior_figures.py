@@ -15,8 +15,8 @@ from scipy.stats import rankdata
 
 from mrwork.report import style
 from mrwork.report.dossier.canvas import small_axes
-from mrwork.report.dossier.stored_draws import StoredDraws
 from mrwork.report.numbers import shortest
+from mrwork.report.stored_draws import StoredDraws
 
 Array = NDArray[np.float64]
 

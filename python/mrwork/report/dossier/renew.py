@@ -9,7 +9,7 @@ from mrwork.errors import OutputError
 from mrwork.report.dossier.page import comparisons_of, dossier_page
 from mrwork.report.reopen import reopen
 from mrwork.report.run_directory import REPORT
-from mrwork.uncertainty.identifiability import identifiability_of
+from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
 
 def write_dossier(place: str | Path) -> Path:

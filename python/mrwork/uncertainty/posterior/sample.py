@@ -13,15 +13,15 @@ from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
 from mrwork.spec import DamperSpec, damper
-from mrwork.uncertainty.chain_file import ChainFile
-from mrwork.uncertainty.diagnosis import Diagnosis, next_check
-from mrwork.uncertainty.draws import Draws
-from mrwork.uncertainty.ensemble import Ensemble
-from mrwork.uncertainty.prepare import prepared
-from mrwork.uncertainty.prior import Prior
-from mrwork.uncertainty.sampling import Sampling
-from mrwork.uncertainty.target import Tempering
-from mrwork.uncertainty.walkers import first_walkers
+from mrwork.uncertainty.posterior.chain_file import ChainFile
+from mrwork.uncertainty.posterior.diagnosis import Diagnosis, next_check
+from mrwork.uncertainty.posterior.draws import Draws
+from mrwork.uncertainty.posterior.ensemble import Ensemble
+from mrwork.uncertainty.posterior.prepare import prepared
+from mrwork.uncertainty.posterior.prior import Prior
+from mrwork.uncertainty.posterior.sampling import Sampling
+from mrwork.uncertainty.posterior.target import Tempering
+from mrwork.uncertainty.posterior.walkers import first_walkers
 
 # Seconds between two calls of who watches, and between two times that the chain is written.
 _TELL = 0.2

@@ -12,8 +12,8 @@ from scipy.stats import spearmanr
 from mrwork.errors import SettingError
 from mrwork.identification.nuisance import without_nuisance
 from mrwork.simulate import Outcome, simulate_forces
-from mrwork.uncertainty.candidates import Candidate, motion_of
-from mrwork.uncertainty.plan import Knowledge, Plan, column_of
+from mrwork.uncertainty.planning.candidates import Candidate, motion_of
+from mrwork.uncertainty.planning.plan import Knowledge, Plan, column_of
 
 # Fewer draws than this that still count after a test tell nothing of a variance.
 _LEAST = 8.0

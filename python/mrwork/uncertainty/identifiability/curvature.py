@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mrwork.coordinates import Box
 from mrwork.identification.objective import Objective
-from mrwork.uncertainty.scale import Scale
+from mrwork.uncertainty.identifiability.scale import Scale
 
 # Numbers that the residuals of one batch may hold at once.
 _NUMBERS = 2**24

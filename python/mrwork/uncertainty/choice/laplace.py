@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.uncertainty.ellipsoid import Ellipsoid, fisher_ellipsoid
-from mrwork.uncertainty.target import Target
+from mrwork.uncertainty.choice.ellipsoid import Ellipsoid, fisher_ellipsoid
+from mrwork.uncertainty.posterior.target import Target
 
 Array = NDArray[np.float64]
 

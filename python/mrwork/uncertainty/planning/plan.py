@@ -17,10 +17,10 @@ from mrwork.records import DamperTest
 from mrwork.simulate import Outcome, simulate_forces
 from mrwork.spec import DamperSpec
 from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
-from mrwork.uncertainty.candidates import Candidate, motion_of
-from mrwork.uncertainty.curvature import Scaled, curvature, linearise
-from mrwork.uncertainty.identifiability import given_bounds
-from mrwork.uncertainty.scale import Scale, scaled_ranges
+from mrwork.uncertainty.identifiability.curvature import Scaled, curvature, linearise
+from mrwork.uncertainty.identifiability.scale import Scale, scaled_ranges
+from mrwork.uncertainty.identifiability.verdicts import given_bounds
+from mrwork.uncertainty.planning.candidates import Candidate, motion_of
 
 # In the parameters' own coordinates.
 _STEP = 1e-5

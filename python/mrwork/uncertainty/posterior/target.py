@@ -15,9 +15,9 @@ from mrwork.identification.nuisance import without_nuisance
 from mrwork.identification.objective import Objective
 from mrwork.simulate import Outcome, simulate_forces
 from mrwork.uncertainty.noise import Iid, Noise
-from mrwork.uncertainty.prior import Prior
-from mrwork.uncertainty.space import Space
-from mrwork.uncertainty.tempering import independent_samples
+from mrwork.uncertainty.posterior.prior import Prior
+from mrwork.uncertainty.posterior.space import Space
+from mrwork.uncertainty.posterior.tempering import independent_samples
 
 Array = NDArray[np.float64]
 Tempering = Literal["effective"] | float

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
-from mrwork.uncertainty.target import Target
+from mrwork.uncertainty.posterior.target import Target
 
 Array = NDArray[np.float64]
 

@@ -15,10 +15,10 @@ from mrwork.records import DamperTest
 from mrwork.search import EfficientGA
 from mrwork.spec import DamperSpec
 from mrwork.uncertainty.bands.left_out import Fold, folds_of
-from mrwork.uncertainty.comparison import Choice, ChoiceProgress, Course, JournalOf
-from mrwork.uncertainty.families import ALL, Family, command_remark, families
-from mrwork.uncertainty.held_out import ONE_TEST
-from mrwork.uncertainty.likelihood import Likelihood
+from mrwork.uncertainty.choice.comparison import Choice, ChoiceProgress, Course, JournalOf
+from mrwork.uncertainty.choice.families import ALL, Family, command_remark, families
+from mrwork.uncertainty.choice.held_out import ONE_TEST
+from mrwork.uncertainty.choice.likelihood import Likelihood
 from mrwork.uncertainty.noise import noise_model
 
 

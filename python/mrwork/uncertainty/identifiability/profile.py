@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from mrwork.identification.verdict import VerdictName
 from mrwork.parameters import ParamSpec
-from mrwork.uncertainty.curvature import Scaled
-from mrwork.uncertainty.information import WEAK
-from mrwork.uncertainty.walk import End, Place, signed_root
+from mrwork.uncertainty.identifiability.curvature import Scaled
+from mrwork.uncertainty.identifiability.information import WEAK
+from mrwork.uncertainty.identifiability.walk import End, Place, signed_root
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

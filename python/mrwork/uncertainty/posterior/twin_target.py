@@ -13,7 +13,7 @@ from jax.scipy.stats import norm, t
 from mrwork.errors import SettingError
 from mrwork.twins._base import simulate
 from mrwork.uncertainty.noise import NoiseName
-from mrwork.uncertainty.target import Target
+from mrwork.uncertainty.posterior.target import Target
 
 LogDensity = Callable[[Array], Array]
 

@@ -13,9 +13,9 @@ from mrwork.identification.objective import Objective
 from mrwork.records import DamperTest
 from mrwork.spec import DamperSpec
 from mrwork.uncertainty.noise import noise_model
-from mrwork.uncertainty.prior import Prior
-from mrwork.uncertainty.sampling import Sampling
-from mrwork.uncertainty.target import Target, Tempering
+from mrwork.uncertainty.posterior.prior import Prior
+from mrwork.uncertainty.posterior.sampling import Sampling
+from mrwork.uncertainty.posterior.target import Target, Tempering
 
 
 def prepared(

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from mrwork.coordinates import Box
 from mrwork.errors import SettingError
 from mrwork.identification.explore import search_box
-from mrwork.uncertainty.space import Space
-from mrwork.uncertainty.target import Target
+from mrwork.uncertainty.posterior.space import Space
+from mrwork.uncertainty.posterior.target import Target
 
 Array = NDArray[np.float64]
 

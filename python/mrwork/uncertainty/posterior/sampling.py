@@ -18,12 +18,18 @@ from mrwork.coordinates import Box
 from mrwork.identification.fit import Provenance
 from mrwork.journal import digest_of
 from mrwork.spec import DamperSpec
-from mrwork.uncertainty.diagnosis import LARGEST_RHAT, Diagnosis, autocorrelation_times, diagnose, kept
-from mrwork.uncertainty.draws import Draws, DrawsStatus, DrawSummary, summary_of
-from mrwork.uncertainty.ensemble import Ensemble
-from mrwork.uncertainty.prior import Prior
-from mrwork.uncertainty.space import NOISE
-from mrwork.uncertainty.target import Target
+from mrwork.uncertainty.posterior.diagnosis import (
+    LARGEST_RHAT,
+    Diagnosis,
+    autocorrelation_times,
+    diagnose,
+    kept,
+)
+from mrwork.uncertainty.posterior.draws import Draws, DrawsStatus, DrawSummary, summary_of
+from mrwork.uncertainty.posterior.ensemble import Ensemble
+from mrwork.uncertainty.posterior.prior import Prior
+from mrwork.uncertainty.posterior.space import NOISE
+from mrwork.uncertainty.posterior.target import Target
 
 Array = NDArray[np.float64]
 

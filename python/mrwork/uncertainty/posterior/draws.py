@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.identification.fit import Provenance
-from mrwork.uncertainty.diagnosis import convergence
 from mrwork.uncertainty.noise import NoiseName
+from mrwork.uncertainty.posterior.diagnosis import convergence
 
 if TYPE_CHECKING:
     from xarray import DataTree

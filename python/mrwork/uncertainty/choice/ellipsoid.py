@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.uncertainty.target import Target
+from mrwork.uncertainty.posterior.target import Target
 
 Array = NDArray[np.float64]
 

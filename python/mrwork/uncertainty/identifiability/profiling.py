@@ -18,11 +18,11 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.objective import Objective
 from mrwork.records import DamperTest
 from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
-from mrwork.uncertainty.curvature import Scaled, curvature, linearise
-from mrwork.uncertainty.identifiability import given_bounds
-from mrwork.uncertainty.profile import Profiles, profile_of
-from mrwork.uncertainty.scale import Scale, scaled_ranges
-from mrwork.uncertainty.walk import Descent, End, Place, descent, places, signed_root, walk
+from mrwork.uncertainty.identifiability.curvature import Scaled, curvature, linearise
+from mrwork.uncertainty.identifiability.profile import Profiles, profile_of
+from mrwork.uncertainty.identifiability.scale import Scale, scaled_ranges
+from mrwork.uncertainty.identifiability.verdicts import given_bounds
+from mrwork.uncertainty.identifiability.walk import Descent, End, Place, descent, places, signed_root, walk
 
 # A fit that gives way by more than this in the likelihood ratio was not at its minimum.
 _BETTER = 0.5

@@ -8,7 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.identification.verdict import Change, Direction, Identifiability, Verdict
-from mrwork.uncertainty.directions import changes_along, listed, sparse_basis, told_combinations
+from mrwork.uncertainty.identifiability.directions import (
+    changes_along,
+    listed,
+    sparse_basis,
+    told_combinations,
+)
 
 # Of the largest singular value, parameters scaled to unit sensitivity: what moves the residuals less is not seen.
 # Rounding leaves about 1e-9 where derivatives are difference quotients.

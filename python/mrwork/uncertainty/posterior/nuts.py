@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
-from mrwork.uncertainty.target import Target
-from mrwork.uncertainty.twin_target import LogDensity, substeps_at, twin_log_posterior
-from mrwork.uncertainty.walkers import ellipsoid
+from mrwork.uncertainty.posterior.target import Target
+from mrwork.uncertainty.posterior.twin_target import LogDensity, substeps_at, twin_log_posterior
+from mrwork.uncertainty.posterior.walkers import ellipsoid
 
 Array = NDArray[np.float64]
 

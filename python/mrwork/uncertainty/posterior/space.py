@@ -18,7 +18,7 @@ from mrwork.coordinates import Box
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import Form
 from mrwork.uncertainty.noise import Noise
-from mrwork.uncertainty.prior import Prior
+from mrwork.uncertainty.posterior.prior import Prior
 
 # NumPy or JAX, as in `coordinates`.
 Array = Any

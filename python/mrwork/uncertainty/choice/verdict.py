@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from mrwork.uncertainty.ranking import HAIR, Standing
+from mrwork.uncertainty.choice.ranking import HAIR, Standing
 
 # Folds whose scatter hardly tells a standard error.
 _FEW = 4

@@ -58,7 +58,7 @@ class Ensemble:
         # emcee takes a second to load.
         from emcee import EnsembleSampler, State
 
-        from mrwork.uncertainty.past_differences import PastDifferences
+        from mrwork.uncertainty.posterior.past_differences import PastDifferences
 
         done, random_state = self.at
         self._make_room(until + 1)

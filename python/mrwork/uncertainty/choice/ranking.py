@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
-from mrwork.uncertainty.psis import UNRELIABLE, LeaveOneOut
+from mrwork.uncertainty.choice.psis import UNRELIABLE, LeaveOneOut
 
 # Points of fit that make no difference: the cycles of a real test repeat to 97-99 %.
 HAIR = 0.1

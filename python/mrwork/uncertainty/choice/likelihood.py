@@ -14,11 +14,11 @@ from mrwork.identification.objective import Objective
 from mrwork.journal import Journal, digest_of
 from mrwork.records import DamperTest
 from mrwork.uncertainty.autocorrelation import effective_samples
-from mrwork.uncertainty.blocks import blocks_of, longest_memory
-from mrwork.uncertainty.laplace import draw_about
+from mrwork.uncertainty.choice.blocks import blocks_of, longest_memory
+from mrwork.uncertainty.choice.laplace import draw_about
+from mrwork.uncertainty.choice.psis import LeaveOneOut, block_densities, leave_one_out
 from mrwork.uncertainty.noise import NOISES, Noise
-from mrwork.uncertainty.psis import LeaveOneOut, block_densities, leave_one_out
-from mrwork.uncertainty.target import Target
+from mrwork.uncertainty.posterior.target import Target
 
 Array = NDArray[np.float64]
 
@@ -95,7 +95,7 @@ class SharedLikelihood:
     def _chain(self, fit: Fit, target: Target) -> tuple[Array, Array]:
         """Draws of the target's form and of the noise, evenly from the whole chain."""
         # emcee and HDF5 take a while to load.
-        from mrwork.uncertainty.posterior import sample_posterior
+        from mrwork.uncertainty.posterior.sample import sample_posterior
 
         own = self.likelihood
         draws = sample_posterior(

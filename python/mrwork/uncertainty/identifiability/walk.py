@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.uncertainty.curvature import Curvature, Scaled
+from mrwork.uncertainty.identifiability.curvature import Curvature, Scaled
 
 End = Literal["closed", "bound", "not simulated", "too many points", "interrupted"]
 

@@ -16,8 +16,8 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.verdict import Identifiability, Verdict
 from mrwork.records import DamperTest
 from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
-from mrwork.uncertainty.information import judged
-from mrwork.uncertainty.scale import Scale, scaled_ranges
+from mrwork.uncertainty.identifiability.information import judged
+from mrwork.uncertainty.identifiability.scale import Scale, scaled_ranges
 
 
 def identifiability_of(

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import JournalError, OutputError
 from mrwork.journal.difference import differences
-from mrwork.uncertainty.ensemble import Ensemble
+from mrwork.uncertainty.posterior.ensemble import Ensemble
 
 Array = NDArray[np.float64]
 

@@ -15,11 +15,11 @@ from mrwork.journal import Journal
 from mrwork.records import DamperTest
 from mrwork.uncertainty.autocorrelation import effective_samples
 from mrwork.uncertainty.bands.left_out import Fold
-from mrwork.uncertainty.families import Family
-from mrwork.uncertainty.held_out import held_out_errors, held_out_words
-from mrwork.uncertainty.likelihood import Likelihood, free_parameters, residuals_of, variance_of
-from mrwork.uncertainty.ranking import Evidence, rank
-from mrwork.uncertainty.verdict import Ranking, concluded
+from mrwork.uncertainty.choice.families import Family
+from mrwork.uncertainty.choice.held_out import held_out_errors, held_out_words
+from mrwork.uncertainty.choice.likelihood import Likelihood, free_parameters, residuals_of, variance_of
+from mrwork.uncertainty.choice.ranking import Evidence, rank
+from mrwork.uncertainty.choice.verdict import Ranking, concluded
 
 T = TypeVar("T")
 

@@ -1,0 +1,1 @@
+"""The next test: which of many would narrow a band most."""
