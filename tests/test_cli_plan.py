@@ -94,7 +94,13 @@ def test_draws_of_the_posterior_are_used_where_there_are_some(
         {name: (("chain", "draw"), values, {"units": "1"}) for name, values in columns.items()}
     )
     tree = xarray.DataTree.from_dict({"posterior": dataset})
-    tree.attrs = {"noise": "iid", "verdict": "", "temper": 1.0, "steps": 150, "thinning": 1}
+    tree.attrs = {
+        "noise": "iid",
+        "verdict": "Converged after 150 steps.",
+        "temper": 1.0,
+        "steps": 150,
+        "thinning": 1,
+    }
     tree.to_netcdf(sampled / "posterior.nc", engine="h5netcdf")
     found = read_draws(sampled, opened.fit)
     assert found is not None

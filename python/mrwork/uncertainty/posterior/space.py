@@ -24,6 +24,8 @@ from mrwork.uncertainty.posterior.prior import Prior
 Array = Any
 
 NOISE = "noise."
+# A parameter on a face of its box is inside, whatever the last bits of its logarithm.
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,8 +94,8 @@ class Space:
         xp = position.__array_namespace__()
         unit = self._unit(position)
         # Without stiffness there is no x0 with a product: then `unit` is not a number, and not inside.
-        inside = xp.all((unit >= 0.0) & (unit <= 1.0), axis=-1)
-        return self.box.theta_from_unit(xp.where(inside[..., None], unit, 0.5)), inside
+        inside = xp.all((unit >= -_ROUNDING) & (unit <= 1.0 + _ROUNDING), axis=-1)
+        return self.box.theta_from_unit(xp.clip(xp.where(inside[..., None], unit, 0.5), 0.0, 1.0)), inside
 
     def position(self, values: Array) -> Array:
         """The position of values, shape (..., n_dim)."""
@@ -105,6 +107,20 @@ class Space:
         return xp.stack(
             [product if index == self.pair[1] else unit[..., index] for index in range(self.n_dim)], axis=-1
         )
+
+    def slope(self, values: Array) -> Array:
+        """Derivative of the free parameters with respect to their coordinates, (n_free, n_free), at values (n,)."""
+        free = [index for index in self.box.free if index < self.n_params]
+        lower, upper = np.array(self.box.lower)[free], np.array(self.box.upper)[free]
+        log = np.array(self.box.log)[free]
+        ratio = np.where(log, upper, 1.0) / np.where(log, lower, 1.0)
+        slope = np.diag(np.where(log, values[free] * np.log(ratio), upper - lower))
+        if self.pair is not None:
+            of_k, of_product = self.pair
+            stiffness, x0 = values[self._of_box(0)], values[self._of_box(1)]
+            slope[of_product, of_product] = self._product_span / stiffness
+            slope[of_product, of_k] = -x0 / stiffness * slope[of_k, of_k]
+        return slope
 
     def log_prior(self, values: Array) -> Array:
         """Log prior density of values inside, shape (...), per volume of the position."""
