@@ -47,12 +47,11 @@ def polish(
     Standard errors are those of least squares there. Starts that are minima already need neither: the last steps there
     are for whatever the iterations allowed had left, and for starts that were given.
     """
-    form, searched = explored.form, explored.searched
+    form = explored.form
     if explored.descended:
         minima = descend_all(
             objective,
             form.box,
-            searched,
             explored.starts,
             max_iterations=_LAST_EVALUATIONS,
             on_iteration=lambda minima: on_step(minima.iterations, float(minima.misfit.min())),
@@ -66,7 +65,7 @@ def polish(
         )
         return _judged(objective, form, ended)
     finalists = best_few(
-        explored.objective, form.box, searched, explored.starts, mirrored=form.mirrored, on_start=on_start
+        explored.objective, form.box, explored.starts, mirrored=form.mirrored, on_start=on_start
     )
     if not (objective.is_direct and objective.is_plain and form.spec.current is None):
         ended = min(
@@ -74,7 +73,6 @@ def polish(
                 descend(
                     objective,
                     form.box,
-                    searched,
                     each,
                     max_evaluations=_LAST_EVALUATIONS,
                     on_step=on_step,
