@@ -21,6 +21,7 @@ from mrwork.identification.descent import descend
 from mrwork.identification.descents import descend_all
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.estimate import remark_of
+from mrwork.identification.identify import identify
 from mrwork.identification.nuisance import NuisanceName, offsets_left_to
 from mrwork.identification.objective import Objective
 from mrwork.identification.refine import refine
@@ -154,10 +155,31 @@ def test_residuals_of_the_twin_and_their_derivatives_are_those_of_the_lanes(
     )
 
 
-def test_an_observation_is_refused_on_the_twin() -> None:
+def test_an_observation_is_refused_on_the_twin_before_anything_is_searched() -> None:
     test = replace(joint_tests()[0], observation=Observation(lowpass_hz=20.0))
-    with pytest.raises(SettingError, match="low-passed at 20 Hz, which the twin cannot follow"):
-        TwinResiduals.of(Objective.of(LAWS, (test,)))
+    with pytest.raises(
+        SettingError, match=r"low-passed at 20 Hz, which the twin cannot follow; leave the engine"
+    ):
+        identify(
+            "static_hysteretic", test, engine="twin", on_progress=lambda progress: pytest.fail("searched")
+        )
+
+
+def test_an_engine_that_does_not_exist_is_named() -> None:
+    with pytest.raises(SettingError, match="`engine` is 'jax'; choose one of lanes, twin"):
+        identify("static_hysteretic", joint_tests()[0], engine="jax")  # type: ignore[arg-type]
+
+
+def test_the_twin_can_be_asked_for_and_finds_the_same() -> None:
+    test = record(damper("static_hysteretic"), damper("static_hysteretic").nominal)
+    lanes, twin = (
+        identify("static_hysteretic", test, bounds=SHARP, engine=engine, rng=1)
+        for engine in ("lanes", "twin")
+    )
+    assert twin.provenance.settings["engine"] == "twin"
+    assert twin.nrmse == pytest.approx(lanes.nrmse, rel=1e-6)
+    for one, other in zip(lanes.estimates, twin.estimates, strict=True):
+        assert one.standard_error is None or abs(one.value - other.value) < 0.05 * one.standard_error
 
 
 # What was compiled, told by JAX itself.
