@@ -50,8 +50,8 @@ def test_both_engines_meet_in_one_minimum(job: RefineJob) -> None:
     from mrwork.identification.refine import refine
 
     start = job.starts[0]
-    scipy = descend(job.objective, job.box, job.searched, start, max_evaluations=100)
-    lanes = descend_all(job.objective, job.box, job.searched, start[None], max_iterations=100)
+    scipy = descend(job.objective, job.box, start, max_evaluations=100)
+    lanes = descend_all(job.objective, job.box, start[None], max_iterations=100)
     twin = refine(job.objective, job.box, start)
     assert scipy.converged
     # They stop where the squared misfit falls by less than 1e-7 and 1e-5 of itself.

@@ -5,6 +5,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import itertools
 import json
 import os
@@ -14,17 +16,19 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from mrwork.cli import main
 from mrwork.errors import JournalError
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify
 from mrwork.identification.run import Progress
 from mrwork.journal import Journal
+from mrwork.journal.lines import line_of
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
 from mrwork.synthetic import synthetic_test
@@ -33,18 +37,28 @@ N_KILLS = int(os.environ.get("MRWORK_KILL_POINTS", "4"))
 SHORT = ["--population", "16", "--generations", "12"]
 COMMAND = ["identify", "synthetic:spencer1997", "--every", "2", "--seed", "3", *SHORT]
 DESCENTS = ["identify", "synthetic:spencer1997", "--seed", "3"]
-# Long enough for the slowest step, the first refinement, on a busy machine.
+# Long enough for any run here on a busy machine.
 PATIENCE = 120.0
 
 
-def mrwork(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "mrwork", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=PATIENCE,
-    )
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ended:
+    """How a command line ended."""
+
+    returncode: object
+    stdout: str
+    stderr: str
+
+
+def mrwork(*arguments: str | Path) -> Ended:
+    """Run a command line in this process, which has loaded all that it needs already."""
+    with (
+        contextlib.redirect_stdout(io.StringIO()) as out,
+        contextlib.redirect_stderr(io.StringIO()) as err,
+        pytest.raises(SystemExit) as end,
+    ):
+        main(list(map(str, arguments)))
+    return Ended(returncode=end.value.code, stdout=out.getvalue(), stderr=err.getvalue())
 
 
 def found(place: Path) -> dict[str, str]:
@@ -75,13 +89,13 @@ def finished(command: list[str], folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A genetic search that was finished on the twin."""
+    """A genetic search, then descents one after another."""
     return finished(COMMAND, tmp_path_factory.mktemp("genetic"))
 
 
 @pytest.fixture(scope="module")
 def descended(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Descents from many starts, in lanes to their end."""
+    """Descents from many starts, side by side."""
     return finished(DESCENTS, tmp_path_factory.mktemp("descents"))
 
 
@@ -165,6 +179,7 @@ def test_a_damaged_line_in_the_middle_is_refused(whole: Path, tmp_path: Path) ->
         ([*COMMAND, "--generations", "13"], ("max_generations is 12 there and 13 here",)),
         ([*COMMAND, "--fix", "n=2"], ("bounds.n is absent there",)),
         ([*COMMAND, "--nuisance", "level"], ("nuisances",)),
+        ([*COMMAND, "--engine", "twin"], ("engine is lanes there and twin here",)),
         ([*COMMAND, "--every", "4"], ("test.1.samples", "test.1.signals")),
         ([*COMMAND, "--model", "static_hysteretic"], ("model is normalised_bouc_wen there",)),
         (["identify", "synthetic:spencer1997_slow", *COMMAND[2:]], ("test.1.name", "test.1.sha256")),
@@ -175,6 +190,14 @@ def test_a_run_of_something_else_is_refused_by_name(
 ) -> None:
     place = part_with(tmp_path, (whole / "journal.jsonl").read_bytes())
     refused(place, arguments, "another identification", *words)
+
+
+def test_a_journal_from_before_there_were_engines_is_refused(whole: Path, tmp_path: Path) -> None:
+    first, *others = (whole / "journal.jsonl").read_bytes().splitlines(keepends=True)
+    header = json.loads(first)
+    del header["crc32"], header["facts"]["engine"]
+    part = part_with(tmp_path, b"".join([line_of(header), *others]))
+    refused(part, COMMAND, "another identification", "engine is absent there and lanes here")
 
 
 def test_without_a_journal_there_is_nothing_to_resume(tmp_path: Path) -> None:
@@ -202,26 +225,31 @@ def test_an_earlier_run_outlives_a_new_one_that_is_killed(whole: Path, tmp_path:
     assert found(place) == before
 
 
+# Ctrl-C comes when the last stage is loaded, by the program itself: the run is then surely still going.
+INTERRUPTED = """
+import os, signal, sys
+
+def interrupt(event, arguments):
+    if event == "import" and arguments[0] == "mrwork.identification.polish":
+        os.kill(os.getpid(), signal.SIGINT)
+
+sys.addaudithook(interrupt)
+from mrwork.cli import main
+main(sys.argv[1:])
+"""
+
+
 def test_after_ctrl_c_the_run_goes_on(whole: Path, tmp_path: Path) -> None:
     place = tmp_path / "run"
-    process = subprocess.Popen(
-        [sys.executable, "-m", "mrwork", *COMMAND, "--out", str(place)],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
+    interrupted = subprocess.run(
+        [sys.executable, "-c", INTERRUPTED, *COMMAND, "--out", str(place)],
+        capture_output=True,
         text=True,
+        check=False,
+        timeout=PATIENCE,
     )
-    journal = tmp_path / "run.part" / "journal.jsonl"
-    give_up = time.monotonic() + PATIENCE
-    while time.monotonic() < give_up and not (
-        journal.is_file()
-        and b'"refinement"' not in journal.read_bytes()
-        and b'"descent"' in journal.read_bytes()
-    ):
-        time.sleep(0.001)
-    process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=PATIENCE)
-    assert process.returncode == 130, said
-    assert "--resume goes on" in said
+    assert interrupted.returncode == 130, interrupted.stderr
+    assert "--resume goes on" in interrupted.stderr
     assert json.loads((place / "fit.json").read_text())["status"] == "interrupted"
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
     assert mrwork(*COMMAND, "--out", place, "--resume").returncode == 0
@@ -278,14 +306,16 @@ def test_a_joint_identification_is_journalled_at_each_command(record: DamperTest
         assert len(simulated) < n_events
 
 
-@pytest.mark.parametrize("stage", ["search", "screening", "refinement"])
-def test_a_callback_may_stop_the_run_and_it_goes_on(record: DamperTest, tmp_path: Path, stage: str) -> None:
+@pytest.mark.parametrize(("stage", "least"), [("search", 3), ("screening", 3), ("refinement", 1)])
+def test_a_callback_may_stop_the_run_and_it_goes_on(
+    record: DamperTest, tmp_path: Path, stage: str, least: int
+) -> None:
     path = tmp_path / "journal.jsonl"
     seen: list[Progress] = []
 
     def enough(progress: Progress) -> bool:
         seen.append(progress)
-        return progress.stage == stage and progress.count >= 3
+        return progress.stage == stage and progress.count >= least
 
     journal = Journal(path)
     stopped = identify("static_hysteretic", record, search=SEARCH, rng=2, on_progress=enough, journal=journal)
@@ -304,6 +334,32 @@ def test_a_callback_may_stop_the_run_and_it_goes_on(record: DamperTest, tmp_path
         whole.status,
     )
     assert resumed.trace == whole.trace
+
+
+def test_a_refinement_on_the_twin_is_recalled(record: DamperTest, tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    stages: list[str] = []
+
+    def identified(*, resume: bool) -> Fit:
+        stages.clear()
+        journal = Journal(path, resume=resume)
+        fit = identify(
+            "static_hysteretic",
+            record,
+            search=SEARCH,
+            engine="twin",
+            rng=2,
+            on_progress=lambda progress: stages.append(progress.stage),
+            journal=journal,
+        )
+        journal.close()
+        return fit
+
+    first = identified(resume=False)
+    assert "refinement" in stages
+    again = identified(resume=True)
+    assert stages == []
+    assert (again.theta, again.refinement_steps) == (first.theta, first.refinement_steps)
 
 
 def test_progress_tells_generation_median_and_what_was_simulated(record: DamperTest) -> None:

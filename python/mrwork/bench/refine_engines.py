@@ -38,7 +38,7 @@ class Engine:
 
 def engines(job: RefineJob, *, twin: bool, peer: Callable[[Array], Array] | None) -> list[Engine]:
     """Ours in lanes, the twin if asked, and SciPy on the `peer`'s residuals, shape (n_rows, n_residuals), if any."""
-    objective, box, searched = job.objective, job.box, job.searched
+    objective, box = job.objective, job.box
 
     def counted(run: Callable[[Array], Array]) -> Callable[[Array], Ended]:
         def ended(starts: Array) -> Ended:
@@ -49,12 +49,10 @@ def engines(job: RefineJob, *, twin: bool, peer: Callable[[Array], Array] | None
         return ended
 
     def scipy_on_rust(starts: Array) -> Array:
-        return np.array(
-            [descend(objective, box, searched, start, max_evaluations=_MOST).misfit for start in starts]
-        )
+        return np.array([descend(objective, box, start, max_evaluations=_MOST).misfit for start in starts])
 
     def side_by_side(starts: Array) -> Array:
-        return descend_all(objective, box, searched, starts, max_iterations=_MOST).misfit
+        return descend_all(objective, box, starts, max_iterations=_MOST).misfit
 
     def optimistix(starts: Array) -> Array:
         from mrwork.identification.refine import refine

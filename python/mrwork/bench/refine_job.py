@@ -17,7 +17,7 @@ from mrwork.coordinates import Box
 from mrwork.identification.descents import descend_all
 from mrwork.identification.explore import search_box
 from mrwork.identification.objective import Objective
-from mrwork.identification.starts import LevelFit, joint_starts, law_box, levels_of
+from mrwork.identification.starts import LevelFit, joint_starts, levels_of
 from mrwork.parameters import LawName
 from mrwork.records import DamperTest, read_damper_tests, repair
 from mrwork.records.window import cut
@@ -35,12 +35,11 @@ _PER_CYCLE = 250
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RefineJob:
-    """A model, its tests and starts, shape (n_starts, n_params), inside the box that they were searched in."""
+    """A model, its tests and starts, shape (n_starts, n_params), inside the box."""
 
     name: str
     objective: Objective
     box: Box
-    searched: Box
     starts: NDArray[np.float64]
 
     @property
@@ -64,7 +63,7 @@ def reference_job(seeds: int, threads: int) -> RefineJob:
     find = _find(objective, box, searched)
     spread = np.exp(_SPREAD * np.random.default_rng(0).standard_normal((seeds, len(find))))
     starts = np.clip(find * spread, box.lower, box.upper)
-    return RefineJob(name="reference", objective=objective, box=box, searched=searched, starts=starts)
+    return RefineJob(name="reference", objective=objective, box=box, starts=starts)
 
 
 def joint_job(seeds: int, threads: int) -> RefineJob | None:
@@ -81,8 +80,6 @@ def joint_job(seeds: int, threads: int) -> RefineJob | None:
         find = _find(objective, Box.of(plain), searched)
         levels.append(LevelFit(command=command, finds=find[None], search=None))
     spec = plain.with_current_laws(LAWS)
-    commands = np.array([level.command for level in levels])
-    searched = law_box(spec, search_box(plain, Box.of(plain), tests), commands)
     box = Box.of(spec)
     through = joint_starts(spec, levels, 1, rng=0)[0]
     spread = np.exp(_SPREAD * np.random.default_rng(1).standard_normal((seeds, len(through))))
@@ -90,7 +87,6 @@ def joint_job(seeds: int, threads: int) -> RefineJob | None:
         name="joint",
         objective=Objective.of(spec, tests, threads=threads),
         box=box,
-        searched=searched,
         starts=np.clip(through * spread, box.lower, box.upper),
     )
 
@@ -101,7 +97,7 @@ def _find(objective: Objective, box: Box, searched: Box) -> NDArray[np.float64]:
     streams = Streams(rng=0, replicate=np.zeros(1, dtype=np.int64), generation=np.zeros(1, dtype=np.int64))
     sample = np.asarray(searched.theta_from_unit(latin_hypercube(streams, _SAMPLES * n_free, n_free)[0]))
     best = sample[np.argsort(objective(sample), kind="stable")[:8]]
-    minima = descend_all(objective, box, searched, best, max_iterations=_FIRST_ITERATIONS)
+    minima = descend_all(objective, box, best, max_iterations=_FIRST_ITERATIONS)
     return np.asarray(minima.theta[np.argmin(minima.misfit)])
 
 

@@ -6,7 +6,7 @@ import argparse
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from mrwork.cli import choose
 from mrwork.cli.choose import add_choice, is_choice
@@ -24,6 +24,7 @@ from mrwork.cli.observe import add_observation, nuisances_of, observed
 from mrwork.cli.options import add_files, add_json, parse_bounds, reading_of
 from mrwork.cli.progress import ProgressLine
 from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
+from mrwork.identification.fit import Engine
 from mrwork.identification.identify import IdentificationInterrupted, identify
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.warm_start import start_from
@@ -91,6 +92,12 @@ def add_parser(verbs: Any) -> None:
         choices=["multistart", "genetic"],
         help="how a plain model is searched: by descents from many starts (default), or by the efficient GA",
     )
+    parser.add_argument(
+        "--engine",
+        choices=get_args(Engine),
+        default="lanes",
+        help="where the last descent runs: in lanes (default), or on the JAX twin, slower, for comparison",
+    )
     parser.add_argument("--population", type=int, metavar="N", help="chromosomes of a genetic search")
     parser.add_argument("--generations", type=int, metavar="N", help="most generations of a genetic search")
     parser.add_argument("--threads", type=int, default=0, metavar="N", help="threads, default all")
@@ -113,6 +120,10 @@ def run(options: argparse.Namespace) -> int:
             f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
         )
     if is_choice(options):
+        if options.engine != "lanes":
+            raise SettingError(
+                f"--engine {options.engine} finishes one model; leave it out where models are compared"
+            )
         return choose.run(options, search)
     plain = damper(options.model)
     bounds = parse_bounds(options.bound, options.fix)
@@ -133,6 +144,7 @@ def run(options: argparse.Namespace) -> int:
             nuisances=nuisances_of(options),
             starts=[start_from(read_fit(run), spec) for run in options.starts],
             power=options.power,
+            engine=options.engine,
             rng=options.seed,
             threads=options.threads,
             on_progress=line,

@@ -33,7 +33,6 @@ class Descended:
 def descend(
     objective: Objective,
     box: Box,
-    searched: Box,
     start: NDArray[np.float64],
     *,
     max_evaluations: int,
@@ -43,17 +42,14 @@ def descend(
 
     Parameters
     ----------
-    searched
-        The narrower box of the search: a journal knows a descent by it.
     on_step
         Called with the number of residuals so far and their misfit; not if the descent is recalled from a journal.
     """
     return objective.once(
         "descent",
         Descended,
-        lambda: _descended(objective, box, searched, start, max_evaluations, on_step),
+        lambda: _descended(objective, box, start, max_evaluations, on_step),
         box,
-        searched,
         start,
         max_evaluations,
     )
@@ -62,7 +58,6 @@ def descend(
 def _descended(
     objective: Objective,
     box: Box,
-    searched: Box,
     start: NDArray[np.float64],
     max_evaluations: int,
     on_step: Callable[[int, float], None] | None,

@@ -41,7 +41,6 @@ class Minima:
 def descend_all(
     objective: Objective,
     box: Box,
-    searched: Box,
     starts: NDArray[np.float64],
     *,
     max_iterations: int,
@@ -54,8 +53,6 @@ def descend_all(
 
     Parameters
     ----------
-    searched
-        The narrower box of the search: a journal knows a descent by it.
     on_iteration
         Called after each iteration with how far the descents have come.
     """
@@ -63,7 +60,7 @@ def descend_all(
     iterations = 0
     while iterations < max_iterations and state.running.any():
         iterations += 1
-        state = _recorded_iteration(objective, box, searched, state)
+        state = _recorded_iteration(objective, box, state)
         if on_iteration is not None:
             on_iteration(_minima(box, state, iterations))
     return _minima(box, state, iterations)
@@ -101,13 +98,12 @@ def _begun(objective: Objective, box: Box, starts: NDArray[np.float64]) -> _Stat
     )
 
 
-def _recorded_iteration(objective: Objective, box: Box, searched: Box, state: _State) -> _State:
+def _recorded_iteration(objective: Objective, box: Box, state: _State) -> _State:
     return objective.once(
         "iteration",
         _State,
-        lambda: _iteration(objective, box, searched, state),
+        lambda: _iteration(objective, box, state),
         box,
-        searched,
         state.latent,
         state.misfit,
         state.damping,
@@ -115,7 +111,7 @@ def _recorded_iteration(objective: Objective, box: Box, searched: Box, state: _S
     )
 
 
-def _iteration(objective: Objective, box: Box, searched: Box, state: _State) -> _State:
+def _iteration(objective: Objective, box: Box, state: _State) -> _State:
     """Linearise the descents that have moved, then try steps of several lengths for all that run."""
     latent, misfit, damping = state.latent.copy(), state.misfit.copy(), state.damping.copy()
     sensitivity, normal, gradient = state.sensitivity.copy(), state.normal.copy(), state.gradient.copy()

@@ -46,7 +46,6 @@ class Exploration:
 
     objective: Objective
     form: Form
-    searched: Box
     starts: NDArray[np.float64]
     trace: SearchTrace
     descended: bool = False
@@ -103,7 +102,6 @@ def _descend_plain(
     return Exploration(
         objective=objective,
         form=form,
-        searched=box,
         starts=distinct_minima(form.box, found.theta, found.misfit),
         trace=_course(found),
         descended=True,
@@ -146,7 +144,7 @@ def _explore_plain(
         raise ExplorationInterrupted(theta, _trace([result])) from interrupt
     _check_found(form.spec, found)
     starts = np.asarray(box.theta_from_unit(found.elite[:_STARTS]))
-    return Exploration(objective=objective, form=form, searched=box, starts=starts, trace=_trace([found]))
+    return Exploration(objective=objective, form=form, starts=starts, trace=_trace([found]))
 
 
 def _explore_levels(
@@ -238,7 +236,6 @@ def _explore_levels(
     return Exploration(
         objective=joint,
         form=joint_form,
-        searched=law_box(form.spec, searched, np.array(commands)),
         starts=np.array([joint_form.box.inside(start) for start in starts]),
         trace=_trace(searches),
     )

@@ -12,6 +12,8 @@ from mrwork.records import AS_IT_IS, Observation
 from mrwork.spec import DamperSpec, damper
 
 FitStatus = Literal["converged", "not_converged", "interrupted", "stopped"]
+# Where the last descent runs: in lanes, with derivatives of dual numbers, or on the JAX twin.
+Engine = Literal["lanes", "twin"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,8 +95,8 @@ class Fit:
     """An identified damper: estimates in the order of the model's spec, quality per test, provenance.
 
     `evaluations` counts simulated candidates, those of the search and of the screening that follows it;
-    `refinement_steps` counts steps on the twin, one simulation with its derivatives each. `identifiability` is what
-    `uncertainty.identifiability_of` made of it, `None` where nobody asked.
+    `refinement_steps` counts those of the last descent, one simulation with its derivatives each. `identifiability` is
+    what `uncertainty.identifiability_of` made of it, `None` where nobody asked.
     """
 
     model: str

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.exploration import ExplorationInterrupted, explore
-from mrwork.identification.fit import Fit, FitStatus, SearchTrace
+from mrwork.identification.fit import Engine, Fit, FitStatus, SearchTrace
 from mrwork.identification.interruptible import interruptible
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import NuisanceName, offsets_left_to
@@ -52,6 +52,7 @@ def identify(
     nuisances: Sequence[NuisanceName] = (),
     starts: Sequence[Start] = (),
     power: float = 2.0,
+    engine: Engine = "lanes",
     rng: int = 0,
     threads: int = 0,
     on_progress: Callable[[Progress], bool | None] | None = None,
@@ -60,8 +61,8 @@ def identify(
     """Identify one damper model from one or several tests of the same damper.
 
     A plain model is descended from many starts in lanes. If asked it is searched genetically instead, and its best
-    finds are finished on the JAX twin; with nuisance parameters, another power than 2, or where a test has an
-    observation model, in lanes. A model with current laws starts from fits at each command and ends in lanes.
+    finds are screened. A model with current laws starts from fits at each command. All end in lanes, with exact
+    derivatives; the last descent can be had on the JAX twin for comparison.
 
     Parameters
     ----------
@@ -82,6 +83,8 @@ def identify(
     power
         What is made small is (mean NRMSE^power)^(1/power) over the tests: 2 is the root mean square, more helps the
         worst test at some cost to the others.
+    engine
+        Where the last descent runs: "lanes", or "twin", which takes some fifty times as long, to the same minimum.
     rng
         Seed of the search. The same seed gives the same bits on any number of threads.
     threads
@@ -102,7 +105,8 @@ def identify(
     Raises
     ------
     SettingError
-        Where a bound or a power is impossible, a start cannot be used, or `Multistart` is to search current laws.
+        Where a bound or a power is impossible, a start cannot be used, `Multistart` is to search current laws, or the
+        twin is asked to follow an observation model.
     UnknownNameError
         Where a start names what the model does not have.
     SimulationError
@@ -135,6 +139,7 @@ def identify(
     )
     if not form.box.free:
         raise SettingError(f"every parameter of {spec.name} is fixed; leave at least one free")
+    _check_engine(engine, objective)
     run = Run(
         spec=spec,
         form=form,
@@ -142,6 +147,7 @@ def identify(
         search=search,
         bounds=bounds,
         starts=tuple(dict(start) for start in starts),
+        engine=engine,
         rng=rng,
         began=began,
     )
@@ -155,6 +161,7 @@ def identify(
             nuisances=tuple(nuisances),
             starts=run.starts,
             power=power,
+            engine=engine,
             rng=rng,
         )
         journal.agree("identification", premises)
@@ -216,7 +223,7 @@ def identify(
         # SciPy's optimisers and JAX are slow to load and needed from here on only.
         from mrwork.identification.polish import polish
 
-        return polish(objective, explored, on_start=on_start, on_step=on_step)
+        return polish(objective, explored, engine=engine, on_start=on_start, on_step=on_step)
 
     try:
         polished = interruptible(polish)
@@ -224,6 +231,17 @@ def identify(
         return ended(interrupt, best, explored.trace)
     status: FitStatus = "converged" if polished.converged else "not_converged"
     return run.fit(polished.theta, polished.standard_errors, explored.trace, polished.steps, status)
+
+
+def _check_engine(engine: Engine, objective: Objective) -> None:
+    """Refuse what an engine cannot do before anything is searched."""
+    if engine not in get_args(Engine):
+        raise SettingError(f"`engine` is {engine!r}; choose one of {', '.join(get_args(Engine))}")
+    if engine == "twin":
+        # JAX is slow to load, and needed here only.
+        from mrwork.identification.twin_residuals import TwinResiduals
+
+        TwinResiduals.of(objective)
 
 
 def _was_stopped(interrupt: BaseException | None) -> bool:

@@ -128,9 +128,7 @@ def search_starts(
                 on_iteration(course.found(""), min(len(course.best) / most, 1.0))
 
         course.end(
-            descend_all(
-                objective, box, searched, chosen, max_iterations=settings.most_iterations, on_iteration=tell
-            )
+            descend_all(objective, box, chosen, max_iterations=settings.most_iterations, on_iteration=tell)
         )
 
     reason = "max_rounds"

@@ -13,6 +13,7 @@ from mrwork.identification.descent import Descended, descend
 from mrwork.identification.descents import descend_all
 from mrwork.identification.equivalent import Form
 from mrwork.identification.exploration import Exploration
+from mrwork.identification.fit import Engine
 from mrwork.identification.objective import Objective
 from mrwork.identification.screen import best_few
 from mrwork.identification.standard_error import jacobian, standard_errors
@@ -37,67 +38,69 @@ def polish(
     objective: Objective,
     explored: Exploration,
     *,
+    engine: Engine = "lanes",
     on_start: Callable[[Descended, float], None],
     on_step: OnStep,
 ) -> Polished:
-    """Screen the starts, then finish the best: on the twin, or in lanes where the twin does not reach.
+    """Screen the starts, then finish the best in lanes, or on the twin where that is asked for.
 
-    The twin compares the simulated force itself, for one set of parameters, by least squares; an observed force,
-    nuisance parameters, current laws over many tests and other powers are descended in lanes.
     Standard errors are those of least squares there. Starts that are minima already need neither: the last steps there
     are for whatever the iterations allowed had left, and for starts that were given.
     """
-    form, searched = explored.form, explored.searched
-    if explored.descended:
-        minima = descend_all(
-            objective,
-            form.box,
-            searched,
-            explored.starts,
-            max_iterations=_LAST_EVALUATIONS,
-            on_iteration=lambda minima: on_step(minima.iterations, float(minima.misfit.min())),
+    form = explored.form
+    finalists = explored.starts
+    if not explored.descended:
+        finalists = best_few(
+            explored.objective, form.box, finalists, mirrored=form.mirrored, on_start=on_start
         )
-        best = int(np.argmin(minima.misfit))
-        ended = Descended(
-            theta=minima.theta[best],
-            misfit=float(minima.misfit[best]),
-            evaluations=minima.iterations,
-            converged=bool(minima.arrived[best]),
-        )
-        return _judged(objective, form, ended)
-    finalists = best_few(
-        explored.objective, form.box, searched, explored.starts, mirrored=form.mirrored, on_start=on_start
+    if engine == "twin":
+        ended = _on_the_twin(objective, form, finalists, on_step)
+    elif explored.descended:
+        ended = _side_by_side(objective, form, finalists, on_step)
+    else:
+        ended = _one_by_one(objective, form, finalists, on_step)
+    return _judged(objective, form, ended)
+
+
+def _side_by_side(
+    objective: Objective, form: Form, starts: NDArray[np.float64], on_step: OnStep
+) -> Descended:
+    minima = descend_all(
+        objective,
+        form.box,
+        starts,
+        max_iterations=_LAST_EVALUATIONS,
+        on_iteration=lambda minima: on_step(minima.iterations, float(minima.misfit.min())),
     )
-    if not (objective.is_direct and objective.is_plain and form.spec.current is None):
-        ended = min(
-            (
-                descend(
-                    objective,
-                    form.box,
-                    searched,
-                    each,
-                    max_evaluations=_LAST_EVALUATIONS,
-                    on_step=on_step,
-                )
-                for each in finalists
-            ),
-            key=lambda descended: descended.misfit,
-        )
-        return _judged(objective, form, ended)
+    best = int(np.argmin(minima.misfit))
+    return Descended(
+        theta=minima.theta[best],
+        misfit=float(minima.misfit[best]),
+        evaluations=minima.iterations,
+        converged=bool(minima.arrived[best]),
+    )
+
+
+def _one_by_one(objective: Objective, form: Form, starts: NDArray[np.float64], on_step: OnStep) -> Descended:
+    descents = (
+        descend(objective, form.box, start, max_evaluations=_LAST_EVALUATIONS, on_step=on_step)
+        for start in starts
+    )
+    return min(descents, key=lambda descended: descended.misfit)
+
+
+def _on_the_twin(objective: Objective, form: Form, starts: NDArray[np.float64], on_step: OnStep) -> Descended:
     # JAX is slow to load, and needed here only.
     from mrwork.identification.refine import refine
 
-    refined = min(
-        (refine(objective, form.box, each, on_step=on_step) for each in finalists),
-        key=lambda refined: refined.misfit,
-    )
-    ended = Descended(
+    refinements = (refine(objective, form.box, start, on_step=on_step) for start in starts)
+    refined = min(refinements, key=lambda refined: refined.misfit)
+    return Descended(
         theta=refined.theta,
         misfit=refined.misfit,
         evaluations=refined.steps,
         converged=refined.converged,
     )
-    return _judged(objective, form, ended)
 
 
 def _judged(objective: Objective, form: Form, ended: Descended) -> Polished:

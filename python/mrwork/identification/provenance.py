@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 
 from mrwork import _rust
-from mrwork.identification.fit import Provenance
+from mrwork.identification.fit import Engine, Provenance
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.journal import digest_of
@@ -27,6 +27,7 @@ def provenance_of(
     bounds: Mapping[str, tuple[float, float]],
     starts: Sequence[Mapping[str, float]],
     power: float,
+    engine: Engine,
     rng: int,
 ) -> Provenance:
     """Versions, inputs by hash, and settings of an identification."""
@@ -39,6 +40,7 @@ def provenance_of(
             "bounds": {name: list(pair) for name, pair in bounds.items()},
             "starts": [dict(start) for start in starts],
             "power": power,
+            "engine": engine,
             "windows": {
                 test.path or test.name: {
                     "start": test.start_time,
@@ -63,6 +65,7 @@ def premises_of(
     nuisances: Sequence[NuisanceName],
     starts: Sequence[Mapping[str, float]],
     power: float,
+    engine: Engine,
     rng: int,
 ) -> dict[str, object]:
     """All that the result of an identification follows from, bit for bit: what a journal and who resumes it share."""
@@ -74,6 +77,7 @@ def premises_of(
         "nuisances": list(nuisances),
         "starts": [dict(start) for start in starts],
         "power": power,
+        "engine": engine,
         "search": {"kind": type(search).__name__} | asdict(search),
         "test": [
             {

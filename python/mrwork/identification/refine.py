@@ -15,18 +15,19 @@ import optimistix as optx
 from numpy.typing import NDArray
 
 from mrwork.coordinates import Box
-from mrwork.identification.objective import Objective, weight_of
-from mrwork.spec import DamperSpec
-from mrwork.twins._base import simulate
+from mrwork.identification.objective import Objective
+from mrwork.identification.twin_residuals import RecordArrays, TwinResiduals, arrays_of
+from mrwork.twins._compiled import keep_compiled
 
 # A descent has arrived when this many steps together lower the squared misfit by less than this share.
 _PATIENCE = 6
-_TOLERANCE = 1e-5
+_TOLERANCE = 1e-8
 _MAX_STEPS = 120
-# A solution that asks for more sub-steps than its descent had is descended again with what it asks for.
+# A solution that asks for other sub-steps than its descent had is descended again with what it asks for.
 _ROUNDS = 3
 
 OnStep = Callable[[int, float], None]
+_Data = tuple[RecordArrays, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,8 +62,8 @@ def _refined(objective: Objective, box: Box, start: NDArray[np.float64], on_step
     for _ in range(_ROUNDS):
         substeps = _substeps(objective, refined.theta)
         refined = _descend(objective, box, refined, substeps, on_step)
-        now = _substeps(objective, refined.theta)
-        if refined.converged and all(new <= used for new, used in zip(now, substeps, strict=True)):
+        # Fewer would do as well, but move the minimum: it is to be that of the lanes.
+        if refined.converged and _substeps(objective, refined.theta) == substeps:
             break
     return refined
 
@@ -71,8 +72,8 @@ def _descend(
     objective: Objective, box: Box, start: Refined, substeps: tuple[int, ...], on_step: OnStep | None
 ) -> Refined:
     """One descent with fixed sub-steps; never returns anything worse than its start."""
-    descent = _descent(objective.spec, box, _windows(objective))
-    data = _data(objective, substeps)
+    descent = _descent(TwinResiduals.of(objective), box)
+    data = arrays_of(objective, substeps)
     latent = jnp.asarray(box.latent_from_theta(box.inside(start.theta)))
     args = (latent, descent.scale(latent, data), data)
     position = jnp.zeros_like(latent)
@@ -94,43 +95,12 @@ def _descend(
     return Refined(theta=theta, misfit=misfit, steps=start.steps + len(squared), converged=converged)
 
 
-# One entry per test: motion at the stage times, measured force, and the weight that makes the sum of squared
-# residuals the squared misfit.
-_Data = tuple[tuple[jax.Array, jax.Array, jax.Array], ...]
-# Sampling step and samples that do not count, per test.
-_Windows = tuple[tuple[float, int], ...]
-
-
-def _windows(objective: Objective) -> _Windows:
-    return tuple((test.dt, test.n_settle) for test in objective.tests)
-
-
-def _data(objective: Objective, substeps: tuple[int, ...]) -> _Data:
-    entries = []
-    for test, history, count in zip(objective.tests, objective.histories, substeps, strict=True):
-        force = jnp.asarray(test.force[test.counted])
-        weight = jnp.asarray(weight_of(test, len(objective.tests)))
-        entries.append((jnp.asarray(history.stages(count)), force, weight))
-    return tuple(entries)
-
-
 def _substeps(objective: Objective, theta: NDArray[np.float64]) -> tuple[int, ...]:
     return tuple(max(1, int(misfits.substeps[0])) for misfits in objective.misfits(theta[None]))
 
 
-def _residuals(spec: DamperSpec, windows: _Windows, theta: jax.Array, data: _Data) -> jax.Array:
-    residuals = jnp.concatenate(
-        [
-            (simulate(spec, theta, stages, dt)[n_settle:] - force) * weight
-            for (dt, n_settle), (stages, force, weight) in zip(windows, data, strict=True)
-        ]
-    )
-    # A step into the unstable is then a bad step, to be taken back, and not the end of the arithmetic.
-    return jnp.where(jnp.isfinite(residuals), residuals, 1.0)
-
-
 class _Descent(NamedTuple):
-    """A compiled Levenberg-Marquardt method for one model, box and shape of the data."""
+    """A compiled Levenberg-Marquardt method for one model, box and shape of the data: the same for other data of it."""
 
     scale: Callable[[jax.Array, _Data], jax.Array]
     init: Callable[[jax.Array, Any], Any]
@@ -138,14 +108,15 @@ class _Descent(NamedTuple):
 
 
 @cache
-def _descent(spec: DamperSpec, box: Box, windows: _Windows) -> _Descent:
+def _descent(twin: TwinResiduals, box: Box) -> _Descent:
+    keep_compiled()
     method: Any = optx.LevenbergMarquardt(rtol=1e-9, atol=1e-9)
     options = {"jac": "fwd"}
     tags: frozenset[object] = frozenset()
 
     def residuals(position: jax.Array, args: tuple[jax.Array, jax.Array, _Data]) -> tuple[jax.Array, None]:
         latent, scale, data = args
-        return _residuals(spec, windows, box.theta_from_latent(latent + scale * position), data), None
+        return twin(box.theta_from_latent(latent + scale * position), data), None
 
     @eqx.filter_jit
     def scale(latent: jax.Array, data: _Data) -> jax.Array:

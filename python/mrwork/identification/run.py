@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mrwork.identification.equivalent import Form
 from mrwork.identification.estimate import estimates_of
-from mrwork.identification.fit import ErrorNorms, Fit, FitStatus, SearchTrace
+from mrwork.identification.fit import Engine, ErrorNorms, Fit, FitStatus, SearchTrace
 from mrwork.identification.judge import judge
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.objective import Objective
@@ -54,6 +54,7 @@ class Run:
     search: Multistart | EfficientGA
     bounds: dict[str, tuple[float, float]]
     starts: tuple[dict[str, float], ...]
+    engine: Engine
     rng: int
     began: float
 
@@ -121,6 +122,7 @@ class Run:
                 bounds=self.bounds,
                 starts=self.starts,
                 power=self.objective.power,
+                engine=self.engine,
                 rng=self.rng,
             ),
             current=self.spec.current,

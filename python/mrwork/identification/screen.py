@@ -20,7 +20,6 @@ _LAST_EVALUATIONS = 60
 def best_few(
     objective: Objective,
     box: Box,
-    searched: Box,
     starts: NDArray[np.float64],
     *,
     mirrored: tuple[int, ...],
@@ -44,7 +43,7 @@ def best_few(
 
     def follow(start: NDArray[np.float64], max_evaluations: int) -> Descended:
         nonlocal done
-        descended = descend(objective, box, searched, start, max_evaluations=max_evaluations)
+        descended = descend(objective, box, start, max_evaluations=max_evaluations)
         found.append(descended)
         done += 1
         on_start(min(found, key=_misfit), done / total)

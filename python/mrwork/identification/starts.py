@@ -115,7 +115,7 @@ def _finds(objective: Objective, box: Box, searched: Box, starts: NDArray[np.flo
     near = box.with_bounds(_widened(searched, box))
 
     def descents(starts: NDArray[np.float64], evaluations: int) -> list[Descended]:
-        found = (descend(objective, near, searched, start, max_evaluations=evaluations) for start in starts)
+        found = (descend(objective, near, start, max_evaluations=evaluations) for start in starts)
         return sorted(found, key=lambda descended: descended.misfit)
 
     inside = np.clip(starts, near.lower, near.upper)

@@ -79,7 +79,9 @@ def parameters_at(spec: DamperSpec, theta: Array, received: Array) -> Any:
     return twin_of(spec).Theta(*values)
 
 
-def simulate(spec: DamperSpec, theta: Array, stages: Array, dt: float, command: Array | float = 0.0) -> Array:
+def simulate(
+    spec: DamperSpec, theta: Array, stages: Array, dt: Array | float, command: Array | float = 0.0
+) -> Array:
     """Force of a damper from rest, by the stepping rule of the Rust core.
 
     Parameters
@@ -138,7 +140,7 @@ def simulate(spec: DamperSpec, theta: Array, stages: Array, dt: float, command: 
 
 
 def _received(
-    current: CurrentLaws, theta: Array, command: Array, dt: float, substeps: int
+    current: CurrentLaws, theta: Array, command: Array, dt: Array | float, substeps: int
 ) -> tuple[Array, Array]:
     """What the coil gets: at the samples, shape (n_time,), and at start, middle, end of each step, (n_steps, 3)."""
     if not current.lagged:

@@ -1,0 +1,116 @@
+"""Residuals of an objective once more on the JAX twin, so that they can be differentiated there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from mrwork.errors import SettingError
+from mrwork.identification.nuisance import NuisanceName
+from mrwork.identification.objective import Objective, weight_of
+from mrwork.records import AS_IT_IS
+from mrwork.simulate import loading_of
+from mrwork.spec import DamperSpec
+from mrwork.twins._base import simulate
+
+
+class RecordArrays(NamedTuple):
+    """One test: sampling step [s], motion at the stage times, command [A or V], measured force [N], its weight.
+
+    The weight makes the sum of squared residuals of all tests the squared misfit.
+    """
+
+    dt: jax.Array
+    motion: jax.Array
+    command: jax.Array
+    force: jax.Array
+    weight: jax.Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TwinResiduals:
+    """What residuals follow from beside parameters and arrays; two that are equal share what was compiled.
+
+    `n_settle` are the samples of each test that do not count.
+    """
+
+    spec: DamperSpec
+    n_settle: tuple[int, ...]
+    nuisances: tuple[NuisanceName, ...]
+    power: float
+
+    @classmethod
+    def of(cls, objective: Objective) -> TwinResiduals:
+        """Those of `objective.residuals`.
+
+        Raises
+        ------
+        SettingError
+            Where a test has an observation model: the twin has none.
+        """
+        for test in objective.tests:
+            if test.observation != AS_IT_IS:
+                raise SettingError(
+                    f"{test.name} was recorded {test.observation.in_words}, which the twin cannot follow; "
+                    "leave the engine to `lanes`, or the observation out"
+                )
+        return cls(
+            spec=objective.spec,
+            n_settle=tuple(test.n_settle for test in objective.tests),
+            nuisances=objective.nuisances,
+            power=objective.power,
+        )
+
+    def __call__(self, theta: jax.Array, tests: tuple[RecordArrays, ...]) -> jax.Array:
+        """Residuals of one set of parameters, (n_params,), shape (n_residuals,); one where they are not finite."""
+        parts = [
+            self._part(theta, test, n_settle) for test, n_settle in zip(tests, self.n_settle, strict=True)
+        ]
+        if self.power != 2.0:
+            squared = len(parts) * jnp.array([jnp.sum(part**2) for part in parts])
+            misfit = jnp.mean(squared ** (self.power / 2.0)) ** (1.0 / self.power)
+            factors = (jnp.sqrt(squared) / misfit) ** (self.power / 2.0 - 1.0)
+            parts = [factor * part for factor, part in zip(factors, parts, strict=True)]
+        residuals = jnp.concatenate(parts)
+        # A step into the unstable is then a bad step, to be taken back, and not the end of the arithmetic.
+        return jnp.where(jnp.isfinite(residuals), residuals, 1.0)
+
+    def _part(self, theta: jax.Array, test: RecordArrays, n_settle: int) -> jax.Array:
+        force = simulate(self.spec, theta, test.motion, test.dt, test.command)[n_settle:]
+        return _without_nuisance(force, force - test.force, self.nuisances) * test.weight
+
+
+def arrays_of(objective: Objective, substeps: tuple[int, ...]) -> tuple[RecordArrays, ...]:
+    """What the tests of an objective give the twin, with so many sub-steps each."""
+    entries = []
+    for test, history, count in zip(objective.tests, objective.histories, substeps, strict=True):
+        command = loading_of(test, objective.spec).command
+        entries.append(
+            RecordArrays(
+                dt=jnp.asarray(test.dt),
+                motion=jnp.asarray(history.stages(count)),
+                command=jnp.asarray(0.0 if command is None else command),
+                force=jnp.asarray(test.force[test.counted]),
+                weight=jnp.asarray(weight_of(test, len(objective.tests))),
+            )
+        )
+    return tuple(entries)
+
+
+def _without_nuisance(force: jax.Array, residuals: jax.Array, names: tuple[NuisanceName, ...]) -> jax.Array:
+    """Residuals (n_counted,) once the nuisance parameters are at their best; see `nuisance.without_nuisance`."""
+    if not names:
+        return residuals
+    columns = jnp.stack([_column(name, force) for name in names])
+    unit = columns / jnp.maximum(jnp.linalg.norm(columns, axis=-1, keepdims=True), np.finfo(float).tiny)
+    return residuals - (jnp.linalg.pinv(unit @ unit.T) @ (unit @ residuals)) @ unit
+
+
+def _column(name: NuisanceName, force: jax.Array) -> jax.Array:
+    if name == "offset":
+        return jnp.ones_like(force)
+    return force if name == "level" else jnp.asarray(jnp.gradient(force))
