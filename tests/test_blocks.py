@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from damper_tests import PER_CYCLE, sinusoidal_test
 from mrwork.records import DamperTest
 from mrwork.spec import damper
 from mrwork.uncertainty.autocorrelation import autocorrelation_time
 from mrwork.uncertainty.choice.blocks import blocks_of, longest_memory
+from sinusoidal_tests import PER_CYCLE, sinusoidal_test
 
 
 @pytest.fixture(scope="module")

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from damper_tests import MOTIONS, PER_CYCLE, sinusoidal_test
 from mrwork.cli import parser
 from mrwork.errors import MrworkError, SettingError, UnknownNameError
 from mrwork.identification.multistart import Multistart
@@ -22,6 +21,7 @@ from mrwork.report.unfinished_comparison import StepJournals
 from mrwork.uncertainty.choice.choose import ChoiceInterrupted, choose_model
 from mrwork.uncertainty.choice.comparison import Choice, ChoiceProgress
 from mrwork.uncertainty.choice.held_out import halves
+from sinusoidal_tests import MOTIONS, PER_CYCLE, sinusoidal_test
 
 VISCOUS_DAHL = (800.0, 900.0, 2000.0, 20.0)
 FEW = Multistart(samples=10, starts=4, most_rounds=2, found=2)

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal, norm
 
-from damper_tests import sinusoidal_test
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify
@@ -21,6 +20,7 @@ from mrwork.uncertainty.choice.laplace import draw_about
 from mrwork.uncertainty.choice.likelihood import residuals_of, target_of, variance_of
 from mrwork.uncertainty.choice.psis import UNRELIABLE, block_densities, leave_one_out
 from mrwork.uncertainty.noise import NOISES
+from sinusoidal_tests import sinusoidal_test
 
 THETA = (800.0, 900.0, 2000.0, 20.0)
 HELD = {"rho": (2000.0, 2000.0), "f0": (20.0, 20.0)}
