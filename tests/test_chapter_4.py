@@ -11,6 +11,7 @@ import pytest
 import mrwork as mr
 from comparison_page import write_page
 from comparison_tables import error_table, level_table, tables_of
+from damper_tests import TestSet
 from decay import (
     LITERAL,
     at_budget,
@@ -28,7 +29,6 @@ from mrwork.search import PopulationState, Proposal, StandardGA, StopRules
 from search_cells import Cell, Replicates, cells_of, run_cell
 from search_runs import run_cells
 from search_settings import EFFICIENT, SEARCHES, STANDARD, SWARM, Settings
-from sinusoidal_tests import TestSet
 
 CHAPTER = Path(__file__).parents[1] / "studies" / "chapter_4"
 REPLICATES, POPULATION, GENERATIONS = 6, 10, 12

@@ -8,7 +8,7 @@ theirs.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,17 +30,19 @@ _SAMPLES = 1000
 class Shape:
     """Where in a test errors are large, and which way they go.
 
-    The scale of an error is `deviation (level + slope steepness)`. `bias` [deviations], shape (n_bins,), is the mean
-    error over the phase of tests whose cycles are alike, the model's discrepancy; empty where it is left out.
+    The scale of an error is `deviation (level + slope steepness) + floor` [N], the deviation that of the model's force.
+    `bias` [deviations], shape (n_bins,), is the mean error over the phase of tests whose cycles are alike, the model's
+    discrepancy; empty where it is left out.
     """
 
     level: float = 1.0
     slope: float = 0.0
+    floor: float = 0.0
     bias: tuple[float, ...] = ()
 
-    def relative_scale(self, steepness: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Scale of the error [deviations], shape of `steepness`."""
-        return self.level + self.slope * steepness
+    def scale(self, deviation: float, steepness: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Scale of the error [N], shape of `steepness`."""
+        return np.asarray(deviation * (self.level + self.slope * steepness) + self.floor)
 
     def bias_at(self, phase: NDArray[np.float64]) -> NDArray[np.float64]:
         """Mean error [deviations], shape of `phase`."""
@@ -54,7 +56,7 @@ class Shape:
         centre = prediction.force
         if has_regular_cycles(prediction.test):
             centre = centre + deviation * self.bias_at(prediction.phase)
-        return centre, deviation * self.relative_scale(prediction.steepness)
+        return centre, self.scale(deviation, prediction.steepness)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -100,8 +102,9 @@ class Calibration:
 def calibrate(predictions: Sequence[Prediction], *, held_out: str) -> Calibration:
     """Calibrate bands on tests that the fit has not seen.
 
-    Errors grow with the steepness of the force, and over the cycle they have a mean. Whether these two help is decided
-    on the tests themselves, each predicted from the others: the least interval score wins.
+    An error is taken to be in proportion to the force of its test, or partly the same in all tests; to grow with the
+    steepness of the force, or not; to have a mean over the cycle, or none. Which of these is decided on the tests
+    themselves, each predicted from the others: the least interval score wins.
 
     Parameters
     ----------
@@ -120,9 +123,13 @@ def calibrate(predictions: Sequence[Prediction], *, held_out: str) -> Calibratio
             "a band is calibrated on tests that the fit has not seen, none was given; name at least one"
         )
     errors = [_Errors.of(prediction) for prediction in predictions]
-    variants = [(False, False), (True, False)]
-    if all(has_regular_cycles(prediction.test) for prediction in predictions):
-        variants += [(False, True), (True, True)]
+    periodic = all(has_regular_cycles(prediction.test) for prediction in predictions)
+    variants = [
+        _Variant(steep=steep, floored=floored, biased=biased)
+        for biased in ((False, True) if periodic else (False,))
+        for floored in (False, True)
+        for steep in (False, True)
+    ]
     if len(predictions) < _LEAST_TO_CHOOSE:
         variants = variants[:1]
     best = min(variants, key=lambda variant: _left_out_score(errors, variant))
@@ -130,10 +137,24 @@ def calibrate(predictions: Sequence[Prediction], *, held_out: str) -> Calibratio
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class _Variant:
+    """What a shape may have beside a level."""
+
+    steep: bool
+    floored: bool
+    biased: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Errors:
-    """Errors of one test [deviations] with what they may depend on, shape (n,), at evenly spaced samples."""
+    """Errors of one test [N] with what they may depend on, shape (n,), at evenly spaced samples.
+
+    `deviation` is that of the model's force, `measured` that of the measured one [N].
+    """
 
     name: str
+    deviation: float
+    measured: float
     error: NDArray[np.float64]
     steepness: NDArray[np.float64]
     phase: NDArray[np.float64]
@@ -143,72 +164,83 @@ class _Errors:
         every = slice(None, None, max(1, prediction.force.size // _SAMPLES))
         return cls(
             name=prediction.test.path or prediction.test.name,
-            error=(prediction.residual / prediction.deviation)[every],
+            deviation=prediction.deviation,
+            measured=float(np.std(prediction.measured)),
+            error=prediction.residual[every],
             steepness=prediction.steepness[every],
             phase=prediction.phase[every],
         )
 
     def over_phase(self) -> NDArray[np.float64]:
-        """Mean error in each bin of the phase, shape (n_bins,)."""
+        """Mean error in each bin of the phase [deviations], shape (n_bins,)."""
         index = np.minimum(((self.phase + np.pi) / (2.0 * np.pi) * _BINS).astype(int), _BINS - 1)
         count = np.bincount(index, minlength=_BINS)
-        total = np.bincount(index, weights=self.error, minlength=_BINS)
+        total = np.bincount(index, weights=self.error / self.deviation, minlength=_BINS)
         return np.asarray(total / np.maximum(count, 1))
 
     def scores(self, shape: Shape) -> NDArray[np.float64]:
         """Size of the errors about the bias, in the scale of the shape."""
-        return np.asarray(
-            np.abs(self.error - shape.bias_at(self.phase)) / shape.relative_scale(self.steepness)
-        )
+        about = self.error - self.deviation * shape.bias_at(self.phase)
+        return np.asarray(np.abs(about) / shape.scale(self.deviation, self.steepness))
 
 
-def _left_out_score(errors: Sequence[_Errors], variant: tuple[bool, bool]) -> float:
-    """Mean interval score of each test's band, calibrated on the others, per deviation of its force."""
+def _left_out_score(errors: Sequence[_Errors], variant: _Variant) -> float:
+    """Sum of the interval scores of each test's band, calibrated on the others, per deviation of its force."""
     if len(errors) == 1:
         return 0.0
     total = 0.0
     for index, test in enumerate(errors):
         calibration = _calibrated([*errors[:index], *errors[index + 1 :]], variant, "")
-        centre = calibration.shape.bias_at(test.phase)
-        half = pooled_quantile(calibration.scores, _JUDGED_AT) * calibration.shape.relative_scale(
-            test.steepness
-        )
+        shape = calibration.shape
+        centre = test.deviation * shape.bias_at(test.phase)
+        half = pooled_quantile(calibration.scores, _JUDGED_AT) * shape.scale(test.deviation, test.steepness)
         band = Band(kind="prediction", level=_JUDGED_AT, lower=centre - half, upper=centre + half, basis="")
-        total += score(band, test.error).interval_score
+        total += score(band, test.error, per=test.measured).interval_score
     return total
 
 
-def _calibrated(errors: Sequence[_Errors], variant: tuple[bool, bool], held_out: str) -> Calibration:
-    steep, biased = variant
-    level, slope = _scale(errors) if steep else (1.0, 0.0)
-    curves = np.array([test.over_phase() for test in errors]) if biased else np.empty((len(errors), 0))
+def _calibrated(errors: Sequence[_Errors], variant: _Variant, held_out: str) -> Calibration:
+    plain = _scale(errors, variant)
+    curves = (
+        np.array([test.over_phase() for test in errors]) if variant.biased else np.empty((len(errors), 0))
+    )
     total = curves.sum(axis=0)
     # A test's own error is left out of the mean that its score is taken from, as it will be for the next test.
     others = (total - curves) / max(len(errors) - 1, 1)
     return Calibration(
-        shape=Shape(level=level, slope=slope, bias=tuple(total / len(errors))),
+        shape=replace(plain, bias=tuple(total / len(errors))),
         scores=tuple(
-            test.scores(Shape(level=level, slope=slope, bias=tuple(bias)))
-            for test, bias in zip(errors, others, strict=True)
+            test.scores(replace(plain, bias=tuple(bias))) for test, bias in zip(errors, others, strict=True)
         ),
         tests=tuple(test.name for test in errors),
         held_out=held_out,
     )
 
 
-def _scale(errors: Sequence[_Errors]) -> tuple[float, float]:
-    """The size of errors as a line over the steepness, both coefficients positive, each test weighing the same."""
+def _scale(errors: Sequence[_Errors], variant: _Variant) -> Shape:
+    """The size of errors as a sum of what the variant has, none of it negative, relative to each test's force."""
+    if not (variant.steep or variant.floored):
+        return Shape()
     # Slow to load, and whoever reads a calibration does not need it.
     from scipy.optimize import nnls
 
-    weights = [test.error.size**-0.5 for test in errors]
-    rows = [
-        weight * np.stack([np.ones_like(test.steepness), test.steepness], axis=1)
-        for weight, test in zip(weights, errors, strict=True)
-    ]
-    sizes = [weight * np.abs(test.error) for weight, test in zip(weights, errors, strict=True)]
-    level, slope = nnls(np.concatenate(rows), np.concatenate(sizes))[0]
-    return (float(level), float(slope)) if level > 0.0 else (1.0, 0.0)
+    rows, sizes = [], []
+    for test in errors:
+        per = 1.0 / (test.measured * np.sqrt(test.error.size))
+        columns = [
+            np.full_like(test.error, test.deviation),
+            test.deviation * test.steepness * variant.steep,
+            np.full_like(test.error, float(variant.floored)),
+        ]
+        rows.append(per * np.stack(columns, axis=1))
+        sizes.append(per * np.abs(test.error))
+    # The floor is in newtons, the others are shares: columns of like size for the solver.
+    design = np.concatenate(rows)
+    norm = np.maximum(np.linalg.norm(design, axis=0), 1e-300)
+    level, slope, floor = nnls(design / norm, np.concatenate(sizes))[0] / norm
+    shape = Shape(level=float(level), slope=float(slope), floor=float(floor))
+    # Where all of it is steepness, the band would have no width at all where the force is flat.
+    return shape if level + floor > 0.0 else Shape()
 
 
 def _bin_centres() -> NDArray[np.float64]:
