@@ -20,7 +20,7 @@ from mrwork.spec import DamperSpec, damper
 from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.parametric import noise_band, simulate_draws
 from mrwork.uncertainty.noise import Noise, noise_model
-from mrwork.uncertainty.posterior.prior import Uniform
+from mrwork.uncertainty.posterior.prior import Lognormal, Normal
 from mrwork.uncertainty.posterior.sample import sample_posterior
 
 LEVEL = 0.9
@@ -41,11 +41,11 @@ MODELS = {
     },
     "viscous_dahl": {"k_x": (500.0, 2000.0), "k_w": (400.0, 900.0), "rho": (500.0, 2000.0)},
 }
-# Even in the value between these; shares of the force's deviation.
-NOISES = {
-    "iid": {"sigma": (0.02, 0.1)},
-    "student_t": {"sigma": (0.02, 0.1), "nu": (3.0, 20.0)},
-    "ar1": {"sigma": (0.02, 0.1), "phi": (0.3, 0.9)},
+# Priors of the noise, in shares of the force's deviation: smooth, so that no estimate lies where nothing is possible.
+NOISES: dict[str, dict[str, Normal | Lognormal]] = {
+    "iid": {"sigma": Lognormal(median=0.05, deviation=0.4)},
+    "student_t": {"sigma": Lognormal(median=0.05, deviation=0.4), "nu": Lognormal(median=8.0, deviation=0.4)},
+    "ar1": {"sigma": Lognormal(median=0.05, deviation=0.4), "phi": Normal(mean=0.6, deviation=0.1)},
 }
 # Draws that a rank is taken among, and bins of their histogram.
 _RANKED = 63
@@ -106,7 +106,7 @@ def replicate(model: str, noise_name: str, stream: np.random.Generator, *, threa
     spec, noise = damper(model), noise_model(noise_name)
     box = prior_box(spec)
     truth = np.asarray(box.theta_from_unit(stream.uniform(size=len(box.free))))
-    noise_truth = np.array([stream.uniform(*NOISES[noise_name][each.name]) for each in noise.parameters])
+    noise_truth = np.array([drawn(NOISES[noise_name][each.name], stream) for each in noise.parameters])
     test = noisy_test(spec, truth, noise, noise_truth, amplitude=0.01, frequency=1.5, stream=stream)
     other = noisy_test(spec, truth, noise, noise_truth, amplitude=0.006, frequency=3.0, stream=stream)
     bounds = {name: (box.lower[index], box.upper[index]) for index, name in enumerate(box.names)}
@@ -116,10 +116,7 @@ def replicate(model: str, noise_name: str, stream: np.random.Generator, *, threa
         test,
         start=fit,
         noise=noise_name,
-        priors={
-            f"noise.{name}": Uniform(lower=lower, upper=upper)
-            for name, (lower, upper) in NOISES[noise_name].items()
-        },
+        priors={f"noise.{name}": prior for name, prior in NOISES[noise_name].items()},
         tempering=1.0,
         rng=int(stream.integers(2**31)),
         threads=threads,
@@ -143,6 +140,12 @@ def replicate(model: str, noise_name: str, stream: np.random.Generator, *, threa
         coverage=score(band, other.force).coverage,
         converged=draws.status == "converged",
     )
+
+
+def drawn(prior: Normal | Lognormal, stream: np.random.Generator) -> float:
+    if isinstance(prior, Normal):
+        return float(stream.normal(prior.mean, prior.deviation))
+    return float(stream.lognormal(np.log(prior.median), prior.deviation))
 
 
 def prior_box(spec: DamperSpec) -> Box:
