@@ -84,7 +84,7 @@ def identify(
         What is made small is (mean NRMSE^power)^(1/power) over the tests: 2 is the root mean square, more helps the
         worst test at some cost to the others.
     engine
-        Where the last descent runs: "lanes", or "twin", which takes some fifty times as long, to the same minimum.
+        Where the last descent runs: "lanes", or "twin", which takes some eighty times as long, to the same minimum.
     rng
         Seed of the search. The same seed gives the same bits on any number of threads.
     threads

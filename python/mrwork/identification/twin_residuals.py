@@ -68,7 +68,8 @@ class TwinResiduals:
     def __call__(self, theta: jax.Array, tests: tuple[RecordArrays, ...]) -> jax.Array:
         """Residuals of one set of parameters, (n_params,), shape (n_residuals,); one where they are not finite."""
         parts = [
-            self._part(theta, test, n_settle) for test, n_settle in zip(tests, self.n_settle, strict=True)
+            _without_nuisance(force[n_settle:], force[n_settle:] - test.force, self.nuisances) * test.weight
+            for force, test, n_settle in zip(self._forces(theta, tests), tests, self.n_settle, strict=True)
         ]
         if self.power != 2.0:
             squared = len(parts) * jnp.array([jnp.sum(part**2) for part in parts])
@@ -79,9 +80,20 @@ class TwinResiduals:
         # A step into the unstable is then a bad step, to be taken back, and not the end of the arithmetic.
         return jnp.where(jnp.isfinite(residuals), residuals, 1.0)
 
-    def _part(self, theta: jax.Array, test: RecordArrays, n_settle: int) -> jax.Array:
-        force = simulate(self.spec, theta, test.motion, test.dt, test.command)[n_settle:]
-        return _without_nuisance(force, force - test.force, self.nuisances) * test.weight
+    def _forces(self, theta: jax.Array, tests: tuple[RecordArrays, ...]) -> list[jax.Array]:
+        """Force of each test, (n_time,); tests of equal sub-steps are one scan, for thirty take minutes to compile."""
+        forces: dict[int, jax.Array] = {}
+        for n_stages in sorted({test.motion.shape[1] for test in tests}):
+            own = {index: test for index, test in enumerate(tests) if test.motion.shape[1] == n_stages}
+            longest = max(len(test.motion) for test in own.values())
+            found = jax.vmap(lambda *test: simulate(self.spec, theta, *test))(
+                jnp.stack([_lengthened(test.motion, longest) for test in own.values()]),
+                jnp.stack([test.dt for test in own.values()]),
+                jnp.stack([test.command for test in own.values()]),
+            )
+            for row, (index, test) in enumerate(own.items()):
+                forces[index] = found[row, : len(test.motion) + 1]
+        return [forces[index] for index in range(len(tests))]
 
 
 def arrays_of(objective: Objective, substeps: tuple[int, ...]) -> tuple[RecordArrays, ...]:
@@ -99,6 +111,12 @@ def arrays_of(objective: Objective, substeps: tuple[int, ...]) -> tuple[RecordAr
             )
         )
     return tuple(entries)
+
+
+def _lengthened(motion: jax.Array, n_steps: int) -> jax.Array:
+    """A motion, (n, n_stages, 2), that stays where it ended; what comes of it there is cut off."""
+    end = jnp.broadcast_to(motion[-1, -1], (n_steps - len(motion), *motion.shape[1:]))
+    return jnp.concatenate([motion, end])
 
 
 def _without_nuisance(force: jax.Array, residuals: jax.Array, names: tuple[NuisanceName, ...]) -> jax.Array:
