@@ -109,5 +109,5 @@ def test_draws_of_the_posterior_are_used_where_there_are_some(
     text = printed(capsys, "plan", sampled, *lists)
     assert "Draws of the posterior" in text
     (sampled / "posterior.nc").write_text("no")
-    assert "run `mrwork sample` again" in printed(capsys, "plan", sampled, *lists, status=2)
+    assert f"run `mrwork sample {sampled}` again" in printed(capsys, "plan", sampled, *lists, status=2)
     assert read_draws(run, opened.fit) is None

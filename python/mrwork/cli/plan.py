@@ -21,7 +21,6 @@ from mrwork.report.additions import add_to_run
 from mrwork.report.fit_json import json_document
 from mrwork.report.reopen import OpenedRun, reopen
 from mrwork.report.run_directory import PLAN
-from mrwork.report.stored_draws import read_draws
 from mrwork.uncertainty.planning.candidates import Candidate, Limits, candidate_grid, read_candidates
 
 if TYPE_CHECKING:
@@ -139,6 +138,7 @@ def _candidates(options: argparse.Namespace, opened: OpenedRun) -> tuple[Candida
 
 def _draws(opened: OpenedRun, known: Knowledge, rng: np.random.Generator) -> tuple[NDArray[np.float64], str]:
     """Draws in the order of the model of `known`, and what they are of."""
+    from mrwork.report.stored_draws import read_draws
     from mrwork.uncertainty.identifiability.verdicts import given_bounds
     from mrwork.uncertainty.planning.plan_draws import normal_draws
 
