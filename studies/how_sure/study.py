@@ -52,9 +52,13 @@ def main() -> int:
     for part in options.parts or PARTS:
         begun = time.perf_counter()
         if part == "synthetic":
-            cases = synthetic_calibration.cases(options.replicates, rng=options.seed, threads=options.threads)
-            document[part] = [asdict(case) for case in cases]
-            print(synthetic_calibration.lines(cases))
+            document[part] = []
+            print(synthetic_calibration.HEAD, flush=True)
+            for case in synthetic_calibration.cases(
+                options.replicates, rng=options.seed, threads=options.threads
+            ):
+                document[part].append(asdict(case))
+                print(synthetic_calibration.line(case), flush=True)
         elif not RECORDS.is_dir():
             print(
                 f"skipped {part}: {RECORDS} is not there; set MRWORK_DATA to the folder of the measured records"

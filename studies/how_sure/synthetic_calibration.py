@@ -6,7 +6,7 @@ posterior is uniform (Talts et al. 2018), and a 90 % prediction band holds 90 % 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,10 +68,10 @@ class Case:
     unfinished: int
 
 
-def cases(replicates: int, *, rng: int, threads: int) -> tuple[Case, ...]:
-    return tuple(
-        case(model, noise, replicates, rng=rng, threads=threads) for model in MODELS for noise in NOISES
-    )
+def cases(replicates: int, *, rng: int, threads: int) -> Iterator[Case]:
+    for model in MODELS:
+        for noise in NOISES:
+            yield case(model, noise, replicates, rng=rng, threads=threads)
 
 
 def case(model: str, noise: str, replicates: int, *, rng: int, threads: int) -> Case:
@@ -190,16 +190,14 @@ def noisy_test(
     )
 
 
-def lines(found: Sequence[Case]) -> str:
-    head = f"  {'model':<22}{'noise':<11}{'runs':>5}  {'in 90 %':>8}  {'p uniform':>9}  ranks"
-    return "\n".join(
-        [
-            "Synthetic tests, noise as assumed",
-            head,
-            *(
-                f"  {each.model:<22}{each.noise:<11}{each.replicates:5d}  {100 * each.coverage:6.1f} %"
-                f"  {each.p_uniform:9.3f}  {' '.join(str(count) for count in each.ranks)}"
-                for each in found
-            ),
-        ]
+HEAD = (
+    "Synthetic tests, noise as assumed\n"
+    f"  {'model':<22}{'noise':<11}{'runs':>5}  {'in 90 %':>8}  {'p uniform':>9}  ranks"
+)
+
+
+def line(case: Case) -> str:
+    return (
+        f"  {case.model:<22}{case.noise:<11}{case.replicates:5d}  {100 * case.coverage:6.1f} %"
+        f"  {case.p_uniform:9.3f}  {' '.join(str(count) for count in case.ranks)}"
     )
