@@ -21,6 +21,8 @@ _TOP = 1.8
 _LINE_POINTS = 200
 # An axis is logarithmic from this ratio of its ends on: then there are two powers of ten to write at it.
 _DECADES = 30.0
+# Tick labels from so many characters on are long; half of one takes this share of the width.
+_LONG, _LABEL_SHARE = 4, 0.08
 # An open side is drawn until the ratio has come to this share of where it levels off, and half as far again.
 _LEVEL, _FURTHER = 0.9, 1.5
 
@@ -71,7 +73,13 @@ def draw_profile(axes: Axes, profile: Profile, threshold: float) -> None:
         axes.xaxis.set_minor_locator(NullLocator())
     else:
         axes.xaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 2.5, 5, 10]))
-        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _tick(value)))
+        # A long number centred on the right edge would be cut there.
+        inside = right - _LABEL_SHARE * (right - left)
+        axes.xaxis.set_major_formatter(
+            FuncFormatter(
+                lambda value, _: _tick(value) if value < inside or len(_tick(value)) < _LONG else ""
+            )
+        )
     axes.set_xlim(left, right)
     axes.set_ylim(0.0, _TOP * threshold)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=4, integer=True))
