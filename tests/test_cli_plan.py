@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import xarray
 
+from command_line import printed
 from mrwork.cli import main
 from mrwork.report.reopen import reopen
 from mrwork.report.stored_draws import read_draws
@@ -23,15 +24,6 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
         main([*arguments, "--fix", "x_s=1e-4", "--quiet", "--out", str(place)])
     assert ended.value.code == 0
     return place
-
-
-def printed(capsys: pytest.CaptureFixture[str], *arguments: object, status: int = 0) -> str:
-    capsys.readouterr()
-    with pytest.raises(SystemExit) as ended:
-        main([str(each) for each in arguments])
-    captured = capsys.readouterr()
-    assert ended.value.code == status, captured.err
-    return captured.err if status else captured.out
 
 
 def test_a_plan_names_the_best_test_first(run: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from command_line import printed
 from mrwork.cli import main
 from mrwork.report.run_directory import read_fit
 
@@ -20,15 +21,6 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
         main([*arguments, "--quiet", "--out", str(place)])
     assert ended.value.code == 0
     return place
-
-
-def printed(capsys: pytest.CaptureFixture[str], *arguments: object, status: int = 0) -> str:
-    capsys.readouterr()
-    with pytest.raises(SystemExit) as ended:
-        main([str(each) for each in arguments])
-    captured = capsys.readouterr()
-    assert ended.value.code == status, captured.err
-    return captured.err if status else captured.out
 
 
 def test_a_profile_says_what_the_data_settle(run: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from mrwork.identification.identify import identify
 from mrwork.uncertainty.noise import NOISES
-from mrwork.uncertainty.posterior.fisher import fisher_information, linearised
+from mrwork.uncertainty.posterior.fisher import fisher_information, residual_slope
 from mrwork.uncertainty.posterior.prepare import prepared
 from posterior_samples import small_fit, small_test
 
@@ -19,7 +19,7 @@ def test_slope_is_that_of_the_residuals_over_the_position(model: str) -> None:
     theta = np.asarray(target.form.box.inside(target.form.forth(np.array(fit.theta))))
     values = target.space.box.inside(np.concatenate([theta, NOISES["iid"].parameters and [0.05]]))
     position = np.asarray(target.space.position(values))
-    residual, slope = linearised(target, position)
+    residual, slope = residual_slope(target, position)
 
     def residuals(at: np.ndarray) -> np.ndarray:
         own = np.ascontiguousarray(target.space.values(at)[0][:, : target.space.n_params])

@@ -22,6 +22,7 @@ from mrwork.identification.descents import descend_all
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.estimate import remark_of
 from mrwork.identification.identify import identify
+from mrwork.identification.linearisation import linearised
 from mrwork.identification.nuisance import NuisanceName, offsets_left_to
 from mrwork.identification.objective import Objective
 from mrwork.identification.refine import refine
@@ -141,7 +142,7 @@ def test_residuals_of_the_twin_and_their_derivatives_are_those_of_the_lanes(
     theta = joint_theta() * np.exp(0.1 * np.random.default_rng(2).standard_normal(len(LAWS.names)))
     # No sample is close enough to mid-stroke to feel x_s, and f0 is an offset.
     columns = identifiable_form(LAWS, SHARP | offsets_left_to(nuisances, LAWS)).box.free
-    (residuals,), (derivatives,) = objective.linearised(theta[None], columns)
+    (residuals,), (derivatives,) = linearised(objective, theta[None], columns)
     twin, arrays = TwinResiduals.of(objective), arrays_of(objective, (1, 1))
 
     def both(theta: jax.Array) -> tuple[jax.Array, jax.Array]:

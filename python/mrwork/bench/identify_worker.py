@@ -8,8 +8,6 @@ or `failure` (text).
 from __future__ import annotations
 
 import importlib.util
-import json
-import sys
 import time
 from contextlib import suppress
 from dataclasses import asdict, dataclass
@@ -28,14 +26,13 @@ from mrwork.bench.attempt import (
 )
 from mrwork.bench.contenders import contenders
 from mrwork.bench.early_abort import early_aborts
-from mrwork.bench.processes import pin, tell
+from mrwork.bench.processes import serve, tell
 from mrwork.bench.search_job import ALL_TESTS, REFERENCE, SearchJob, record
 from mrwork.bench.search_peers import multistart_least_squares
 from mrwork.bench.side_by_side import OBJECTIVE, attempted_at_once, contenders_at_once
 from mrwork.bench.timing import Peer, fastest_variant
 from mrwork.bench.usual_way import measure_usual_way
 from mrwork.bench.workload import Run
-from mrwork.errors import MrworkError
 
 # The compile of a method and the loading of its library, which nobody's time includes, take this many simulations.
 _WARMING = 150
@@ -78,14 +75,8 @@ class Setup:
 
 
 def main() -> None:
-    """Pin this process, then let everyone try."""
-    cores = [int(core) for core in sys.argv[1].split(",")]
-    settings = Settings(**json.loads(sys.argv[2]))
-    pin(cores)
-    try:
-        measure(settings, len(cores))
-    except MrworkError as error:
-        tell("failure", str(error))
+    """Let everyone try on the cores that the command line gives."""
+    serve(Settings, measure)
 
 
 def measure(settings: Settings, threads: int) -> None:

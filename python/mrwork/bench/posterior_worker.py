@@ -7,8 +7,6 @@ Run as `python -m mrwork.bench.posterior_worker CORES SETTINGS` (comma-separated
 from __future__ import annotations
 
 import importlib.util
-import json
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
@@ -20,7 +18,7 @@ import numpy as np
 from mrwork.bench.posterior_jax import JAX_VARIANTS, JaxTarget
 from mrwork.bench.posterior_job import PosteriorJob, Rows
 from mrwork.bench.posterior_rows import SamplerRow, Settings, Setup
-from mrwork.bench.processes import pin, tell
+from mrwork.bench.processes import serve, tell
 from mrwork.errors import MrworkError
 from mrwork.uncertainty.posterior.diagnosis import convergence, kept
 from mrwork.uncertainty.posterior.ensemble import Ensemble
@@ -61,14 +59,8 @@ class _Clock:
 
 
 def main() -> None:
-    """Pin this process, then let everyone sample."""
-    cores = [int(core) for core in sys.argv[1].split(",")]
-    settings = Settings(**json.loads(sys.argv[2]))
-    pin(cores)
-    try:
-        measure(settings, len(cores))
-    except MrworkError as error:
-        tell("failure", str(error))
+    """Let everyone sample on the cores that the command line gives."""
+    serve(Settings, measure)
 
 
 def measure(settings: Settings, threads: int) -> None:

@@ -10,10 +10,12 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, TypeVar
 
 from mrwork.errors import MrworkError, SettingError
+
+S = TypeVar("S")
 
 
 def cores_for(threads: Sequence[int]) -> list[int]:
@@ -80,6 +82,17 @@ def pin(cores: Sequence[int]) -> None:
     """Keep this process, a worker's, to its cores, where the system can."""
     if sys.platform == "linux":
         os.sched_setaffinity(0, cores)
+
+
+def serve(settings: Callable[..., S], measure: Callable[[S, int], None]) -> None:
+    """Be a worker: take the cores and the settings from the command line, and measure on so many threads."""
+    cores = [int(core) for core in sys.argv[1].split(",")]
+    asked = settings(**json.loads(sys.argv[2]))
+    pin(cores)
+    try:
+        measure(asked, len(cores))
+    except MrworkError as error:
+        tell("failure", str(error))
 
 
 def tell(kind: str, content: object) -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from mrwork.coordinates import Box
+from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
 
 _TOLERANCE = 1e-7
@@ -112,7 +113,7 @@ class _Linearisations:
             if np.array_equal(place, latent):
                 return residuals, jacobian
         theta = np.asarray(self.box.theta_from_latent(latent))
-        (residuals,), (jacobian,) = self.objective.linearised(theta[None], self.box.free)
+        (residuals,), (jacobian,) = linearised(self.objective, theta[None], self.box.free)
         jacobian *= np.exp(self.box.log_slope(latent))[:, None]
         # The last two: after a step that was no use the method asks for where it was.
         self._known = [(latent.copy(), residuals, jacobian), *self._known[:1]]

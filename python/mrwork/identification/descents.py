@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.coordinates import Box
+from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
 
 # Squared misfits that fall by less than this share have arrived.
@@ -178,6 +179,6 @@ def _linearised(
         some = rows[at : at + _ROWS]
         theta = np.asarray(box.theta_from_latent(latent[some]))
         slope = np.exp(box.log_slope(latent[some]))
-        residuals, jacobian = objective.linearised(theta, box.free)
+        residuals, jacobian = linearised(objective, theta, box.free)
         jacobian *= slope[..., None]
         yield from zip(some.tolist(), residuals, jacobian, strict=True)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
 
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 
 from mrwork import _rust
 from mrwork.errors import RecordError, SettingError
-from mrwork.identification.nuisance import NuisanceName, linearised_without_nuisance, without_nuisance
+from mrwork.identification.nuisance import NuisanceName, without_nuisance
 from mrwork.journal import Journal, digest_of
 from mrwork.records import AS_IT_IS, DamperTest
 from mrwork.simulate import (
@@ -21,14 +20,11 @@ from mrwork.simulate import (
     loading_of,
     simulate_forces,
     simulate_misfits,
-    simulate_sensitivities,
 )
 from mrwork.spec import DamperSpec
 
 # Rows whose residuals are held in memory at once where a misfit needs the whole history.
 _ROWS = 64
-# Numbers of a Jacobian that are held in memory beside the one that is returned: 64 MiB.
-_NUMBERS = 1 << 23
 # Limits are this much above what a threshold allows: sums are rounded in another order than the misfit is.
 _MARGIN = 1.0 + 1e-9
 # The power of the root mean square, which is that of least squares.
@@ -43,8 +39,9 @@ T = TypeVar("T")
 class Tally:
     """How many candidates have been simulated, in how many time steps, and how many steps were spared.
 
-    Spared are those after a candidate reached its threshold; in a test that was not begun at all, they are counted
-    with the sub-steps of the last one that was. `told` is what each test has added to squared misfits per step so far.
+    A candidate that was simulated with its derivatives counts once. Spared are the steps after a candidate reached its
+    threshold; in a test that was not begun at all, they are counted with the sub-steps of the last one that was. `told`
+    is what each test has added to squared misfits per step so far.
     """
 
     simulations: int = 0
@@ -194,9 +191,9 @@ class Objective:
         return misfit
 
     def _indirect(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        return self._mean(self._squared(self._parts(theta, failure=np.inf)))
+        return self._mean(self.squared_nrmse(self._parts(theta, failure=np.inf)))
 
-    def _squared(self, parts: Iterable[NDArray[np.float64]]) -> NDArray[np.float64]:
+    def squared_nrmse(self, parts: Iterable[NDArray[np.float64]]) -> NDArray[np.float64]:
         """Squared NRMSE of each test, shape (n_tests, n_batch), from its weighted residuals."""
         return len(self.tests) * np.array([np.einsum("bt,bt->b", part, part) for part in parts])
 
@@ -237,102 +234,14 @@ class Objective:
         """
         parts = list(self._parts(theta, failure=1.0))
         if not self.is_plain:
-            for part, factor in zip(parts, self._factors(self._squared(parts)), strict=True):
+            for part, factor in zip(parts, self.power_factors(self.squared_nrmse(parts)), strict=True):
                 part *= factor[:, None]
         return np.concatenate(parts, axis=1)
 
-    def linearised(
-        self, theta: NDArray[np.float64], columns: Sequence[int]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Residuals and their exact derivatives with respect to columns of `theta`, from one simulation of each row.
-
-        Shapes (n_batch, n_residuals) and (n_batch, n_columns, n_residuals), per unit of the column; zero where a
-        simulation failed. Exact also where the force was observed, relieved of nuisance parameters, or weighed by
-        another power.
-        """
-        held = max(1, _NUMBERS // (self.n_time * max(len(columns), 1)))
-        blocks = [self._linearised(theta[at : at + held], columns) for at in range(0, len(theta), held)]
-        if len(blocks) == 1:
-            return blocks[0]
-        n_columns = len(columns)
-        residuals = [block[0] for block in blocks] or [np.empty((0, self.n_time))]
-        jacobians = [block[1] for block in blocks] or [np.empty((0, n_columns, self.n_time))]
-        return np.concatenate(residuals), np.concatenate(jacobians)
-
-    def _linearised(
-        self, theta: NDArray[np.float64], columns: Sequence[int]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        self.tally.simulations += len(theta)
-        residuals = np.empty((len(theta), self.n_time))
-        jacobian = np.empty((len(theta), len(columns), self.n_time))
-        lengths = [test.n_time - test.n_settle for test in self.tests]
-        ends = np.cumsum(lengths)
-        slices = [slice(end - length, end) for end, length in zip(ends, lengths, strict=True)]
-
-        def fill(index: int, threads: int) -> None:
-            test = self.tests[index]
-            run = simulate_sensitivities(
-                self.spec, theta, self.histories[index], columns=columns, threads=threads
-            )
-            failed = run.outcome != Outcome.FINISHED
-            run.force[failed] = 0.0
-            run.jacobian[failed] = 0.0
-            observed, slope = run.force, run.jacobian
-            if test.observation != AS_IT_IS:
-                observed = test.observation.observe(observed, test.dt)
-                slope = replace(test.observation, offset=0.0).observe(slope, test.dt)
-            counted = test.counted
-            own, derivative = linearised_without_nuisance(
-                observed[:, counted], slope[..., counted], test.force[counted], self.nuisances
-            )
-            weight = weight_of(test, len(self.tests))
-            np.multiply(own, weight, out=residuals[:, slices[index]])
-            np.multiply(derivative, weight, out=jacobian[..., slices[index]])
-            residuals[failed, slices[index]] = 1.0
-
-        self._for_each_test(fill)
-        if not self.is_plain:
-            self._weigh(residuals, jacobian, slices)
-        return residuals, jacobian
-
-    def _for_each_test(self, work: Callable[[int, int], None]) -> None:
-        """Work on every test with so many threads; several tests side by side, a thread each."""
-        n_tests = len(self.tests)
-        if n_tests == 1 or self.threads == 1:
-            for index in range(n_tests):
-                work(index, self.threads)
-            return
-        with ThreadPoolExecutor(self.threads or None) as pool:
-            for _ in pool.map(lambda index: work(index, 1), range(n_tests)):
-                pass
-
-    def _factors(self, squared: NDArray[np.float64]) -> NDArray[np.float64]:
+    def power_factors(self, squared: NDArray[np.float64]) -> NDArray[np.float64]:
         """(NRMSE/misfit)^(power/2 - 1), shape (n_tests, n_batch), from squared NRMSE of the same shape."""
         ratio = np.sqrt(squared) / np.maximum(self._mean(squared), np.finfo(float).tiny)
         return np.asarray(ratio ** (self.power / 2.0 - 1.0))
-
-    def _weigh(
-        self, residuals: NDArray[np.float64], jacobian: NDArray[np.float64], slices: Sequence[slice]
-    ) -> None:
-        """Multiply the residuals of each test by its factor s, and their derivatives by the product rule, in place.
-
-        With e = NRMSE, M = misfit, q = power/2 - 1: ds/s = q (de/e - dM/M), dM/M = sum(e^power de/e)/sum(e^power).
-        """
-        tiny = np.finfo(float).tiny
-        squared = self._squared(residuals[:, part] for part in slices)
-        factors = self._factors(squared)
-        # de/e of each test, (n_tests, n_batch, n_columns)
-        change = len(self.tests) * np.array(
-            [np.einsum("bt,bpt->bp", residuals[:, part], jacobian[..., part]) for part in slices]
-        )
-        change /= np.maximum(squared, tiny)[..., None]
-        share = squared ** (self.power / 2.0)
-        share /= np.maximum(share.sum(axis=0), tiny)
-        change -= np.einsum("nb,nbp->bp", share, change)
-        for part, factor, each in zip(slices, factors, change, strict=True):
-            jacobian[..., part] += (self.power / 2.0 - 1.0) * each[..., None] * residuals[:, None, part]
-            jacobian[..., part] *= factor[:, None, None]
-            residuals[:, part] *= factor[:, None]
 
     def _parts(self, theta: NDArray[np.float64], *, failure: float) -> Iterator[NDArray[np.float64]]:
         """Weighted residuals test by test, shape (n_batch, n_counted); rows that failed have this value."""

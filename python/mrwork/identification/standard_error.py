@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mrwork.coordinates import Box
 from mrwork.identification.equivalent import Form
 from mrwork.identification.estimate import remark_of
+from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
 
 # A combination of parameters (each scaled to unit sensitivity) that moves the residuals less than this, relative
@@ -21,7 +22,7 @@ _UNSEEN = 1e-7
 
 def jacobian(objective: Objective, box: Box, theta: NDArray[np.float64]) -> NDArray[np.float64]:
     """Derivative of the residuals with respect to the free parameters, shape (n_residuals, n_free)."""
-    return np.asarray(objective.linearised(theta[None], box.free)[1][0].T)
+    return np.asarray(linearised(objective, theta[None], box.free)[1][0].T)
 
 
 def standard_errors(

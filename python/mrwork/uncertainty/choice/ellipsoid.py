@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.uncertainty.posterior.fisher import EVEN, fisher_information, linearised
+from mrwork.uncertainty.posterior.fisher import EVEN, fisher_information, residual_slope
 from mrwork.uncertainty.posterior.target import Target
 
 Array = NDArray[np.float64]
@@ -34,11 +34,11 @@ def fisher_ellipsoid(target: Target, theta: Array) -> Ellipsoid:
 
     A fit weighs tests alike, a likelihood by their samples, so the two differ. Parameters on a bound are held there.
     """
-    centre = _with_noise(target, theta)
+    centre = target.position_of(theta)
     moving = _off_faces(target, centre)
     density = float(target(centre[None])[0])
     for _ in range(_MOST_STEPS):
-        residual, slope = linearised(target, centre)
+        residual, slope = residual_slope(target, centre)
         free = moving[moving < len(slope)]
         slope = slope[free]
         weight = target.temper / float(np.mean(residual**2))
@@ -56,22 +56,13 @@ def fisher_ellipsoid(target: Target, theta: Array) -> Ellipsoid:
     return Ellipsoid(centre=centre, moving=moving, covariance=covariance)
 
 
-def _with_noise(target: Target, theta: Array) -> Array:
-    """The position of a set of parameters, with the noise that their residuals tell, of all tests in a row."""
-    space = target.space
-    residuals, forces, _ = zip(*target.residuals(theta[None]), strict=True)
-    row, force = np.concatenate(residuals, axis=1)[0], np.concatenate(forces, axis=1)[0]
-    values = np.concatenate([theta, target.noise.estimate(row, force)])
-    return np.asarray(space.position(space.box.inside(values)))
-
-
 def _tried(target: Target, position: Array) -> Array:
     """Positions with the noise that their residuals tell, shape (n_tried, n_dim); those outside as they are."""
     result = position.copy()
     values, inside = target.space.values(position)
     for row in np.flatnonzero(inside):
         theta = np.asarray(values[row])[: target.space.n_params]
-        own = _with_noise(target, theta)
+        own = target.position_of(theta)
         n_noise = len(target.noise.parameters)
         result[row, -n_noise:] = own[-n_noise:]
     return result

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.coordinates import Box
+from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
 from mrwork.uncertainty.identifiability.scale import Scale
 
@@ -121,10 +122,10 @@ def linearise(objective: Objective, columns: Sequence[int]) -> Linearise:
     """Residuals and exact derivatives with respect to columns of theta, a few rows at a time."""
     rows = max(1, _NUMBERS // ((len(columns) + 1) * objective.n_time))
 
-    def linearised(theta: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    def in_chunks(theta: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
         for first in range(0, len(theta), rows):
-            residuals, jacobian = objective.linearised(theta[first : first + rows], columns)
+            residuals, jacobian = linearised(objective, theta[first : first + rows], columns)
             for own, slope in zip(residuals, jacobian, strict=True):
                 yield own, slope.T
 
-    return linearised
+    return in_chunks

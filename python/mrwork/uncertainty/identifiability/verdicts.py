@@ -12,6 +12,7 @@ from mrwork.coordinates import Box
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.estimate import remark_of
 from mrwork.identification.fit import Fit
+from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
 from mrwork.identification.verdict import Identifiability, Verdict
 from mrwork.records import DamperTest
@@ -76,7 +77,7 @@ def identifiability_of(
 
 def _jacobian(objective: Objective, box: Box, theta: NDArray[np.float64]) -> NDArray[np.float64]:
     """Derivative of the residuals with respect to the free parameters of a box, shape (n_residuals, n_free)."""
-    _, jacobian = objective.linearised(theta[None], box.free)
+    _, jacobian = linearised(objective, theta[None], box.free)
     return np.asarray(jacobian[0].T)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import weight_of
 from mrwork.uncertainty.posterior.target import Target
 
@@ -16,7 +17,7 @@ _NOISE_STEP = 1e-3
 EVEN = 12.0
 
 
-def linearised(target: Target, position: Array) -> tuple[Array, Array]:
+def residual_slope(target: Target, position: Array) -> tuple[Array, Array]:
     """Residuals of all tests in a row, in deviations, (n_residuals,), and their slope, (n_free, n_residuals).
 
     The slope is with respect to the coordinates of the free parameters, at a position inside, shape (n_dim,).
@@ -24,7 +25,7 @@ def linearised(target: Target, position: Array) -> tuple[Array, Array]:
     space, objective = target.space, target.objective
     values = np.asarray(space.values(position)[0])
     theta = np.ascontiguousarray(values[: space.n_params])
-    residuals, slopes = objective.plain.linearised(theta[None], target.form.box.free)
+    residuals, slopes = linearised(objective.plain, theta[None], target.form.box.free)
     # The objective weighs tests alike, a likelihood by their samples.
     n_tests = len(objective.tests)
     own = np.concatenate(
@@ -38,7 +39,7 @@ def linearised(target: Target, position: Array) -> tuple[Array, Array]:
 
 def fisher_information(target: Target, position: Array) -> Array:
     """Fisher information of the tempered likelihood and of an even spread, shape (n_dim, n_dim)."""
-    residual, slope = linearised(target, position)
+    residual, slope = residual_slope(target, position)
     n_dim, n_free = target.space.n_dim, len(slope)
     information = EVEN * np.eye(n_dim)
     weight = target.temper / max(float(np.mean(residual**2)), 1e-24)

@@ -146,3 +146,8 @@ class Target:
             self.noise.estimate(residual[0], force[0]) for residual, force, _ in self.residuals(theta[None])
         ]
         return np.asarray(np.mean(found, axis=0))
+
+    def position_of(self, theta: Array) -> Array:
+        """Position (n_dim,) of parameters (n_params,) pulled into the box, with the noise that their residuals tell."""
+        values = np.concatenate([theta, self.noise_at(theta)])
+        return np.asarray(self.space.position(self.space.box.inside(values)))

@@ -47,9 +47,7 @@ def first_walkers(target: Target, start: Array, n_walkers: int, rng: np.random.G
 
 def ellipsoid(target: Target, start: Array) -> tuple[Array, Array]:
     """Position of `start` and the noise there, (n_dim,), and a root of the covariance about it, (n_dim, n_dim)."""
-    space = target.space
-    theta = target.form.box.inside(start)
-    origin = np.asarray(space.position(space.box.inside(np.concatenate([theta, target.noise_at(theta)]))))
+    origin = target.position_of(target.form.box.inside(start))
     return origin, np.linalg.cholesky(np.linalg.inv(fisher_information(target, origin)))
 
 

@@ -1,0 +1,113 @@
+"""Residuals of an objective with their exact derivatives: all that a descent asks for, from one simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.identification.nuisance import linearised_without_nuisance
+from mrwork.identification.objective import Objective, weight_of
+from mrwork.records import AS_IT_IS
+from mrwork.simulate import Outcome, simulate_sensitivities
+
+# Numbers of a Jacobian that are held in memory beside the one that is returned: 64 MiB.
+_NUMBERS = 1 << 23
+
+
+def linearised(
+    objective: Objective, theta: NDArray[np.float64], columns: Sequence[int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Residuals and their exact derivatives with respect to columns of `theta`, from one simulation of each row.
+
+    Shapes (n_batch, n_residuals) and (n_batch, n_columns, n_residuals), per unit of the column; zero where a
+    simulation failed. Exact also where the force was observed, relieved of nuisance parameters, or weighed by
+    another power.
+    """
+    held = max(1, _NUMBERS // (objective.n_time * max(len(columns), 1)))
+    blocks = [_block(objective, theta[at : at + held], columns) for at in range(0, len(theta), held)]
+    if len(blocks) == 1:
+        return blocks[0]
+    n_columns = len(columns)
+    residuals = [block[0] for block in blocks] or [np.empty((0, objective.n_time))]
+    jacobians = [block[1] for block in blocks] or [np.empty((0, n_columns, objective.n_time))]
+    return np.concatenate(residuals), np.concatenate(jacobians)
+
+
+def _block(
+    objective: Objective, theta: NDArray[np.float64], columns: Sequence[int]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    objective.tally.simulations += len(theta)
+    residuals = np.empty((len(theta), objective.n_time))
+    jacobian = np.empty((len(theta), len(columns), objective.n_time))
+    lengths = [test.n_time - test.n_settle for test in objective.tests]
+    ends = np.cumsum(lengths)
+    slices = [slice(end - length, end) for end, length in zip(ends, lengths, strict=True)]
+
+    def fill(index: int, threads: int) -> None:
+        test = objective.tests[index]
+        run = simulate_sensitivities(
+            objective.spec, theta, objective.histories[index], columns=columns, threads=threads
+        )
+        failed = run.outcome != Outcome.FINISHED
+        run.force[failed] = 0.0
+        run.jacobian[failed] = 0.0
+        observed, slope = run.force, run.jacobian
+        if test.observation != AS_IT_IS:
+            observed = test.observation.observe(observed, test.dt)
+            slope = replace(test.observation, offset=0.0).observe(slope, test.dt)
+        counted = test.counted
+        own, derivative = linearised_without_nuisance(
+            observed[:, counted], slope[..., counted], test.force[counted], objective.nuisances
+        )
+        weight = weight_of(test, len(objective.tests))
+        np.multiply(own, weight, out=residuals[:, slices[index]])
+        np.multiply(derivative, weight, out=jacobian[..., slices[index]])
+        residuals[failed, slices[index]] = 1.0
+
+    _for_each_test(objective, fill)
+    if not objective.is_plain:
+        _weigh(objective, residuals, jacobian, slices)
+    return residuals, jacobian
+
+
+def _for_each_test(objective: Objective, work: Callable[[int, int], None]) -> None:
+    """Work on every test with so many threads; several tests side by side, a thread each."""
+    n_tests = len(objective.tests)
+    if n_tests == 1 or objective.threads == 1:
+        for index in range(n_tests):
+            work(index, objective.threads)
+        return
+    with ThreadPoolExecutor(objective.threads or None) as pool:
+        for _ in pool.map(lambda index: work(index, 1), range(n_tests)):
+            pass
+
+
+def _weigh(
+    objective: Objective,
+    residuals: NDArray[np.float64],
+    jacobian: NDArray[np.float64],
+    slices: Sequence[slice],
+) -> None:
+    """Multiply the residuals of each test by its factor s, and their derivatives by the product rule, in place.
+
+    With e = NRMSE, M = misfit, q = power/2 - 1: ds/s = q (de/e - dM/M), dM/M = sum(e^power de/e)/sum(e^power).
+    """
+    tiny = np.finfo(float).tiny
+    squared = objective.squared_nrmse(residuals[:, part] for part in slices)
+    factors = objective.power_factors(squared)
+    # de/e of each test, (n_tests, n_batch, n_columns)
+    change = len(objective.tests) * np.array(
+        [np.einsum("bt,bpt->bp", residuals[:, part], jacobian[..., part]) for part in slices]
+    )
+    change /= np.maximum(squared, tiny)[..., None]
+    share = squared ** (objective.power / 2.0)
+    share /= np.maximum(share.sum(axis=0), tiny)
+    change -= np.einsum("nb,nbp->bp", share, change)
+    for part, factor, each in zip(slices, factors, change, strict=True):
+        jacobian[..., part] += (objective.power / 2.0 - 1.0) * each[..., None] * residuals[:, None, part]
+        jacobian[..., part] *= factor[:, None, None]
+        residuals[:, part] *= factor[:, None]
