@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mrwork.errors import OutputError, RecordError
-from mrwork.report.fit_json import json_document
+from mrwork.errors import RecordError
+from mrwork.report.additions import add_to_run
 from mrwork.report.run_directory import CALIBRATION
 from mrwork.uncertainty.bands.conformal import Calibration, Shape
 from mrwork.uncertainty.bands.coverage import LeftOutCoverage
@@ -31,12 +31,7 @@ def write_calibration(place: Path, calibration: Calibration, coverage: Sequence[
         "scores": [[float(f"{value:.{_DIGITS}g}") for value in scores] for scores in calibration.scores],
         "coverage": [asdict(row) for row in coverage],
     }
-    try:
-        (place / CALIBRATION).write_text(json_document(document), encoding="utf-8")
-    except OSError as reason:
-        raise OutputError(
-            f"{place / CALIBRATION} cannot be written ({reason}); make room or name another run"
-        ) from None
+    add_to_run(place, CALIBRATION, document, {})
 
 
 def read_calibration(place: Path) -> Calibration:

@@ -18,7 +18,6 @@ from mrwork.uncertainty.bands.quantile import next_test_quantile
 
 CycleQuantity = Literal["energy", "stiffness", "damping"]
 QUANTITIES: tuple[CycleQuantity, ...] = get_args(CycleQuantity)
-UNITS: dict[CycleQuantity, str] = {"energy": "J", "stiffness": "N/m", "damping": "N s/m"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
