@@ -1,0 +1,50 @@
+"""A ground motion: horizontal acceleration of the ground, sampled uniformly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.errors import RecordError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GroundMotion:
+    """Acceleration of the ground [m/s^2], shape (n_time,), every `dt` [s]; between samples it runs straight.
+
+    `source` says where it comes from, `changes` what was done to it since, in order.
+
+    Raises
+    ------
+    RecordError
+        Where it has fewer than two samples, a value that is not finite, or a step that is not positive.
+    """
+
+    name: str
+    dt: float
+    acceleration: NDArray[np.float64]
+    source: str = ""
+    changes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if self.acceleration.ndim != 1 or self.acceleration.size < 2:
+            raise RecordError(
+                f"ground motion {self.name}: a record of {self.acceleration.size} samples; give two or more"
+            )
+        if not np.isfinite(self.acceleration).all():
+            first = int(np.flatnonzero(~np.isfinite(self.acceleration))[0])
+            raise RecordError(f"ground motion {self.name}: sample {first} is not a finite number")
+        if not (np.isfinite(self.dt) and self.dt > 0.0):
+            raise RecordError(f"ground motion {self.name}: its step is {self.dt} s; give a positive number")
+
+    @property
+    def peak(self) -> float:
+        """Peak ground acceleration [m/s^2]."""
+        return float(np.abs(self.acceleration).max())
+
+    @property
+    def duration(self) -> float:
+        """From the first sample to the last [s]."""
+        return self.dt * (self.acceleration.size - 1)
