@@ -45,7 +45,7 @@ def with_base_isolation(building: Building, *, mass: float, stiffness: float, da
     return replace(
         building,
         name=f"{building.name}, isolated",
-        mass=block_diag(mass, building.mass),
+        mass=block_diag(np.array([[mass]]), building.mass),
         damping=relative.T @ building.damping @ relative + damping * held,
         stiffness=relative.T @ building.stiffness @ relative + stiffness * held,
         influence=np.concatenate([[1.0], building.influence]),
