@@ -44,6 +44,15 @@ def five_storeys() -> Building:
     return frame("five storeys", mass, 0.309478 * mass + 1.89972e-4 * stiffness, stiffness)
 
 
+def shear_frame(n_storeys: int) -> Building:
+    """Equal storeys of 1000 t and 1 GN/m, about 2 % of damping in the lowest modes."""
+    mass = 1e6 * np.eye(n_storeys)
+    stiffness = 1e9 * (2.0 * np.eye(n_storeys) - np.eye(n_storeys, k=1) - np.eye(n_storeys, k=-1))
+    stiffness[-1, -1] = 1e9
+    lowest = np.sqrt(np.linalg.eigvalsh(stiffness)[0] / 1e6)
+    return frame(f"{n_storeys} storeys", mass, 0.02 * (lowest * mass + stiffness / lowest / 9.0), stiffness)
+
+
 def plant(n_devices: int = 1, building: Building | None = None) -> Plant:
     """Devices across the lowest storeys."""
     building = building or three_storeys()

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from mrwork.control.doubling import solve_discrete
 from mrwork.control.outputs import Outputs
 from mrwork.control.plant import Plant
 from mrwork.errors import SettingError
@@ -139,14 +140,15 @@ def _filter(
     E_z, C_z = E_z / unit, C_z * unit
     R = np.eye(len(deviation)) + np.outer(G_z, G_z)
     Q, N = np.outer(E_z, E_z), np.outer(E_z, G_z)
+    # The noise of the ground that sensors feel at once is taken out of both.
+    of_C, of_N = np.linalg.solve(R, C_z), np.linalg.solve(R, N.T)
     try:
-        P = scipy.linalg.solve_discrete_are(A_z.T, C_z.T, Q, R, s=N)
-    except np.linalg.LinAlgError as error:
+        P = solve_discrete((A_z - N @ of_C).T, C_z.T @ of_C, Q - N @ of_N)
+    except SettingError as error:
         raise SettingError(
-            f"no observer is stable with these measurements ({error}); measure something in which every "
-            f"mode shows that is not damped"
+            "no observer is stable with these measurements; measure something in which every mode shows that "
+            "is not damped"
         ) from error
-    P = 0.5 * (P + P.T)
     innovation = C_z @ P @ C_z.T + R
     gain = np.linalg.solve(innovation, (A_z @ P @ C_z.T + N).T).T
     propagated = A_z @ P @ A_z.T + Q

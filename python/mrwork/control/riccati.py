@@ -8,6 +8,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from mrwork.control.doubling import solve_continuous
 from mrwork.errors import SettingError
 
 Floats = NDArray[np.float64]
@@ -51,20 +52,15 @@ def solve_riccati(
     inverse = np.linalg.inv(T)
     A_z, B_z = inverse @ A @ T, inverse @ B
     rate = float(np.linalg.norm(A_z, 2))
+    if rate < 1e-9 * np.linalg.norm(B_z):  # all that moves is moved by control, as on a sliding surface
+        rate = float(np.linalg.norm(B_z))
     forces = rate / np.maximum(np.linalg.norm(B_z, axis=0), np.finfo(float).tiny)
     A_z, B_z = A_z / rate, B_z * forces / rate
     Q_z, N_z = T.T @ Q @ T, T.T @ N * forces
     R_z = R * np.outer(forces, forces)
     cost = float(np.linalg.norm(R_z, 2))
-    Q_z, N_z, R_z = Q_z / cost, N_z / cost, R_z / cost
-    try:
-        P_z = scipy.linalg.solve_continuous_are(A_z, B_z, Q_z, R_z, s=N_z)
-        P_z, residual = _polished(A_z, B_z, Q_z, R_z, N_z, 0.5 * (P_z + P_z.T))
-    except np.linalg.LinAlgError as error:
-        raise SettingError(
-            f"the Riccati equation has no stabilising solution ({error}); weigh every mode that is not "
-            f"damped, and see that a device can move it"
-        ) from error
+    Q_z, N_z, R_z = _symmetric(Q_z) / cost, N_z / cost, _symmetric(R_z) / cost
+    P_z, residual = _solved(A_z, B_z, Q_z, R_z, N_z)
     gain_z = np.linalg.solve(R_z, B_z.T @ P_z + N_z.T)
     poles = rate * np.linalg.eigvals(A_z - B_z @ gain_z)
     if not np.all(poles.real < 0.0):
@@ -79,7 +75,39 @@ def solve_riccati(
         )
     P = inverse.T @ P_z @ inverse * (cost / rate)
     gain = forces[:, None] * gain_z @ inverse
-    return RiccatiSolution(P=0.5 * (P + P.T), gain=gain, poles=poles.astype(np.complex128), residual=residual)
+    return RiccatiSolution(P=_symmetric(P), gain=gain, poles=poles.astype(np.complex128), residual=residual)
+
+
+def _solved(A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats) -> tuple[Floats, float]:
+    """P and its residual: by ordered eigenvalues where that succeeds, else by doubling."""
+    best: tuple[Floats, float] | None = None
+    for attempt in (_by_eigenvalues, _by_doubling):
+        try:
+            solved = _polished(A, B, Q, R, N, attempt(A, B, Q, R, N))
+        # SciPy raises either, whichever of its steps fails; doubling a SettingError, which is a ValueError.
+        except (np.linalg.LinAlgError, ValueError):
+            continue
+        if best is None or solved[1] < best[1]:
+            best = solved
+        if best[1] <= _LARGEST_RESIDUAL:
+            return best
+    if best is None:
+        raise SettingError(
+            "the Riccati equation has no stabilising solution; weigh every mode that is not damped, and see "
+            "that a device can move it"
+        )
+    return best
+
+
+def _by_eigenvalues(A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats) -> Floats:
+    P = scipy.linalg.solve_continuous_are(A, B, Q, R, s=N)
+    return _symmetric(np.asarray(P, dtype=np.float64))
+
+
+def _by_doubling(A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats) -> Floats:
+    of_N, of_B = np.linalg.solve(R, N.T), np.linalg.solve(R, B.T)
+    # A has the size 1.
+    return solve_continuous(A - B @ of_N, _symmetric(B @ of_B), _symmetric(Q - N @ of_N), shift=1.0)
 
 
 def _polished(A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, P: Floats) -> tuple[Floats, float]:
@@ -100,8 +128,10 @@ def _polished(A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, P: Floats) 
         closed = A_w - B_w @ gain
         if not np.all(np.linalg.eigvals(closed).real < 0.0):
             break
-        step = scipy.linalg.solve_continuous_lyapunov(closed.T, -0.5 * (weight + weight.T))
-        P = L @ (0.5 * (step + step.T)) @ L.T
+        P_w = np.asarray(
+            scipy.linalg.solve_continuous_lyapunov(closed.T, -_symmetric(weight)), dtype=np.float64
+        )
+        P = L @ _symmetric(P_w) @ L.T
     return best, smallest
 
 
@@ -112,6 +142,10 @@ def _root(P: Floats) -> tuple[Floats, Floats]:
         raise np.linalg.LinAlgError("nothing is weighed")
     lengths = np.sqrt(np.maximum(values, 1e-14 * values[-1]))
     return vectors * lengths, vectors / lengths
+
+
+def _symmetric(matrix: Floats) -> Floats:
+    return np.asarray(0.5 * (matrix + matrix.T), dtype=np.float64)
 
 
 def _relative_residual(A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, P: Floats) -> float:
