@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from control_samples import frame, in_units, plant, three_storeys
+from control_samples import in_units, plant, three_storeys
 from mrwork.control.outputs import (
     accelerations,
     deformation_rates,
@@ -115,12 +115,6 @@ def test_other_units_are_the_same_building() -> None:
 def test_an_attachment_that_cannot_be_is_refused(attachment: object, message: str) -> None:
     with pytest.raises(SettingError, match=message):
         plant_of(three_storeys(), attachment)
-
-
-def test_a_singular_mass_is_refused() -> None:
-    building = frame("massless roof", np.diag([1.0, 0.0]), np.eye(2), np.eye(2))
-    with pytest.raises(SettingError, match="the mass matrix of massless roof is singular"):
-        plant_of(building, building.storeys[:1])
 
 
 def test_names_must_be_as_many_as_devices() -> None:

@@ -68,7 +68,7 @@ def plant_of(building: Building, attachment: ArrayLike, device_names: Sequence[s
     Raises
     ------
     SettingError
-        Where the attachment does not fit the building, or the building's mass cannot be inverted.
+        Where the attachment does not fit the building, or the names do not fit the devices.
 
     Examples
     --------
@@ -90,8 +90,6 @@ def plant_of(building: Building, attachment: ArrayLike, device_names: Sequence[s
     names = tuple(device_names) or tuple(f"device {number + 1}" for number in range(len(rows)))
     if len(names) != len(rows):
         raise SettingError(f"{len(names)} names were given for {len(rows)} devices; give one for each")
-    if np.linalg.cond(mass) > 1.0 / np.finfo(float).eps:
-        raise SettingError(f"the mass matrix of {building.name} is singular; give every coordinate a mass")
     A = np.block(
         [
             [np.zeros((n, n)), np.eye(n)],

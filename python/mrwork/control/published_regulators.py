@@ -46,8 +46,8 @@ PUBLISHED_REGULATORS = (
         control_weight=1e-17,
         ground_over_noise=50.0,
         source="Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575",
-        status="published",
-        note="the sensors are the accelerations of all floors and the deformation of the damper",
+        status="verified",
+        note="sampled every 0.5 ms; sensors: accelerations of all floors, deformation of the damper",
     ),
 )
 
