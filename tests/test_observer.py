@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -81,6 +83,8 @@ def test_any_other_gain_leaves_a_larger_error(n_devices: int) -> None:
     _, added = held_exactly(system, TS)
     process = added[:, -1:] @ added[:, -1:].T / TS
     T = system.scaling
+    in_z = np.linalg.solve(T, np.linalg.solve(T, process).T)
+    process = process + 1e-6 * np.trace(in_z) * T @ T.T
 
     def size(gain: np.ndarray) -> float:
         closed = np.linalg.solve(T, (observer.Ad - gain @ observer.C) @ T)
@@ -139,6 +143,28 @@ def test_scale_of_the_intensities_does_not_matter() -> None:
     small = observer_of(system, sensors(system), TS, ground_intensity=1e-6)
     np.testing.assert_allclose(small.gain, one.gain, rtol=1e-9, atol=1e-15)
     np.testing.assert_allclose(small.covariance, 1e-6 * one.covariance, rtol=1e-6, atol=1e-20)
+
+
+def test_what_the_ground_does_not_move_is_corrected_too() -> None:
+    """An undamped mass that only a device moves: its error is kept for ever where nothing unmodelled is allowed for."""
+    mass, stiffness = np.diag([300.0, 1.0]), np.diag([1e5, 1e5])
+    building = replace(
+        frame("braced", mass, np.diag([300.0, 0.0]), stiffness),
+        influence=np.array([1.0, 0.0]),
+        floors=np.array([[1.0, 0.0]]),
+        floor_names=("1",),
+    )
+    system = plant_of(building, [[1.0, -1.0]])
+
+    def decay(unmodelled: float) -> float:
+        observer = observer_of(
+            system, sensors(system), TS, noise_intensity=[0.02, 1e-9], unmodelled=unmodelled
+        )
+        return float(np.abs(np.linalg.eigvals(observer.Ad - observer.gain @ observer.C)).max())
+
+    assert decay(1e-6) < 1.0 - 1e-4
+    with pytest.raises(SettingError, match="observer"):
+        decay(0.0)
 
 
 def test_settings_that_cannot_be_are_refused() -> None:

@@ -53,6 +53,7 @@ def observer_of(
     *,
     ground_intensity: float = 1.0,
     noise_intensity: ArrayLike | None = None,
+    unmodelled: float = 1e-6,
 ) -> Observer:
     """The steady Kalman filter for a white ground acceleration and white, independent sensor noise.
 
@@ -72,6 +73,9 @@ def observer_of(
     noise_intensity
         S_v of each measurement, in its unit squared per Hz: one number or shape (n_measurements,). Where `None`,
         S_ag / 50 for all, in SI, as in Dyke et al., Smart Mater. Struct. 5, 1996, 565-575.
+    unmodelled
+        White noise on every coordinate of the energy, as a share of the energy that the ground puts in. A coordinate
+        that the ground does not move, such as a brace without damping, would keep its first error for ever without it.
 
     Raises
     ------
@@ -89,14 +93,14 @@ def observer_of(
         )
     noise = np.broadcast_to(noise, n_measurements)
     settings = np.array([sample_time, ground_intensity, *noise])
-    if not (np.isfinite(settings).all() and (settings > 0.0).all()):
+    if not (np.isfinite(settings).all() and (settings > 0.0).all() and 0.0 <= unmodelled < np.inf):
         raise SettingError(
-            f"the sample time is {sample_time} s, the intensities {ground_intensity} and {noise}; "
-            f"all must be positive"
+            f"the sample time is {sample_time} s, the intensities {ground_intensity} and {noise}; all must be "
+            f"positive, and the unmodelled share {unmodelled} not negative"
         )
     Ad, Bd, Ed = _held(plant, sample_time)
     covariance, gain = _filter(
-        plant, Ad, Ed, measurements, ground_intensity / sample_time, noise / sample_time
+        plant, Ad, Ed, measurements, ground_intensity / sample_time, noise / sample_time, unmodelled
     )
     return Observer(
         Ad=Ad,
@@ -126,7 +130,13 @@ def _held(plant: Plant, sample_time: float) -> tuple[Floats, Floats, Floats]:
 
 
 def _filter(
-    plant: Plant, Ad: Floats, Ed: Floats, measurements: Outputs, ground: float, noise: Floats
+    plant: Plant,
+    Ad: Floats,
+    Ed: Floats,
+    measurements: Outputs,
+    ground: float,
+    noise: Floats,
+    unmodelled: float,
 ) -> tuple[Floats, Floats]:
     """Covariance of the error and gain, from the Riccati equation in z, each sensor in units of its own noise."""
     T = plant.scaling
@@ -139,7 +149,7 @@ def _filter(
     unit = float(np.linalg.norm(E_z))
     E_z, C_z = E_z / unit, C_z * unit
     R = np.eye(len(deviation)) + np.outer(G_z, G_z)
-    Q, N = np.outer(E_z, E_z), np.outer(E_z, G_z)
+    Q, N = np.outer(E_z, E_z) + unmodelled * np.eye(len(E_z)), np.outer(E_z, G_z)
     # The noise of the ground that sensors feel at once is taken out of both.
     of_C, of_N = np.linalg.solve(R, C_z), np.linalg.solve(R, N.T)
     try:

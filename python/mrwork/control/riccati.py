@@ -126,7 +126,7 @@ def _polished(A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, P: Floats) 
         gain = np.linalg.solve(R, B_w.T @ P_w + N_w.T)
         weight = Q_w - N_w @ gain - gain.T @ N_w.T + gain.T @ R @ gain
         closed = A_w - B_w @ gain
-        if not np.all(np.linalg.eigvals(closed).real < 0.0):
+        if not np.linalg.eigvals(closed).real.max() < -1e-12 * np.linalg.norm(closed):
             break
         P_w = np.asarray(
             scipy.linalg.solve_continuous_lyapunov(closed.T, -_symmetric(weight)), dtype=np.float64
