@@ -18,6 +18,7 @@ from scipy.linalg import solve_continuous_are
 from scipy.signal import lfilter
 
 from mrwork.presets import PUBLISHED_SETS
+from mrwork.twins.loop.ground import half_steps
 
 Floats = NDArray[np.float64]
 
@@ -90,16 +91,8 @@ def loop_workload(candidates: int = 1000, motions: int = 4, seconds: float = 30.
         damping=damping,
         device=_device(),
         gains=np.array([_gain(mass, stiffness, damping, of_gains) for _ in range(candidates)]),
-        ground=np.array([half_steps(*synthetic_motion(seconds, of_motions), STEP) for _ in range(motions)]),
+        ground=np.array([_ground(seconds, of_motions) for _ in range(motions)]),
     )
-
-
-def half_steps(acceleration: Floats, dt: float, step: float) -> Floats:
-    """Acceleration of the ground every half `step`, straight between samples, shape (2 n_steps + 1,)."""
-    n_steps = round((acceleration.size - 1) * dt / step)
-    times = 0.5 * step * np.arange(2 * n_steps + 1)
-    ground: Floats = np.interp(times, dt * np.arange(acceleration.size), acceleration)
-    return ground
 
 
 def chain_springs(stiffness: Floats) -> Floats:
@@ -124,6 +117,11 @@ def synthetic_motion(seconds: float, rng: np.random.Generator) -> tuple[Floats, 
     envelope = np.minimum(1.0, (time / 3.0) ** 2) * np.exp(-0.2 * np.maximum(0.0, time - 12.0))
     motion = shaped * envelope
     return 0.3 * 9.81 * motion / np.abs(motion).max(), dt
+
+
+def _ground(seconds: float, rng: np.random.Generator) -> Floats:
+    acceleration, dt = synthetic_motion(seconds, rng)
+    return half_steps(acceleration, dt, STEP, round((acceleration.size - 1) * dt / STEP))
 
 
 def _device() -> Floats:
