@@ -76,7 +76,8 @@ def simulate_loop(
         raise SettingError("no ground motion was given; give at least one")
     n_states = 2 * len(building.mass)
     gains = law.gain_rows(len(devices), n_states)
-    model, laws, theta, ranges = _dampers(devices, actuators=law.name == "active")
+    active = law.name == "active"
+    model, laws, theta, ranges = _dampers(devices, actuators=active)
     shape = (len(gains), len(motions), len(theta))
     matrices = _matrices(building, devices)
     arguments: dict[str, Any] = {
@@ -84,7 +85,7 @@ def simulate_loop(
         "model": model,
         "laws": laws,
         "theta": theta,
-        "places": [(float(device.count), device.differential) for device in devices],
+        "places": [(1.0, False) if active else (float(device.count), device.differential) for device in devices],
         "ranges": ranges,
         "law": law.name,
         "gains": gains,

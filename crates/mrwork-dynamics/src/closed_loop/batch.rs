@@ -19,6 +19,10 @@ use crate::threads::{StopRequested, on_threads, thread_count};
 /// Blocks between two times that results are put in their place: bounds what is held twice.
 const BLOCKS_AT_A_TIME: usize = 1024;
 
+/// Displacement of a floor [m] beyond which a run counts as diverged: an unstable gain may take long to leave the finite
+/// numbers.
+const RUN_AWAY: f64 = 1e3;
+
 /// A candidate's gains under a motion, with a draw of the dampers.
 #[derive(Clone, Copy, Debug)]
 pub struct Run {
@@ -131,7 +135,7 @@ pub fn respond(
         for (run, steps, left) in batch.round(&pending, &mut out, settings)? {
             let step = batch.hardware.sample_time / f64::from(steps);
             let draw = batch.runs[run].draw as usize;
-            let finite = out.row(run).iter().all(|value| value.is_finite());
+            let finite = batch.is_bounded(out.row(run));
             let wanted = if finite {
                 steps_for(batch, damper_bound(batch, draw, &left.severity, step))
             } else if tried_finer[run] {
@@ -184,6 +188,12 @@ impl<'a> Batch<'a> {
         &self.theta[(draw * self.places.len() + device) * n_columns..][..n_columns]
     }
 
+    /// Whether a summary is that of a building that still stands somewhere.
+    fn is_bounded(&self, row: &[f64]) -> bool {
+        let displacements = &row[..self.building.n_floors()];
+        row.iter().all(|value| value.is_finite()) && displacements.iter().all(|&peak| peak < RUN_AWAY)
+    }
+
     /// Steps per sample for each draw, before anything is known of the motion; `None` where none is fine enough.
     fn first_steps(&self) -> Vec<Option<u32>> {
         let n_draws = self.theta.len() / (self.places.len() * self.laws.n_columns()).max(1);
@@ -221,7 +231,7 @@ impl<'a> Batch<'a> {
                     )
                 });
             }
-            let width = set.pair_width();
+            let width = set.middle_width();
             let n_blocks = runs.len().div_ceil(width).next_multiple_of(threads).min(runs.len());
             let cut: Vec<&[usize]> = runs.chunks(runs.len().div_ceil(n_blocks).min(width)).collect();
             for blocks in cut.chunks(BLOCKS_AT_A_TIME) {
