@@ -126,8 +126,8 @@ def _of_run(table: DamperTable, run: Path, identified: Identified) -> _Draft:
 def _draft(spec: DamperSpec, theta: tuple[float, ...]) -> _Draft:
     by_name = dict(zip(spec.names, theta, strict=True))
     current = spec.current
-    constant: tuple[LawName, ...] = ("constant",) * len(spec.plain)
-    laws = constant if current is None else current.laws
+    constant: LawName = "constant"
+    laws = tuple(constant for _ in spec.plain) if current is None else current.laws
     return _Draft(
         plain=damper(spec.name),
         laws={parameter.name: law for parameter, law in zip(spec.plain, laws, strict=True)},

@@ -97,7 +97,12 @@ class MotionTable:
     name: str = key("what tables call it", default="")
     unit: str | None = key("unit of the file's acceleration where it does not say, as g", default=None)
     duration: float = key("length of a synthetic motion", unit="s", default=30.0, above=0.0)
-    dt: float = key("step of a synthetic motion", unit="s", default=0.01, above=0.0)
+    dt: float | None = key(
+        "step of a synthetic motion, 0.01 s if not given; a file is resampled to it",
+        unit="s",
+        default=None,
+        above=0.0,
+    )
     seed: int = key("seed of a synthetic motion, added to that of the command line", default=0, least=0)
     factor: float | tuple[float, ...] | None = key("amplitudes are multiplied by it", default=None)
     pga: float | tuple[float, ...] | None = key(
