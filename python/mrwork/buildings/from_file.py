@@ -1,0 +1,240 @@
+"""A building from a file or an already parsed table.
+
+A table states a building in one of four forms, and may then change it:
+
+=====================  ==================================================================================
+key                    meaning
+=====================  ==================================================================================
+published              name of a published building, as "uts"
+file                   .toml, .mat (M, C, K by name), or a folder with M.csv, C.csv, K.csv
+mass, stiffness,       matrices [kg], [N/m], [N s/m], as rows of numbers or the name of a text file; beside
+damping                `published` or `file` they replace its own
+masses, stiffnesses,   floors [kg] and storeys [N/m], [N s/m] of a shear building, lowest first
+storey_damping
+influence, floors,     as in `Building`; by default each coordinate is a floor's displacement
+storeys
+floor_names,           what reports call them
+storey_names
+name, source           what the building is called, and where the numbers come from
+[rayleigh]             ratios = [0.02, 0.02], modes = [1, 3]; or a0 [1/s], a1 [s]
+[modal_damping]        ratios = [0.01], one for all or one for each mode
+[isolation]            mass [kg] of the slab; period [s], ratio, or stiffness [N/m], damping [N s/m]
+[[viscous]]            storey, damping [N s/m]
+[[brace]]              storey, stiffness [N/m], mass [kg], damping [N s/m], name
+[[tuned_mass]]         floor, mass_ratio, tuning, mode; or mass [kg], frequency [Hz], ratio; name
+=====================  ==================================================================================
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.buildings.additions_from_table import ADDITIONS, with_additions
+from mrwork.buildings.building import Building
+from mrwork.buildings.matrix_files import read_matrices, read_matrix, title_of
+from mrwork.buildings.published import building as published_building
+from mrwork.buildings.shear import floor_differences, numbered, shear_building
+from mrwork.buildings.table import Entries, NamedPlace, Place
+from mrwork.errors import RecordError
+
+Floats = NDArray[np.float64]
+
+_MATRICES: Final = ("mass", "damping", "stiffness")
+_ROWS: Final = ("floors", "storeys")
+_SHEAR: Final = ("masses", "stiffnesses", "storey_damping")
+_NAMES: Final = ("floor_names", "storey_names")
+_WORDS: Final = ("name", "source")
+KEYS: Final = ("published", "file", *_MATRICES, *_SHEAR, "influence", *_ROWS, *_NAMES, *_WORDS, *ADDITIONS)
+
+
+def read_building(path: str | Path) -> Building:
+    """Read a building from a .toml file, a .mat file, or a folder of one text file for each matrix.
+
+    Raises
+    ------
+    RecordError
+        The file is missing, damaged, or has another extension.
+    SettingError
+        What it states is no building; the message names file and key.
+    """
+    return _read(Path(path), ())
+
+
+def _read(path: Path, readers: tuple[Path, ...]) -> Building:
+    """Read a building; `readers` are the files that led to this one."""
+    if path.is_dir() or path.suffix.lower() == ".mat":
+        return _from_matrices(
+            read_matrices(path), NamedPlace(str(path)), {"name": path.stem, "source": str(path)}
+        )
+    if path.suffix.lower() != ".toml":
+        raise RecordError(
+            f"{path}: a building comes as a .toml or .mat file, or as a folder with M.csv, C.csv and K.csv; "
+            "save it as one of these"
+        )
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be read ({error.strerror}); check the path") from error
+    except UnicodeDecodeError as error:
+        raise RecordError(f"{path}: byte {error.start} is not UTF-8 text; save the file as UTF-8") from error
+    except tomllib.TOMLDecodeError as error:
+        raise RecordError(f"{path}: is not TOML ({error}); correct it there") from error
+    entries = Entries({"name": path.stem, **table}, NamedPlace(str(path)))
+    built = _built(entries, path.parent, (*readers, path.resolve()))
+    return built if built.source else replace(built, source=str(path))
+
+
+def building_from_table(table: Mapping[str, object], where: Place, *, folder: Path = Path()) -> Building:
+    """Return the building that a parsed table states; the module says which keys it may have.
+
+    Parameters
+    ----------
+    table
+        As a TOML parser gives it.
+    where
+        Its place in a document, with which messages begin.
+    folder
+        From which the names of files are taken.
+
+    Raises
+    ------
+    SettingError, UnknownNameError, RecordError
+        What the table states is no building, or a file that it names cannot be read; the message has the place.
+    """
+    return _built(Entries(table, where), folder, ())
+
+
+def _built(entries: Entries, folder: Path, readers: tuple[Path, ...]) -> Building:
+    entries.allow(KEYS)
+    forms = [key for key in ("published", "file", "masses") if key in entries]
+    forms += ["mass"] if "mass" in entries and not forms else []
+    if len(forms) != 1:
+        said = " and ".join(forms) or "none of them"
+        entries.refuse(
+            f"a building is given by published, file, mass and stiffness, or masses; here by {said}"
+        )
+    form = forms[0]
+    for key in _SHEAR:
+        if key in entries and form != "masses":
+            entries.refuse(f"{key} goes with masses, and this building is given by {form}", key)
+    if form == "masses":
+        bare = _shear(entries)
+    elif form == "mass":
+        bare = _stated(entries, folder)
+    else:
+        bare = _changed(_named(entries, form, folder, readers), entries, folder)
+    return with_additions(bare, entries)
+
+
+def _named(entries: Entries, form: str, folder: Path, readers: tuple[Path, ...]) -> Building:
+    name = entries.text(form)
+    if form == "file" and (folder / name).resolve() in readers:
+        entries.refuse(f"{name} leads back to itself; name the file of another building", form)
+    with Entries({}, entries.place.within(form)).placed():
+        return published_building(name) if form == "published" else _read(folder / name, readers)
+
+
+def _shear(entries: Entries) -> Building:
+    for key in (*_MATRICES, "influence", *_ROWS):
+        if key in entries:
+            entries.refuse(f"{key} goes with matrices, and this building is given by masses", key)
+    masses, stiffnesses = entries.numbers("masses"), entries.numbers("stiffnesses")
+    storey_damping = entries.numbers("storey_damping") if "storey_damping" in entries else ()
+    floor_names, storey_names = (entries.texts(key) if key in entries else () for key in _NAMES)
+    name, source = (entries.text(key, "") for key in _WORDS)
+    with entries.placed():
+        return shear_building(
+            name=name or "building",
+            masses=masses,
+            stiffnesses=stiffnesses,
+            storey_damping=storey_damping,
+            floor_names=floor_names,
+            storey_names=storey_names,
+            source=source,
+        )
+
+
+def _stated(entries: Entries, folder: Path) -> Building:
+    matrices = _arrays(entries, folder)
+    names = {key: entries.texts(key) for key in _NAMES if key in entries}
+    return _from_matrices(matrices, entries.place, {key: entries.text(key, "") for key in _WORDS}, **names)
+
+
+def _changed(known: Building, entries: Entries, folder: Path) -> Building:
+    """Return a building with what the table says in place of its own."""
+    arrays = _arrays(entries, folder)
+    names = {key: entries.texts(key) for key in _NAMES if key in entries}
+    words = {key: entries.text(key) for key in _WORDS if key in entries}
+    if arrays and "source" not in words:
+        words["source"] = f"{known.source}; {', '.join(arrays)} replaced".removeprefix("; ")
+    with entries.placed():
+        return replace(
+            known,
+            name=words.get("name", known.name),
+            source=words.get("source", known.source),
+            status="ours" if arrays else known.status,
+            mass=arrays.get("mass", known.mass),
+            damping=arrays.get("damping", known.damping),
+            stiffness=arrays.get("stiffness", known.stiffness),
+            influence=arrays.get("influence", known.influence),
+            floors=arrays.get("floors", known.floors),
+            storeys=arrays.get("storeys", known.storeys),
+            floor_names=names.get("floor_names", known.floor_names),
+            storey_names=names.get("storey_names", known.storey_names),
+        )
+
+
+def _arrays(entries: Entries, folder: Path) -> dict[str, Floats]:
+    """Matrices of a table, each as rows or from the file that it names."""
+    arrays: dict[str, Floats] = {}
+    for key in (*_MATRICES, *_ROWS, "influence"):
+        if key not in entries:
+            continue
+        value = entries.table[key]
+        if isinstance(value, str):
+            with Entries({}, entries.place.within(key)).placed():
+                arrays[key] = read_matrix(folder / value)
+        else:
+            arrays[key] = np.array(entries.numbers(key)) if key == "influence" else entries.rows(key)
+    return arrays
+
+
+def _from_matrices(
+    matrices: Mapping[str, Floats],
+    place: Place,
+    words: Mapping[str, str],
+    floor_names: tuple[str, ...] = (),
+    storey_names: tuple[str, ...] = (),
+) -> Building:
+    """Return the building of M, C, K and whatever else is given, by word or letter."""
+    named = {title: matrix for name, matrix in matrices.items() if (title := title_of(name)) is not None}
+    entries = Entries(named, place)
+    for title in ("mass", "stiffness"):
+        if title not in named:
+            found = ", ".join(matrices) or "nothing"
+            entries.refuse(
+                f"a building needs mass (M), stiffness (K) and mostly damping (C); here is {found}"
+            )
+    n = len(named["mass"])
+    floors = named.get("floors", np.eye(n))
+    storeys = named.get("storeys", floor_differences(len(floors)) @ floors)
+    with entries.placed():
+        return Building(
+            name=words.get("name") or "building",
+            mass=named["mass"],
+            damping=named.get("damping", np.zeros((n, n))),
+            stiffness=named["stiffness"],
+            influence=named.get("influence", np.ones(n)).ravel(),
+            floors=floors,
+            storeys=storeys,
+            floor_names=floor_names or numbered("floor", len(floors)),
+            storey_names=storey_names or numbered("storey", len(storeys)),
+            source=words.get("source", ""),
+        )

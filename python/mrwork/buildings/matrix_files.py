@@ -1,0 +1,105 @@
+"""Matrices from files: one in each CSV file, or several by name in a .mat file."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.errors import RecordError
+from mrwork.records.matlab import read_matlab_matrices
+
+Floats = NDArray[np.float64]
+
+# What a matrix is called, in the words of mrwork and in the letters of papers.
+LETTERS: Final = {"mass": "M", "damping": "C", "stiffness": "K", "influence": "r"}
+_SEPARATOR: Final = re.compile(r"\s*[,;\t]\s*|\s+")
+_SUFFIXES: Final = (".csv", ".tsv", ".txt")
+
+
+def read_matrix(path: Path) -> Floats:
+    """Read a matrix from a text file of numbers, a row in each line, shape (n_rows, n_columns).
+
+    Numbers are separated by commas, semicolons, tabs or spaces; what follows a # is left out.
+
+    Raises
+    ------
+    RecordError
+        The file is missing, not text, holds something else than numbers, or rows of different lengths.
+    """
+    if path.suffix.lower() not in _SUFFIXES:
+        raise RecordError(
+            f"{path}: a matrix comes as text, in a {', '.join(_SUFFIXES)} file; save it as one of these"
+        )
+    try:
+        text = _bytes(path).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise RecordError(f"{path}: byte {error.start} is not UTF-8 text; save the matrix as text") from error
+    rows: list[list[float]] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        content = line.partition("#")[0].strip()
+        if not content:
+            continue
+        fields = _SEPARATOR.split(content)
+        # Some exports end each line with a separator.
+        row = [
+            _number(field, f"{path}: line {number}") for field in (fields[:-1] if not fields[-1] else fields)
+        ]
+        if rows and len(row) != len(rows[0]):
+            raise RecordError(
+                f"{path}: line {number} has {len(row)} numbers where the first row has {len(rows[0])}; complete it"
+            )
+        rows.append(row)
+    if not rows:
+        raise RecordError(f"{path}: the file holds no numbers; a matrix was expected, a row in each line")
+    return np.array(rows)
+
+
+def read_matrices(path: Path) -> dict[str, Floats]:
+    """Matrices by name, from a .mat file or from a folder of one text file for each.
+
+    Raises
+    ------
+    RecordError
+        The path is missing, or a file is damaged.
+    """
+    if path.is_dir():
+        files = sorted(file for file in path.iterdir() if file.suffix.lower() in _SUFFIXES)
+        return {file.stem: read_matrix(file) for file in files if title_of(file.stem) is not None}
+    _bytes(path, 0)
+    try:
+        return read_matlab_matrices(path, str(path))
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be read ({error}); check the file and its permissions") from error
+
+
+def title_of(name: str) -> str | None:
+    """What a matrix of that name is, "mass" for "M"; `None` for one that is no part of a building."""
+    known = {
+        **{title: title for title in (*LETTERS, "floors", "storeys")},
+        **{v: k for k, v in LETTERS.items()},
+    }
+    return known.get(name)
+
+
+def _bytes(path: Path, most: int = -1) -> bytes:
+    try:
+        if not path.exists():
+            raise RecordError(f"{path}: there is no such file; check the path")
+        with path.open("rb") as stream:
+            return stream.read(most)
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be read ({error}); check the file and its permissions") from error
+
+
+def _number(field: str, where: str) -> float:
+    try:
+        return float(field)
+    except ValueError:
+        shown = field if len(field) <= 40 else field[:40] + "..."
+        raise RecordError(
+            f"{where} holds '{shown}' where a number was expected; a matrix has no header"
+        ) from None

@@ -1,0 +1,94 @@
+"""Shear buildings: rigid floors, one spring and one dashpot in each storey."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.buildings.building import Building
+from mrwork.errors import SettingError
+
+Floats = NDArray[np.float64]
+
+
+def shear_building(
+    *,
+    name: str,
+    masses: Sequence[float],
+    stiffnesses: Sequence[float],
+    storey_damping: Sequence[float] = (),
+    floor_names: Sequence[str] = (),
+    storey_names: Sequence[str] = (),
+    source: str = "",
+    status: str = "ours",
+) -> Building:
+    """Building whose coordinates are the displacements of its floors relative to the ground.
+
+    Parameters
+    ----------
+    masses
+        Of the floors [kg], lowest first.
+    stiffnesses, storey_damping
+        Of the storeys [N/m], [N s/m], lowest first; damping may be left out, and added as Rayleigh or modal damping.
+    floor_names, storey_names
+        By default "floor 1", "storey 1" and so on.
+
+    Raises
+    ------
+    SettingError
+        Where there is not one stiffness for each mass, a stiffness is not positive, or a damping is negative.
+
+    Examples
+    --------
+    >>> frame = shear_building(name="frame", masses=[300.0], stiffnesses=[1.0659e5])
+    >>> round(float(frame.frequencies[0]), 3)
+    3.0
+    """
+    n = len(masses)
+    damping = tuple(storey_damping) or (0.0,) * n
+    for title, values in (("stiffnesses", stiffnesses), ("storey_damping", damping)):
+        if len(values) != n:
+            raise SettingError(
+                f"building {name}: {len(values)} {title} for {n} masses; give one for each storey"
+            )
+    for number, stiffness in enumerate(stiffnesses, start=1):
+        if not stiffness > 0.0:
+            raise SettingError(
+                f"building {name}: the stiffness of storey {number} is {stiffness:g} N/m; it must be positive"
+            )
+    for number, value in enumerate(damping, start=1):
+        if not value >= 0.0:
+            raise SettingError(
+                f"building {name}: the damping of storey {number} is {value:g} N s/m; it cannot be negative"
+            )
+    storeys = floor_differences(n)
+    return Building(
+        name=name,
+        mass=np.diag(np.asarray(masses, dtype=np.float64)),
+        damping=chain(storeys, damping),
+        stiffness=chain(storeys, stiffnesses),
+        influence=np.ones(n),
+        floors=np.eye(n),
+        storeys=storeys,
+        floor_names=tuple(floor_names) or numbered("floor", n),
+        storey_names=tuple(storey_names) or numbered("storey", n),
+        source=source,
+        status=status,
+    )
+
+
+def chain(storeys: Floats, values: Sequence[float]) -> Floats:
+    """Matrix of springs or dashpots across storeys: sum of value e'e, shape (n, n)."""
+    return storeys.T @ np.diag(np.asarray(values, dtype=np.float64)) @ storeys
+
+
+def floor_differences(n_floors: int) -> Floats:
+    """Drift of each storey from the displacements of floors relative to the ground, shape (n_floors, n_floors)."""
+    return np.eye(n_floors) - np.eye(n_floors, k=-1)
+
+
+def numbered(noun: str, count: int) -> tuple[str, ...]:
+    """Names for floors or storeys that have none: "floor 1", "floor 2" and so on."""
+    return tuple(f"{noun} {number}" for number in range(1, count + 1))

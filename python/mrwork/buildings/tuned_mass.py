@@ -1,0 +1,192 @@
+"""Tuned mass damper: a mass on a floor, tuned to a mode of the building."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from math import sqrt
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from mrwork.buildings.building import Building
+from mrwork.buildings.coordinate import with_coordinate
+from mrwork.buildings.modal import damping_ratios_of, modes_of
+from mrwork.errors import SettingError, UnknownNameError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tuning:
+    """Frequency of the tuned mass over that of the mode, and its own damping ratio."""
+
+    frequency_ratio: float
+    damping_ratio: float
+
+
+def den_hartog(mass_ratio: float, _: float) -> Tuning:
+    """Least peak displacement under a harmonic force, on an undamped structure.
+
+    `1 / (1 + mu)` and `sqrt(3 mu / (8 (1 + mu)))` (Den Hartog, Mechanical Vibrations, 1956, ch. 3).
+    """
+    mu = mass_ratio
+    return Tuning(frequency_ratio=1.0 / (1.0 + mu), damping_ratio=sqrt(3.0 * mu / (8.0 * (1.0 + mu))))
+
+
+def warburton(mass_ratio: float, _: float) -> Tuning:
+    """Least rms displacement under white ground acceleration, on an undamped structure.
+
+    `sqrt(1 - mu / 2) / (1 + mu)` and `sqrt(mu (1 - mu / 4) / (4 (1 + mu) (1 - mu / 2)))` (Warburton, Earthquake Eng.
+    Struct. Dyn. 10, 1982, 381-401).
+    """
+    mu = mass_ratio
+    return Tuning(
+        frequency_ratio=sqrt(1.0 - mu / 2.0) / (1.0 + mu),
+        damping_ratio=sqrt(mu * (1.0 - mu / 4.0) / (4.0 * (1.0 + mu) * (1.0 - mu / 2.0))),
+    )
+
+
+def sadek(mass_ratio: float, damping_ratio: float) -> Tuning:
+    """Equal damping in both modes of structure and tuned mass.
+
+    `(1 - beta sqrt(mu / (1 + mu))) / (1 + mu)` and `beta / (1 + mu) + sqrt(mu / (1 + mu))`, beta the damping ratio of
+    the mode (Sadek, Mohraz, Taylor, Chung, Earthquake Eng. Struct. Dyn. 26, 1997, 617-635).
+    """
+    mu, beta = mass_ratio, damping_ratio
+    share = sqrt(mu / (1.0 + mu))
+    return Tuning(frequency_ratio=(1.0 - beta * share) / (1.0 + mu), damping_ratio=beta / (1.0 + mu) + share)
+
+
+TUNINGS: Final[Mapping[str, Callable[[float, float], Tuning]]] = MappingProxyType(
+    {"den_hartog": den_hartog, "warburton": warburton, "sadek": sadek}
+)
+
+
+def with_tuned_mass(
+    building: Building,
+    *,
+    floor: int | str,
+    mass: float,
+    frequency: float,
+    ratio: float,
+    name: str = "tuned mass",
+) -> Building:
+    """Return the building with a mass on a floor, held by a spring and a dashpot.
+
+    Its displacement relative to the ground is a new coordinate, but no floor; its stroke is the last of the storeys,
+    called `name`, and counted among the strokes.
+
+    Parameters
+    ----------
+    floor
+        By number from 1 or by name.
+    mass
+        [kg].
+    frequency, ratio
+        Of the mass on its spring, the floor held [Hz]; damping over critical damping.
+
+    Raises
+    ------
+    SettingError
+        Where mass or frequency is not positive, or the ratio is negative.
+    UnknownNameError
+        Where there is no such floor.
+    """
+    row = building.floor_row(floor)
+    for title, value in (("mass", mass), ("frequency", frequency)):
+        if not (np.isfinite(value) and value > 0.0):
+            raise SettingError(
+                f"{name} on {building.name}: the {title} is {value:g}; give a number above zero"
+            )
+    if not (np.isfinite(ratio) and ratio >= 0.0):
+        raise SettingError(
+            f"{name} on {building.name}: the damping ratio is {ratio:g}; give a number from zero"
+        )
+    omega = 2.0 * np.pi * frequency
+    stroke = np.append(-row, 1.0)
+    tuned = with_coordinate(
+        building,
+        mass=mass,
+        damping=2.0 * ratio * mass * omega,
+        stiffness=mass * omega**2,
+        across=stroke,
+        follows_ground=float(row @ building.influence),
+        stroke=stroke,
+        stroke_name=name,
+    )
+    return replace(
+        tuned,
+        name=f"{building.name}, {name}",
+        source=f"{building.source}; {name} of {mass:g} kg, {frequency:g} Hz, {ratio:g} added".removeprefix(
+            "; "
+        ),
+    )
+
+
+def with_optimal_tuned_mass(
+    building: Building,
+    *,
+    floor: int | str,
+    mass_ratio: float,
+    tuning: str = "warburton",
+    mode: int = 1,
+    name: str = "tuned mass",
+) -> Building:
+    """Return the building with a mass on a floor that is tuned to a mode by a published optimum.
+
+    The optima are of a mass on a single mass; that of a mode, seen from the floor where its shape has the entry p, is
+    `1 / p^2` with phi' M phi = 1.
+
+    Parameters
+    ----------
+    floor
+        By number from 1 or by name.
+    mass_ratio
+        Of the tuned mass to all mass of the building.
+    tuning
+        "warburton", for ground motion, "den_hartog" or "sadek".
+    mode
+        Which it is tuned to, from 1.
+
+    Raises
+    ------
+    SettingError
+        Where the mass ratio is not positive, there is no such mode, the mode does not move the floor, or the optimum
+        asks for a mass of twice the mode's.
+    UnknownNameError
+        Where there is no such floor or tuning.
+    """
+    if tuning not in TUNINGS:
+        raise UnknownNameError(f"there is no tuning {tuning!r}; choose one of {', '.join(TUNINGS)}")
+    if not (np.isfinite(mass_ratio) and mass_ratio > 0.0):
+        raise SettingError(
+            f"{name} on {building.name}: the mass ratio is {mass_ratio:g}; give a number such as 0.02"
+        )
+    if not 1 <= mode <= building.n_coordinates:
+        raise SettingError(
+            f"{name} on {building.name}: it is tuned to mode {mode}; give one from 1 to {building.n_coordinates}"
+        )
+    omega, modes = modes_of(building.mass, building.stiffness)
+    entry = float(building.floor_row(floor) @ modes[:, mode - 1])
+    mass = mass_ratio * building.total_mass
+    # Of all entries a mode may have, one in a million of the largest is a node.
+    if abs(entry) < 1e-6 * float(np.abs(building.floors @ modes[:, mode - 1]).max()):
+        raise SettingError(
+            f"{name} on {building.name}: mode {mode} does not move the floor {floor}; choose another"
+        )
+    modal_ratio = mass * entry**2
+    if not modal_ratio < 2.0:
+        raise SettingError(
+            f"{name} on {building.name}: its mass is {modal_ratio:.3g} times that of mode {mode} at this floor; "
+            "the optima hold for small ratios, give a smaller mass"
+        )
+    damping = float(damping_ratios_of(building.mass, building.damping, building.stiffness)[mode - 1])
+    optimum = TUNINGS[tuning](modal_ratio, damping)
+    return with_tuned_mass(
+        building,
+        floor=floor,
+        mass=mass,
+        frequency=optimum.frequency_ratio * float(omega[mode - 1]) / (2.0 * np.pi),
+        ratio=optimum.damping_ratio,
+        name=name,
+    )

@@ -1,0 +1,180 @@
+"""A building: what it refuses, its modes and state matrices, shear frames and damping by ratios."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mrwork.buildings import Building
+from mrwork.buildings.damping import with_modal_damping, with_rayleigh_coefficients, with_rayleigh_damping
+from mrwork.buildings.published import building
+from mrwork.buildings.shear import shear_building
+from mrwork.errors import SettingError, UnknownNameError
+
+
+@pytest.fixture
+def frame() -> Building:
+    return shear_building(
+        name="frame",
+        masses=[3.0, 2.0, 1.0],
+        stiffnesses=[900.0, 600.0, 300.0],
+        storey_damping=[3.0, 0.0, 1.0],
+    )
+
+
+def test_modes_diagonalise_mass_and_stiffness(frame: Building) -> None:
+    modes, omega = frame.modes, 2.0 * np.pi * frame.frequencies
+    np.testing.assert_allclose(modes.T @ frame.mass @ modes, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(modes.T @ frame.stiffness @ modes, np.diag(omega**2), atol=1e-9)
+    assert (np.diff(omega) > 0.0).all()
+
+
+@pytest.mark.parametrize("n", [1, 5, 40])
+def test_a_uniform_shear_frame_has_the_frequencies_of_its_closed_form(n: int) -> None:
+    # omega_j = 2 sqrt(k / m) sin((2 j - 1) pi / (2 (2 n + 1))), Chopra, Dynamics of Structures, problem of ch. 12
+    uniform = shear_building(name="uniform", masses=[2.0] * n, stiffnesses=[50.0] * n)
+    exact = 2.0 * np.sqrt(25.0) * np.sin((2.0 * np.arange(1, n + 1) - 1.0) * np.pi / (2.0 * (2.0 * n + 1.0)))
+    np.testing.assert_allclose(2.0 * np.pi * uniform.frequencies, exact, rtol=1e-9)
+
+
+def test_a_floor_pushed_alone_strains_the_storeys_beside_it(frame: Building) -> None:
+    displacement = np.array([0.0, 1.0, 0.0])
+    np.testing.assert_allclose(frame.storeys @ displacement, [0.0, 1.0, -1.0])
+    np.testing.assert_allclose(frame.stiffness @ displacement, [-600.0, 900.0, -300.0])
+    np.testing.assert_allclose(frame.damping @ displacement, [0.0, 1.0, -1.0])
+
+
+def test_state_matrices_are_the_equation_of_motion(frame: Building) -> None:
+    rng = np.random.default_rng(1)
+    q, rate, forces = rng.normal(size=(3, 3))
+    ground = 0.7
+    A, B, E = frame.state_matrices()
+    slope = A @ np.concatenate([q, rate]) + B @ forces + E * ground
+    balance = frame.mass @ slope[3:] + frame.damping @ rate + frame.stiffness @ q
+    np.testing.assert_allclose(slope[:3], rate)
+    np.testing.assert_allclose(balance, -frame.storeys.T @ forces - frame.mass @ frame.influence * ground)
+
+
+def test_a_force_that_resists_takes_energy_from_the_building(frame: Building) -> None:
+    rng = np.random.default_rng(2)
+    rate = rng.normal(size=3)
+    _, B, _ = frame.state_matrices()
+    resisting = 5.0 * (frame.storeys @ rate)
+    assert rate @ frame.mass @ (B @ resisting)[3:] < 0.0
+
+
+def test_poles_and_ratios_agree_where_damping_is_classical(frame: Building) -> None:
+    damped = with_modal_damping(frame, ratios=[0.01, 0.05, 0.1])
+    poles = damped.poles[::2]
+    np.testing.assert_allclose(np.abs(poles), 2.0 * np.pi * damped.frequencies, rtol=1e-9)
+    np.testing.assert_allclose(-poles.real / np.abs(poles), [0.01, 0.05, 0.1], rtol=1e-9)
+    np.testing.assert_allclose(damped.damping_ratios, [0.01, 0.05, 0.1], rtol=1e-9)
+
+
+def test_rayleigh_damping_has_its_ratios_in_its_two_modes(frame: Building) -> None:
+    damped = with_rayleigh_damping(frame, ratios=(0.02, 0.05), modes=(1, 3))
+    ratios = damped.damping_ratios
+    assert (ratios[0], ratios[2]) == (pytest.approx(0.02), pytest.approx(0.05))
+    assert ratios[1] < 0.05
+
+
+def test_the_rayleigh_coefficients_of_the_five_storey_frame_are_one_percent_in_modes_one_and_three() -> None:
+    # The sheet gives a0 and a1 to six digits.
+    uts = building("uts")
+    again = with_rayleigh_damping(uts, ratios=(0.01, 0.01), modes=(1, 3))
+    np.testing.assert_allclose(uts.damping, again.damping, rtol=1e-5, atol=1e-3)
+
+
+def test_storeys_and_floors_are_found_by_number_and_by_name(frame: Building) -> None:
+    np.testing.assert_array_equal(frame.storey_row(2), [-1.0, 1.0, 0.0])
+    np.testing.assert_array_equal(frame.storey_row("storey 2"), frame.storey_row(2))
+    np.testing.assert_array_equal(frame.floor_row("floor 3"), [0.0, 0.0, 1.0])
+
+
+@pytest.mark.parametrize("storey", [0, 4, -1, "roof", True])
+def test_a_storey_that_is_not_there_is_refused(frame: Building, storey: int | str) -> None:
+    with pytest.raises(UnknownNameError, match="number from 1 to 3 or one of storey 1, storey 2, storey 3"):
+        frame.storey_row(storey)
+
+
+def test_the_matrices_of_a_building_cannot_be_changed_from_outside(frame: Building) -> None:
+    mass = np.eye(3)
+    kept = replace(frame, mass=mass)
+    mass[0, 0] = -1.0
+    assert kept.mass[0, 0] == 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        kept.mass[0, 0] = 0.0
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        pytest.param({"mass": np.diag([3.0, 0.0, 1.0])}, "mass of coordinate 2 is 0 kg", id="no mass"),
+        pytest.param(
+            {"mass": np.diag([3.0, 2.0, -1.0])}, "mass of coordinate 3 is -1 kg", id="negative mass"
+        ),
+        pytest.param({"mass": np.ones((3, 3))}, "mass matrix is singular", id="singular mass"),
+        pytest.param(
+            {"mass": np.array([[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]])},
+            "not positive definite",
+            id="indefinite mass",
+        ),
+        pytest.param({"mass": np.eye(2)}, "damping is 3 x 3 where 2 x 2", id="two masses"),
+        pytest.param({"mass": np.zeros((0, 0))}, "no coordinate", id="nothing"),
+        pytest.param(
+            {"stiffness": np.full((3, 3), np.nan)}, "entry 1, 1 of stiffness is not finite", id="NaN"
+        ),
+        pytest.param({"stiffness": np.triu(np.ones((3, 3)))}, "stiffness is not symmetric", id="triangle"),
+        pytest.param({"stiffness": -np.eye(3)}, "stiffness is unstable", id="negative stiffness"),
+        pytest.param({"influence": np.ones(2)}, "influence is 2 long", id="influence"),
+        pytest.param({"floors": np.eye(2)}, "floors is 2 x 2", id="floors"),
+        pytest.param({"floor_names": ("a", "b")}, "2 floor names for 3 floor rows", id="names"),
+        pytest.param({"floor_names": ("a", "b", "a")}, "two floors are called 'a'", id="twice"),
+        pytest.param({"status": "certain"}, "status is 'certain'", id="status"),
+        pytest.param({"n_strokes": 4}, "4 of 3 storey rows", id="strokes"),
+    ],
+)
+def test_what_cannot_be_a_building_is_refused_in_one_sentence(
+    frame: Building, changes: dict[str, object], expected: str
+) -> None:
+    with pytest.raises(SettingError) as caught:
+        replace(frame, **changes)  # type: ignore[arg-type] # the wrong types are the test
+    assert expected in str(caught.value).replace("a finite", "finite")
+    assert str(caught.value).startswith("building frame: ")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_building_that_nothing_holds_has_a_mode_without_frequency() -> None:
+    free = shear_building(name="free", masses=[1.0, 1.0], stiffnesses=[1.0, 1.0])
+    floating = replace(free, stiffness=np.array([[1.0, -1.0], [-1.0, 1.0]]))
+    assert floating.frequencies[0] == pytest.approx(0.0, abs=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("masses", "stiffnesses", "storey_damping", "expected"),
+    [
+        ([1.0, 1.0], [1.0], [], "1 stiffnesses for 2 masses"),
+        ([1.0], [0.0], [], "stiffness of storey 1 is 0"),
+        ([1.0], [1.0], [-2.0], "damping of storey 1 is -2"),
+        ([1.0], [float("nan")], [], "stiffness of storey 1 is nan"),
+        ([0.0], [1.0], [], "mass of coordinate 1 is 0 kg"),
+    ],
+)
+def test_a_shear_frame_that_cannot_be_is_refused(
+    masses: list[float], stiffnesses: list[float], storey_damping: list[float], expected: str
+) -> None:
+    with pytest.raises(SettingError, match=expected):
+        shear_building(name="frame", masses=masses, stiffnesses=stiffnesses, storey_damping=storey_damping)
+
+
+def test_damping_that_would_drive_a_mode_is_refused(frame: Building) -> None:
+    with pytest.raises(SettingError, match="drives mode 1"):
+        with_rayleigh_coefficients(frame, a0=-10.0, a1=1e-3)
+    with pytest.raises(SettingError, match="two different modes from 1 to 3"):
+        with_rayleigh_damping(frame, ratios=(0.02, 0.02), modes=(1, 1))
+    with pytest.raises(SettingError, match="2 damping ratios for 3 modes"):
+        with_modal_damping(frame, ratios=[0.01, 0.02])
+    with pytest.raises(SettingError, match=r"a damping ratio is -0\.01"):
+        with_modal_damping(frame, ratios=[-0.01])

@@ -1,0 +1,277 @@
+"""A building from TOML, .mat and text files is the one that was meant; what is none is refused with its place."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from mrwork.buildings import Building
+from mrwork.buildings.brace import with_brace
+from mrwork.buildings.damping import with_modal_damping, with_rayleigh_damping
+from mrwork.buildings.from_file import KEYS, building_from_table, read_building
+from mrwork.buildings.isolation import with_base_isolation_of_period
+from mrwork.buildings.published import building, buildings
+from mrwork.buildings.shear import shear_building
+from mrwork.buildings.table import NamedPlace
+from mrwork.buildings.tuned_mass import with_optimal_tuned_mass
+from mrwork.buildings.viscous import with_viscous_damper
+from mrwork.errors import MrworkError, RecordError, SettingError
+
+FIELDS = ("mass", "damping", "stiffness", "influence", "floors", "storeys")
+MATRICES = """
+mass = [[2.0, 0.0], [0.0, 1.0]]
+stiffness = [[5.0, -2.0], [-2.0, 2.0]]
+damping = [[0.5, -0.2], [-0.2, 0.2]]
+"""
+SHEAR = """
+masses = [2.0, 1.0]
+stiffnesses = [3.0, 2.0]
+storey_damping = [0.3, 0.2]
+"""
+
+
+def stated(text: str, folder: Path = Path()) -> Building:
+    return building_from_table(tomllib.loads(text), NamedPlace("study.toml", ("building",)), folder=folder)
+
+
+def assert_same(ours: Building, theirs: Building) -> None:
+    for field in FIELDS:
+        np.testing.assert_allclose(getattr(ours, field), getattr(theirs, field), rtol=1e-14)
+    assert (ours.floor_names, ours.storey_names) == (theirs.floor_names, theirs.storey_names)
+    assert ours.n_strokes == theirs.n_strokes
+
+
+def frame() -> Building:
+    return shear_building(name="frame", masses=[2.0, 1.0], stiffnesses=[3.0, 2.0], storey_damping=[0.3, 0.2])
+
+
+def test_every_way_to_write_a_building_gives_the_same(tmp_path: Path) -> None:
+    matrices = {"M": frame().mass, "C": frame().damping, "K": frame().stiffness}
+    savemat(tmp_path / "v5.mat", matrices)
+    savemat(tmp_path / "v4.mat", matrices, format="4")
+    savemat(tmp_path / "struct.mat", {"frame": matrices})
+    (tmp_path / "folder").mkdir()
+    for name, matrix in matrices.items():
+        np.savetxt(tmp_path / "folder" / f"{name}.csv", matrix, delimiter=",", header="two floors")
+    (tmp_path / "matrices.toml").write_text(MATRICES)
+    (tmp_path / "shear.toml").write_text(SHEAR)
+    (tmp_path / "other.toml").write_text('file = "shear.toml"')
+    (tmp_path / "files.toml").write_text(
+        'mass = "folder/M.csv"\nstiffness = "folder/K.csv"\ndamping = "folder/C.csv"'
+    )
+    for name in (
+        "v5.mat",
+        "v4.mat",
+        "struct.mat",
+        "folder",
+        "matrices.toml",
+        "shear.toml",
+        "other.toml",
+        "files.toml",
+    ):
+        assert_same(read_building(tmp_path / name), frame())
+
+
+def test_a_building_is_named_by_its_file_unless_it_says_otherwise(tmp_path: Path) -> None:
+    (tmp_path / "tower.toml").write_text(SHEAR)
+    assert read_building(tmp_path / "tower.toml").name == "tower"
+    (tmp_path / "tower.toml").write_text(SHEAR + 'name = "north tower"')
+    assert read_building(tmp_path / "tower.toml").name == "north tower"
+
+
+@pytest.mark.parametrize("known", buildings(), ids=lambda known: known.name)
+def test_a_published_building_can_be_stated_by_its_matrices_to_the_bit(
+    known: Building, tmp_path: Path
+) -> None:
+    rows = {key: getattr(known, key).tolist() for key in ("mass", "damping", "stiffness")}
+    path = tmp_path / "known.toml"
+    path.write_text(
+        "\n".join(f"{key} = {value}" for key, value in rows.items())
+        + f"\nfloor_names = {list(known.floor_names)}"
+    )
+    again = read_building(path)
+    for field in FIELDS:
+        np.testing.assert_array_equal(getattr(again, field), getattr(known, field))
+    assert again.floor_names == known.floor_names
+    assert_same(stated(f'published = "{known.name}"'), known)
+
+
+def test_a_published_building_can_be_changed() -> None:
+    changed = stated('published = "dyke1996"\nname = "ours"\nstorey_names = ["a", "b", "c"]')
+    assert (changed.name, changed.storey_names, changed.status) == ("ours", ("a", "b", "c"), "verified")
+    heavier = stated('published = "dyke1996"\nmass = [[100.0, 0, 0], [0, 100.0, 0], [0, 0, 100.0]]')
+    np.testing.assert_array_equal(heavier.mass, 100.0 * np.eye(3))
+    np.testing.assert_array_equal(heavier.stiffness, building("dyke1996").stiffness)
+    assert heavier.status == "ours"
+    assert heavier.source.endswith("mass replaced")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (
+            "[rayleigh]\nratios = [0.02, 0.03]\nmodes = [1, 3]",
+            with_rayleigh_damping(building("uts"), ratios=(0.02, 0.03), modes=(1, 3)),
+        ),
+        ("[rayleigh]\na0 = 0.309478\na1 = 1.89972e-4", building("uts")),
+        ("[modal_damping]\nratios = [0.02]", with_modal_damping(building("uts"), ratios=[0.02])),
+        (
+            "[isolation]\nmass = 400.0\nperiod = 2.0\nratio = 0.1",
+            with_base_isolation_of_period(building("uts"), mass=400.0, period=2.0, ratio=0.1),
+        ),
+        (
+            '[[viscous]]\nstorey = 1\ndamping = 1e3\n[[viscous]]\nstorey = "storey 2"\ndamping = 5e2',
+            with_viscous_damper(
+                with_viscous_damper(building("uts"), storey=1, damping=1e3), storey=2, damping=5e2
+            ),
+        ),
+        (
+            "[brace]\nstorey = 1\nstiffness = 5e6\nmass = 0.3",
+            with_brace(building("uts"), storey=1, stiffness=5e6, mass=0.3),
+        ),
+        (
+            '[tuned_mass]\nfloor = "floor 5"\nmass_ratio = 0.02\ntuning = "sadek"',
+            with_optimal_tuned_mass(building("uts"), floor=5, mass_ratio=0.02, tuning="sadek"),
+        ),
+    ],
+)
+def test_a_table_puts_in_what_the_functions_put_in(text: str, expected: Building) -> None:
+    assert_same(stated(f'published = "uts"\n{text}'), expected)
+
+
+def test_additions_come_in_the_order_that_is_documented_not_in_that_of_the_table() -> None:
+    brace = '[brace]\nstorey = "storey 1"\nstiffness = 5e6\nmass = 0.3'
+    isolation = "[isolation]\nmass = 400.0\nperiod = 2.0\nratio = 0.1"
+    both = stated(f'published = "uts"\n{brace}\n{isolation}')
+    assert both.storey_names[0] == "isolation"
+    assert both.storey_names[-1] == "damper in storey 1"
+    np.testing.assert_array_equal(both.storeys[-1], [-1.0, 1.0, 0.0, 0.0, 0.0, 0.0, -1.0])
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "expected"),
+    [
+        ("", "building: ", "given by published, file, mass and stiffness, or masses; here by none"),
+        (SHEAR + 'published = "uts"', "building: ", "here by published and masses"),
+        ('published = "utz"', "building.published: ", "no published building is called 'utz'"),
+        ("published = 3", "building.published: ", "published is 3; give a text"),
+        ("massses = [1.0]", "building.massses: ", "no key 'massses'; did you mean masses?"),
+        ('published = "uts"\nstorey_damping = [1.0]', "building.storey_damping: ", "goes with masses"),
+        (SHEAR + "mass = [[1.0]]", "building.mass: ", "mass goes with matrices"),
+        ('masses = [1.0, "2"]\nstiffnesses = [1.0, 1.0]', "building.masses: ", "give numbers"),
+        ("masses = [1.0]", "building: ", "stiffnesses is missing"),
+        ("masses = [0.0]\nstiffnesses = [1.0]", "building: ", "mass of coordinate 1 is 0 kg"),
+        ("mass = [[1.0]]", "building: ", "needs mass (M), stiffness (K)"),
+        ("mass = [[1.0, 2.0], [3.0]]\nstiffness = [[1.0]]", "building.mass: ", "row 2 of mass is not 2 numbers"),
+        ("mass = [1.0]\nstiffness = [[1.0]]", "building.mass: ", "give rows of numbers"),
+        ("mass = [[0.0]]\nstiffness = [[1.0]]", "building: ", "singular"),
+        ('file = "nowhere.mat"', "building.file: ", "there is no such file"),
+        ('file = "nowhere.docx"', "building.file: ", "comes as a .toml or .mat file"),
+        ('published = "uts"\n[rayleigh]\nratios = [0.1]', "building.rayleigh.ratios: ", "two ratios"),
+        ('published = "uts"\n[rayleigh]\na0 = 1.0', "building.rayleigh: ", "a1 is missing"),
+        ('published = "uts"\n[rayleigh]\na0 = 1.0\nratios = [0.1, 0.1]', "building.rayleigh.ratios: ", "keep one"),
+        (
+            'published = "uts"\n[rayleigh]\na0 = 1.0\na1 = 0.0\n[modal_damping]\nratios = [0.1]',
+            "building.modal_damping: ",
+            "keep one",
+        ),
+        ('published = "uts"\n[isolation]\nmass = 1.0\nperiod = -2.0\nratio = 0.1', "building.isolation: ", "period"),
+        (
+            'published = "uts"\n[isolation]\nmass = 1.0\nperiod = 2.0\nstiffness = 1.0',
+            "building.isolation.period: ",
+            "keep one",
+        ),
+        ('published = "uts"\n[[viscous]]\nstorey = 9\ndamping = 1.0', "building.viscous[1]: ", "no storey 9"),
+        ('published = "uts"\n[[viscous]]\nstorey = 1.5\ndamping = 1.0', "building.viscous[1].storey: ", "or its name"),
+        ('published = "uts"\nviscous = 3', "building.viscous: ", "[[viscous]]"),
+        ('published = "uts"\n[brace]\nstorey = 1\nstiffness = 1.0', "building.brace: ", "mass is missing"),
+        ('published = "uts"\n[brace]\nstorey = true\nstiffness = 1.0', "building.brace.storey: ", "storey is True"),
+        (
+            'published = "uts"\n[tuned_mass]\nfloor = 5\nmass_ratio = 0.1\nmass = 3.0',
+            "building.tuned_mass.mass: ",
+            "keep one",
+        ),
+        (
+            'published = "uts"\n[tuned_mass]\nfloor = 5\nmass_ratio = 0.1\nmode = 1.5',
+            "building.tuned_mass.mode: ",
+            "whole number",
+        ),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_told_in_one_sentence_with_its_key(text: str, place: str, expected: str) -> None:
+    with pytest.raises(MrworkError) as caught:
+        stated(text)
+    sentence = str(caught.value)
+    assert sentence.startswith(f"study.toml, {place}")
+    assert expected in sentence
+    assert sentence.count("study.toml") == 1
+    assert "\n" not in sentence
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "expected"),
+    [
+        ("M.csv", "1,2\n3\n", "line 2 has 1 numbers where the first row has 2"),
+        ("M.csv", "# mass\n1,2\n3,x\n", "line 3 holds 'x' where a number was expected"),
+        ("M.csv", "", "holds no numbers"),
+        ("M.csv", "\xff", "not UTF-8"),
+        ("M.xlsx", "1", "a matrix comes as text"),
+    ],
+)
+def test_a_text_file_that_is_no_matrix_is_refused_with_its_line(
+    tmp_path: Path, name: str, content: str, expected: str
+) -> None:
+    (tmp_path / name).write_bytes(content.encode("latin-1"))
+    with pytest.raises(RecordError, match=expected):
+        stated(f'mass = "{name}"\nstiffness = [[1.0]]', tmp_path)
+
+
+def test_separators_and_comments_of_a_text_matrix_are_understood(tmp_path: Path) -> None:
+    for text in ("2,0\n0,1\n", "2;0;\n0;1;\n", "2\t0\n0\t1", "  2  0 # heavy\n\n  0  1\n"):
+        (tmp_path / "M.csv").write_text(text)
+        known = stated('mass = "M.csv"\nstiffness = [[5, -2], [-2, 2]]', tmp_path)
+        np.testing.assert_array_equal(known.mass, [[2.0, 0.0], [0.0, 1.0]])
+
+
+def test_a_file_that_leads_back_to_itself_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text('file = "b.toml"')
+    (tmp_path / "b.toml").write_text('file = "a.toml"')
+    with pytest.raises(SettingError, match="leads back to itself"):
+        read_building(tmp_path / "a.toml")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "expected"),
+    [
+        ("a.toml", b"masses = 1.0.0", "is not TOML .*line 1"),
+        ("a.toml", b"\xff\xfe", "not UTF-8"),
+        ("a.mat", b"", "empty"),
+        ("a.mat", b"MATLAB 5.0 MAT-file" + 200 * b"\x01", "not a readable .mat file"),
+        ("a.csv", b"1,2", "folder with M.csv, C.csv and K.csv"),
+    ],
+)
+def test_a_damaged_file_is_refused_with_its_name(
+    tmp_path: Path, name: str, content: bytes, expected: str
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(RecordError, match=expected) as caught:
+        read_building(tmp_path / name)
+    assert str(tmp_path / name) in str(caught.value)
+
+
+def test_a_mat_file_without_matrices_of_a_building_says_what_it_has(tmp_path: Path) -> None:
+    savemat(tmp_path / "plant.mat", {"A": np.eye(2), "B": np.ones((2, 1))})
+    with pytest.raises(SettingError, match="here is A, B"):
+        read_building(tmp_path / "plant.mat")
+
+
+def test_every_key_is_documented_where_the_reader_is() -> None:
+    import mrwork.buildings.from_file as module
+
+    assert module.__doc__ is not None
+    missing = [key for key in KEYS if key not in module.__doc__]
+    assert not missing
