@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,11 @@ class GroundMotion:
             raise RecordError(f"ground motion {self.name}: its step is {self.dt} s; give a positive number")
 
     @property
+    def n_time(self) -> int:
+        """Number of samples."""
+        return self.acceleration.size
+
+    @property
     def peak(self) -> float:
         """Peak ground acceleration [m/s^2]."""
         return float(np.abs(self.acceleration).max())
@@ -48,3 +53,29 @@ class GroundMotion:
     def duration(self) -> float:
         """From the first sample to the last [s]."""
         return self.dt * (self.acceleration.size - 1)
+
+    @property
+    def time(self) -> NDArray[np.float64]:
+        """Times of the samples [s], shape (n_time,), the first at zero."""
+        return self.dt * np.arange(self.n_time, dtype=np.float64)
+
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """Velocity of the ground [m/s], shape (n_time,), from rest: the exact integral of straight pieces."""
+        a = self.acceleration
+        return np.concatenate(([0.0], np.cumsum(0.5 * self.dt * (a[:-1] + a[1:]))))
+
+    @property
+    def displacement(self) -> NDArray[np.float64]:
+        """Displacement of the ground [m], shape (n_time,), from rest at zero: exact as `velocity` is.
+
+        A record keeps no baseline, so this drifts off unless the motion was corrected (`baseline_corrected`).
+        """
+        a, h = self.acceleration, self.dt
+        steps = h * self.velocity[:-1] + h * h * (2.0 * a[:-1] + a[1:]) / 6.0
+        return np.concatenate(([0.0], np.cumsum(steps)))
+
+
+def changed(motion: GroundMotion, acceleration: NDArray[np.float64], dt: float, change: str) -> GroundMotion:
+    """Motion with other samples, and a line more on what was done to it."""
+    return replace(motion, acceleration=acceleration, dt=dt, changes=(*motion.changes, change))

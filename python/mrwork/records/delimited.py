@@ -35,21 +35,31 @@ def open_delimited(path: Path, source: str) -> Table:
     RecordError
         The file is empty, not text, not UTF-8, has no header or an absurd one, or holds no data line.
     """
-    data = _read_text_bytes(path, source)
+    data = read_text_bytes(path, source)
     text = _decode(data, source).replace("\r\n", "\n").replace("\r", "\n")
     return DelimitedTable(source=source, sha256=hashlib.sha256(data).hexdigest(), lines=text.split("\n"))
 
 
 class DelimitedTable(Table):
-    """A text table held as lines; numbers are parsed when asked for."""
+    """A text table held as lines; numbers are parsed when asked for.
 
-    def __init__(self, *, source: str, sha256: str, lines: list[str]) -> None:
+    `names` are those of a table that has no header line.
+    """
+
+    def __init__(
+        self, *, source: str, sha256: str, lines: list[str], names: tuple[str, ...] | None = None
+    ) -> None:
         self._source = source
         self._sha256 = sha256
         self._lines = lines
-        header, self._first = _find_header(lines, source)
-        self._delimiter = _delimiter(header)
-        self._names = tuple(name.strip() for name in _split(header, self._delimiter))
+        if names is None:
+            header, self._first = _find_header(lines, source)
+            self._delimiter = _delimiter(header)
+            self._names = tuple(name.strip() for name in _split(header, self._delimiter))
+        else:
+            self._first = 0
+            self._delimiter = _delimiter(next(filter(_is_data, lines), ""))
+            self._names = names
         if not any(_is_data(line) for line in lines[self._first :]):
             raise RecordError(f"{source}: there is a header but no data line after it; check the export")
 
@@ -165,7 +175,7 @@ def _find_header(lines: Sequence[str], source: str) -> tuple[str, int]:
     )
 
 
-def _read_text_bytes(path: Path, source: str) -> bytes:
+def read_text_bytes(path: Path, source: str) -> bytes:
     """Whole file, looked at before it is read whole: a wrong file may be huge."""
     with path.open("rb") as stream:
         head = stream.read(_LONGEST_LINE)

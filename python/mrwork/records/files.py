@@ -20,14 +20,7 @@ def open_table(path: Path) -> Table:
     source = str(path)
     extension = path.suffix.lower()
     try:
-        if path.is_dir():
-            raise RecordError(
-                f"{source}: is a directory; name the record files in it, such as {source}/*.csv"
-            )
-        if not path.exists():
-            raise RecordError(f"{source}: there is no such file; check the path")
-        if not path.is_file():
-            raise RecordError(f"{source}: is not an ordinary file; name a record file")
+        check_is_file(path)
         if extension in (".csv", ".tsv"):
             return open_delimited(path, source)
         if extension == ".mat":
@@ -47,3 +40,19 @@ def open_table(path: Path) -> Table:
     raise RecordError(
         f"{source}: {came} where .csv, .tsv, .parquet or .mat was expected; export the record as one of these"
     )
+
+
+def check_is_file(path: Path) -> None:
+    """Refuse what is no ordinary file.
+
+    Raises
+    ------
+    RecordError
+        The path is missing, a directory or a device.
+    """
+    if path.is_dir():
+        raise RecordError(f"{path}: is a directory; name the record files in it, such as {path}/*.csv")
+    if not path.exists():
+        raise RecordError(f"{path}: there is no such file; check the path")
+    if not path.is_file():
+        raise RecordError(f"{path}: is not an ordinary file; name a record file")

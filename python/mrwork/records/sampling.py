@@ -136,7 +136,7 @@ def uniform_step(signals: Signals, *, source: str) -> tuple[Signals, float, tupl
     deviation = float(np.max(np.abs(steps - median)))
     if deviation <= _JITTER * median + 2.0 * np.spacing(np.max(np.abs(time))):
         return signals, mean, ()
-    if _rounded(time, steps):
+    if is_rounded(time, steps):
         message = (
             f"times are written to {1e3 * np.ptp(steps):.3g} ms only; "
             f"taken as uniform every {1e3 * mean:.6g} ms"
@@ -185,7 +185,7 @@ def uniform_step(signals: Signals, *, source: str) -> tuple[Signals, float, tupl
     return replace(resampled, time=grid), dt, tuple(findings)
 
 
-def _rounded(time: NDArray[np.float64], steps: NDArray[np.float64]) -> bool:
+def is_rounded(time: NDArray[np.float64], steps: NDArray[np.float64]) -> bool:
     """Tell whether times are a uniform grid rounded to few digits.
 
     Rounding gives steps of two sizes that differ by the last digit, and moves no time off the grid by more. A

@@ -1,0 +1,138 @@
+"""Power spectral densities of ground acceleration: white noise through the soil.
+
+Densities are two-sided over circular frequency: the variance is the integral over w from minus to plus infinity.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.errors import SettingError
+
+Floats = NDArray[np.float64]
+Complexes = NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FilterMatrices:
+    """`s' = state s + noise w`, `a_g = output s`, with white noise w of two-sided density `intensity`."""
+
+    state: Floats
+    noise: Floats
+    output: Floats
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KanaiTajimi:
+    """White noise at the bedrock through one layer of soil (Kanai 1957, Tajimi 1960).
+
+    `S(w) = S0 (w_g^4 + 4 zeta_g^2 w_g^2 w^2) / ((w_g^2 - w^2)^2 + 4 zeta_g^2 w_g^2 w^2)`. The defaults are firm soil
+    (Der Kiureghian and Neuenhofer, Earthq. Eng. Struct. Dyn. 21, 1992, 713-740); the intensity is ours, for peaks of
+    about 0.3 g.
+
+    Parameters
+    ----------
+    frequency, damping
+        w_g [rad/s] and zeta_g of the ground.
+    intensity
+        S0 [m^2/s^3], two-sided over circular frequency.
+    """
+
+    frequency: float = 15.0
+    damping: float = 0.6
+    intensity: float = 0.01
+
+    def __post_init__(self) -> None:
+        for name, value in (
+            ("frequency", self.frequency),
+            ("damping", self.damping),
+            ("intensity", self.intensity),
+        ):
+            if not (math.isfinite(value) and value > 0.0):
+                raise SettingError(f"{name} of a Kanai-Tajimi spectrum is {value}; give a positive number")
+
+    @property
+    def name(self) -> str:
+        """What reports call it."""
+        return "Kanai-Tajimi"
+
+    def transfer(self, w: Floats) -> Complexes:
+        """Ground acceleration over that of the bedrock at circular frequencies w [rad/s], in their shape."""
+        w_g, zeta_g = self.frequency, self.damping
+        return (w_g**2 + 2j * zeta_g * w_g * w) / (w_g**2 - w**2 + 2j * zeta_g * w_g * w)
+
+    def density(self, w: Floats) -> Floats:
+        """Two-sided density [m^2/s^3] at circular frequencies w [rad/s], in their shape."""
+        return self.intensity * np.abs(self.transfer(w)) ** 2
+
+    def filter_matrices(self) -> FilterMatrices:
+        """The filter in state space: displacement and velocity of the layer relative to the bedrock."""
+        w_g, zeta_g = self.frequency, self.damping
+        return FilterMatrices(
+            state=np.array([[0.0, 1.0], [-(w_g**2), -2.0 * zeta_g * w_g]]),
+            noise=np.array([0.0, -1.0]),
+            output=np.array([-(w_g**2), -2.0 * zeta_g * w_g]),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CloughPenzien:
+    """Kanai-Tajimi without its slow part: a second filter lets displacements of the ground stay finite.
+
+    `S(w) = S_KT(w) w^4 / ((w_f^2 - w^2)^2 + 4 zeta_f^2 w_f^2 w^2)` (Clough and Penzien, Dynamics of Structures, 1975).
+    The defaults are firm soil as in `KanaiTajimi`.
+
+    Parameters
+    ----------
+    soil
+        The first filter, with the intensity.
+    frequency, damping
+        w_f [rad/s] and zeta_f of the second filter.
+    """
+
+    soil: KanaiTajimi = KanaiTajimi()
+    frequency: float = 1.5
+    damping: float = 0.6
+
+    def __post_init__(self) -> None:
+        for name, value in (("frequency", self.frequency), ("damping", self.damping)):
+            if not (math.isfinite(value) and value > 0.0):
+                raise SettingError(f"{name} of a Clough-Penzien spectrum is {value}; give a positive number")
+
+    @property
+    def name(self) -> str:
+        """What reports call it."""
+        return "Clough-Penzien"
+
+    @property
+    def intensity(self) -> float:
+        """S0 [m^2/s^3] of the white noise."""
+        return self.soil.intensity
+
+    def transfer(self, w: Floats) -> Complexes:
+        """Ground acceleration over that of the bedrock at circular frequencies w [rad/s], in their shape."""
+        w_f, zeta_f = self.frequency, self.damping
+        return self.soil.transfer(w) * -(w**2) / (w_f**2 - w**2 + 2j * zeta_f * w_f * w)
+
+    def density(self, w: Floats) -> Floats:
+        """Two-sided density [m^2/s^3] at circular frequencies w [rad/s], in their shape."""
+        return self.soil.intensity * np.abs(self.transfer(w)) ** 2
+
+    def filter_matrices(self) -> FilterMatrices:
+        """Both filters in state space, the states of the soil first."""
+        w_f, zeta_f = self.frequency, self.damping
+        soil = self.soil.filter_matrices()
+        own = np.array([[0.0, 1.0], [-(w_f**2), -2.0 * zeta_f * w_f]])
+        state = np.block([[soil.state, np.zeros((2, 2))], [np.zeros((1, 4))], [np.zeros((1, 4))]])
+        state[2:, 2:] = own
+        state[3, :2] = soil.output
+        return FilterMatrices(
+            state=state, noise=np.concatenate((soil.noise, np.zeros(2))), output=state[3].copy()
+        )
+
+
+SpectralDensity = KanaiTajimi | CloughPenzien

@@ -1,0 +1,101 @@
+"""From columns of time and acceleration to a motion of one step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.errors import RecordError
+from mrwork.motions.ground_motion import GroundMotion
+from mrwork.records.sampling import is_rounded
+
+Floats = NDArray[np.float64]
+
+# Steps that differ by less, relative to their median, are one step.
+_JITTER = 1e-3
+# A last point of zero this far behind the others [s] and [steps] ends a table, it was not recorded.
+_PADDING = 1.0
+_PADDING_STEPS = 20.0
+
+
+def motion_of_columns(
+    time: Floats, acceleration: Floats, *, name: str, source: str, where: Callable[[int], str]
+) -> GroundMotion:
+    """Motion of times [s] and accelerations [m/s^2], each of shape (n_time,); `where` names a row in a sentence.
+
+    What the times need is done and told in `changes`. Steps that are equal but for jitter or rounding are one step,
+    and samples stay as they are; what lies between steps of another length is read off straight lines.
+
+    Raises
+    ------
+    RecordError
+        A value is missing, time stands still or runs backwards, or most of the record is gaps.
+    """
+    changes: list[str] = []
+    for values, what in ((time, "time"), (acceleration, "acceleration")):
+        if not np.isfinite(values).all():
+            row = int(np.flatnonzero(~np.isfinite(values))[0])
+            raise RecordError(
+                f"{where(row)}: the {what} is no finite number; correct the value or delete the row"
+            )
+    if time.size < 2:
+        raise RecordError(f"{where(0)}: the record has {time.size} rows; give two or more")
+    wrong = np.flatnonzero(np.diff(time) <= 0.0)
+    if wrong.size:
+        row = int(wrong[0]) + 1
+        raise RecordError(
+            f"{where(row)}: time goes from {time[row - 1]:g} to {time[row]:g} s; sort the rows, and write times with "
+            "digits enough to differ"
+        )
+    if _ends_in_padding(time, acceleration):
+        changes.append(
+            f"last point dropped: zero at {time[-1]:g} s, {time[-1] - time[-2]:g} s behind the others, is padding"
+        )
+        time, acceleration = time[:-1], acceleration[:-1]
+    dt, acceleration, change = _on_one_step(time, acceleration, where)
+    if change:
+        changes.append(change)
+    return GroundMotion(name=name, dt=dt, acceleration=acceleration, source=source, changes=tuple(changes))
+
+
+def _ends_in_padding(time: Floats, acceleration: Floats) -> bool:
+    if time.size < 4 or acceleration[-1] != 0.0:
+        return False
+    last = float(time[-1] - time[-2])
+    return last > _PADDING and last > _PADDING_STEPS * float(np.diff(time[:-1]).max())
+
+
+def _on_one_step(
+    time: Floats, acceleration: Floats, where: Callable[[int], str]
+) -> tuple[float, Floats, str]:
+    """Step [s], samples, and what was done."""
+    steps = np.diff(time)
+    duration = float(time[-1] - time[0])
+    mean, median = duration / steps.size, float(np.median(steps))
+    # Times written to few digits of a long record differ by their last digit.
+    regular = np.abs(steps - median) <= _JITTER * median + 2.0 * np.spacing(np.abs(time).max())
+    if regular.all():
+        return mean, acceleration, ""
+    if is_rounded(time, steps):
+        return (
+            mean,
+            acceleration,
+            f"times written to {np.ptp(steps):.3g} s taken as uniform, every {mean:.6g} s",
+        )
+    dt = float(steps[regular].mean())
+    # Regular steps are taken as equal, so that samples between them are kept and not interpolated.
+    knots = np.concatenate(([0.0], np.cumsum(np.where(regular, dt, steps))))
+    n_time = int(np.floor(knots[-1] / dt + 1e-6)) + 1
+    if n_time > 2 * time.size:
+        row = int(np.argmax(steps)) + 1
+        raise RecordError(
+            f"{where(row)}: a gap of {steps[row - 1]:.4g} s before it, and steps of {dt:.4g} s elsewhere, leave most "
+            "of the record empty; cut out one continuous part"
+        )
+    odd = int(np.count_nonzero(~regular))
+    count = "one step differs" if odd == 1 else f"{odd} steps differ"
+    worst = steps[~regular][np.argmax(np.abs(steps[~regular] - dt))]
+    change = f"resampled every {dt:.6g} s, straight between: {count}, by up to {worst - dt:+.4g} s"
+    return dt, np.interp(dt * np.arange(n_time), knots, acceleration), change

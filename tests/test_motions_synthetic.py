@@ -1,0 +1,135 @@
+"""Synthetic motions have the density, the envelope and the seed that were asked for."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.linalg import solve_continuous_lyapunov
+
+from mrwork.errors import SettingError
+from mrwork.motions import CloughPenzien, KanaiTajimi, synthetic_motion
+from mrwork.motions.envelope import Envelope
+from mrwork.motions.pulses import half_sine, ricker, sine, sine_sweep
+from mrwork.motions.spectral_density import SpectralDensity
+
+SPECTRA = (KanaiTajimi(), KanaiTajimi(frequency=5.0, damping=0.2), CloughPenzien())
+FLAT = Envelope(rise=0.0, plateau_end=1e6, decay=0.0)
+
+
+@pytest.mark.parametrize("spectrum", SPECTRA, ids=lambda spectrum: spectrum.name)
+def test_transfer_function_and_state_space_are_one_filter(spectrum: SpectralDensity) -> None:
+    matrices = spectrum.filter_matrices()
+    w = np.geomspace(0.01, 500.0, 40)
+    for frequency in w:
+        resolvent = np.linalg.solve(
+            1j * frequency * np.eye(len(matrices.noise)) - matrices.state, matrices.noise
+        )
+        expected = spectrum.transfer(np.array([frequency]))[0]
+        assert matrices.output @ resolvent == pytest.approx(expected, rel=1e-9)
+    assert_allclose(spectrum.density(w), spectrum.intensity * np.abs(spectrum.transfer(w)) ** 2, rtol=1e-12)
+
+
+def test_the_variance_of_kanai_and_tajimi_has_its_closed_form() -> None:
+    spectrum = KanaiTajimi()
+    w_g, zeta_g, intensity = spectrum.frequency, spectrum.damping, spectrum.intensity
+    matrices = spectrum.filter_matrices()
+    noise = np.sqrt(2.0 * np.pi * intensity) * matrices.noise[:, None]
+    variance = matrices.output @ solve_continuous_lyapunov(matrices.state, -noise @ noise.T) @ matrices.output
+    assert variance == pytest.approx(
+        np.pi * intensity * w_g * (1.0 + 4.0 * zeta_g**2) / (2.0 * zeta_g), rel=1e-12
+    )
+
+
+def test_at_the_frequency_of_the_soil_the_density_is_that_of_the_formula() -> None:
+    spectrum = KanaiTajimi(frequency=12.0, damping=0.3, intensity=2.0)
+    assert spectrum.density(np.array([0.0, 12.0])) == pytest.approx([2.0, 2.0 * (1.0 + 0.36) / 0.36])
+    assert CloughPenzien().density(np.array([0.0]))[0] == 0.0
+
+
+@pytest.mark.parametrize("spectrum", SPECTRA, ids=lambda spectrum: spectrum.name)
+def test_drawn_motions_have_the_density(spectrum: SpectralDensity) -> None:
+    rng = np.random.default_rng(1957)
+    n_draws, dt = 100, 0.02
+    motions = [
+        synthetic_motion(spectrum, rng=rng, duration=81.9, dt=dt, envelope=FLAT) for _ in range(n_draws)
+    ]
+    window = np.hanning(motions[0].n_time)
+    draws = np.array([np.abs(np.fft.rfft(window * motion.acceleration)) ** 2 for motion in motions])
+    # Two-sided over circular frequency; mean of a band of lines, each with its own chi-squared scatter.
+    density = dt * draws.mean(axis=0) / (2.0 * np.pi * (window**2).sum())
+    w = 2.0 * np.pi * np.fft.rfftfreq(motions[0].n_time, dt)
+    edges = [1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 60.0, 120.0]
+    for low, high in pairwise(edges):
+        band = (w >= low) & (w < high)
+        # A band has 13 lines or more, of which a Hann window leaves two in three independent: 5 % is 1.5 deviations.
+        assert density[band].mean() == pytest.approx(spectrum.density(w[band]).mean(), rel=0.12)
+
+
+def test_the_same_seed_gives_the_same_bits_and_another_does_not() -> None:
+    assert_array_equal(synthetic_motion(rng=3).acceleration, synthetic_motion(rng=3).acceleration)
+    assert np.abs(synthetic_motion(rng=3).acceleration - synthetic_motion(rng=4).acceleration).max() > 0.1
+    assert "seed 3" in synthetic_motion(rng=3).source
+
+
+def test_the_default_motion_is_a_moderate_earthquake() -> None:
+    motion = synthetic_motion()
+    assert (motion.n_time, motion.dt) == (3001, 0.01)
+    assert 2.0 < motion.peak < 4.5
+    assert motion.acceleration[0] == 0.0
+    assert synthetic_motion(peak=0.981).peak == pytest.approx(0.981, rel=1e-14)
+
+
+def test_the_envelope_rises_stays_and_falls() -> None:
+    envelope = Envelope()
+    assert_allclose(
+        envelope.at(np.array([0.0, 2.0, 4.0, 10.0, 15.0, 25.0])), [0.0, 0.25, 1.0, 1.0, 1.0, np.exp(-0.992)]
+    )
+    time = np.linspace(0.0, 60.0, 6001)
+    assert np.abs(np.diff(envelope.at(time))).max() < 0.0051
+
+
+def test_pulses_are_what_their_names_say() -> None:
+    wave = sine(amplitude=2.0, frequency=5.0, cycles=3.0)
+    assert (wave.peak, wave.duration) == (pytest.approx(2.0, rel=1e-5), pytest.approx(0.6))
+    assert_allclose(wave.velocity[-1], 0.0, atol=1e-12)
+    bump = half_sine(amplitude=3.0, width=0.2, rest=0.3)
+    # A half wave of width b leaves the velocity 2 a b / pi; straight pieces cut it by (pi dt / b)^2 / 12.
+    assert bump.velocity[-1] == pytest.approx(2.0 * 3.0 * 0.2 / np.pi, rel=3e-5)
+    assert bump.duration == pytest.approx(0.5)
+    pulse = ricker(amplitude=4.0, frequency=2.0)
+    assert pulse.peak == pytest.approx(4.0, rel=1e-12)
+    # Cut three half periods from its middle, u = (1.5 pi)^2: what is missing is of the order exp(-22).
+    assert abs(pulse.velocity[-1]) < 1e-8
+    assert abs(pulse.displacement[-1]) < 1e-8
+
+
+def test_a_sweep_runs_through_its_frequencies() -> None:
+    sweep = sine_sweep(amplitude=1.0, start=1.0, end=9.0, duration=20.0)
+    crossings = np.flatnonzero(np.diff(np.sign(sweep.acceleration[1:])) != 0)
+    # The phase is the integral of the frequency: 100 cycles, 200 changes of sign.
+    assert abs(crossings.size - 200) <= 1
+    halves = np.diff(sweep.time[crossings])
+    assert 0.5 / halves[0] == pytest.approx(1.2, rel=0.15)
+    assert 0.5 / halves[-1] == pytest.approx(9.0, rel=0.02)
+
+
+def test_impossible_recipes_are_refused() -> None:
+    for recipe in (
+        lambda: KanaiTajimi(frequency=0.0),
+        lambda: KanaiTajimi(damping=-1.0),
+        lambda: CloughPenzien(damping=np.nan),
+        lambda: Envelope(rise=20.0),
+        lambda: Envelope(decay=-1.0),
+        lambda: synthetic_motion(dt=0.0),
+        lambda: synthetic_motion(duration=0.001),
+        lambda: synthetic_motion(peak=0.0),
+        lambda: sine(amplitude=1.0, frequency=0.0, cycles=1.0),
+        lambda: ricker(amplitude=1.0, frequency=-1.0),
+        lambda: half_sine(amplitude=1.0, width=0.0),
+        lambda: sine_sweep(amplitude=1.0, start=0.0, end=1.0, duration=1.0),
+    ):
+        with pytest.raises(SettingError):
+            recipe()
