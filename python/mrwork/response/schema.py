@@ -89,6 +89,20 @@ class BaselineTable:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SoilTable:
+    """Filters of a synthetic motion; what is not said is that of firm soil."""
+
+    frequency: float | None = key("of the ground [rad/s]", default=None, above=0.0)
+    damping: float | None = key("damping ratio of the ground", default=None, above=0.0)
+    intensity: float | None = key("two-sided density of the bedrock [m2/s3]", default=None, above=0.0)
+    high_pass_frequency: float | None = key(
+        "of the second filter of clough_penzien [rad/s]", default=None, above=0.0
+    )
+    high_pass_damping: float | None = key("its damping ratio", default=None, above=0.0)
+    place: Place
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class MotionTable:
     """A ground motion, from a file or made; each factor and each peak gives one of its own."""
 
@@ -96,14 +110,17 @@ class MotionTable:
     synthetic: Synthetic | None = key("filtered noise instead of a file", default=None)
     name: str = key("what tables call it", default="")
     unit: str | None = key("unit of the file's acceleration where it does not say, as g", default=None)
-    duration: float = key("length of a synthetic motion", unit="s", default=30.0, above=0.0)
+    column: str | None = key("column or variable of the acceleration, where several may be it", default=None)
+    channel: int | None = key("channel of a file that holds several, from 1", default=None, least=1)
     dt: float | None = key(
-        "step of a synthetic motion, 0.01 s if not given; a file is resampled to it",
+        "step of a synthetic motion, 0.01 s if not given, or of a table without times",
         unit="s",
         default=None,
         above=0.0,
     )
+    duration: float = key("length of a synthetic motion", unit="s", default=30.0, above=0.0)
     seed: int = key("seed of a synthetic motion, added to that of the command line", default=0, least=0)
+    soil: SoilTable | None = key("soil of a synthetic motion", default=None)
     factor: float | tuple[float, ...] | None = key("amplitudes are multiplied by it", default=None)
     pga: float | tuple[float, ...] | None = key(
         "amplitudes are scaled to this peak", unit="m/s2", default=None
@@ -112,6 +129,7 @@ class MotionTable:
     start: float = key("cut before, in the file's time", unit="s", default=0.0, least=0.0)
     end: float | None = key("cut after, in the file's time", unit="s", default=None, above=0.0)
     baseline: int | None = key("order of the polynomial taken off as baseline", default=None, least=0)
+    resample: float | None = key("step that it is brought to", unit="s", default=None, above=0.0)
     rest: float = key("seconds without motion that follow", unit="s", default=0.0, least=0.0)
     place: Place
 

@@ -1,0 +1,61 @@
+"""What a study compares: the building without dampers, i = 0, baselines, control laws."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mrwork.buildings import Building
+from mrwork.buildings.from_file import building_from_table
+from mrwork.closed_loop.devices import Device
+from mrwork.response.control_laws import chosen_law, passive_off
+from mrwork.response.motions import said_at
+from mrwork.response.results import Row
+from mrwork.response.schema import BaselineTable, StudyTable
+from mrwork.response.study import Arrangement, arranged
+
+
+def arrangements(
+    table: StudyTable, bare: Building, building: Building, devices: tuple[Device, ...], folder: Path
+) -> tuple[Arrangement, ...]:
+    """The building without dampers, with them at i = 0, the baselines, and every control law.
+
+    Raises
+    ------
+    SettingError
+        Where a law or a baseline is wrong, or a law has no dampers.
+    """
+    none = Row(label="uncontrolled", kind="uncontrolled", says="the building without dampers")
+    found = [arranged(bare, none, bare, (), passive_off(bare, ()))]
+    if devices:
+        off = Row(label="i = 0", kind="passive_off", says="the dampers without a command")
+        found.append(arranged(bare, off, building, devices, passive_off(building, devices)))
+    found += [_baseline(baseline, table, bare, folder) for baseline in table.baseline]
+    for controller in table.controller:
+        if not devices:
+            controller.place.refuse("a control law wants dampers, and the study has none; give a [[damper]]")
+        title, law = chosen_law(controller, building, devices)
+        if controller.law == "passive_off":
+            found[1] = arranged(
+                bare, Row(label=controller.label or "i = 0", kind="passive_off"), building, devices, law
+            )
+            continue
+        row = Row(label=controller.label or title, kind="controller", says=controller.law)
+        found.append(arranged(bare, row, building, devices, law))
+    return tuple(found)
+
+
+def _baseline(baseline: BaselineTable, table: StudyTable, bare: Building, folder: Path) -> Arrangement:
+    where = baseline.place.within("building")
+    with said_at(where):
+        changed = building_from_table({**table.building, **baseline.building}, where, folder=folder)
+    lost = [
+        name
+        for name in (*bare.floor_names, *bare.storey_names)
+        if name not in (*changed.floor_names, *changed.storey_names)
+    ]
+    if lost:
+        where.refuse(
+            f"{lost[0]} of the building is gone; a baseline adds to it, and keeps its floors and storeys"
+        )
+    row = Row(label=baseline.label, kind="baseline", says=changed.name)
+    return arranged(bare, row, changed, (), passive_off(changed, ()))

@@ -1,0 +1,56 @@
+"""What the runs of a study follow from, bit for bit."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from importlib.metadata import version
+
+from mrwork.journal import digest_of
+from mrwork.motions import GroundMotion
+from mrwork.response.study import Arrangement, Study
+
+
+def premises_of(study: Study) -> dict[str, object]:
+    """What a journal and who resumes it share."""
+    return {
+        "arrangement": [
+            {"label": each.row.label, "kind": each.row.kind, "content": digest_of_run(each)}
+            for each in study.arrangements
+        ],
+        "motion": [{"name": motion.name, "content": _digest_of_motion(motion)} for motion in study.motions],
+        "hardware": asdict(study.hardware),
+        "version": {name: version(name) for name in ("mrwork", "numpy", "scipy")},
+    }
+
+
+def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
+    """Digest of all that goes into the runs of an arrangement, but for the hardware."""
+    building, law = arrangement.building, arrangement.law
+    devices = [
+        (
+            device.spec,
+            device.theta.tolist(),
+            device.row.tolist(),
+            device.count,
+            device.opposed,
+            device.largest_command,
+        )
+        for device in arrangement.devices
+    ]
+    gains = () if law is None else sorted((name, digest_of(gain)) for name, gain in law.gains.items())
+    return digest_of(
+        building.mass,
+        building.damping,
+        building.stiffness,
+        building.influence,
+        building.floors,
+        building.storeys,
+        devices,
+        None if law is None else law.name,
+        gains,
+        *(_digest_of_motion(motion) for motion in motions),
+    )
+
+
+def _digest_of_motion(motion: GroundMotion) -> str:
+    return digest_of(motion.dt, motion.acceleration)
