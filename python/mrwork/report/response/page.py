@@ -22,6 +22,7 @@ def study_page(
     motion: int,
     drawn: Sequence[int],
     status: tuple[str, str, str] = ("Runs", "", ""),
+    command: str = "",
 ) -> str:
     """The page of a study.
 
@@ -33,6 +34,8 @@ def study_page(
         The rows that are.
     status
         Heading, what it says, and a line below it.
+    command
+        With which the study was run.
 
     Returns
     -------
@@ -57,7 +60,7 @@ def study_page(
         status=status,
         warnings=results.warnings(),
         sections=[section for section in sections if section is not None],
-        facts=results.facts,
+        facts=(*results.facts, *([("Command", f"`{command}`")] if command else [])),
     )
 
 
