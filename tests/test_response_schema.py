@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import fields
 from typing import Any
 
 import pytest
 
+from mrwork.buildings.from_file import KEYS
 from mrwork.errors import SettingError
 from mrwork.response.declared import Place, built, is_required
 from mrwork.response.lines import parse
@@ -93,11 +95,20 @@ def test_a_unit_is_converted_to_si() -> None:
 @pytest.mark.parametrize(("heading", "kind"), list(tables()))
 def test_the_printed_schema_has_every_key_that_the_reader_knows(heading: str, kind: Any) -> None:
     block = next(block for block in schema_text().split("\n\n") if block.startswith(heading or "at the top"))
+    assert max(len(line) for line in block.splitlines()) <= 120
+    words = " ".join(block.split())
     for entry in fields(kind):
         if entry.name != "place":
-            (line,) = [line for line in block.splitlines() if line.startswith(f"  {entry.name} ")]
-            assert ("required" in line) == is_required(entry)
-            assert line.endswith(entry.metadata["says"])
+            default = "required" if is_required(entry) else ""
+            assert re.search(rf" {entry.name} {default}.*{re.escape(entry.metadata['says'])} \(", words), (
+                entry.name
+            )
+
+
+def test_the_printed_schema_has_every_key_of_a_building() -> None:
+    (block,) = [block for block in schema_text().split("\n\n") if block.startswith("[building]")]
+    words = set(re.findall(r"[a-z_]+", block))
+    assert set(KEYS) <= words
 
 
 @pytest.mark.parametrize(

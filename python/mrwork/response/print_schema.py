@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import inspect
 import math
+import textwrap
 import types
 from collections.abc import Iterator, Mapping
 from dataclasses import Field, fields, is_dataclass
 from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hints
 
+from mrwork.buildings import from_file
 from mrwork.response.declared import is_required
 from mrwork.response.schema import StudyTable
 
+_WIDTH = 110
 _WORDS = {str: "text", float: "number", int: "whole number", bool: "true or false", Any: "any"}
 
 
@@ -18,9 +22,20 @@ def schema_text() -> str:
     """Every table with its keys, what they are, their units and defaults."""
     blocks = []
     for heading, kind in tables():
-        says = " ".join((kind.__doc__ or "").split())
-        blocks.append("\n".join([heading or "at the top", f"  {says}", *_key_lines(kind)]))
+        says = textwrap.wrap(
+            " ".join((kind.__doc__ or "").split()), width=_WIDTH, initial_indent="  ", subsequent_indent="  "
+        )
+        blocks.append("\n".join([heading or "at the top", *says, *_key_lines(kind)]))
+        if kind is StudyTable:
+            blocks.append("\n".join(["[building]", *_building_lines()]))
     return "\n\n".join(blocks)
+
+
+def _building_lines() -> list[str]:
+    """The keys of a building, as the module that reads them says them."""
+    lines = (inspect.getdoc(from_file) or "").splitlines()
+    rules = [number for number, line in enumerate(lines) if line.startswith("==")]
+    return [f"  {line}" for line in lines[rules[1] + 1 : rules[-1]]]
 
 
 def tables(kind: type = StudyTable, path: str = "") -> Iterator[tuple[str, type]]:
@@ -49,22 +64,18 @@ def _inner(hint: Any) -> tuple[type | None, bool]:
 
 
 def _key_lines(kind: type) -> list[str]:
-    rows = []
-    for entry, hint in _keys(kind):
+    keys = _keys(kind)
+    names = max(len(entry.name) for entry, _ in keys)
+    defaults = max(len(_default(entry)) for entry, _ in keys)
+    lines = []
+    for entry, hint in keys:
         unit = entry.metadata["unit"]
-        rows.append(
-            (
-                entry.name,
-                in_words(hint) + (f" [{unit}]" if unit else ""),
-                _default(entry),
-                entry.metadata["says"],
-            )
+        says = f"{entry.metadata['says']} ({in_words(hint)}{f' [{unit}]' if unit else ''})"
+        head = f"  {entry.name:<{names}}  {_default(entry):<{defaults}}  "
+        lines += textwrap.wrap(
+            says, width=_WIDTH, initial_indent=head, subsequent_indent=" " * len(head), break_long_words=False
         )
-    widths = [max(len(row[column]) for row in rows) for column in range(3)]
-    return [
-        "  " + "  ".join(cell.ljust(width) for cell, width in zip(row, [*widths, 0], strict=True)).rstrip()
-        for row in rows
-    ]
+    return lines
 
 
 def _default(entry: Field[Any]) -> str:

@@ -83,7 +83,6 @@ class BaselineTable:
     """The building with other devices, to stand beside the control laws: a viscous damper, a tuned mass, isolation."""
 
     label: str = key("what tables call it")
-    dampers: bool = key("keep the dampers, at i = 0", default=False)
     building: Mapping[str, Any] = key("keys of [building] that are put in place of its own or added")
     place: Place
 
