@@ -15,7 +15,8 @@ from mrwork.report.response.lines import strokes
 from mrwork.response.results import StudyResults
 
 _LEFT_OF_NAMES = 0.95
-_KEY_LINE = 0.21
+_KEY_LINE = 0.178
+_KEY_FONT = 9.3
 _BAR = 0.30
 _TONES = {"damping": style.BAND_EDGE, "devices": style.MODEL, "left": style.RULE}
 
@@ -58,7 +59,7 @@ def energy_figure(results: StudyResults, motion: int) -> Figure:
     """Where the energy that came in had gone by the end: a bar for each row."""
     with style.drawn_in_style():
         shown = results.finished(motion)
-        figure, axes = column_axes(left=1.75, top=0.42, height=0.95 + _BAR * len(shown))
+        figure, axes = column_axes(left=2.05, top=0.42, height=0.95 + _BAR * len(shown))
         largest = 0.0
         for place, row in enumerate(reversed(shown)):
             run = results.runs[row, motion]
@@ -79,7 +80,7 @@ def energy_figure(results: StudyResults, motion: int) -> Figure:
                 )
                 start += amount
             largest = max(largest, start)
-        axes.set_yticks(range(len(shown)), [_short(results.rows[row].label, 24) for row in reversed(shown)])
+        axes.set_yticks(range(len(shown)), [_short(results.rows[row].label, 29) for row in reversed(shown)])
         axes.set_xlim(0.0, 1.02 * largest or 1.0)
         axes.set_xlabel("Energy (J)")
         axes.grid(visible=False, axis="y")
@@ -101,13 +102,14 @@ def _key(axes: Axes) -> None:
     handles, labels = axes.get_legend_handles_labels()
     axes.legend(
         handles,
-        [_short(label, 26) for label in labels],
+        [_short(label, 29) for label in labels],
         loc="lower left",
         bbox_to_anchor=(-0.16, 1.01, 1.16, 0.2),
         mode="expand",
         ncols=2,
         borderpad=0.2,
-        labelspacing=0.25,
+        labelspacing=0.22,
+        fontsize=_KEY_FONT,
     )
 
 
