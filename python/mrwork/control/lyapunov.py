@@ -1,0 +1,82 @@
+"""Lyapunov functions of a building, and the vectors by which control laws see them fall."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
+
+from mrwork.control.plant import Plant
+from mrwork.errors import SettingError
+
+Floats = NDArray[np.float64]
+
+_LARGEST_RESIDUAL = 1e-8
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LyapunovFunction:
+    """`V = s'P s / 2`, which falls by `-s'Q_P s / 2 + sigma f` with `sigma = vectors @ s`.
+
+    Parameters
+    ----------
+    P, weight
+        P and Q_P, shape (2n, 2n).
+    vectors
+        B'P, shape (n_devices, 2n): a force of a device makes V fall faster where its sigma has the other sign.
+    """
+
+    P: Floats
+    weight: Floats
+    vectors: Floats
+
+
+def lyapunov_function(plant: Plant, weight: ArrayLike | None = None) -> LyapunovFunction:
+    """Solve `A'P + P A = -Q_P` (Jansen & Dyke, J. Eng. Mech. 126(8), 2000, 795-803).
+
+    Parameters
+    ----------
+    weight
+        Q_P, shape (2n, 2n), or its diagonal. Where `None`, `plant.energy`: V then falls at the rate of the energy of
+        the building itself, once a second, whatever the units of its coordinates. The paper leaves the choice open.
+
+    Raises
+    ------
+    SettingError
+        Where Q_P is not symmetric and positive, or the building without control is not damped in every mode.
+    """
+    size = 2 * plant.n_coordinates
+    Q_P = plant.energy if weight is None else np.asarray(weight, dtype=np.float64)
+    if Q_P.ndim < 2:
+        Q_P = np.diag(np.broadcast_to(Q_P, size))
+    if Q_P.shape != (size, size):
+        raise SettingError(
+            f"`weight` has shape {Q_P.shape}, the state has {size} numbers; give ({size}, {size})"
+        )
+    if not np.isfinite(Q_P).all():
+        raise SettingError("`weight` holds a value that is not a finite number")
+    T = plant.scaling
+    inverse = np.linalg.inv(T)
+    A_z, Q_z = inverse @ plant.A @ T, T.T @ Q_P @ T
+    size_z = float(np.linalg.norm(Q_z))
+    asymmetry = np.abs(Q_z - Q_z.T).max()
+    if asymmetry > 1e-9 * size_z or np.linalg.eigvalsh(Q_z)[0] < -1e-9 * size_z:
+        raise SettingError("`weight` is not symmetric and positive semidefinite; give a Q_P that is")
+    slowest = float(np.max(np.linalg.eigvals(A_z).real))
+    if not slowest < -1e-9 * float(np.linalg.norm(A_z, 2)):
+        raise SettingError(
+            f"{plant.building.name} has a mode that decays at {-slowest:.2g} 1/s without control; "
+            f"a Lyapunov function wants damping in every mode"
+        )
+    P_z = scipy.linalg.solve_continuous_lyapunov(A_z.T, -Q_z)
+    P_z = 0.5 * (P_z + P_z.T)
+    residual = np.linalg.norm(A_z.T @ P_z + P_z @ A_z + Q_z) / (2.0 * np.linalg.norm(A_z.T @ P_z))
+    if not residual <= _LARGEST_RESIDUAL:
+        raise SettingError(
+            f"the Lyapunov equation of {plant.building.name} is met only to {residual:.1e} of its terms; "
+            f"give a Q_P of less extreme entries"
+        )
+    P = inverse.T @ P_z @ inverse
+    return LyapunovFunction(P=0.5 * (P + P.T), weight=Q_P, vectors=plant.B.T @ P)

@@ -1,0 +1,172 @@
+"""A Kalman observer at the controller's sample time: from accelerations and deformations to the state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
+
+from mrwork.control.doubling import solve_discrete
+from mrwork.control.outputs import Outputs
+from mrwork.control.plant import Plant
+from mrwork.errors import SettingError
+
+Floats = NDArray[np.float64]
+
+_LARGEST_RESIDUAL = 1e-7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Observer:
+    """`x_{k+1} = Ad x_k + Bd f_k + L (y_k - C x_k - D f_k)`: x_k is the state as known before y_k is measured.
+
+    Parameters
+    ----------
+    Ad, Bd
+        State and forces held over the sample time, shapes (2n, 2n), (2n, n_devices).
+    gain
+        L, shape (2n, n_measurements).
+    C, D, names
+        The measurements, shapes (n_measurements, 2n), (n_measurements, n_devices).
+    sample_time
+        [s].
+    covariance
+        Of the error of x_k for noises of the stated intensities, shape (2n, 2n).
+    """
+
+    Ad: Floats
+    Bd: Floats
+    gain: Floats
+    C: Floats
+    D: Floats
+    names: tuple[str, ...]
+    sample_time: float
+    covariance: Floats
+
+
+def observer_of(
+    plant: Plant,
+    measurements: Outputs,
+    sample_time: float,
+    *,
+    ground_intensity: float = 1.0,
+    noise_intensity: ArrayLike | None = None,
+    unmodelled: float = 1e-6,
+) -> Observer:
+    """The steady Kalman filter for a white ground acceleration and white, independent sensor noise.
+
+    Forces of the devices are measured, so known. Over a sample all inputs are held, the ground acceleration with
+    variance `ground_intensity` / Ts; each sensor then has the variance of its intensity / Ts, so that the gain tends to
+    that of the continuous filter as Ts goes to zero. What matters is the ratio of the intensities alone; the covariance
+    is in their scale.
+
+    Parameters
+    ----------
+    measurements
+        Accelerations of any floors, deformations of any devices; see `outputs`.
+    sample_time
+        Ts of the controller [s].
+    ground_intensity
+        S_ag, two-sided, of the ground acceleration [(m/s^2)^2/Hz].
+    noise_intensity
+        S_v of each measurement, in its unit squared per Hz: one number or shape (n_measurements,). Where `None`,
+        S_ag / 50 for all, in SI, as in Dyke et al., Smart Mater. Struct. 5, 1996, 565-575.
+    unmodelled
+        White noise on every coordinate of the energy, as a share of the energy that the ground puts in. A coordinate
+        that the ground does not move, such as a brace without damping, would keep its first error for ever without it.
+
+    Raises
+    ------
+    SettingError
+        Where a setting is not positive, or the measurements do not see a mode that is not damped.
+    """
+    n_measurements = len(measurements.names)
+    noise = np.asarray(
+        ground_intensity / 50.0 if noise_intensity is None else noise_intensity, dtype=np.float64
+    )
+    if n_measurements == 0 or noise.shape not in ((), (n_measurements,)):
+        raise SettingError(
+            f"`noise_intensity` has shape {noise.shape} for {n_measurements} measurements; "
+            f"give one number for each of one or more measurements"
+        )
+    noise = np.broadcast_to(noise, n_measurements)
+    settings = np.array([sample_time, ground_intensity, *noise])
+    if not (np.isfinite(settings).all() and (settings > 0.0).all() and 0.0 <= unmodelled < np.inf):
+        raise SettingError(
+            f"the sample time is {sample_time} s, the intensities {ground_intensity} and {noise}; all must be "
+            f"positive, and the unmodelled share {unmodelled} not negative"
+        )
+    Ad, Bd, Ed = _held(plant, sample_time)
+    covariance, gain = _filter(
+        plant, Ad, Ed, measurements, ground_intensity / sample_time, noise / sample_time, unmodelled
+    )
+    return Observer(
+        Ad=Ad,
+        Bd=Bd,
+        gain=gain,
+        C=measurements.C,
+        D=measurements.D,
+        names=measurements.names,
+        sample_time=sample_time,
+        covariance=covariance,
+    )
+
+
+def _held(plant: Plant, sample_time: float) -> tuple[Floats, Floats, Floats]:
+    """The plant over one sample with its inputs held, by the exponential of [A B E; 0 0 0]."""
+    size = 2 * plant.n_coordinates
+    T = plant.scaling
+    A_z = np.linalg.solve(T, plant.A @ T)
+    inputs = np.column_stack([plant.B, plant.E])
+    inputs_z = np.linalg.solve(T, inputs)
+    whole = np.zeros((size + inputs.shape[1], size + inputs.shape[1]))
+    whole[:size] = np.hstack([A_z, inputs_z]) * sample_time
+    exponential = scipy.linalg.expm(whole)
+    Ad = T @ exponential[:size, :size] @ np.linalg.inv(T)
+    held = T @ exponential[:size, size:]
+    return Ad, held[:, :-1], held[:, -1]
+
+
+def _filter(
+    plant: Plant,
+    Ad: Floats,
+    Ed: Floats,
+    measurements: Outputs,
+    ground: float,
+    noise: Floats,
+    unmodelled: float,
+) -> tuple[Floats, Floats]:
+    """Covariance of the error and gain, from the Riccati equation in z, each sensor in units of its own noise."""
+    T = plant.scaling
+    deviation = np.sqrt(noise)
+    A_z = np.linalg.solve(T, Ad @ T)
+    E_z = np.linalg.solve(T, Ed) * np.sqrt(ground)
+    C_z = measurements.C @ T / deviation[:, None]
+    G_z = measurements.G * np.sqrt(ground) / deviation
+    # A unit for the state in which the noise of a step is 1; the sensors' is 1 already.
+    unit = float(np.linalg.norm(E_z))
+    E_z, C_z = E_z / unit, C_z * unit
+    R = np.eye(len(deviation)) + np.outer(G_z, G_z)
+    Q, N = np.outer(E_z, E_z) + unmodelled * np.eye(len(E_z)), np.outer(E_z, G_z)
+    # The noise of the ground that sensors feel at once is taken out of both.
+    of_C, of_N = np.linalg.solve(R, C_z), np.linalg.solve(R, N.T)
+    try:
+        P = solve_discrete((A_z - N @ of_C).T, C_z.T @ of_C, Q - N @ of_N)
+    except SettingError as error:
+        raise SettingError(
+            "no observer is stable with these measurements; measure something in which every mode shows that "
+            "is not damped"
+        ) from error
+    innovation = C_z @ P @ C_z.T + R
+    gain = np.linalg.solve(innovation, (A_z @ P @ C_z.T + N).T).T
+    propagated = A_z @ P @ A_z.T + Q
+    residual = np.linalg.norm(propagated - gain @ innovation @ gain.T - P) / np.linalg.norm(P)
+    radius = float(np.max(np.abs(np.linalg.eigvals(A_z - gain @ C_z))))
+    if not (residual <= _LARGEST_RESIDUAL and radius < 1.0):
+        raise SettingError(
+            f"the Riccati equation of the observer is met to {residual:.1e} and its error decays by "
+            f"{radius:.6g} in a sample; give intensities of less extreme ratio, or measure more"
+        )
+    return unit**2 * T @ P @ T.T, unit * T @ gain / deviation

@@ -1,0 +1,211 @@
+"""Sliding surfaces of a building with devices, and the gains that bring the state to them and hold it there."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.signal
+from numpy.typing import ArrayLike, NDArray
+
+from mrwork.control.plant import Plant
+from mrwork.control.riccati import solve_riccati
+from mrwork.errors import SettingError
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlidingSurface:
+    """`sigma = S s`, scaled so that S B = 1: `sigma' = drift s + f + ground a_g`, and sigma is an impulse [N s].
+
+    Parameters
+    ----------
+    S
+        Shape (n_devices, 2n).
+    drift
+        S A, shape (n_devices, 2n). The resisting force `f = -drift s` keeps sigma where it is while the ground rests.
+    ground
+        S E [kg], shape (n_devices,): what a ground acceleration does to sigma.
+    poles
+        Of the motion on sigma = 0 [1/s], shape (2n - n_devices,).
+    """
+
+    S: Floats
+    drift: Floats
+    ground: Floats
+    poles: NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SlidingGains:
+    """Gains of the sliding mode laws for one surface, one number for each device, shape (n_devices,).
+
+    Parameters
+    ----------
+    switching, boundary
+        rho [N] and phi [N s] of `f_c = -drift s - rho sat(sigma/phi)`.
+    adaptation, floor, ceiling
+        gamma [1/s^2], and the range [N] of a gain that adapts: `rho' = gamma |sigma| sgn(|sigma| - phi)` within
+        floor and ceiling (Plestan et al., Int. J. Control 83(9), 2010, 1907-1919).
+    proportional, integral
+        k_1 [N/(N s)^0.5] and k_2 [N/s] of the super-twisting
+        `f_c = -drift s - k_1 |sigma|^0.5 sgn sigma + w, w' = -k_2 sgn sigma` (Levant, Int. J. Control 58(6), 1993,
+        1247-1263).
+    """
+
+    switching: Floats
+    boundary: Floats
+    adaptation: Floats
+    floor: Floats
+    ceiling: Floats
+    proportional: Floats
+    integral: Floats
+
+
+def optimal_surface(plant: Plant, state_weight: ArrayLike | None = None) -> SlidingSurface:
+    """The surface on which `int s'Q s dt` is least (Utkin & Young, Automation and Remote Control 39, 1978, 1466-1470).
+
+    In coordinates in which B = [0; B_2], the part x_2 that the devices move at once acts on the rest x_1 as a control;
+    its regulator x_2 = -F x_1 is the surface.
+
+    Parameters
+    ----------
+    state_weight
+        Q, shape (2n, 2n), positive definite; the energy of the building where `None`.
+
+    Raises
+    ------
+    SettingError
+        Where devices act on the same coordinates, or Q is not positive definite.
+    """
+    Q = plant.energy if state_weight is None else np.asarray(state_weight, dtype=np.float64)
+    size = 2 * plant.n_coordinates
+    if Q.shape != (size, size) or not np.allclose(Q, Q.T, rtol=1e-9):
+        raise SettingError(f"`state_weight` has shape {Q.shape}; give a symmetric matrix ({size}, {size})")
+    back, A, n_moved = _regular_form(plant)
+    Q = back.T @ Q @ back
+    rest = slice(None, size - n_moved)
+    moved = slice(size - n_moved, None)
+    if not np.linalg.eigvalsh(Q)[0] > 0.0:
+        raise SettingError("`state_weight` is not positive definite; weigh every direction of the state")
+    solution = solve_riccati(
+        A[rest, rest],
+        A[rest, moved],
+        Q[rest, rest],
+        Q[moved, moved],
+        Q[rest, moved],
+        scaling=np.eye(size - n_moved),
+    )
+    return _surface(plant, back, A, solution.gain)
+
+
+def placed_surface(plant: Plant, poles: ArrayLike) -> SlidingSurface:
+    """The surface on which the building moves with the given poles [1/s], shape (2n - n_devices,).
+
+    Raises
+    ------
+    SettingError
+        Where their number is wrong, one is not damped, a complex one lacks its conjugate, or none of that many may be
+        placed so.
+    """
+    back, A, n_moved = _regular_form(plant)
+    wanted = np.asarray(poles, dtype=np.complex128).ravel()
+    n_rest = len(A) - n_moved
+    if wanted.size != n_rest or not np.all(wanted.real < 0.0):
+        raise SettingError(
+            f"{wanted.size} poles were given; the surface of {plant.n_devices} devices takes {n_rest}, "
+            f"each with a negative real part"
+        )
+    try:
+        placed = scipy.signal.place_poles(A[:n_rest, :n_rest], A[:n_rest, n_rest:], wanted)
+    except ValueError as error:
+        raise SettingError(f"the poles of the surface cannot be placed: {error}") from error
+    return _surface(plant, back, A, np.asarray(placed.gain_matrix, dtype=np.float64))
+
+
+def sliding_gains(
+    surface: SlidingSurface,
+    *,
+    peak_acceleration: float,
+    largest_force: ArrayLike,
+    frequency: float = 5.0,
+    margin: float = 1.2,
+    bandwidth: float = 100.0,
+) -> SlidingGains:
+    """Gains that hold the surface against ground motions of a stated size.
+
+    The disturbance is d = ground a_g. Switching wins while rho > |d|: `rho = margin |ground| peak`. Inside the boundary
+    layer sigma decays with rho/phi, so `phi = rho/bandwidth` (Slotine & Li, Applied Nonlinear Control, 1991, 7.2). The
+    super-twisting wants |d'| <= L = margin |ground| 2 pi frequency peak: `k_1 = 1.5 L^0.5, k_2 = 1.1 L` (Levant, Int.
+    J. Control 76(9-10), 2003, 924-941). An adapting gain climbs from zero to rho in a tenth of a second while
+    |sigma| = 2 phi.
+
+    Parameters
+    ----------
+    peak_acceleration
+        Of the ground motions to be held [m/s^2].
+    largest_force
+        Of each device [N]; an adapting gain goes no further.
+    frequency
+        The highest at which the ground still has its peak [Hz].
+    margin
+        Above 1.
+    bandwidth
+        Inside the boundary layer [1/s]; below the rate of the driver's lag, 190 1/s in Spencer et al. 1997, or the
+        law chatters.
+
+    Raises
+    ------
+    SettingError
+        Where a setting is not positive, or the margin is not above 1.
+    """
+    size = np.abs(surface.ground)
+    force = np.broadcast_to(np.asarray(largest_force, dtype=np.float64), size.shape)
+    settings = np.array([peak_acceleration, frequency, bandwidth, *force])
+    if not (np.isfinite(settings).all() and (settings > 0.0).all() and margin > 1.0):
+        raise SettingError(
+            f"peak acceleration {peak_acceleration}, frequency {frequency}, bandwidth {bandwidth} and largest "
+            f"force {force} must be positive, the margin {margin} above 1"
+        )
+    # A device that no ground motion disturbs still wants a gain: a thousandth of its force.
+    switching = np.maximum(margin * size * peak_acceleration, 1e-3 * force)
+    boundary = switching / bandwidth
+    slope = 2.0 * np.pi * frequency * switching
+    return SlidingGains(
+        switching=switching,
+        boundary=boundary,
+        adaptation=switching / (0.1 * 2.0 * boundary),
+        floor=0.01 * switching,
+        ceiling=np.maximum(force, switching),
+        proportional=1.5 * np.sqrt(slope),
+        integral=1.1 * slope,
+    )
+
+
+def _regular_form(plant: Plant) -> tuple[Floats, Floats, int]:
+    """T of s = T [x_1; x_2] and T^-1 A T, with T^-1 B = [0; B_2], and the size of x_2."""
+    B = np.linalg.solve(plant.scaling, plant.B)
+    orthogonal, triangular = np.linalg.qr(B, mode="complete")
+    n_moved = plant.n_devices
+    diagonal = np.abs(np.diag(triangular))
+    if not diagonal.min() > 1e-10 * diagonal.max():
+        raise SettingError(
+            "two devices act on the building in the same way; a sliding surface wants one device for each "
+            "direction: design it for one of them and share its force"
+        )
+    back = plant.scaling @ np.hstack([orthogonal[:, n_moved:], orthogonal[:, :n_moved]])
+    return back, np.linalg.solve(back, plant.A @ back), n_moved
+
+
+def _surface(plant: Plant, back: Floats, A: Floats, F: Floats) -> SlidingSurface:
+    """The surface x_2 = -F x_1, as rows over the state."""
+    n_rest = F.shape[1]
+    plain = np.hstack([F, np.eye(len(F))]) @ np.linalg.inv(back)
+    S = np.linalg.solve(plain @ plant.B, plain)
+    return SlidingSurface(
+        S=S,
+        drift=S @ plant.A,
+        ground=S @ plant.E,
+        poles=np.linalg.eigvals(A[:n_rest, :n_rest] - A[:n_rest, n_rest:] @ F).astype(np.complex128),
+    )

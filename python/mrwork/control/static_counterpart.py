@@ -1,0 +1,261 @@
+"""The static hysteretic model that stands for a damper in laws which want its force as a function of the current."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import least_squares, lsq_linear
+
+from mrwork.errors import SettingError
+from mrwork.parameters import LawName
+from mrwork.simulate import Loading, simulate_force
+from mrwork.spec import DamperSpec, damper
+
+Floats = NDArray[np.float64]
+
+_MODEL = "static_hysteretic"
+
+# Powers of the command in each parameter, those of Kwok et al. (2006) for the RD-1005-3.
+_DEGREES = {"c": 1, "k": 1, "alpha": 2, "beta": 0, "delta": 1, "x_s": 0, "f0": 1}
+_LAWS: tuple[LawName, ...] = ("constant", "linear", "quadratic", "cubic", "exponential")
+
+_N_COMMANDS = 7
+_N_MOTIONS = 3  # amplitudes, and as many peak velocities at each
+_PER_CYCLE = 160
+# The first cycle starts from rest; the second is compared.
+_CYCLES = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StaticCounterpart:
+    """A static hysteretic model with current laws, `theta` in its order, and how well it stands for the damper.
+
+    `fit_percent` is 100 (1 - |F - F^| / |F - mean F|) over the cycles it was fitted to; 100 where the damper is
+    static hysteretic itself.
+    """
+
+    spec: DamperSpec
+    theta: tuple[float, ...]
+    fit_percent: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Cycles:
+    """What a damper did, sample by sample, at all motions and commands: shape (n_samples,) each."""
+
+    displacement: Floats
+    velocity: Floats
+    command: Floats
+    force: Floats
+
+
+def static_counterpart(
+    spec: DamperSpec,
+    theta: ArrayLike,
+    *,
+    largest_command: float,
+    amplitude: tuple[float, float],
+    velocity: tuple[float, float],
+) -> StaticCounterpart:
+    """Fit `f = c v + k x + alpha tanh(beta v + delta tanh(x/x_s)) + f0` to a damper in steady cycles.
+
+    c, k, delta and f0 are linear in the command and alpha is quadratic, as in Kwok et al., Sens. Actuators A 132, 2006,
+    441-451, so that the force is F0 + G i + H i^2 but for delta. For given beta, delta and x_s the rest is linear and
+    solved for (Golub & Pereyra, SIAM J. Numer. Anal. 10(2), 1973, 413-432). A static hysteretic damper with such laws
+    is returned as it is, its driver's lag included; a fitted one has none: its command is the current in the coil.
+
+    Parameters
+    ----------
+    spec, theta
+        A damper with current laws, and its parameters, shape (n_params,).
+    largest_command
+        In the unit of the model; commands from 0 to it are simulated.
+    amplitude, velocity
+        Smallest and largest amplitude [m] and peak velocity [m/s] of the sinusoids it is fitted to: those that the
+        device is expected to make.
+
+    Raises
+    ------
+    SettingError
+        Where the model does not follow a command, or a range is not positive.
+    SimulationError
+        Where the damper cannot be simulated at such motions.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> from mrwork.control.static_counterpart import static_counterpart
+    >>> rd1005 = mr.damper("static_hysteretic").preset("kwok2006")
+    >>> static_counterpart(rd1005.spec, rd1005.theta, largest_command=1.88, amplitude=(0.002, 0.01),
+    ...                    velocity=(0.02, 0.2)).fit_percent
+    100.0
+    """
+    values = tuple(float(value) for value in np.asarray(theta, dtype=np.float64).ravel())
+    if spec.current is None:
+        raise SettingError(
+            f"{spec.name} does not follow a command; give a model with current laws, which a law can drive"
+        )
+    if len(values) != len(spec.names):
+        raise SettingError(
+            f"`theta` has {len(values)} values, {spec.name} takes {len(spec.names)}; see `spec.names`"
+        )
+    if _is_counterpart(spec):
+        return StaticCounterpart(spec=spec, theta=values, fit_percent=100.0)
+    for name, (low, high) in {"amplitude": amplitude, "velocity": velocity}.items():
+        if not 0.0 < low <= high < np.inf:
+            raise SettingError(f"`{name}` is {low} to {high}; give two positive numbers, the smaller first")
+    if not 0.0 < largest_command < np.inf:
+        raise SettingError(f"`largest_command` is {largest_command}; give a positive number")
+    cycles = _simulated(spec, values, largest_command, amplitude, velocity)
+    laws: dict[str, LawName] = {name: _LAWS[degree] for name, degree in _DEGREES.items()}
+    fitted_spec = damper(_MODEL).with_current_laws(laws, unit=spec.current.unit)
+    fitted = _fitted(fitted_spec, cycles, largest_command)
+    return StaticCounterpart(
+        spec=fitted_spec, theta=fitted, fit_percent=_fit_percent(fitted_spec, fitted, cycles)
+    )
+
+
+def _is_counterpart(spec: DamperSpec) -> bool:
+    """Whether a model is static hysteretic with laws of no higher degree than the counterpart's."""
+    if spec.name != _MODEL or spec.current is None:
+        return False
+    degrees = (_LAWS.index(law) for law in spec.current.laws)
+    return all(degree <= _DEGREES[each.name] for degree, each in zip(degrees, spec.plain, strict=True))
+
+
+def _simulated(
+    spec: DamperSpec,
+    theta: Sequence[float],
+    largest_command: float,
+    amplitude: tuple[float, float],
+    velocity: tuple[float, float],
+) -> _Cycles:
+    angle = 2.0 * np.pi * np.arange(_CYCLES * _PER_CYCLE + 1) / _PER_CYCLE
+    last = slice(-_PER_CYCLE, None)
+    x, v, u, f = [], [], [], []
+    for size in np.geomspace(*amplitude, _N_MOTIONS):
+        for speed in np.geomspace(*velocity, _N_MOTIONS):
+            displacement, rate = size * np.sin(angle), speed * np.cos(angle)
+            dt = 2.0 * np.pi * size / speed / _PER_CYCLE
+            for command in np.linspace(0.0, largest_command, _N_COMMANDS):
+                loading = Loading(
+                    dt=dt,
+                    displacement=displacement,
+                    velocity=rate,
+                    command=command,
+                    command_unit=spec.current.unit if spec.current else None,
+                )
+                force = simulate_force(spec, theta, loading)
+                x.append(displacement[last])
+                v.append(rate[last])
+                u.append(np.full(_PER_CYCLE, command))
+                f.append(force[last])
+    return _Cycles(
+        displacement=np.concatenate(x),
+        velocity=np.concatenate(v),
+        command=np.concatenate(u),
+        force=np.concatenate(f),
+    )
+
+
+def _fitted(spec: DamperSpec, cycles: _Cycles, largest: float) -> tuple[float, ...]:
+    """Coefficients in the order of the spec, by variable projection from a few starts."""
+    speed = float(np.abs(cycles.velocity).max())
+    stroke = float(np.abs(cycles.displacement).max())
+    limits = {parameter.name: (parameter.lower, parameter.upper) for parameter in spec.plain}
+    # Logarithms of beta and x_s, delta at no command and at the largest.
+    lower = np.array([np.log(0.1 / speed), np.log(1e-4 * stroke), limits["delta"][0], limits["delta"][0]])
+    upper = np.array([np.log(1e4 / speed), np.log(10.0 * stroke), limits["delta"][1], limits["delta"][1]])
+
+    def residuals(shape: Floats) -> Floats:
+        return _projected(cycles, shape, largest, None)[1]
+
+    starts = [
+        np.array([np.log(steepness / speed), np.log(width * stroke), delta, delta])
+        for steepness, delta in ((5.0, 0.5), (50.0, 1.0), (500.0, 3.0))
+        for width in (0.01, 0.3)
+    ]
+    best = min(
+        (
+            least_squares(residuals, start, bounds=(lower, upper), x_scale=1.0, max_nfev=60)
+            for start in starts
+        ),
+        key=lambda result: float(result.cost),
+    )
+    nodes, _ = _projected(cycles, best.x, largest, limits)
+    c, k, alpha, f0 = nodes[:2], nodes[2:4], nodes[4:7], nodes[7:]
+    steepness, width = np.exp(best.x[:2])
+    coefficients = {
+        "c": _linear(c, largest),
+        "k": _linear(k, largest),
+        "alpha": _quadratic(alpha, largest),
+        "beta": (steepness,),
+        "delta": _linear(best.x[2:], largest),
+        "x_s": (width,),
+        "f0": _linear(f0, largest),
+    }
+    return tuple(float(value) for parameter in spec.plain for value in coefficients[parameter.name])
+
+
+def _projected(
+    cycles: _Cycles, shape: Floats, largest: float, limits: dict[str, tuple[float, float]] | None
+) -> tuple[Floats, Floats]:
+    """Values of c, k, alpha and f0 at their nodes (none, half, largest command) for a shape, and the residual [N].
+
+    With `limits` the values are kept in the range that the model admits: a viscosity that came out below zero would be
+    refused.
+    """
+    share = cycles.command / largest
+    steepness, width = np.exp(shape[:2])
+    delta = shape[2] + (shape[3] - shape[2]) * share
+    side = np.tanh(cycles.displacement / width)
+    hysteresis = np.tanh(steepness * cycles.velocity + delta * side)
+    ends = np.stack([1.0 - share, share], axis=1)
+    middle = np.stack(
+        [(1.0 - share) * (1.0 - 2.0 * share), 4.0 * share * (1.0 - share), share * (2.0 * share - 1.0)],
+        axis=1,
+    )
+    columns = np.hstack(
+        [
+            ends * cycles.velocity[:, None],
+            ends * cycles.displacement[:, None],
+            middle * hysteresis[:, None],
+            ends,
+        ]
+    )
+    sizes = np.linalg.norm(columns, axis=0)
+    scaled = columns / sizes
+    if limits is None:
+        solution = np.linalg.lstsq(scaled, cycles.force, rcond=None)[0]
+    else:
+        names = ("c", "c", "k", "k", "alpha", "alpha", "alpha", "f0", "f0")
+        low, high = (np.array([limits[name][side] for name in names]) * sizes for side in (0, 1))
+        solution = lsq_linear(scaled, cycles.force, bounds=(low, high), method="bvls").x
+    return solution / sizes, scaled @ solution - cycles.force
+
+
+def _linear(nodes: Floats, largest: float) -> tuple[float, float]:
+    return nodes[0], (nodes[1] - nodes[0]) / largest
+
+
+def _quadratic(nodes: Floats, largest: float) -> tuple[float, float, float]:
+    """Coefficients of the parabola through its values at 0, half and the largest command."""
+    none, half, whole = nodes
+    return none, (4.0 * half - 3.0 * none - whole) / largest, 2.0 * (none + whole - 2.0 * half) / largest**2
+
+
+def _fit_percent(spec: DamperSpec, theta: Sequence[float], cycles: _Cycles) -> float:
+    # A static model is simulated sample by sample, so all cycles can stand in one history, whatever its step.
+    loading = Loading(
+        dt=1.0,
+        displacement=cycles.displacement,
+        velocity=cycles.velocity,
+        command=cycles.command,
+        command_unit=spec.current.unit if spec.current else None,
+    )
+    residual = simulate_force(spec, theta, loading) - cycles.force
+    deviation = cycles.force - cycles.force.mean()
+    return float(100.0 * (1.0 - np.linalg.norm(residual) / np.linalg.norm(deviation)))
