@@ -100,11 +100,12 @@ def test_a_study_begins_with_its_references(tmp_path: Path) -> None:
     assert study.command_unit == "A"
 
 
-def test_a_differential_pair_is_two_dampers_in_opposition(tmp_path: Path) -> None:
-    one, other = study_of(STUDY, tmp_path).arrangements[1].devices
-    assert (one.opposed, other.opposed) == (False, True)
-    assert np.array_equal(one.row, other.row)
-    assert one.largest_command == 1.88
+def test_a_differential_pair_is_one_device_with_one_command(tmp_path: Path) -> None:
+    (pair,) = study_of(STUDY, tmp_path).arrangements[1].devices
+    assert pair.differential
+    assert pair.largest_command == 1.88
+    (single,) = study_of(STUDY.replace("differential = true\n", ""), tmp_path).arrangements[1].devices
+    assert not single.differential
 
 
 def test_a_damper_behind_a_brace_takes_the_drift_less_the_brace(tmp_path: Path) -> None:
@@ -141,8 +142,18 @@ def test_every_building_of_the_literature_is_stated_without_python(name: str, tm
         ('"uts"', '"utz"', r"line 2: no published building is called 'utz'"),
         ("storey = 1", "storey = 9", r"line 5: .*there is no storey 9"),
         ('"passive"', '"pasive"', r"line 10: no control law is called 'pasive', did you mean passive"),
-        ("command = 0.6", "comand = 0.6", r"line 12: passive has no setting 'comand', did you mean command"),
+        (
+            "command = 0.6",
+            "comand = 0.6",
+            r"line 12: \[controller.settings\] has no key 'comand', did you mean command",
+        ),
         ('"isolated"', '"0.6 A"', r"two arrangements are called '0.6 A'; give one of them another label"),
+        ("command = 0.6", "command = 2", r"line 12: command is 2, and the driver gives 1.88 at most"),
+        (
+            "settings = { command = 0.6 }",
+            "",
+            r"line 9: \[controller.settings\] has no command; give the command",
+        ),
         ("mass = 300", "mas = 300", r"line 17: .*'mas'"),
         ("mass = 300", "mass = -1", r"line 1[67]: .*mass"),
         (
@@ -153,7 +164,7 @@ def test_every_building_of_the_literature_is_stated_without_python(name: str, tm
         ("[hardware]\n", "[hardware]\nstep = 0.01\n", r"line 27: step is 0.01 s and sample_time 0.001 s"),
         (
             "[hardware]\n",
-            '[[hardware.fault]]\nkind = "dropout"\nstart = 2\nend = 1\n[hardware]\n',
+            '[[hardware.fault]]\nsignal = "force"\nstart = 2\nend = 1\n[hardware]\n',
             r"line 26: the fault lasts from 2 to 1 s",
         ),
         ("[hardware]\n", '[report]\nmotion = "x"\n[hardware]\n', r"line 27: no motion is called 'x'"),

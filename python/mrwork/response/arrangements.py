@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from mrwork.buildings import Building
 from mrwork.buildings.from_file import building_from_table
 from mrwork.closed_loop.devices import Device
-from mrwork.response.control_laws import chosen_law, passive_off
+from mrwork.response.control_laws import PASSIVE_OFF, chosen_law, constant_command
+from mrwork.response.law_designs import Subject
 from mrwork.response.motions import said_at
 from mrwork.response.results import Row
 from mrwork.response.schema import BaselineTable, StudyTable
@@ -15,7 +17,12 @@ from mrwork.response.study import Arrangement, arranged
 
 
 def arrangements(
-    table: StudyTable, bare: Building, building: Building, devices: tuple[Device, ...], folder: Path
+    table: StudyTable,
+    bare: Building,
+    building: Building,
+    devices: tuple[Device, ...],
+    folder: Path,
+    sample_time: float,
 ) -> tuple[Arrangement, ...]:
     """The building without dampers, with them at i = 0, the baselines, and every control law.
 
@@ -25,18 +32,20 @@ def arrangements(
         Where a law or a baseline is wrong, or a law has no dampers.
     """
     none = Row(label="uncontrolled", kind="uncontrolled", says="the building without dampers")
-    found = [arranged(bare, none, bare, (), passive_off(bare, ()))]
+    found = [arranged(bare, none, bare, (), constant_command((), 0.0))]
     if devices:
         off = Row(label="i = 0", kind="passive_off", says="the dampers without a command")
-        found.append(arranged(bare, off, building, devices, passive_off(building, devices)))
+        found.append(arranged(bare, off, building, devices, constant_command(devices, 0.0)))
     found += [_baseline(baseline, table, bare, folder) for baseline in table.baseline]
+    subject = Subject(building=building, devices=devices, sample_time=sample_time)
     for controller in table.controller:
         if not devices:
             controller.place.refuse("a control law wants dampers, and the study has none; give a [[damper]]")
-        title, law = chosen_law(controller, building, devices)
-        if controller.law == "passive_off":
-            found[1] = arranged(
-                bare, Row(label=controller.label or "i = 0", kind="passive_off"), building, devices, law
+        title, law = chosen_law(controller, subject)
+        if controller.law == PASSIVE_OFF:
+            # It is there already; only its label may be another.
+            found[1] = replace(
+                found[1], row=replace(found[1].row, label=controller.label or found[1].row.label)
             )
             continue
         row = Row(label=controller.label or title, kind="controller", says=controller.law)
@@ -58,4 +67,4 @@ def _baseline(baseline: BaselineTable, table: StudyTable, bare: Building, folder
             f"{lost[0]} of the building is gone; a baseline adds to it, and keeps its floors and storeys"
         )
     row = Row(label=baseline.label, kind="baseline", says=changed.name)
-    return arranged(bare, row, changed, (), passive_off(changed, ()))
+    return arranged(bare, row, changed, (), constant_command((), 0.0))

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 
-from mrwork.buildings import Building
+import numpy as np
+
 from mrwork.closed_loop.devices import Device
-from mrwork.control.laws import ControlLaw, ControlLawSpec, law_of, laws
-from mrwork.response.declared import closest
+from mrwork.control.laws import ControlLaw, laws
+from mrwork.response.declared import built, closest
+from mrwork.response.law_designs import Subject, designed
+from mrwork.response.law_settings import SETTINGS
 from mrwork.response.motions import said_at
+from mrwork.response.print_schema import key_lines
 from mrwork.response.schema import ControllerTable
 
-BEST_PASSIVE = "best_passive"
+PASSIVE_OFF, PASSIVE_ON, BEST_PASSIVE = "passive_off", "passive_on", "best_passive"
+_CONSTANT = {
+    PASSIVE_OFF: "i = 0",
+    PASSIVE_ON: "Largest command",
+    BEST_PASSIVE: "Best constant command",
+}
+_WIDTH = 110
 
 
-def chosen_law(
-    table: ControllerTable, building: Building, devices: Sequence[Device]
-) -> tuple[str, ControlLaw | None]:
+def chosen_law(table: ControllerTable, subject: Subject) -> tuple[str, ControlLaw | None]:
     """Title and law of a table; none for the best constant command, which only runs can tell.
 
     Raises
@@ -25,50 +34,41 @@ def chosen_law(
         Where there is no such law, it has no such setting, or it cannot be made; the message has the line.
     """
     place = table.place
-    settings = table.settings or {}
-    if table.law == BEST_PASSIVE:
-        for name in settings:
-            place.within("settings", name).refuse(f"{BEST_PASSIVE} has no settings; leave {name} out")
-        return "Best constant command", None
-    spec = _spec(table)
-    known = [setting.name for setting in spec.settings]
-    for name in settings:
-        if name not in known:
-            near = closest(name, known) or f"; it has {', '.join(known) or 'none'}"
-            place.within("settings", name).refuse(f"{spec.name} has no setting {name!r}{near}")
-    with said_at(place):
-        return spec.title, law_of(spec.name, building, devices, settings)
+    if table.law in _CONSTANT:
+        for name in table.settings or {}:
+            place.within("settings", name).refuse(f"{table.law} has no settings; leave {name} out")
+        largest = min(device.largest_command for device in subject.devices)
+        command = largest if table.law == PASSIVE_ON else 0.0
+        law = None if table.law == BEST_PASSIVE else constant_command(subject.devices, command)
+        return _CONSTANT[table.law], law
+    titles = {spec.name: spec.title for spec in laws()}
+    if table.law not in titles:
+        known = [*titles, *_CONSTANT]
+        near = closest(table.law, known) or f"; choose one of {', '.join(known)}"
+        place.within("law").refuse(f"no control law is called {table.law!r}{near}")
+    settings: object = built(SETTINGS[table.law], table.settings or {}, place.within("settings"))
+    with said_at(place.within("settings")):
+        design = designed(table.law, settings, subject)
+    return titles[table.law], ControlLaw(name=table.law, gains=dict(design.gains), tables=dict(design.tables))
 
 
-def constant_command(building: Building, devices: Sequence[Device], command: float) -> ControlLaw:
+def constant_command(devices: Sequence[Device], command: float) -> ControlLaw:
     """The law that gives always the same command."""
-    return law_of("passive", building, devices, {"command": command})
-
-
-def passive_off(building: Building, devices: Sequence[Device]) -> ControlLaw:
-    """The law that gives none."""
-    return law_of("passive_off", building, devices, {})
+    return ControlLaw(name="passive", gains={"command": np.full(len(devices), command)})
 
 
 def laws_text() -> str:
     """Every law with its settings, as people read it."""
     blocks = []
     for spec in laws():
-        lines = [f"{spec.name}: {spec.title}", *(f"  {line}" for line in spec.equation.splitlines())]
-        lines += [f"  {line}" for line in (spec.description, spec.source) if line]
-        for setting in spec.settings:
-            default = "required" if setting.default is None else f"default {setting.default:g}"
-            unit = f" [{setting.unit}]" if setting.unit else ""
-            lines.append(f"    {setting.name}{unit}, {default}: {setting.says}")
-        blocks.append("\n".join(lines))
+        prose = [
+            line
+            for text in (spec.description, spec.source)
+            for line in textwrap.wrap(text, width=_WIDTH, initial_indent="  ", subsequent_indent="  ")
+        ]
+        lines = [f"{spec.name}: {spec.title}", *(f"  {line}" for line in spec.equation.splitlines()), *prose]
+        settings = [f"  {line}" for line in key_lines(SETTINGS[spec.name])]
+        blocks.append("\n".join([*lines, *(["  settings", *settings] if settings else [])]))
+    blocks.append(f"{PASSIVE_OFF}, {PASSIVE_ON}: no command, the largest; no settings")
     blocks.append(f"{BEST_PASSIVE}: the constant command of the least score over all motions; no settings")
     return "\n\n".join(blocks)
-
-
-def _spec(table: ControllerTable) -> ControlLawSpec:
-    named = {spec.name: spec for spec in laws()}
-    if table.law not in named:
-        known = [*named, BEST_PASSIVE]
-        near = closest(table.law, known) or f"; choose one of {', '.join(known)}"
-        table.place.within("law").refuse(f"no control law is called {table.law!r}{near}")
-    return named[table.law]

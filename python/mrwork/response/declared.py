@@ -181,8 +181,8 @@ def _plain(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
 def _ranged(value: float, place: Place, entry: Field[Any]) -> float:
     least, above = entry.metadata["least"], entry.metadata["above"]
     name = _name(place)
-    # An infinite rate is no limit; nothing else is infinite.
-    if math.isnan(value) or (math.isinf(value) and entry.default != math.inf):
+    # An infinite rate is no limit, and a broken sensor may say nan; nothing else is not finite.
+    if (math.isnan(value) and name != "value") or (math.isinf(value) and entry.default != math.inf):
         place.refuse(f"{name} is {value}; give a finite number")
     if value < least:
         place.refuse(f"{name} is {value:g}; it can be no less than {least:g}")

@@ -55,16 +55,15 @@ def equipped(
         # A brace put in later has added coordinates, which do not move this damper.
         whole = np.append(row, np.zeros(building.n_coordinates - len(row)))
         where = bare.storey_name(table.storey)
-        devices += [
+        devices.append(
             Device(
-                name=f"damper in {where}{', opposed' if opposed else ''}",
+                name=f"damper in {where}",
                 spec=damper.spec,
                 theta=damper.theta,
                 row=whole,
                 count=table.count,
-                opposed=opposed,
+                differential=table.differential,
                 largest_command=damper.largest_command,
             )
-            for opposed in ((False, True) if table.differential else (False,))
-        ]
+        )
     return building, tuple(devices), chosen

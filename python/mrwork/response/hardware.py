@@ -31,7 +31,13 @@ def hardware_of(table: HardwareTable, place: Place, seed: int) -> Hardware:
                 f"the fault lasts from {fault.start:g} to {fault.end:g} s; give an end after its start"
             )
         faults.append(
-            Fault(kind=fault.kind, start=fault.start, end=fault.end, channel=fault.channel, mode=fault.mode)
+            Fault(
+                signal=fault.signal,
+                number=fault.number - 1,
+                start=fault.start,
+                end=fault.end,
+                value=fault.value,
+            )
         )
     with said_at(place):
         return Hardware(**plain, seed=seed, faults=tuple(faults))

@@ -32,12 +32,12 @@ def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
             device.theta.tolist(),
             device.row.tolist(),
             device.count,
-            device.opposed,
+            device.differential,
             device.largest_command,
         )
         for device in arrangement.devices
     ]
-    gains = () if law is None else sorted((name, digest_of(gain)) for name, gain in law.gains.items())
+    numbers = {} if law is None else {**law.gains, **law.tables}
     return digest_of(
         building.mass,
         building.damping,
@@ -47,7 +47,7 @@ def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
         building.storeys,
         devices,
         None if law is None else law.name,
-        gains,
+        sorted((name, digest_of(array)) for name, array in numbers.items()),
         *(_digest_of_motion(motion) for motion in motions),
     )
 

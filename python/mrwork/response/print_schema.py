@@ -25,7 +25,7 @@ def schema_text() -> str:
         says = textwrap.wrap(
             " ".join((kind.__doc__ or "").split()), width=_WIDTH, initial_indent="  ", subsequent_indent="  "
         )
-        blocks.append("\n".join([heading or "at the top", *says, *_key_lines(kind)]))
+        blocks.append("\n".join([heading or "at the top", *says, *key_lines(kind)]))
         if kind is StudyTable:
             blocks.append("\n".join(["[building]", *_building_lines()]))
     return "\n\n".join(blocks)
@@ -63,8 +63,11 @@ def _inner(hint: Any) -> tuple[type | None, bool]:
     return None, False
 
 
-def _key_lines(kind: type) -> list[str]:
+def key_lines(kind: type) -> list[str]:
+    """The keys of a table, what they are, their defaults and types."""
     keys = _keys(kind)
+    if not keys:
+        return []
     names = max(len(entry.name) for entry, _ in keys)
     defaults = max(len(_default(entry)) for entry, _ in keys)
     lines = []

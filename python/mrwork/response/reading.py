@@ -56,7 +56,8 @@ def read_study(path: str | Path, identified: Identified, *, seed: int = 0) -> St
     if not motions:
         place.refuse("the study has no motion; give a [[motion]]")
     _refuse_same([motion.name for motion in motions], place.within("motion"), "motions", "name")
-    compared = arrangements(table, bare, building, devices, path.parent)
+    hardware = hardware_of(table.hardware, place.within("hardware"), seed)
+    compared = arrangements(table, bare, building, devices, path.parent, hardware.sample_time)
     labels = [each.row.label for each in compared]
     _refuse_same(labels, place.within("controller"), "arrangements", "label")
     first = chosen[0].spec.current if chosen else None
@@ -67,7 +68,7 @@ def read_study(path: str | Path, identified: Identified, *, seed: int = 0) -> St
         arrangements=compared,
         motions=motions,
         synthetic=tuple(number for number, (_, synthetic) in enumerate(made) if synthetic),
-        hardware=hardware_of(table.hardware, place.within("hardware"), seed),
+        hardware=hardware,
         device_names=tuple(device.name for device in devices),
         command_unit="A" if first is None else first.unit,
         facts=_facts(bare, devices, chosen, table.hardware),
@@ -127,7 +128,8 @@ def _facts(
     facts = [("Building", f"{bare.name}, {frequencies} Hz{source}")]
     for device in devices:
         count = f"{device.count} x " if device.count > 1 else ""
-        facts.append((device.name[:1].upper() + device.name[1:], f"{count}{device.spec.title}"))
+        pair = ", a differential pair" if device.differential else ""
+        facts.append((device.name[:1].upper() + device.name[1:], f"{count}{device.spec.title}{pair}"))
     facts += [("Parameters", text) for text in dict.fromkeys(damper.source for damper in chosen)]
     facts.append(
         (

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mrwork.closed_loop.criteria import STANDARD_GRAVITY, score, values
 from mrwork.closed_loop.simulate import Responses, simulate_loop
 from mrwork.journal import Journal
-from mrwork.response.control_laws import constant_command, passive_off
+from mrwork.response.control_laws import constant_command
 from mrwork.response.conversion import history_of, result_of, results_of
 from mrwork.response.premises import digest_of_run, premises_of
 from mrwork.response.results import StudyResults
@@ -147,11 +147,11 @@ def _with_best_constant(
 
     def search() -> BestConstant:
         commands = np.linspace(0.0, max(device.largest_command for device in devices), LEVELS)
-        tried = [constant_command(building, devices, float(command)) for command in commands]
+        tried = [constant_command(devices, float(command)) for command in commands]
         off, *responses = simulate_loop(
             building,
             devices,
-            [passive_off(building, devices), *tried],
+            [constant_command(devices, 0.0), *tried],
             study.motions,
             study.hardware,
             threads=threads,
@@ -177,7 +177,7 @@ def _with_best_constant(
     return replace(
         arrangement,
         row=replace(arrangement.row, label=label),
-        law=constant_command(building, devices, best.command),
+        law=constant_command(devices, best.command),
     )
 
 

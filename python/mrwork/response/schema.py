@@ -17,7 +17,7 @@ from mrwork.parameters import CommandUnit, LawName
 from mrwork.response.declared import Place, key
 
 Synthetic = Literal["kanai_tajimi", "clough_penzien"]
-FaultKind = Literal["dropout", "stuck_command"]
+Signal = Literal["acceleration", "deformation", "force", "command"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,12 +67,13 @@ class DamperTable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControllerTable:
-    """A control law; its settings are those that `mrwork respond --laws` lists.
+    """A control law; `mrwork respond --laws` lists them with their settings.
 
-    Uncontrolled and i = 0 are simulated in any case. `best_passive` is the constant command of the least score.
+    The building without dampers and i = 0 are simulated in any case. Besides the laws there are `passive_off`,
+    `passive_on`, and `best_passive`, the constant command of the least score.
     """
 
-    law: str = key("name of the law, or best_passive")
+    law: str = key("name of the law")
     label: str = key("what tables call it; the law's title if empty", default="")
     settings: Mapping[str, Any] | None = key("settings of the law", default=None)
     place: Place
@@ -135,13 +136,13 @@ class MotionTable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultTable:
-    """Something that goes wrong for a while."""
+    """A signal that breaks for a while: a sensor of a floor or damper, or the command of a damper that is stuck."""
 
-    kind: FaultKind = key("a sensor that drops out, or a command that is stuck")
+    signal: Signal = key("what breaks")
+    number: int = key("of which floor or damper, from 1, lowest first", default=1, least=1)
     start: float = key("from", unit="s", default=0.0, least=0.0)
     end: float = key("until", unit="s", default=math.inf, least=0.0)
-    channel: int = key("which measurement or device, from 0", default=0, least=0)
-    mode: str = key("what the channel shows meanwhile", default="")
+    value: float | None = key("what it says meanwhile, nan too; the last before, if not given", default=None)
     place: Place
 
 
