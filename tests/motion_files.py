@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -104,7 +105,9 @@ def cosmos_lines(
     real = np.full(100, -999.0)
     # A large number beside another leaves no blank between the columns of 6F13.6, as files in the wild have it.
     real[33], real[41], real[61] = recorder_step, 426212.0, step_ms
-    per_line, width, digits = (int(part) for part in series_format.strip("()").replace("F", ".").split("."))
+    layout = re.fullmatch(r"\((\d+)([EF])(\d+\.\d+)\)", series_format)
+    assert layout is not None
+    per_line, form = int(layout[1]), layout[3] + layout[2]
     return [
         f"{title}    (Format v01.20 with 13 text lines) Src: 921az039.evt",
         "Rcrd of Wed Jan 15, 2014 01:35:00.0 PST",
@@ -124,10 +127,10 @@ def cosmos_lines(
         "100 Real-header values follow on 17 lines , Format = (6F13.6)",
         *rows(real, "13.6f", 6),
         '2 Comment line(s) follow, each starting with a "|":',
-        "| converted",
+        " | converted",
         "| 17 lines, Format = (6F13.6) is no block",
         f"{numbers.size} acceleration pts, approx 2 secs, units={unit},Format={series_format}",
-        *rows(numbers, f"{width}.{digits}f", per_line),
+        *rows(numbers, form, per_line),
         "End-of-data for Chan  1 acceleration",
     ]
 

@@ -71,14 +71,24 @@ def test_esm_is_read_in_its_unit(tmp_path: Path) -> None:
     motion = read_motion(write_lines(tmp_path / "IT.AMT..HGE.D.ACC.ASC", esm_lines(IN_GAL)))
     assert_is_the_motion(motion, 1e-8)
     assert motion.source.startswith("CENTRAL_ITALY, 20160824, AMT, HGE")
+    old = [line for line in esm_lines(IN_GAL)[1:] if not line.startswith("DATA_TYPE")]
+    assert_is_the_motion(read_motion(write_lines(tmp_path / "old.ASC", old)), 1e-8)
 
 
 @pytest.mark.parametrize(
-    ("unit", "factor"), [("cm/s^2", 100.0), ("cm/sec2", 100.0), ("g", 1.0 / STANDARD_GRAVITY)]
+    ("unit", "factor", "series_format"),
+    [
+        ("cm/sec2(04)", 100.0, "(1E15.6)"),
+        ("cm/s^2 (4)", 100.0, "(10F8.3)"),
+        ("cm/s^2", 100.0, "(6F13.8)"),
+        ("g", 1.0 / STANDARD_GRAVITY, "(8F10.5)"),
+    ],
 )
-def test_cosmos_is_read_in_its_unit(tmp_path: Path, unit: str, factor: float) -> None:
-    lines = cosmos_lines(factor * A, unit=unit, series_format="(6F13.8)")
-    assert_is_the_motion(read_motion(write_lines(tmp_path / "a.v2c", lines)), 1e-7)
+def test_cosmos_is_read_in_its_unit_and_format(
+    tmp_path: Path, unit: str, factor: float, series_format: str
+) -> None:
+    lines = cosmos_lines(factor * A, unit=unit, series_format=series_format)
+    assert_is_the_motion(read_motion(write_lines(tmp_path / "a.v2c", lines)), 1e-4)
 
 
 def test_cosmos_is_read_where_columns_touch(tmp_path: Path) -> None:
@@ -133,6 +143,8 @@ def test_two_columns_without_names_need_a_unit(tmp_path: Path, delimiter: str) -
     assert_is_the_motion(read_motion(path, unit="g"), 1e-9)
     with pytest.raises(UnitError, match="state it as `unit`"):
         read_motion(path)
+    with pytest.raises(SettingError, match="runs as time does"):
+        read_motion(path, unit="g", dt=DT)
 
 
 def test_numbers_alone_need_unit_and_step(tmp_path: Path) -> None:

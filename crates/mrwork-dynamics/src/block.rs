@@ -3,11 +3,12 @@
 use core::marker::PhantomData;
 use core::ops::Range;
 
+use crate::closed_loop;
 use crate::current_law::CurrentLaws;
-use crate::damper::{DamperModel, DamperSpec, Motion, State};
+use crate::damper::{DamperModel, DamperSpec, Motion, Severity, State};
 use crate::dispatch::{InstructionSet, LaneJob};
 use crate::driver::{Driver, Following, Steady};
-use crate::integrate::{advance, substeps};
+use crate::integrate::{advance, stiffness_bound, substeps};
 use crate::lanes::Lanes;
 use crate::loading::{Command, LoadingHistory};
 use crate::misfit::{Keep, Keeper, Kept, Target};
@@ -96,6 +97,10 @@ pub trait Damper: Sync {
         loading: &LoadingHistory,
         factor: u32,
     ) -> Option<u32>;
+    /// Bound of the fastest relaxation of the states [1/s] at the stiffest of these commands; not a finite number where
+    /// the states have no bound.
+    fn stiffness_bound(&self, theta: &[f64], laws: &CurrentLaws, commands: &[f64], severity: Severity)
+    -> f64;
     /// Time derivative of the states.
     fn rate(&self, theta: &[f64], state: &[f64], motion: Motion<f64>) -> Vec<f64>;
     /// Force [N].
@@ -114,6 +119,13 @@ pub trait Damper: Sync {
         seeds: &[Seed],
         rows: &mut [LaneRows<'_>],
     );
+    /// Runs a block of buildings that carry such dampers.
+    fn respond(
+        &self,
+        set: InstructionSet,
+        block: &closed_loop::Block<'_>,
+        histories: &mut [closed_loop::History<'_>],
+    ) -> Vec<closed_loop::Left>;
 }
 
 impl<M: DamperModel> Damper for M {
@@ -129,6 +141,16 @@ impl<M: DamperModel> Damper for M {
         factor: u32,
     ) -> Option<u32> {
         substeps::<M>(theta, laws, loading, factor)
+    }
+
+    fn stiffness_bound(
+        &self,
+        theta: &[f64],
+        laws: &CurrentLaws,
+        commands: &[f64],
+        severity: Severity,
+    ) -> f64 {
+        stiffness_bound::<M>(theta, laws, commands, severity)
     }
 
     fn rate(&self, theta: &[f64], state: &[f64], motion: Motion<f64>) -> Vec<f64> {
@@ -163,6 +185,15 @@ impl<M: DamperModel> Damper for M {
         rows: &mut [LaneRows<'_>],
     ) {
         sensitivity::run::<M>(set, block, seeds, rows);
+    }
+
+    fn respond(
+        &self,
+        set: InstructionSet,
+        block: &closed_loop::Block<'_>,
+        histories: &mut [closed_loop::History<'_>],
+    ) -> Vec<closed_loop::Left> {
+        closed_loop::run_block::<M>(set, block, histories)
     }
 }
 

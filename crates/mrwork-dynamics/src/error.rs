@@ -88,6 +88,40 @@ pub enum DynamicsError {
     /// A sub-step factor that is not a power of two.
     #[error("the sub-step factor is {0}, it must be a power of two from 1 to {MAX_SUBSTEP_FACTOR}")]
     SubstepFactor(u32),
+    /// A matrix of the wrong size.
+    #[error("`{name}` has {found} entries, expected {expected} or a multiple of as many")]
+    MatrixSize {
+        /// The matrix.
+        name: &'static str,
+        /// Its entries.
+        found: usize,
+        /// The entries it should have, or the entries of each of its rows.
+        expected: usize,
+    },
+    /// A mass matrix that is not positive definite.
+    #[error("the mass matrix is singular or not positive definite; give every coordinate a mass")]
+    SingularMass,
+    /// A ground motion without an interval.
+    #[error("a ground motion has {0} samples, it takes at least two")]
+    ShortMotion(usize),
+    /// A run that names something there is not.
+    #[error("run {run} asks for {what} {index}, there are {count}, counted from 0")]
+    NoSuchEntry {
+        /// The run.
+        run: usize,
+        /// What it asks for.
+        what: &'static str,
+        /// The number it asks for.
+        index: usize,
+        /// How many there are.
+        count: usize,
+    },
+    /// A law that needs the force as a function of the command.
+    #[error("the law `{0}` needs a model of the damper: the coefficients of a static_hysteretic")]
+    NoCurve(&'static str),
+    /// A range of commands that is none.
+    #[error("the commands of device {0} end below where they begin, or are not finite")]
+    CommandRange(usize),
     /// The caller asked to stop.
     #[error("the simulation was cancelled")]
     Cancelled,
@@ -108,4 +142,7 @@ pub enum Outcome {
     Unresolved = 2,
     /// Its misfit reached the limit it was given; it was simulated no further.
     Abandoned = 3,
+    /// It reached the end, but its control law was once at a loss, as by a reading that is not a number: it sent no
+    /// current then.
+    FailedSafe = 4,
 }

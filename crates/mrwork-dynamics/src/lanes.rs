@@ -8,6 +8,9 @@ use crate::real::{Bits, Real};
 /// Candidates in one vector.
 pub const VECTOR_WIDTH: usize = 8;
 
+/// Lanes of the widest pack.
+pub(crate) const MOST_LANES: usize = 64;
+
 /// A real number with several lanes.
 pub trait Lanes: Bits {
     /// Number of lanes.
@@ -16,6 +19,14 @@ pub trait Lanes: Bits {
     fn from_fn(value: impl FnMut(usize) -> f64) -> Self;
     /// Hands every lane to `receive(i, value)`, in order.
     fn for_each(self, receive: impl FnMut(usize, f64));
+    /// Does `work` in a function of its own, compiled for the same instruction set.
+    fn apart<A: Apart>(work: A);
+}
+
+/// Work in lanes that is compiled once, not once more in every loop that does it.
+pub trait Apart {
+    /// Does it. Must be `#[inline(always)]`, and so must all that it calls.
+    fn run(self);
 }
 
 impl Lanes for f64 {
@@ -27,6 +38,10 @@ impl Lanes for f64 {
     #[inline(always)]
     fn for_each(self, mut receive: impl FnMut(usize, f64)) {
         receive(0, self);
+    }
+    #[inline(never)]
+    fn apart<A: Apart>(work: A) {
+        work.run();
     }
 }
 
@@ -159,6 +174,10 @@ impl<V: Lanes, const GROUPS: usize> Lanes for Pack<V, GROUPS> {
         for (group, vector) in self.0.into_iter().enumerate() {
             vector.for_each(|lane, value| receive(group * V::WIDTH + lane, value));
         }
+    }
+    #[inline(always)]
+    fn apart<A: Apart>(work: A) {
+        V::apart(work);
     }
 }
 

@@ -203,18 +203,27 @@ fn batch<'a>(
 ) -> PyResult<(&'static dyn Damper, CurrentLaws, &'a [f64])> {
     let damper = named(model)?;
     let spec = damper.spec();
-    let laws = match laws {
-        Some(names) => {
-            let laws = names.iter().map(|name| law(name)).collect::<PyResult<_>>()?;
-            CurrentLaws::new(spec, laws, lagged).map_err(value_error)?
-        }
-        None => CurrentLaws::constant(spec),
-    };
+    let laws = parsed_laws(spec, laws, lagged)?;
     let (found, expected) = (theta.shape()[1], laws.n_columns());
     if found != expected {
         return Err(value_error(DynamicsError::ParameterCount { model: spec.name, found, expected }));
     }
     Ok((damper, laws, contiguous("theta", theta)?))
+}
+
+/// The current laws of those names, one per parameter; all constant where there are none.
+pub fn parsed_laws(
+    spec: &'static DamperSpec,
+    names: Option<Vec<String>>,
+    lagged: bool,
+) -> PyResult<CurrentLaws> {
+    match names {
+        Some(names) => {
+            let laws = names.iter().map(|name| law(name)).collect::<PyResult<_>>()?;
+            CurrentLaws::new(spec, laws, lagged).map_err(value_error)
+        }
+        None => Ok(CurrentLaws::constant(spec)),
+    }
 }
 
 fn law(name: &str) -> PyResult<CurrentLaw> {

@@ -2,6 +2,7 @@
 
 #![allow(clippy::needless_pass_by_value)] // pyo3 hands arguments over by value
 
+mod closed_loop;
 mod damper;
 mod enter;
 mod loading;
@@ -14,6 +15,8 @@ use pyo3::types::PyModule;
 mod _rust {
     use super::{Bound, PyModule, PyModuleMethods, PyResult};
 
+    #[pymodule_export]
+    use crate::closed_loop::{Building, control_laws, respond};
     #[pymodule_export]
     use crate::damper::{current_laws, damper_specs, force, force_histories, misfits, rate, sensitivities};
     #[pymodule_export]

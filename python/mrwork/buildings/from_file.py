@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 
 from mrwork.buildings.additions_from_table import ADDITIONS, with_additions
 from mrwork.buildings.building import Building
-from mrwork.buildings.matrix_files import read_matrices, read_matrix, title_of
+from mrwork.buildings.matrix_files import read_matrices, read_matrix
 from mrwork.buildings.published import building as published_building
 from mrwork.buildings.shear import floor_differences, numbered, shear_building
 from mrwork.buildings.table import Entries, NamedPlace, Place
@@ -48,7 +48,10 @@ Floats = NDArray[np.float64]
 
 _MATRICES: Final = ("mass", "damping", "stiffness")
 _ROWS: Final = ("floors", "storeys")
+# What papers call them.
+_LETTERS: Final = {"M": "mass", "C": "damping", "K": "stiffness", "r": "influence"}
 _SHEAR: Final = ("masses", "stiffnesses", "storey_damping")
+_TITLES: Final = {**_LETTERS, **{title: title for title in (*_MATRICES, "influence", *_ROWS)}}
 _NAMES: Final = ("floor_names", "storey_names")
 _WORDS: Final = ("name", "source")
 KEYS: Final = ("published", "file", *_MATRICES, *_SHEAR, "influence", *_ROWS, *_NAMES, *_WORDS, *ADDITIONS)
@@ -71,7 +74,7 @@ def _read(path: Path, readers: tuple[Path, ...]) -> Building:
     """Read a building; `readers` are the files that led to this one."""
     if path.is_dir() or path.suffix.lower() == ".mat":
         return _from_matrices(
-            read_matrices(path), NamedPlace(str(path)), {"name": path.stem, "source": str(path)}
+            read_matrices(path, _TITLES), NamedPlace(str(path)), {"name": path.stem, "source": str(path)}
         )
     if path.suffix.lower() != ".toml":
         raise RecordError(
@@ -214,7 +217,7 @@ def _from_matrices(
     storey_names: tuple[str, ...] = (),
 ) -> Building:
     """Return the building of M, C, K and whatever else is given, by word or letter."""
-    named = {title: matrix for name, matrix in matrices.items() if (title := title_of(name)) is not None}
+    named = {_TITLES[name]: matrix for name, matrix in matrices.items() if name in _TITLES}
     entries = Entries(named, place)
     for title in ("mass", "stiffness"):
         if title not in named:

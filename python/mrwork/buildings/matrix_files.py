@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from pathlib import Path
 from typing import Final
 
@@ -14,8 +15,6 @@ from mrwork.records.matlab import read_matlab_matrices
 
 Floats = NDArray[np.float64]
 
-# What a matrix is called, in the words of mrwork and in the letters of papers.
-LETTERS: Final = {"mass": "M", "damping": "C", "stiffness": "K", "influence": "r"}
 _SEPARATOR: Final = re.compile(r"\s*[,;\t]\s*|\s+")
 _SUFFIXES: Final = (".csv", ".tsv", ".txt")
 
@@ -58,8 +57,8 @@ def read_matrix(path: Path) -> Floats:
     return np.array(rows)
 
 
-def read_matrices(path: Path) -> dict[str, Floats]:
-    """Matrices by name, from a .mat file or from a folder of one text file for each.
+def read_matrices(path: Path, names: Collection[str]) -> dict[str, Floats]:
+    """Matrices by name, from a .mat file or from a folder of one text file for each of those named.
 
     Raises
     ------
@@ -68,21 +67,12 @@ def read_matrices(path: Path) -> dict[str, Floats]:
     """
     if path.is_dir():
         files = sorted(file for file in path.iterdir() if file.suffix.lower() in _SUFFIXES)
-        return {file.stem: read_matrix(file) for file in files if title_of(file.stem) is not None}
+        return {file.stem: read_matrix(file) for file in files if file.stem in names}
     _bytes(path, 0)
     try:
         return read_matlab_matrices(path, str(path))
     except OSError as error:
         raise RecordError(f"{path}: cannot be read ({error}); check the file and its permissions") from error
-
-
-def title_of(name: str) -> str | None:
-    """What a matrix of that name is, "mass" for "M"; `None` for one that is no part of a building."""
-    known = {
-        **{title: title for title in (*LETTERS, "floors", "storeys")},
-        **{v: k for k, v in LETTERS.items()},
-    }
-    return known.get(name)
 
 
 def _bytes(path: Path, most: int = -1) -> bytes:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares
 
 from mrwork.control.excitation import random_loading
+from mrwork.control.inverse_samples import N_SAMPLES, InverseSamples, known, network_inputs, samples_shown
 from mrwork.errors import SettingError
 from mrwork.simulate import Loading, simulate_force
 from mrwork.spec import DamperSpec, damper
@@ -19,18 +20,10 @@ Floats = NDArray[np.float64]
 # Called with the steps so far and the root mean square error of the command, as a share of the largest.
 OnStep = Callable[[int, float], None]
 
-_N_SAMPLES = 2000
 _N_CYCLES = 60
 _MAX_STEPS = 200
 # Of the squares of the weights, per sample: so that no unit runs away where the data leave it free.
 _RIDGE = 1e-8
-# A sample at which the command changes the force by less than this share of the usual still counts so much.
-_LEAST_IMPORTANCE = 0.05
-# Powers of ten of how far beyond the range of the damper forces are wanted in training, in units of its width: a
-# regulator asks for a little more or for ten times as much.
-_BEYOND = (-1.5, 1.0)
-# Forces are known up to so much above the largest that the damper gave.
-_FORCE_MARGIN = 1.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,18 +63,9 @@ class InverseNetwork:
 
     def command(self, inputs: ArrayLike) -> Floats:
         """The command for inputs in the order of `names`, shape (..., n_inputs)."""
-        known = _known(np.asarray(inputs, dtype=np.float64), self.input_scale)
-        hidden = np.tanh(known @ self.W1.T + self.b1)
+        scaled = known(np.asarray(inputs, dtype=np.float64), self.input_scale)
+        hidden = np.tanh(scaled @ self.W1.T + self.b1)
         return self.output_scale * np.clip(hidden @ self.w2 + self.b2, 0.0, 1.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Samples:
-    """Inputs, shape (n, n_inputs), the share of the largest command that answers them, and how much that matters."""
-
-    inputs: Floats
-    share: Floats
-    importance: Floats
 
 
 def train_inverse_network(
@@ -139,6 +123,8 @@ def train_inverse_network(
     spec, values = _without_lag(spec, theta)
     assert spec.current is not None
     generator = np.random.default_rng(rng)
+    # A coarse sample time still wants enough samples to choose from.
+    n_cycles = max(_N_CYCLES, int(2.0 * N_SAMPLES * sample_time * velocity / (2.0 * np.pi * amplitude)))
     training, held_out = (
         random_loading(
             amplitude=amplitude,
@@ -149,9 +135,9 @@ def train_inverse_network(
             n_cycles=n_cycles,
             rng=generator,
         )
-        for n_cycles in (_N_CYCLES, _N_CYCLES // 3)
+        for n_cycles in (n_cycles, n_cycles // 3)
     )
-    samples, force_scale = _shown(spec, values, training, largest_command, n_previous, generator)
+    samples, force_scale = samples_shown(spec, values, training, largest_command, n_previous, generator)
     scale = np.tile([amplitude, velocity, force_scale], 1 + n_previous)
     W1, b1, w2, b2 = _trained(samples, scale, n_hidden, generator, on_step)
     current = ("deformation", "velocity", "wanted force")
@@ -209,59 +195,14 @@ def _without_lag(spec: DamperSpec, theta: ArrayLike) -> tuple[DamperSpec, Floats
     return damper(spec.name).with_current_laws(laws, unit=current.unit), values[:-1]
 
 
-def _shown(
-    spec: DamperSpec,
-    theta: Floats,
-    loading: Loading,
-    largest_command: float,
-    n_previous: int,
-    rng: np.random.Generator,
-) -> tuple[_Samples, float]:
-    """Samples of a motion: as commanded, with more wanted than the damper can give, and with less."""
-    force = simulate_force(spec, theta, loading)
-    least = simulate_force(spec, theta, replace(loading, command=0.0))
-    most = simulate_force(spec, theta, replace(loading, command=largest_command))
-    span = np.abs(most - least)
-    usual = float(np.sqrt(np.mean(span**2)))
-    if usual == 0.0:
-        raise SettingError(
-            f"the command does not change the force of this {spec.name}; there is nothing to invert"
-        )
-    importance = np.maximum(span / usual, _LEAST_IMPORTANCE)
-    excess, lack = (10.0 ** rng.uniform(*_BEYOND, force.size) * (most - least) for _ in range(2))
-    kinds = (
-        (force, np.asarray(loading.command) / largest_command, 0.7),
-        (most + excess, np.ones(force.size), 0.15),
-        (least - lack, np.zeros(force.size), 0.15),
-    )
-    parts = []
-    for wanted, share, portion in kinds:
-        rows = rng.choice(np.arange(1, force.size), round(portion * _N_SAMPLES), replace=False)
-        inputs = _inputs(loading, wanted, n_previous)[rows]
-        parts.append((inputs, share[rows], importance[rows]))
-    inputs, share, weight = (np.concatenate(each) for each in zip(*parts, strict=True))
-    return _Samples(inputs=inputs, share=share, importance=weight), _FORCE_MARGIN * float(np.abs(most).max())
-
-
-def _known(inputs: Floats, scale: Floats) -> Floats:
-    """Inputs in units of their scales, those beyond them at the scale."""
-    return np.asarray(np.clip(inputs / scale, -1.0, 1.0), dtype=np.float64)
-
-
-def _inputs(loading: Loading, wanted: Floats, n_previous: int) -> Floats:
-    assert loading.velocity is not None
-    now = np.column_stack([loading.displacement, loading.velocity, wanted])
-    return np.hstack([now] + [np.vstack([now[:1], now[:-1]])] * n_previous)
-
-
 def _trained(
-    samples: _Samples, scale: Floats, n_hidden: int, rng: np.random.Generator, on_step: OnStep | None
+    samples: InverseSamples, scale: Floats, n_hidden: int, rng: np.random.Generator, on_step: OnStep | None
 ) -> tuple[Floats, Floats, Floats, float]:
     """W1, b1, w2 and b2 of least weighted squares.
 
     A previous sample is almost the present one, so the network is trained on their difference, in units of its size.
     """
-    features = _known(samples.inputs, scale)
+    features = known(samples.inputs, scale)
     to_features = np.eye(len(scale))
     if len(scale) > 3:
         change = features[:, :3] - features[:, 3:]
@@ -322,7 +263,7 @@ def _judged(
 ) -> InverseNetwork:
     """The network with its accuracy on a motion and commands that it has not seen."""
     wanted = simulate_force(spec, theta, loading)
-    command = network.command(_inputs(loading, wanted, n_previous))
+    command = network.command(network_inputs(loading, wanted, n_previous))
     given = simulate_force(spec, theta, replace(loading, command=command))
     fit = 1.0 - np.linalg.norm(given - wanted) / np.linalg.norm(wanted - wanted.mean())
     error = (command - np.asarray(loading.command)) / network.output_scale

@@ -17,7 +17,7 @@ _KEY = re.compile(r"([A-Z][A-Z0-9_/^]*):\s*(.*?)\s*")
 
 
 def _recognises(lines: Lines) -> bool:
-    return lines.at(0).startswith("EVENT_NAME:") and any(
+    return lines.at(0).startswith("EVENT_") and any(
         text.startswith("SAMPLING_INTERVAL_S:") for text in lines.texts[:100]
     )
 
@@ -28,7 +28,8 @@ def _read(lines: Lines, stated: Stated) -> GroundMotion:
     while match := _KEY.fullmatch(lines.at(first)):
         header[match[1]] = (first, match[2])
         first += 1
-    kind_line, kind = _entry(lines, header, "DATA_TYPE")
+    # Old files do not state it; their unit decides.
+    kind_line, kind = header.get("DATA_TYPE", (0, "ACCELERATION"))
     if kind.upper() != "ACCELERATION":
         raise RecordError(
             f"{lines.where(kind_line)}: the record holds {shown(kind).lower()}; give the file of its acceleration"

@@ -96,6 +96,9 @@ def _series(lines: Lines, first: int, stated: Stated) -> GroundMotion:
     if "," in lines.at(first) or ";" in lines.at(first):
         lines = Lines(path=lines.path, texts=tuple(re.sub(r"[;,]", " ", text) for text in lines.texts))
     numbers = read_numbers(lines, first)
+    every_second = np.diff(numbers[::2])
+    if len(lines.at(first).split()) == 2 and np.allclose(every_second, stated.dt, rtol=0.1):
+        raise SettingError(f"{lines.path}: its first column runs as time does; leave out `dt`")
     factor = factor_to_si(stated.unit, context=f"{lines.path}: `unit`")
     return recorded(
         lines.path, dt=_step(stated.dt, lines.path), acceleration=factor * numbers, source="numbers"

@@ -19,6 +19,8 @@ mod static_hysteretic;
 mod viscous_dahl;
 
 use crate::block::Damper;
+pub(crate) use static_hysteretic::StaticHysteretic;
+
 use crate::parameters::{FromSlice, ParamSpec};
 use crate::real::Real;
 
@@ -39,7 +41,7 @@ pub static REGISTRY: &[&dyn Damper] = &[
     &normalised_modified_bouc_wen::NormalisedModifiedBoucWen,
     &polynomial_fitting::PolynomialFitting,
     &shear_thinning_modified_bouc_wen::ShearThinningModifiedBoucWen,
-    &static_hysteretic::StaticHysteretic,
+    &StaticHysteretic,
     &viscous_dahl::ViscousDahl,
 ];
 

@@ -4,6 +4,7 @@ use core::arch::x86_64::*;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::{AVX2_GROUPS, GROUPS, LaneJob, Lanes, Pack};
+use crate::lanes::Apart;
 use crate::real::{
     Bits, EXPONENT_BIAS_AT_TWO_TO_52, MANTISSA_BITS, ONE_BITS, Real, SIXTEENTH_ALIGNER, SQRT_HALF_BITS,
     TWO_TO_52,
@@ -53,10 +54,33 @@ pub(super) unsafe fn run_narrow_avx512<J: LaneJob>(job: J) -> J::Output {
     job.run::<Avx512>()
 }
 
+/// # Safety
+/// The processor must have the enabled features.
+#[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
+pub(super) unsafe fn run_pair_avx512<J: LaneJob>(job: J) -> J::Output {
+    job.run::<Pack<Avx512, 2>>()
+}
+
+/// # Safety
+/// The processor must have the enabled features.
+#[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
+#[inline(never)]
+unsafe fn apart_avx512<A: Apart>(work: A) {
+    work.run();
+}
+
+/// # Safety
+/// The processor must have the enabled features.
+#[target_feature(enable = "avx2,fma")]
+#[inline(never)]
+unsafe fn apart_avx2<A: Apart>(work: A) {
+    work.run();
+}
+
 const SIGN_BIT: i64 = i64::MIN;
 
 macro_rules! vector {
-    ($name:ident, $width:literal, $inner:ty,
+    ($name:ident, $width:literal, $inner:ty, $apart:ident,
      $add:ident $sub:ident $mul:ident $div:ident $load:ident $store:ident) => {
         #[derive(Clone, Copy)]
         pub(super) struct $name($inner);
@@ -81,6 +105,11 @@ macro_rules! vector {
                     receive(lane, value);
                 }
             }
+            #[inline(always)]
+            fn apart<A: Apart>(work: A) {
+                // Whoever computes with these vectors has entered their instruction set.
+                unsafe { $apart(work) }
+            }
         }
     };
     (@operator $name:ident $trait:ident $method:ident $intrinsic:ident) => {
@@ -94,9 +123,9 @@ macro_rules! vector {
     };
 }
 
-vector!(Avx512, 8, __m512d,
+vector!(Avx512, 8, __m512d, apart_avx512,
     _mm512_add_pd _mm512_sub_pd _mm512_mul_pd _mm512_div_pd _mm512_loadu_pd _mm512_storeu_pd);
-vector!(Avx2, 4, __m256d,
+vector!(Avx2, 4, __m256d, apart_avx2,
     _mm256_add_pd _mm256_sub_pd _mm256_mul_pd _mm256_div_pd _mm256_loadu_pd _mm256_storeu_pd);
 
 impl Neg for Avx512 {

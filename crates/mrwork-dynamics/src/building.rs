@@ -1,0 +1,215 @@
+//! A building in the plane: its matrices, as sparse rows that lanes run through.
+
+use nalgebra::{Cholesky, DMatrix, Dyn, SymmetricEigen};
+
+use crate::error::DynamicsError;
+use crate::real::Real;
+
+/// A matrix by its rows, entries that are zero left out.
+#[derive(Clone, Debug)]
+pub struct SparseRows {
+    starts: Vec<usize>,
+    entries: Vec<(usize, f64)>,
+}
+
+impl SparseRows {
+    /// From a row-major matrix with `columns` columns.
+    #[must_use]
+    pub fn new(matrix: &[f64], columns: usize) -> Self {
+        let mut starts = vec![0];
+        let mut entries = Vec::new();
+        for row in matrix.chunks_exact(columns) {
+            entries.extend(row.iter().copied().enumerate().filter(|&(_, value)| value != 0.0));
+            starts.push(entries.len());
+        }
+        Self { starts, entries }
+    }
+
+    /// Number of rows.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.starts.len() - 1
+    }
+
+    /// Whether there are no rows.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The entries of a row: column and value.
+    #[inline(always)]
+    pub(crate) fn row(&self, row: usize) -> &[(usize, f64)] {
+        &self.entries[self.starts[row]..self.starts[row + 1]]
+    }
+
+    /// The product of a row with `vector`.
+    #[inline(always)]
+    pub(crate) fn dot<R: Real>(&self, row: usize, vector: &[R]) -> R {
+        self.add_dot(row, vector, R::splat(0.0))
+    }
+
+    /// The product of a row with `vector`, added to `sum`.
+    #[inline(always)]
+    pub(crate) fn add_dot<R: Real>(&self, row: usize, vector: &[R], sum: R) -> R {
+        let mut sum = sum;
+        for &(column, value) in self.row(row) {
+            sum = vector[column].mul_add(R::splat(value), sum);
+        }
+        sum
+    }
+}
+
+/// The matrices of a building, row-major: `M q'' + C q' + K q = -sum_d e_d' f_d - M r a_g`.
+#[derive(Clone, Copy, Debug)]
+pub struct Matrices<'a> {
+    /// M [kg], shape (n, n).
+    pub mass: &'a [f64],
+    /// C [N s/m], shape (n, n).
+    pub damping: &'a [f64],
+    /// K [N/m], shape (n, n).
+    pub stiffness: &'a [f64],
+    /// r, how the coordinates follow the ground when all moves as one, shape (n,).
+    pub influence: &'a [f64],
+    /// Floor displacements from coordinates, shape (floors, n).
+    pub floors: &'a [f64],
+    /// Storey drifts from coordinates, shape (storeys, n).
+    pub storeys: &'a [f64],
+    /// e, elongation of each device from coordinates, shape (devices, n).
+    pub devices: &'a [f64],
+}
+
+/// A building with its devices' places.
+#[derive(Clone, Debug)]
+pub struct Building {
+    /// Coordinates.
+    pub(crate) n: usize,
+    pub(crate) mass: SparseRows,
+    pub(crate) mass_inverse: SparseRows,
+    pub(crate) damping: SparseRows,
+    pub(crate) stiffness: SparseRows,
+    pub(crate) influence: Vec<f64>,
+    /// M r [kg].
+    pub(crate) pushed_mass: Vec<f64>,
+    /// r' M r [kg].
+    pub(crate) total_mass: f64,
+    pub(crate) floors: SparseRows,
+    pub(crate) storeys: SparseRows,
+    pub(crate) devices: SparseRows,
+    /// Mass that resists each device alone, 1 / (e M^-1 e') [kg].
+    pub(crate) device_mass: Vec<f64>,
+    /// Largest natural frequency [rad/s], and its damping rate, largest eigenvalue of M^-1 C [1/s].
+    pub(crate) fastest: f64,
+}
+
+impl Building {
+    /// Takes a building over.
+    ///
+    /// # Errors
+    /// Where shapes do not fit, a number is not finite, or the mass is not positive definite.
+    pub fn new(matrices: &Matrices<'_>) -> Result<Self, DynamicsError> {
+        let n = matrices.influence.len();
+        let square =
+            [("mass", matrices.mass), ("damping", matrices.damping), ("stiffness", matrices.stiffness)];
+        for (name, matrix) in square {
+            let (found, expected) = (matrix.len(), n * n);
+            if found != expected {
+                return Err(DynamicsError::MatrixSize { name, found, expected });
+            }
+        }
+        let rows =
+            [("floors", matrices.floors), ("storeys", matrices.storeys), ("devices", matrices.devices)];
+        for (name, matrix) in rows {
+            if n == 0 || !matrix.len().is_multiple_of(n) {
+                return Err(DynamicsError::MatrixSize { name, found: matrix.len(), expected: n });
+            }
+        }
+        for (name, matrix) in square.into_iter().chain(rows).chain([("influence", matrices.influence)]) {
+            if let Some(sample) = matrix.iter().position(|value| !value.is_finite()) {
+                return Err(DynamicsError::NotFinite { name, sample });
+            }
+        }
+        let mass = DMatrix::from_row_slice(n, n, matrices.mass);
+        let root = Cholesky::new(mass.clone()).ok_or(DynamicsError::SingularMass)?;
+        let mut inverse = root.inverse();
+        clear_rounding(&mut inverse);
+        let pushed = &mass * DMatrix::from_column_slice(n, 1, matrices.influence);
+        let total_mass = pushed.iter().zip(matrices.influence).map(|(m, r)| m * r).sum();
+        let device_mass = matrices
+            .devices
+            .chunks_exact(n)
+            .map(|row| {
+                let row = DMatrix::from_row_slice(1, n, row);
+                1.0 / (&row * &inverse * row.transpose())[(0, 0)]
+            })
+            .collect();
+        let frequency = largest_eigenvalue(&root, matrices.stiffness, n).abs().sqrt();
+        let decay = largest_eigenvalue(&root, matrices.damping, n).abs();
+        Ok(Self {
+            n,
+            mass: SparseRows::new(matrices.mass, n),
+            mass_inverse: SparseRows::new(inverse.transpose().as_slice(), n),
+            damping: SparseRows::new(matrices.damping, n),
+            stiffness: SparseRows::new(matrices.stiffness, n),
+            influence: matrices.influence.to_vec(),
+            pushed_mass: pushed.as_slice().to_vec(),
+            total_mass,
+            floors: SparseRows::new(matrices.floors, n),
+            storeys: SparseRows::new(matrices.storeys, n),
+            devices: SparseRows::new(matrices.devices, n),
+            device_mass,
+            fastest: frequency.max(decay),
+        })
+    }
+
+    /// Coordinates.
+    #[must_use]
+    pub fn n_coordinates(&self) -> usize {
+        self.n
+    }
+
+    /// Devices.
+    #[must_use]
+    pub fn n_devices(&self) -> usize {
+        self.devices.len()
+    }
+
+    /// Floors.
+    #[must_use]
+    pub fn n_floors(&self) -> usize {
+        self.floors.len()
+    }
+
+    /// Storeys.
+    #[must_use]
+    pub fn n_storeys(&self) -> usize {
+        self.storeys.len()
+    }
+}
+
+/// Sets to zero what is zero but for rounding, so that the inverse of a diagonal or banded mass stays sparse.
+fn clear_rounding(inverse: &mut DMatrix<f64>) {
+    let diagonal: Vec<f64> = inverse.diagonal().iter().copied().collect();
+    for row in 0..diagonal.len() {
+        for column in 0..diagonal.len() {
+            let scale = (diagonal[row] * diagonal[column]).sqrt();
+            if inverse[(row, column)].abs() < 1e-15 * scale {
+                inverse[(row, column)] = 0.0;
+            }
+        }
+    }
+}
+
+/// Largest eigenvalue of `M^-1 A`, by magnitude, for a symmetric part of A; `root` is the Cholesky root of M.
+fn largest_eigenvalue(root: &Cholesky<f64, Dyn>, matrix: &[f64], n: usize) -> f64 {
+    let matrix = DMatrix::from_row_slice(n, n, matrix);
+    let symmetric = (&matrix + matrix.transpose()) * 0.5;
+    let lower = root.l();
+    let Some(half) = lower.solve_lower_triangular(&symmetric) else { return f64::INFINITY };
+    let Some(whole) = lower.solve_lower_triangular(&half.transpose()) else { return f64::INFINITY };
+    let symmetric = (&whole + whole.transpose()) * 0.5;
+    SymmetricEigen::new(symmetric)
+        .eigenvalues
+        .iter()
+        .fold(0.0, |largest: f64, &value| if value.abs() > largest.abs() { value } else { largest })
+}

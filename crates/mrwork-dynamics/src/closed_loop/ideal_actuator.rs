@@ -1,0 +1,44 @@
+//! An actuator that gives the force it is told: no damper, but it sits where one would.
+
+use crate::damper::{DamperModel, DamperSpec, Motion, Severity};
+use crate::parameters::parameters;
+use crate::real::Real;
+
+parameters! {
+    f: "N", Linear, -1e15 .. 1e15, nominal 0.0, "resisting force, which follows the command";
+}
+
+/// The device of the active bound; not in the registry, because it is not a damper.
+pub struct IdealActuator;
+
+impl DamperModel for IdealActuator {
+    const SPEC: DamperSpec = DamperSpec {
+        name: "ideal_actuator",
+        title: "Ideal actuator",
+        equation: "f = u",
+        description: "Gives the force it is told, in newtons, at once, and may push energy into the building.",
+        source: "the bound that semi-active laws chase",
+        nominal_source: "none",
+        parameters: PARAMETERS,
+        n_states: 0,
+        odd: true,
+        relaxes: false,
+    };
+    type Parameters<R: Real> = Parameters<R>;
+    type State<R: Real> = [R; 0];
+
+    #[inline(always)]
+    fn rate<R: Real>(_: &Parameters<R>, state: [R; 0], _: Motion<R>) -> [R; 0] {
+        state
+    }
+
+    #[inline(always)]
+    fn force<R: Real>(p: &Parameters<R>, _: [R; 0], _: Motion<R>) -> R {
+        p.f
+    }
+
+    #[inline(always)]
+    fn stiffness_bound(_: &Parameters<f64>, _: Severity) -> f64 {
+        0.0
+    }
+}

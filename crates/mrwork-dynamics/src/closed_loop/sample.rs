@@ -1,0 +1,260 @@
+//! One control sample: what is measured, what is estimated, what is commanded.
+
+use super::batch::Batch;
+use super::hardware::{Channel, Observer, Sensor};
+use super::noise::normal;
+use crate::control::{ForceCurve, Gains, Seen, ground_reach, within};
+use crate::lanes::{Apart, Lanes};
+use crate::real::Real;
+
+/// What the controller holds between two samples, for a block of lanes.
+pub(super) struct Controller<R: Real> {
+    columns: Vec<R>,
+    curves: Vec<ForceCurve<R>>,
+    ground_reach: Vec<f64>,
+    largest: Vec<f64>,
+    memory: Vec<R>,
+    /// State as the law sees it.
+    state: Vec<R>,
+    next_state: Vec<R>,
+    acceleration: Vec<R>,
+    innovation: Vec<R>,
+    deformation: Vec<R>,
+    rate: Vec<R>,
+    force: Vec<R>,
+    /// Commands of the last samples, newest at the position of its sample.
+    sent: Vec<R>,
+    /// Samples that `sent` holds.
+    depth: usize,
+    raw: Vec<R>,
+    /// Above zero in lanes whose law was once at a loss.
+    pub(super) at_a_loss: R,
+}
+
+impl<R: Lanes> Controller<R> {
+    /// As it is before the first sample, for these candidates.
+    pub(super) fn new(batch: &Batch<'_>, runs: &[usize]) -> Self {
+        let Batch { building, gains, places, ranges, hardware, law, .. } = *batch;
+        let (n_states, n_devices) = (2 * building.n, places.len());
+        let n_gains = law.spec().n_gains(n_devices, n_states);
+        let last = runs.len() - 1;
+        let columns = (0..n_gains)
+            .map(|column| {
+                R::from_fn(|lane| {
+                    gains[batch.runs[runs[lane.min(last)]].candidate as usize * n_gains + column]
+                })
+            })
+            .collect();
+        let largest: Vec<f64> = ranges.iter().map(|&[_, largest]| largest).collect();
+        let curves = match (law.spec().wants_curve, &batch.curve) {
+            (true, Some(model)) => {
+                largest.iter().zip(places).map(|(&largest, &place)| model.curve(largest, place)).collect()
+            }
+            _ => Vec::new(),
+        };
+        let depth = hardware.delay_steps / hardware.steps as usize + 2;
+        let zero = R::splat(0.0);
+        let n_measured =
+            batch.observer.map_or(0, |observer| observer.accelerations.len() + observer.deformations.len());
+        Self {
+            columns,
+            curves,
+            ground_reach: ground_reach(&building.devices, &building.influence),
+            largest,
+            memory: vec![zero; law.spec().memory * n_devices],
+            state: vec![zero; n_states],
+            next_state: vec![zero; n_states],
+            acceleration: vec![zero; building.n_floors()],
+            innovation: vec![zero; n_measured],
+            deformation: vec![zero; n_devices],
+            rate: vec![zero; n_devices],
+            force: vec![zero; n_devices],
+            sent: vec![zero; depth * n_devices],
+            depth,
+            raw: vec![zero; n_devices],
+            at_a_loss: zero,
+        }
+    }
+
+    /// Commands of that sample.
+    #[inline(always)]
+    pub(super) fn sent_at(&self, sample: usize) -> &[R] {
+        let n_devices = self.raw.len();
+        &self.sent[(sample % self.depth) * n_devices..][..n_devices]
+    }
+}
+
+/// The motion of the building and the forces in it, at a sample.
+pub(super) struct Sample<'a, R: Real> {
+    pub(super) batch: &'a Batch<'a>,
+    pub(super) streams: &'a [u64],
+    pub(super) sample: usize,
+    pub(super) displacement: &'a [R],
+    pub(super) velocity: &'a [R],
+    pub(super) acceleration: &'a [R],
+    pub(super) force: &'a [R],
+    pub(super) ground_acceleration: R,
+    pub(super) ground_velocity: R,
+    pub(super) controller: &'a mut Controller<R>,
+}
+
+impl<R: Lanes> Apart for Sample<'_, R> {
+    #[inline(always)]
+    fn run(mut self) {
+        self.measure();
+        self.command();
+        if let Some(observer) = self.batch.observer {
+            self.estimate(observer);
+        }
+    }
+}
+
+impl<R: Lanes> Sample<'_, R> {
+    #[inline(always)]
+    fn measure(&mut self) {
+        let Batch { building, hardware, observer, .. } = *self.batch;
+        if let Some(observer) = observer {
+            for &floor in &observer.accelerations {
+                let value = building.floors.add_dot(floor, self.acceleration, self.ground_acceleration);
+                let before = self.controller.acceleration[floor];
+                self.controller.acceleration[floor] =
+                    self.sensed(Channel::Acceleration(floor), hardware.acceleration, value, before);
+            }
+        } else {
+            let n = self.displacement.len();
+            self.controller.state[..n].copy_from_slice(self.displacement);
+            self.controller.state[n..].copy_from_slice(self.velocity);
+        }
+        for device in 0..self.force.len() {
+            let value = building.devices.dot(device, self.displacement);
+            let before = self.controller.deformation[device];
+            self.controller.deformation[device] =
+                self.sensed(Channel::Deformation(device), hardware.deformation, value, before);
+            let before = self.controller.force[device];
+            self.controller.force[device] =
+                self.sensed(Channel::Force(device), hardware.force, self.force[device], before);
+            let n = self.displacement.len();
+            self.controller.rate[device] = building.devices.dot(device, &self.controller.state[n..]);
+        }
+    }
+
+    /// What a sensor says.
+    #[inline(always)]
+    fn sensed(&self, channel: Channel, sensor: Sensor, value: R, before: R) -> R {
+        let mut said = value;
+        if sensor.noise > 0.0 {
+            let (number, sample) = (channel.number(), self.sample as u64);
+            let noise = R::from_fn(|lane| normal(self.streams[lane], number, sample));
+            said = noise.mul_add(R::splat(sensor.noise), said);
+        }
+        if sensor.resolution > 0.0 {
+            let steps = (said / R::splat(sensor.resolution)).round_ties_even();
+            said = steps * R::splat(sensor.resolution);
+        }
+        self.broken(channel, said, before)
+    }
+
+    /// A signal after the faults of its channel.
+    #[inline(always)]
+    fn broken(&self, channel: Channel, value: R, before: R) -> R {
+        let mut said = value;
+        for fault in &self.batch.hardware.faults {
+            if fault.channel == channel && (fault.start..fault.end).contains(&self.sample) {
+                said = match fault.value {
+                    Some(value) => R::splat(value),
+                    None => before,
+                };
+            }
+        }
+        said
+    }
+
+    #[inline(always)]
+    fn command(&mut self) {
+        let Batch { law, tables, hardware, ranges, building, .. } = *self.batch;
+        let n_devices = self.force.len();
+        let controller = &mut *self.controller;
+        let gains = Gains {
+            spec: law.spec(),
+            columns: &controller.columns,
+            tables,
+            n_devices,
+            n_states: 2 * building.n,
+        };
+        let seen = Seen {
+            state: &controller.state,
+            deformation: &controller.deformation,
+            rate: &controller.rate,
+            force: &controller.force,
+            ground_velocity: self.ground_velocity,
+            ground_reach: &controller.ground_reach,
+            largest: &controller.largest,
+            curves: &controller.curves,
+            sample_time: hardware.sample_time,
+        };
+        law.command(&gains, &seen, &mut controller.memory, &mut controller.raw);
+        let furthest = R::splat(hardware.command_rate * hardware.sample_time);
+        let position = (self.sample % self.controller.depth) * n_devices;
+        let earlier = (self.sample.wrapping_sub(1) % self.controller.depth) * n_devices;
+        for device in 0..n_devices {
+            let raw = self.controller.raw[device];
+            let known = raw.equal(raw);
+            let lost = R::select(known, self.controller.at_a_loss, R::splat(1.0));
+            self.controller.at_a_loss = lost;
+            let [smallest, largest] = ranges[device];
+            let mut command =
+                within(R::select(known, raw, R::splat(0.0)), R::splat(smallest), R::splat(largest));
+            let mut before = command;
+            if self.sample > 0 {
+                before = self.controller.sent[earlier + device];
+                if hardware.command_rate < f64::INFINITY {
+                    command = within(command, before - furthest, before + furthest);
+                }
+            }
+            self.controller.sent[position + device] = self.broken(Channel::Command(device), command, before);
+        }
+    }
+
+    /// The state at the next sample, as it will be seen then.
+    #[inline(always)]
+    fn estimate(&mut self, observer: &Observer) {
+        let Controller { state, next_state, acceleration, innovation, deformation, force, .. } =
+            &mut *self.controller;
+        let (n_states, n_devices) = (state.len(), force.len());
+        let n_accelerations = observer.accelerations.len();
+        for (row, innovation) in innovation.iter_mut().enumerate() {
+            let measured = if row < n_accelerations {
+                acceleration[observer.accelerations[row]]
+            } else {
+                deformation[observer.deformations[row - n_accelerations]]
+            };
+            let mut expected = R::splat(0.0);
+            for (&c, &x) in observer.output[row * n_states..][..n_states].iter().zip(state.iter()) {
+                expected = x.mul_add(R::splat(c), expected);
+            }
+            for (&d, &f) in observer.direct[row * n_devices..][..n_devices].iter().zip(force.iter()) {
+                expected = f.mul_add(R::splat(d), expected);
+            }
+            let surprise = measured - expected;
+            // A reading that is not a finite number is no reading.
+            let finite = (surprise - surprise).equal(R::splat(0.0));
+            *innovation = R::select(finite, surprise, R::splat(0.0));
+        }
+        let n_measured = innovation.len();
+        for (row, next) in next_state.iter_mut().enumerate() {
+            let mut sum = R::splat(0.0);
+            for (&a, &x) in observer.transition[row * n_states..][..n_states].iter().zip(state.iter()) {
+                sum = x.mul_add(R::splat(a), sum);
+            }
+            for (&b, &f) in observer.input[row * n_devices..][..n_devices].iter().zip(force.iter()) {
+                let finite = (f - f).equal(R::splat(0.0));
+                sum = R::select(finite, f, R::splat(0.0)).mul_add(R::splat(b), sum);
+            }
+            for (&l, &y) in observer.gain[row * n_measured..][..n_measured].iter().zip(innovation.iter()) {
+                sum = y.mul_add(R::splat(l), sum);
+            }
+            *next = sum;
+        }
+        core::mem::swap(state, next_state);
+    }
+}

@@ -1,0 +1,30 @@
+//! The ideal active force: what a linear regulator wants, given in full.
+
+use super::clipped_optimal::GAIN;
+use super::{ControlLaw, Gains, LawSpec, Seen};
+use crate::lanes::Lanes;
+
+/// The wanted force itself, for a device that can give any force.
+pub struct Active;
+
+impl ControlLaw for Active {
+    const SPEC: LawSpec = LawSpec {
+        name: "active",
+        title: "Ideal active force",
+        equation: "f = f_c = -K s",
+        description: "The bound that semi-active laws chase: the command is a force in newtons, for the device \
+                      `ideal_actuator`, which may also push energy into the building.",
+        source: "linear quadratic regulator",
+        gains: &[GAIN],
+        tables: &[],
+        memory: 0,
+        wants_curve: false,
+    };
+
+    #[inline(always)]
+    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+        for (device, command) in command.iter_mut().enumerate() {
+            *command = -gains.of_state(0, device, seen.state);
+        }
+    }
+}

@@ -1,0 +1,107 @@
+//! Clipped-optimal control: the force that a linear regulator wants, as far as the damper can follow.
+
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, where_positive};
+use crate::lanes::Lanes;
+use crate::real::Real;
+
+pub(super) const GAIN: GainSpec = GainSpec {
+    name: "gain",
+    unit: "N",
+    shape: Shape::State,
+    description: "K of the wanted resisting force f_c = -K s",
+};
+const FULL_FORCE: GainSpec = GainSpec {
+    name: "full_force",
+    unit: "N",
+    shape: Shape::Device,
+    description: "wanted force at which the largest command is sent",
+};
+
+/// All or nothing.
+pub struct ClippedOptimal;
+
+impl ControlLaw for ClippedOptimal {
+    const SPEC: LawSpec = LawSpec {
+        name: "clipped_optimal",
+        title: "Clipped-optimal",
+        equation: "i = i_max H((f_c - f) f), f_c = -K s",
+        description: "Full command where the damper resists in the wanted direction and less than wanted. Wants the \
+                      force measured. Switches at every sample, so results hold for the stated sample time.",
+        source: "Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575",
+        gains: &[GAIN],
+        tables: &[],
+        memory: 0,
+        wants_curve: false,
+    };
+
+    #[inline(always)]
+    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+        for (device, command) in command.iter_mut().enumerate() {
+            let wanted = -gains.of_state(0, device, seen.state);
+            *command = clipped(wanted, seen.force[device], R::splat(seen.largest[device]));
+        }
+    }
+}
+
+/// `command` where the damper resists in the wanted direction and less than wanted, else zero.
+#[inline(always)]
+pub(super) fn clipped<R: Real>(wanted: R, force: R, command: R) -> R {
+    where_positive((wanted - force) * force, command)
+}
+
+/// In proportion to the wanted force.
+pub struct ModifiedClippedOptimal;
+
+impl ControlLaw for ModifiedClippedOptimal {
+    const SPEC: LawSpec = LawSpec {
+        name: "modified_clipped_optimal",
+        title: "Modified clipped-optimal",
+        equation: "i = i_max min(|f_c|/f_full, 1) H((f_c - f) f), f_c = -K s",
+        description: "The clipped-optimal law with a command in proportion to the wanted force.",
+        source: "Yoshida, Dyke, J. Eng. Mech. 130(4), 2004",
+        gains: &[GAIN, FULL_FORCE],
+        tables: &[],
+        memory: 0,
+        wants_curve: false,
+    };
+
+    #[inline(always)]
+    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+        for (device, command) in command.iter_mut().enumerate() {
+            let wanted = -gains.of_state(0, device, seen.state);
+            let share = (wanted.abs() / gains.of_device(1, device)).min(R::splat(1.0));
+            *command = clipped(wanted, seen.force[device], share * R::splat(seen.largest[device]));
+        }
+    }
+}
+
+/// In proportion to what is missing.
+pub struct ProportionalClippedOptimal;
+
+/// Share of the full force by which the force may be short before the largest command is sent.
+const BAND: f64 = 0.1;
+
+impl ControlLaw for ProportionalClippedOptimal {
+    const SPEC: LawSpec = LawSpec {
+        name: "proportional_clipped_optimal",
+        title: "Proportional clipped-optimal",
+        equation: "i = i_max min(|f_c - f|/(0.1 f_full), 1) H((f_c - f) f), f_c = -K s",
+        description: "The clipped-optimal law with a command in proportion to the force that is missing: smooth where \
+                      the damper follows.",
+        source: "our definition",
+        gains: &[GAIN, FULL_FORCE],
+        tables: &[],
+        memory: 0,
+        wants_curve: false,
+    };
+
+    #[inline(always)]
+    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+        for (device, command) in command.iter_mut().enumerate() {
+            let wanted = -gains.of_state(0, device, seen.state);
+            let missing = (wanted - seen.force[device]).abs();
+            let share = (missing / (R::splat(BAND) * gains.of_device(1, device))).min(R::splat(1.0));
+            *command = clipped(wanted, seen.force[device], share * R::splat(seen.largest[device]));
+        }
+    }
+}

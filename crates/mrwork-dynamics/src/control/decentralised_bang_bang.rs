@@ -1,0 +1,31 @@
+//! Decentralised bang-bang control: the command that takes most energy out of the building's absolute motion.
+
+use super::{ControlLaw, Gains, LawSpec, Seen, where_positive};
+use crate::lanes::Lanes;
+
+/// On or off by the sign of absolute velocity times force.
+pub struct DecentralisedBangBang;
+
+impl ControlLaw for DecentralisedBangBang {
+    const SPEC: LawSpec = LawSpec {
+        name: "decentralised_bang_bang",
+        title: "Decentralised bang-bang",
+        equation: "i = i_max H((e q' + e r v_g) f)",
+        description: "Full command where the force brakes the absolute motion of the floors that the device holds on \
+                      to. Each device needs its own motion and force, and that of the ground where it stands on it.",
+        source: "Jansen, Dyke, J. Eng. Mech. 126(8), 2000, 795-803",
+        gains: &[],
+        tables: &[],
+        memory: 0,
+        wants_curve: false,
+    };
+
+    #[inline(always)]
+    fn command<R: Lanes>(_: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+        for (device, command) in command.iter_mut().enumerate() {
+            let reach = R::splat(seen.ground_reach[device]);
+            let absolute = reach.mul_add(seen.ground_velocity, seen.rate[device]);
+            *command = where_positive(absolute * seen.force[device], R::splat(seen.largest[device]));
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! Direct-current laws of the thesis: with f(i) = F0 + G i + H i^2 the current itself is chosen, not a force.
+
+use super::clipped_optimal::GAIN;
+use super::lyapunov::WEIGHT;
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, where_positive, within};
+use crate::elementary::{Exponent, powf};
+use crate::lanes::Lanes;
+use crate::real::Real;
+
+const THESIS: &str =
+    "after M. T. Nguyen, PhD thesis, University of Technology, Sydney, 2009, ch. 6; form our own";
+
+/// The current that makes V = s'Ps/2 fall fastest.
+pub struct LyapunovDirect;
+
+impl ControlLaw for LyapunovDirect {
+    const SPEC: LawSpec = LawSpec {
+        name: "lyapunov_direct",
+        title: "Lyapunov, current directly",
+        equation: "i = argmin over [0, i_max] of sigma f(i), sigma = s'P B, f(i) = F0 + G i + H i^2",
+        description: "The best of 0, i_max and -G/(2H) where it lies between. Needs no measured force, but a model of \
+                      the damper.",
+        source: THESIS,
+        gains: &[WEIGHT],
+        tables: &[],
+        memory: 0,
+        wants_curve: true,
+    };
+
+    #[inline(always)]
+    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+        let zero = R::splat(0.0);
+        for (device, command) in command.iter_mut().enumerate() {
+            let sigma = gains.of_state(0, device, seen.state);
+            let [_, slope, bend] = seen.parabola(device);
+            let largest = R::splat(seen.largest[device]);
+            let at_largest = gain_of(sigma, slope, bend, largest);
+            let best = R::select(at_largest.less(zero), largest, zero);
+            // Where the parabola is straight this is not a number, and no better.
+            let vertex = within(slope / (R::splat(-2.0) * bend), zero, largest);
+            let better = gain_of(sigma, slope, bend, vertex).less(at_largest.min(zero));
+            *command = R::select(better, vertex, best);
+        }
+    }
+}
+
+/// sigma (f(i) - f(0)).
+#[inline(always)]
+fn gain_of<R: Real>(sigma: R, slope: R, bend: R, i: R) -> R {
+    sigma * i * bend.mul_add(i, slope)
+}
+
+/// The same, all or nothing.
+pub struct LyapunovDirectBangBang;
+
+impl ControlLaw for LyapunovDirectBangBang {
+    const SPEC: LawSpec = LawSpec {
+        name: "lyapunov_direct_bang_bang",
+        title: "Lyapunov, current directly, on or off",
+        equation: "i = i_max H(-sigma G), sigma = s'P B",
+        description: "Full current where more of it makes V = s'Ps/2 fall faster.",
+        source: THESIS,
+        gains: &[WEIGHT],
+        tables: &[],
+        memory: 0,
+        wants_curve: true,
+    };
+
+    #[inline(always)]
+    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+        for (device, command) in command.iter_mut().enumerate() {
+            let sigma = gains.of_state(0, device, seen.state);
+            let [_, slope, _] = seen.parabola(device);
+            *command = where_positive(-sigma * slope, R::splat(seen.largest[device]));
+        }
+    }
+}
+
+/// In proportion to how much the current helps.
+pub struct ProportionalDirect;
+
+impl ControlLaw for ProportionalDirect {
+    const SPEC: LawSpec = LawSpec {
+        name: "proportional_direct",
+        title: "Direct current, proportional",
+        equation: "i = sat(-kappa sigma G), sigma = s'P B",
+        description: "Smooth. With P of a Lyapunov equation the thesis' first controller, with that of a Riccati \
+                      equation and kappa = 1/R its second.",
+        source: THESIS,
+        gains: &[
+            WEIGHT,
+            GainSpec {
+                name: "slope",
+                unit: "A or V, per unit of sigma G",
+                shape: Shape::Device,
+                description: "kappa, or 1/R",
+            },
+        ],
+        tables: &[],
+        memory: 0,
+        wants_curve: true,
+    };
+
+    #[inline(always)]
+    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+        for (device, command) in command.iter_mut().enumerate() {
+            let sigma = gains.of_state(0, device, seen.state);
+            let [_, slope, _] = seen.parabola(device);
+            *command = -gains.of_device(1, device) * sigma * slope;
+        }
+    }
+}
+
+/// The current at which the damper gives the wanted force.
+pub struct InverseDirect;
+
+impl ControlLaw for InverseDirect {
+    const SPEC: LawSpec = LawSpec {
+        name: "inverse_direct",
+        title: "Linear regulator, damper inverted",
+        equation: "H i^2 + G i + F0 = f_c, f_c = -K s; where no root lies in [0, i_max], the end point nearest in force",
+        description: "The damper gives the wanted force wherever it can. Exact where the force is a parabola in the \
+                      current, as in the static model.",
+        source: THESIS,
+        gains: &[GAIN],
+        tables: &[],
+        memory: 0,
+        wants_curve: true,
+    };
+
+    #[inline(always)]
+    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+        let (zero, two) = (R::splat(0.0), R::splat(2.0));
+        let root = Exponent::of(R::splat(0.5));
+        for (device, command) in command.iter_mut().enumerate() {
+            let wanted = -gains.of_state(0, device, seen.state);
+            let [offset, slope, bend] = seen.parabola(device);
+            let largest = R::splat(seen.largest[device]);
+            let missing = offset - wanted;
+            let at_largest = largest.mul_add(bend.mul_add(largest, slope), missing);
+            let nearest = R::select(at_largest.abs().less(missing.abs()), largest, zero);
+            // The root on the branch that starts at i = 0, in the form that a straight parabola leaves whole.
+            let square = slope.mul_add(slope, R::splat(-4.0) * bend * missing);
+            let fall = slope + powf(square.abs(), &root).copysign(slope);
+            let other = if_inside(fall / (-two * bend), largest, nearest);
+            let inverted = if_inside(-two * missing / fall, largest, other);
+            *command = R::select(square.less(zero), nearest, inverted);
+        }
+    }
+}
+
+/// `i` where it lies in [0, largest], else `otherwise`.
+#[inline(always)]
+fn if_inside<R: Real>(i: R, largest: R, otherwise: R) -> R {
+    let from_above = R::select(largest.less(i), otherwise, i);
+    let inside = R::select(i.less(R::splat(0.0)), otherwise, from_above);
+    R::select(i.equal(i), inside, otherwise)
+}

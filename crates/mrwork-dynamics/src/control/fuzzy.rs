@@ -1,0 +1,77 @@
+//! Fuzzy control: a rule base over deformation and velocity, tabulated.
+
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, within};
+use crate::lanes::{Lanes, MOST_LANES};
+
+/// A table of command shares, interpolated.
+pub struct Fuzzy;
+
+impl ControlLaw for Fuzzy {
+    const SPEC: LawSpec = LawSpec {
+        name: "fuzzy",
+        title: "Fuzzy",
+        equation: "i = i_max T(d/d_s, d'/v_s)",
+        description: "A Mamdani rule base, worked out beforehand on a square grid over -1 to 1 in both inputs and \
+                      interpolated bilinearly. Here as a comparison.",
+        source: "our definition",
+        gains: &[
+            GainSpec {
+                name: "deformation_scale",
+                unit: "m",
+                shape: Shape::Device,
+                description: "d_s, deformation at the edge of the table",
+            },
+            GainSpec {
+                name: "rate_scale",
+                unit: "m/s",
+                shape: Shape::Device,
+                description: "v_s, rate at the edge of the table",
+            },
+        ],
+        tables: &["shares"],
+        memory: 0,
+        wants_curve: false,
+    };
+
+    #[inline(always)]
+    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+        let table = &gains.tables[0];
+        let side = table.len().isqrt();
+        let (lower, upper) = (R::splat(-1.0), R::splat(1.0));
+        for (device, command) in command.iter_mut().enumerate() {
+            let x = within(seen.deformation[device] / gains.of_device(0, device), lower, upper);
+            let y = within(seen.rate[device] / gains.of_device(1, device), lower, upper);
+            *command = interpolated(table, side, x, y) * R::splat(seen.largest[device]);
+        }
+    }
+}
+
+/// Bilinear interpolation in a square table over -1 to 1 in both directions.
+#[inline(always)]
+fn interpolated<R: Lanes>(table: &[f64], side: usize, x: R, y: R) -> R {
+    let half = R::splat(0.5 * to_f64(side - 1));
+    let (mut rows, mut columns) = ([0.0; MOST_LANES], [0.0; MOST_LANES]);
+    half.mul_add(x, half).for_each(|lane, row| rows[lane] = row);
+    half.mul_add(y, half).for_each(|lane, column| columns[lane] = column);
+    R::from_fn(|lane| at(table, side, rows[lane], columns[lane]))
+}
+
+#[inline(always)]
+fn at(table: &[f64], side: usize, x: f64, y: f64) -> f64 {
+    if x.is_nan() || y.is_nan() {
+        return f64::NAN;
+    }
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // between 0 and side - 1
+    let (row, column) = ((x as usize).min(side - 2), (y as usize).min(side - 2));
+    let (u, v) = (x - to_f64(row), y - to_f64(column));
+    let entry = |down: usize, right: usize| table[(row + down) * side + column + right];
+    let upper = v.mul_add(entry(0, 1) - entry(0, 0), entry(0, 0));
+    let lower = v.mul_add(entry(1, 1) - entry(1, 0), entry(1, 0));
+    u.mul_add(lower - upper, upper)
+}
+
+#[allow(clippy::cast_precision_loss)] // a table's side is small
+#[inline(always)]
+fn to_f64(count: usize) -> f64 {
+    count as f64
+}

@@ -1,0 +1,40 @@
+//! Modulated homogeneous friction: a friction force in proportion to the last peak of the deformation.
+
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, where_positive};
+use crate::lanes::Lanes;
+
+/// On while the force is below what the last peak calls for.
+pub struct ModulatedHomogeneousFriction;
+
+impl ControlLaw for ModulatedHomogeneousFriction {
+    const SPEC: LawSpec = LawSpec {
+        name: "modulated_homogeneous_friction",
+        title: "Modulated homogeneous friction",
+        equation: "i = i_max H(g |d_p| - |f|), d_p the deformation at its last peak",
+        description: "A friction that grows with the motion, so that the damping ratio does not depend on it. A peak \
+                      is where the rate changes sign between two samples.",
+        source: "Inaudi, Earthquake Eng. Struct. Dyn. 26(3), 1997, 361-376",
+        gains: &[GainSpec {
+            name: "slope",
+            unit: "N/m",
+            shape: Shape::Device,
+            description: "g, wanted friction force per deformation at the last peak",
+        }],
+        tables: &[],
+        memory: 3,
+        wants_curve: false,
+    };
+
+    #[inline(always)]
+    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, memory: &mut [R], command: &mut [R]) {
+        for (device, (command, memory)) in command.iter_mut().zip(memory.chunks_exact_mut(3)).enumerate() {
+            let [last_rate, last_deformation, peak] = memory else { continue };
+            let turned = (*last_rate * seen.rate[device]).less(R::splat(0.0));
+            *peak = R::select(turned, last_deformation.abs(), *peak);
+            *last_rate = seen.rate[device];
+            *last_deformation = seen.deformation[device];
+            let missing = gains.of_device(0, device).mul_add(*peak, -seen.force[device].abs());
+            *command = where_positive(missing, R::splat(seen.largest[device]));
+        }
+    }
+}

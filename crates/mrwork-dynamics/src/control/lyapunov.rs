@@ -1,0 +1,36 @@
+//! Lyapunov control: the command that makes V = s'Ps/2 fall fastest, on or off.
+
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, where_positive};
+use crate::lanes::Lanes;
+
+pub(super) const WEIGHT: GainSpec = GainSpec {
+    name: "weight",
+    unit: "1/s per N, times any factor",
+    shape: Shape::State,
+    description: "P B of each device: sigma = s'P B is by how much V' grows with the force",
+};
+
+/// On or off by the sign of sigma f.
+pub struct Lyapunov;
+
+impl ControlLaw for Lyapunov {
+    const SPEC: LawSpec = LawSpec {
+        name: "lyapunov",
+        title: "Lyapunov",
+        equation: "i = i_max H(-sigma f), sigma = s'P B, A'P + P A = -Q",
+        description: "Full command where the damper's force lowers V = s'Ps/2. Wants the force measured.",
+        source: "Jansen, Dyke, J. Eng. Mech. 126(8), 2000, 795-803",
+        gains: &[WEIGHT],
+        tables: &[],
+        memory: 0,
+        wants_curve: false,
+    };
+
+    #[inline(always)]
+    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+        for (device, command) in command.iter_mut().enumerate() {
+            let sigma = gains.of_state(0, device, seen.state);
+            *command = where_positive(-sigma * seen.force[device], R::splat(seen.largest[device]));
+        }
+    }
+}

@@ -1,0 +1,29 @@
+//! Maximum energy dissipation: the command that takes most energy out of the relative motion.
+
+use super::{ControlLaw, Gains, LawSpec, Seen, where_positive};
+use crate::lanes::Lanes;
+
+/// On or off by the sign of relative velocity times force.
+pub struct MaximumEnergyDissipation;
+
+impl ControlLaw for MaximumEnergyDissipation {
+    const SPEC: LawSpec = LawSpec {
+        name: "maximum_energy_dissipation",
+        title: "Maximum energy dissipation",
+        equation: "i = i_max H(e q' f)",
+        description: "Full command while the device takes energy out. A damper nearly always does, so it comes close \
+                      to passive-on.",
+        source: "Jansen, Dyke, J. Eng. Mech. 126(8), 2000, 795-803",
+        gains: &[],
+        tables: &[],
+        memory: 0,
+        wants_curve: false,
+    };
+
+    #[inline(always)]
+    fn command<R: Lanes>(_: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+        for (device, command) in command.iter_mut().enumerate() {
+            *command = where_positive(seen.rate[device] * seen.force[device], R::splat(seen.largest[device]));
+        }
+    }
+}

@@ -1,0 +1,34 @@
+//! A constant command: passive off, passive on, and all between.
+
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape};
+use crate::lanes::Lanes;
+
+/// The same command throughout.
+pub struct Passive;
+
+impl ControlLaw for Passive {
+    const SPEC: LawSpec = LawSpec {
+        name: "passive",
+        title: "Constant command",
+        equation: "i = i_0",
+        description: "Passive-off where it is zero, passive-on at its largest. The best constant command is the \
+                      baseline that a semi-active law has to beat.",
+        source: "Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575",
+        gains: &[GainSpec {
+            name: "command",
+            unit: "A or V",
+            shape: Shape::Device,
+            description: "the command that is held",
+        }],
+        tables: &[],
+        memory: 0,
+        wants_curve: false,
+    };
+
+    #[inline(always)]
+    fn command<R: Lanes>(gains: &Gains<'_, R>, _: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+        for (device, command) in command.iter_mut().enumerate() {
+            *command = gains.of_device(0, device);
+        }
+    }
+}

@@ -1,0 +1,172 @@
+//! Sliding-mode control: the state is driven to a surface S s = 0 and kept there.
+
+use super::clipped_optimal::{GAIN, clipped};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, within};
+use crate::elementary::{Exponent, powf};
+use crate::lanes::Lanes;
+use crate::real::Real;
+
+const SURFACE: GainSpec = GainSpec {
+    name: "surface",
+    unit: "1",
+    shape: Shape::State,
+    description: "S of the surface S s = 0, one row for each device, signed so that its force pushes S s down",
+};
+const BOUNDARY: GainSpec = GainSpec {
+    name: "boundary",
+    unit: "unit of S s",
+    shape: Shape::Device,
+    description: "half width of the layer in which the switching force is proportional",
+};
+
+/// First order, with a boundary layer.
+pub struct SlidingMode;
+
+impl ControlLaw for SlidingMode {
+    const SPEC: LawSpec = LawSpec {
+        name: "sliding_mode",
+        title: "Sliding mode",
+        equation: "f_c = -K s + rho sat(S s/phi), then i = i_max H((f_c - f) f)",
+        description: "The equivalent force K keeps the state on the surface, the switching force rho brings it there; \
+                      the wanted force is clipped.",
+        source: "after Yang, Wu, Agrawal, J. Eng. Mech. 121(12), 1995; form our own",
+        gains: &[
+            GAIN,
+            SURFACE,
+            GainSpec {
+                name: "switching",
+                unit: "N",
+                shape: Shape::Device,
+                description: "rho, force that brings the state to the surface",
+            },
+            BOUNDARY,
+        ],
+        tables: &[],
+        memory: 0,
+        wants_curve: false,
+    };
+
+    #[inline(always)]
+    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+        for (device, command) in command.iter_mut().enumerate() {
+            let layer = saturated(gains.of_state(1, device, seen.state), gains.of_device(3, device));
+            let equivalent = gains.of_state(0, device, seen.state);
+            let wanted = gains.of_device(2, device).mul_add(layer, -equivalent);
+            *command = clipped(wanted, seen.force[device], R::splat(seen.largest[device]));
+        }
+    }
+}
+
+/// `distance / boundary`, at most 1 in magnitude.
+#[inline(always)]
+fn saturated<R: Real>(distance: R, boundary: R) -> R {
+    within(distance / boundary, R::splat(-1.0), R::splat(1.0))
+}
+
+/// The switching force grows as long as the state is off the surface.
+pub struct AdaptiveSlidingMode;
+
+impl ControlLaw for AdaptiveSlidingMode {
+    const SPEC: LawSpec = LawSpec {
+        name: "adaptive_sliding_mode",
+        title: "Adaptive sliding mode",
+        equation: "f_c = -K s + rho sat(S s/phi), rho' = a |S s| where |S s| > phi, then i = i_max H((f_c - f) f)",
+        description: "Needs no bound of the disturbance: the switching force is learned. It never shrinks.",
+        source: "our definition",
+        gains: &[
+            GAIN,
+            SURFACE,
+            GainSpec {
+                name: "adaptation",
+                unit: "N/s per unit of S s",
+                shape: Shape::Device,
+                description: "a, how fast the switching force grows off the surface",
+            },
+            BOUNDARY,
+        ],
+        tables: &[],
+        memory: 1,
+        wants_curve: false,
+    };
+
+    #[inline(always)]
+    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, memory: &mut [R], command: &mut [R]) {
+        for (device, (command, switching)) in command.iter_mut().zip(memory).enumerate() {
+            let distance = gains.of_state(1, device, seen.state);
+            let boundary = gains.of_device(3, device);
+            let growth = gains.of_device(2, device) * R::splat(seen.sample_time);
+            let grown = growth.mul_add(distance.abs(), *switching);
+            *switching = R::select(boundary.less(distance.abs()), grown, *switching);
+            let equivalent = gains.of_state(0, device, seen.state);
+            let wanted = switching.mul_add(saturated(distance, boundary), -equivalent);
+            *command = clipped(wanted, seen.force[device], R::splat(seen.largest[device]));
+        }
+    }
+}
+
+/// Second order, turned into current by the damper's own curve.
+pub struct SuperTwisting;
+
+impl ControlLaw for SuperTwisting {
+    const SPEC: LawSpec = LawSpec {
+        name: "super_twisting",
+        title: "Super-twisting sliding mode",
+        equation: "(S s)' = u = -k1 |S s|^(1/2) sgn(S s) + w, w' = -k2 sgn(S s)\n\
+                   i = sat((u - S A s - S B f(0)) / (S B f'))",
+        description: "The rate of S s that brings it to zero in finite time without a jump, and the current that gives \
+                      this rate, as far as the damper can. f' is the mean slope of the force over the current.",
+        source: "after Levant, Int. J. Control 58(6), 1993, and Ha et al., IEEE/ASME Trans. Mechatronics 18, 2013; \
+                 form our own",
+        gains: &[
+            SURFACE,
+            GainSpec {
+                name: "drift",
+                unit: "unit of S s per s",
+                shape: Shape::State,
+                description: "S A, rate of S s without force",
+            },
+            GainSpec {
+                name: "push",
+                unit: "unit of S s per N s",
+                shape: Shape::Device,
+                description: "S B, rate of S s per resisting force",
+            },
+            GainSpec {
+                name: "root_gain",
+                unit: "root of the unit of S s, per s",
+                shape: Shape::Device,
+                description: "k1",
+            },
+            GainSpec {
+                name: "integral_gain",
+                unit: "unit of S s per s^2",
+                shape: Shape::Device,
+                description: "k2",
+            },
+        ],
+        tables: &[],
+        memory: 1,
+        wants_curve: true,
+    };
+
+    #[inline(always)]
+    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, memory: &mut [R], command: &mut [R]) {
+        let root = Exponent::of(R::splat(0.5));
+        for (device, (command, integral)) in command.iter_mut().zip(memory).enumerate() {
+            let distance = gains.of_state(0, device, seen.state);
+            let side =
+                R::select(distance.equal(R::splat(0.0)), R::splat(0.0), R::splat(1.0).copysign(distance));
+            let rise = gains.of_device(4, device) * R::splat(-seen.sample_time);
+            *integral = rise.mul_add(side, *integral);
+            let reach = gains.of_device(3, device) * powf(distance.abs(), &root);
+            let wanted = *integral - reach * side;
+            let [f_0, _, f_max] = seen.curves[device].points(seen.deformation[device], seen.rate[device]);
+            let push = gains.of_device(2, device);
+            let free = push.mul_add(f_0, gains.of_state(1, device, seen.state));
+            let slope = push * (f_max - f_0) * R::splat(1.0 / seen.largest[device]);
+            // Where the current changes nothing, none is sent.
+            let still = slope.equal(R::splat(0.0));
+            *command = R::select(still, R::splat(0.0), (wanted - free) / slope);
+        }
+    }
+}

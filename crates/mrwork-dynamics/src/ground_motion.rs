@@ -1,0 +1,79 @@
+//! A ground motion: acceleration that runs straight between its samples.
+
+use crate::error::DynamicsError;
+
+/// Acceleration of the ground on its own grid, at rest after its end.
+#[derive(Clone, Debug)]
+pub struct GroundMotion {
+    dt: f64,
+    acceleration: Vec<f64>,
+    /// Velocity at the samples [m/s], exact for straight pieces.
+    velocity: Vec<f64>,
+}
+
+impl GroundMotion {
+    /// Takes samples [m/s^2] that are `dt` [s] apart.
+    ///
+    /// # Errors
+    /// Where there are fewer than two, one is not finite, or the step is not positive.
+    pub fn new(dt: f64, acceleration: &[f64]) -> Result<Self, DynamicsError> {
+        if !(dt.is_finite() && dt > 0.0) {
+            return Err(DynamicsError::Step(dt));
+        }
+        if acceleration.len() < 2 {
+            return Err(DynamicsError::ShortMotion(acceleration.len()));
+        }
+        if let Some(sample) = acceleration.iter().position(|value| !value.is_finite()) {
+            return Err(DynamicsError::NotFinite { name: "acceleration", sample });
+        }
+        let mut velocity = Vec::with_capacity(acceleration.len());
+        let mut sum = 0.0;
+        velocity.push(sum);
+        for pair in acceleration.windows(2) {
+            sum += 0.5 * dt * (pair[0] + pair[1]);
+            velocity.push(sum);
+        }
+        Ok(Self { dt, acceleration: acceleration.to_vec(), velocity })
+    }
+
+    /// From the first sample to the last [s].
+    #[must_use]
+    pub fn duration(&self) -> f64 {
+        self.dt * to_f64(self.acceleration.len() - 1)
+    }
+
+    /// Acceleration [m/s^2] at `count` times that are `step` [s] apart, from 0 on.
+    #[must_use]
+    pub fn accelerations(&self, step: f64, count: usize) -> Vec<f64> {
+        (0..count).map(|index| self.at(to_f64(index) * step).0).collect()
+    }
+
+    /// Velocity of the ground [m/s] at such times.
+    #[must_use]
+    pub fn velocities(&self, step: f64, count: usize) -> Vec<f64> {
+        (0..count).map(|index| self.at(to_f64(index) * step).1).collect()
+    }
+
+    /// Acceleration and velocity at a time.
+    fn at(&self, time: f64) -> (f64, f64) {
+        let position = time / self.dt;
+        let last = self.acceleration.len() - 1;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // times are not negative
+        let index = position as usize;
+        if index >= last {
+            // A time that is the last sample but for rounding has its value.
+            let on_it = position <= to_f64(last) * (1.0 + 1e-12);
+            return (if on_it { self.acceleration[last] } else { 0.0 }, self.velocity[last]);
+        }
+        let fraction = position - to_f64(index);
+        let (start, end) = (self.acceleration[index], self.acceleration[index + 1]);
+        let acceleration = fraction.mul_add(end - start, start);
+        let velocity = (0.5 * fraction * self.dt).mul_add(start + acceleration, self.velocity[index]);
+        (acceleration, velocity)
+    }
+}
+
+#[allow(clippy::cast_precision_loss)] // counts of samples are far below 2^53
+fn to_f64(count: usize) -> f64 {
+    count as f64
+}

@@ -1,0 +1,155 @@
+"""Frequency and damping of a mode from the peaks of its free vibration."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import curve_fit
+from scipy.signal import butter, sosfiltfilt
+
+from mrwork.buildings.fourier_peak import fourier_peak
+from mrwork.buildings.free_vibration import ModeEstimate, checked, mode_estimate
+from mrwork.errors import RecordError
+
+Floats = NDArray[np.float64]
+
+# Half the stretch around an extreme to which a parabola is fitted, in periods.
+_STRETCH: Final = 1.0 / 8.0
+_FEWEST_EXTREMES: Final = 5
+_FILTER_ORDER: Final = 3
+# Of the filter at the ends of the record, in inverse band widths: what is left there is below 0.1 %.
+_SETTLING: Final = 3.0
+
+
+def logarithmic_decrement(
+    signal: Floats, *, dt: float, band: tuple[float, float] | None = None, smallest: float = 0.05
+) -> ModeEstimate:
+    """Frequency and damping of a mode from the extremes of its free vibration.
+
+    Extreme k, at the time t_k, is `offset + (-1)^k a exp(-sigma t_k)`; offset, a and sigma are fitted together. That is
+    the logarithmic decrement `2 pi sigma / omega_d` from all extremes at once, each counted by how far it stands out of
+    the noise. The times give `t_k = t_0 + k pi / omega_d`. Standard errors are those of the two fits.
+
+    Parameters
+    ----------
+    signal
+        From the release on, shape (n_time,), in any unit.
+    dt
+        Step [s].
+    band
+        Pass band [Hz] around the mode, where the record has others too; filtered forth and back, so nothing is shifted.
+        What the ends of the record do to the filter is left out.
+    smallest
+        Extremes below this share of the largest are left out.
+
+    Raises
+    ------
+    RecordError
+        Where the record has no peak, or fewer than five extremes that stand out.
+    SettingError
+        Where step or band cannot be.
+    """
+    signal, limits = checked(signal, dt, band)
+    start = fourier_peak(signal, dt=dt, band=band)
+    period = 1.0 / start.frequency
+    margin = 0.0
+    if band is not None:
+        nyquist = 0.5 / dt
+        sections = butter(
+            _FILTER_ORDER,
+            (limits[0], min(limits[1], 0.999 * nyquist)),
+            btype="bandpass",
+            fs=1.0 / dt,
+            output="sos",
+        )
+        signal = sosfiltfilt(sections, signal - signal.mean())
+        margin = _SETTLING / (limits[1] - limits[0])
+    times, values = _extremes(signal, dt, start, period, margin)
+    kept = _standing_out(values, smallest)
+    times, values = times[:kept], values[:kept]
+    if kept < _FEWEST_EXTREMES:
+        raise RecordError(
+            f"free vibration: {kept} extremes of the mode at {start.frequency:g} Hz stand out; "
+            f"{_FEWEST_EXTREMES} are needed, give a longer or quieter record"
+        )
+    sides = np.sign(values[0] - values[1]) * (-1.0) ** np.arange(kept)
+
+    def envelope(time: Floats, offset: float, amplitude: float, decay: float) -> Floats:
+        return np.asarray(offset + sides * amplitude * np.exp(-decay * time))
+
+    first = (0.0, float(np.ptp(values)) / 2.0, start.decay)
+    fitted, covariance = curve_fit(envelope, times - times[0], values, p0=first)
+    residuals = values - envelope(times - times[0], *fitted)
+    decay, decay_error = float(fitted[2]), float(np.sqrt(covariance[2, 2])) * _kinship(sides * residuals)
+    if decay <= 0.0:
+        raise RecordError(
+            f"free vibration: the extremes of the mode at {start.frequency:g} Hz do not decay; give the record from "
+            "the release on, until it is still"
+        )
+    weights = np.exp(-decay * (times - times[0]))
+    (half_period, _), spread = np.polyfit(np.arange(kept), times, 1, w=weights, cov=True)
+    late = (times - np.polyval((half_period, _), np.arange(kept))) * weights
+    omega = np.pi / half_period
+    omega_error = omega / half_period * float(np.sqrt(spread[0, 0])) * _kinship(late)
+    return mode_estimate(
+        "decrement",
+        omega=float(omega),
+        omega_error=float(omega_error),
+        decay=decay,
+        decay_error=decay_error,
+        n_extremes=kept,
+    )
+
+
+def _extremes(
+    signal: Floats, dt: float, start: ModeEstimate, period: float, margin: float
+) -> tuple[Floats, Floats]:
+    """Times and values of the extremes: where the mode has them by its phase, a parabola through the samples around."""
+    time = dt * np.arange(signal.size)
+    omega = 2.0 * np.pi * np.sqrt(1.0 - start.damping_ratio**2) / period
+    decaying = np.exp(-start.decay * time)
+    shapes = np.stack(
+        [decaying * np.cos(omega * time), decaying * np.sin(omega * time), np.ones_like(time)], axis=1
+    )
+    cosine, sine, _ = np.linalg.lstsq(shapes, signal)[0]
+    # The derivative of exp(-sigma t) cos(omega t - phase) vanishes half a period apart.
+    first = (np.arctan2(sine, cosine) - np.arctan2(start.decay, omega)) / omega
+    reach = _STRETCH * period
+    earliest, latest = max(margin, reach), time[-1] - max(margin, reach)
+    numbers = np.arange(
+        np.ceil((earliest - first) / (period / 2.0)), np.floor((latest - first) / (period / 2.0)) + 1
+    )
+    times, values = [], []
+    for middle in first + numbers * np.pi / omega:
+        around = np.abs(time - middle) <= reach
+        if around.sum() < 3 or not earliest <= middle <= latest:
+            continue
+        bend, slope, value = np.polyfit(time[around] - middle, signal[around], 2)
+        moved = np.clip(-slope / (2.0 * bend), -reach, reach) if bend else 0.0
+        times.append(middle + moved)
+        # At the vertex noise would always add to the extreme, and most to the small ones: the decay would seem slow.
+        values.append(value)
+    return np.array(times), np.array(values)
+
+
+def _standing_out(values: Floats, smallest: float) -> int:
+    """How many extremes come before the first that is small, or on the wrong side of its neighbours."""
+    if values.size < 2:
+        return int(values.size)
+    swings = np.diff(values)
+    alternating = np.append(True, np.sign(swings[1:]) == -np.sign(swings[:-1]))
+    large = np.abs(swings) >= smallest * np.abs(swings).max()
+    clear = alternating & large
+    return int(clear.size if clear.all() else clear.argmin()) + 1
+
+
+def _kinship(residuals: Floats) -> float:
+    """Factor on a standard error whose residuals follow one another: noise in a narrow band does not scatter freely."""
+    power = float(residuals @ residuals)
+    if power == 0.0 or residuals.size < 3:
+        return 1.0
+    neighbours = float(residuals[1:] @ residuals[:-1]) / power
+    kin = min(max(neighbours, 0.0), 0.9)
+    return float(np.sqrt((1.0 + kin) / (1.0 - kin)))
