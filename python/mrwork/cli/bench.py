@@ -93,6 +93,30 @@ def add_parser(verbs: Any) -> None:
     refinements.add_argument("--quiet", action="store_true", help="no progress")
     add_json(refinements)
     refinements.set_defaults(run=run_refine)
+    loop = subjects.add_parser(
+        "loop", help="closed-loop runs of a building beside numba, jax, solve_ivp and python-control"
+    )
+    loop.add_argument("--candidates", type=int, default=1000, metavar="N", help="rows of gains")
+    loop.add_argument("--motions", type=int, default=4, metavar="N", help="ground motions, synthetic")
+    loop.add_argument("--seconds", type=float, default=30.0, metavar="S", help="length of each")
+    loop.add_argument(
+        "--threads",
+        type=int,
+        nargs="+",
+        default=[1, 2],
+        metavar="N",
+        help="numbers of threads, default 1 and 2",
+    )
+    loop.add_argument(
+        "--rounds",
+        type=int,
+        default=3,
+        metavar="N",
+        help="passes of each contender, of which the median counts",
+    )
+    loop.add_argument("--quiet", action="store_true", help="no progress")
+    add_json(loop)
+    loop.set_defaults(run=run_loop)
 
 
 def run_kernels(options: argparse.Namespace) -> int:
@@ -160,6 +184,22 @@ def run_refine(options: argparse.Namespace) -> int:
         seeds=options.seeds, threads=options.threads, quick=options.quick, on_progress=_progress(options)
     )
     print(json.dumps(benchmark.as_dict()) if options.json else format_refine(benchmark))
+    return 0
+
+
+def run_loop(options: argparse.Namespace) -> int:
+    """Measure how long thousands of closed-loop runs take."""
+    from mrwork.bench import bench_loop, format_loop
+
+    benchmark = bench_loop(
+        candidates=options.candidates,
+        motions=options.motions,
+        seconds=options.seconds,
+        threads=options.threads,
+        rounds=options.rounds,
+        on_progress=_progress(options),
+    )
+    print(json.dumps(benchmark.as_dict()) if options.json else format_loop(benchmark))
     return 0
 
 

@@ -1,1 +1,1 @@
-"""A building with its dampers, driver and controller as a sampled loop, and how well it does."""
+"""Buildings with dampers and controllers under ground motions: a typed face of the Rust core."""

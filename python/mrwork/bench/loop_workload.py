@@ -1,0 +1,150 @@
+"""What every contender of `mrwork bench loop` computes: clipped-optimal control of a five-storey building.
+
+The building is that of the University of Technology, Sydney (masses published, the rest ours: equal storeys, 1 %
+Rayleigh damping in modes 1 and 3), the device a differential pair of RD-1005-3 dampers across the first storey
+(`static_hysteretic`, set `kwok2006`) behind a driver with a lag of 190 1/s. A candidate is a row of gains K: every
+1 ms the wanted force is f_c = -K [q; v], and the command i_max H((f_c - f) f) is held (Dyke et al. 1996). One classical
+Runge-Kutta step per control sample, the ground's acceleration straight between the samples of its record. Each run
+is reduced as it goes on; nothing else is kept of it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_continuous_are
+from scipy.signal import lfilter
+
+from mrwork.presets import PUBLISHED_SETS
+from mrwork.twins.loop.ground import half_steps
+
+Floats = NDArray[np.float64]
+
+N_STOREYS = 5
+LAG = 190.0
+LARGEST_COMMAND = 1.88
+STEP = 1e-3
+
+# Columns of what is kept of a run: of the floors, lowest first, peak and sum of squares of displacement, drift and
+# absolute acceleration at the start of every step; of the device its force and stroke likewise; the sum of the
+# commands; the energies, in the order input, structural damping, device, kinetic, strain.
+N_REDUCTIONS = 6 * N_STOREYS + 4 + 1 + 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopWorkload:
+    """Candidates and ground motions; a run is one candidate under one motion.
+
+    Attributes
+    ----------
+    mass : (5,) of the floors [kg], lowest first.
+    stiffness, damping : (5, 5) matrices of a chain, K [N/m] and C [N s/m].
+    device : (12,) laws of the damper in the coil's current: c.0, c.1, k.0, k.1, alpha.0, alpha.1, alpha.2, beta,
+        delta.0, delta.1, x_s, f0.0 (the last cancels in the pair).
+    gains : (n_candidates, 10) K, wanted force [N] from floor displacements [m] and velocities [m/s].
+    ground : (n_motions, 2 n_steps + 1) ground acceleration [m/s^2] every half step.
+    """
+
+    mass: Floats
+    stiffness: Floats
+    damping: Floats
+    device: Floats
+    gains: Floats
+    ground: Floats
+
+    @property
+    def runs(self) -> int:
+        """How many."""
+        return len(self.gains) * len(self.ground)
+
+    @property
+    def n_steps(self) -> int:
+        """Integration steps of a run."""
+        return int(self.ground.shape[1] // 2)
+
+    def cut(self, *, candidates: int, motions: int, n_steps: int) -> LoopWorkload:
+        """Return the first so many of each."""
+        return LoopWorkload(
+            mass=self.mass,
+            stiffness=self.stiffness,
+            damping=self.damping,
+            device=self.device,
+            gains=self.gains[:candidates],
+            ground=np.ascontiguousarray(self.ground[:motions, : 2 * n_steps + 1]),
+        )
+
+
+def loop_workload(candidates: int = 1000, motions: int = 4, seconds: float = 30.0) -> LoopWorkload:
+    """Candidates from the LQR with scattered weights, synthetic motions with a peak of 0.3 g."""
+    # A generator for each, so that more of one leaves the other as it was.
+    of_gains, of_motions = np.random.default_rng([1996, 0]), np.random.default_rng([1996, 1])
+    mass = np.array([337.0, 330.0, 330.0, 330.0, 330.0])
+    storey = 1.448e6
+    stiffness = storey * (2.0 * np.eye(N_STOREYS) - np.eye(N_STOREYS, k=1) - np.eye(N_STOREYS, k=-1))
+    stiffness[-1, -1] = storey
+    damping = 0.309478 * np.diag(mass) + 1.89972e-4 * stiffness
+    return LoopWorkload(
+        mass=mass,
+        stiffness=stiffness,
+        damping=damping,
+        device=_device(),
+        gains=np.array([_gain(mass, stiffness, damping, of_gains) for _ in range(candidates)]),
+        ground=np.array([_ground(seconds, of_motions) for _ in range(motions)]),
+    )
+
+
+def chain_springs(stiffness: Floats) -> Floats:
+    """Stiffness of each storey of a chain [N/m], lowest first, shape (5,)."""
+    between = -np.diag(stiffness, 1)
+    return np.concatenate([[stiffness[0, 0] - between[0]], between])
+
+
+def synthetic_motion(seconds: float, rng: np.random.Generator) -> tuple[Floats, float]:
+    """White noise through the ground of Kanai and Tajimi (15.6 rad/s, 0.6) with a peak of 0.3 g, and its step [s]."""
+    dt = 0.01
+    n_time = round(seconds / dt) + 1
+    frequency, ratio = 15.6, 0.6
+    # The filter (2 zeta w s + w^2) / (s^2 + 2 zeta w s + w^2) by the bilinear rule.
+    c = 2.0 / dt
+    top = np.array(
+        [2 * ratio * frequency * c + frequency**2, 2 * frequency**2, frequency**2 - 2 * ratio * frequency * c]
+    )
+    bottom = np.array([c**2 + top[0], 2 * frequency**2 - 2 * c**2, c**2 + top[2]])
+    shaped = lfilter(top / bottom[0], bottom / bottom[0], rng.standard_normal(n_time))
+    time = dt * np.arange(n_time)
+    envelope = np.minimum(1.0, (time / 3.0) ** 2) * np.exp(-0.2 * np.maximum(0.0, time - 12.0))
+    motion = shaped * envelope
+    return 0.3 * 9.81 * motion / np.abs(motion).max(), dt
+
+
+def _ground(seconds: float, rng: np.random.Generator) -> Floats:
+    acceleration, dt = synthetic_motion(seconds, rng)
+    return half_steps(acceleration, dt, STEP, round((acceleration.size - 1) * dt / STEP))
+
+
+def _device() -> Floats:
+    (found,) = (entry for entry in PUBLISHED_SETS if entry.name == "kwok2006")
+    flat: list[float] = []
+    for name in ("c", "k", "alpha", "beta", "delta", "x_s"):
+        value = found.values[name]
+        flat += value if isinstance(value, tuple) else (value,)
+    first = found.values["f0"]
+    return np.array([*flat, first[0] if isinstance(first, tuple) else first])
+
+
+def _gain(mass: Floats, stiffness: Floats, damping: Floats, rng: np.random.Generator) -> Floats:
+    """K of an LQR that weighs strain, kinetic energy and force, each with a factor of its own, in kN."""
+    per_mass = np.diag(1.0 / mass)
+    zero, one = np.zeros((N_STOREYS, N_STOREYS)), np.eye(N_STOREYS)
+    state = np.block([[zero, one], [-per_mass @ stiffness, -per_mass @ damping]])
+    # The device pulls the first floor back.
+    effect = np.zeros((2 * N_STOREYS, 1))
+    effect[N_STOREYS, 0] = -1e3 / mass[0]
+    strain, kinetic = 10.0 ** rng.uniform(-1.0, 1.0, 2)
+    weight = np.block([[strain * stiffness, zero], [zero, kinetic * np.diag(mass)]])
+    cost = 10.0 ** rng.uniform(0.0, 2.0)
+    riccati = solve_continuous_are(state, effect, weight, np.array([[cost]]))
+    gain: Floats = 1e3 * (effect.T @ riccati)[0] / cost
+    return gain

@@ -1,0 +1,137 @@
+"""Control laws for the twin: smooth as they stand, or bang-bang with a switch that can be softened.
+
+A law is a `NamedTuple` of numbers, differentiable in each, with `command(measured)`. f is the force of a channel's
+dampers [N], s = [q; q'] the state. `width` 0 is the switch of the paper, whose derivative is zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """What a law sees at a control sample.
+
+    Attributes
+    ----------
+    state
+        s, shape (2n,).
+    force
+        Of the dampers of each channel, shape (n_channels,) [N].
+    force_at
+        The same if the coils had another current, (n_channels,) to (n_channels,).
+    largest
+        Largest command of each channel, shape (n_channels,).
+    """
+
+    state: Array
+    force: Array
+    force_at: Callable[[Array], Array]
+    largest: Array
+
+    def slope(self) -> Array:
+        """G of f(i) = F0 + G i + H i^2 through the forces at 0, half and the largest command, shape (n_channels,)."""
+        none, middle, full = (self.force_at(share * self.largest) for share in (0.0, 0.5, 1.0))
+        return (4.0 * middle - full - 3.0 * none) / self.largest
+
+
+class Law(Protocol):
+    """A control law."""
+
+    def command(self, measured: Measured) -> Array:
+        """Command of each channel, shape (n_channels,); the loop holds it between 0 and the largest."""
+
+
+def switch(x: Array, width: Array | float) -> Array:
+    """H(x), or 1 / (1 + exp(-x / width)) where `width` is positive."""
+    soft = jnp.asarray(width) > 0.0
+    smooth = jax.nn.sigmoid(x / jnp.where(soft, width, 1.0))
+    return jnp.where(soft, smooth, jnp.where(x > 0.0, 1.0, 0.0))
+
+
+class Passive(NamedTuple):
+    """A constant command, shape (n_channels,)."""
+
+    constant: Array
+
+    def command(self, measured: Measured) -> Array:
+        """The same always."""
+        return self.constant
+
+
+class ClippedOptimal(NamedTuple):
+    """`V_max H((f_c - f) f)`, f_c = -K s (Dyke et al. 1996), softened over `width` [N]: (f_c - f) f / width^2.
+
+    `gain` is K, shape (n_channels, 2n).
+    """
+
+    gain: Array
+    width: Array | float = 0.0
+
+    def command(self, measured: Measured) -> Array:
+        """All or nothing, or what lies between."""
+        wanted = -self.gain @ measured.state
+        return measured.largest * switch((wanted - measured.force) * measured.force, jnp.square(self.width))
+
+
+class ModifiedClippedOptimal(NamedTuple):
+    """`V_c H((f_c - f) f)`, V_c = V_max |f_c| / f_max at most V_max (Yoshida and Dyke 2004), softened likewise.
+
+    `largest_force` is f_max [N], shape (n_channels,).
+    """
+
+    gain: Array
+    largest_force: Array
+    width: Array | float = 0.0
+
+    def command(self, measured: Measured) -> Array:
+        """In proportion to the force that is wanted."""
+        wanted = -self.gain @ measured.state
+        share = jnp.minimum(jnp.abs(wanted) / self.largest_force, 1.0)
+        on = switch((wanted - measured.force) * measured.force, jnp.square(self.width))
+        return measured.largest * share * on
+
+
+class LyapunovBangBang(NamedTuple):
+    """`V_max H(-(s'P B) f)` (Jansen and Dyke 2000), softened over `width` [that of s'P B f].
+
+    `weight` is P B, shape (2n, n_channels).
+    """
+
+    weight: Array
+    width: Array | float = 0.0
+
+    def command(self, measured: Measured) -> Array:
+        """On where the damper takes from s'P s."""
+        return measured.largest * switch(-(measured.state @ self.weight) * measured.force, self.width)
+
+
+class LyapunovDirect(NamedTuple):
+    """`i = sat(-kappa sigma G)`, sigma = s'P B: the smooth form of the thesis' first controller.
+
+    `weight` is P B, shape (2n, n_channels); G is the slope of the force in the current.
+    """
+
+    kappa: Array
+    weight: Array
+
+    def command(self, measured: Measured) -> Array:
+        """In proportion to what the current would take from s'P s."""
+        return -self.kappa * (measured.state @ self.weight) * measured.slope()
+
+
+class LqrDirect(NamedTuple):
+    """`i = sat(-R^-1 G(s) B'P s)`, the thesis' second controller; `gain` is R^-1 B'P, shape (n_channels, 2n)."""
+
+    gain: Array
+
+    def command(self, measured: Measured) -> Array:
+        """The wanted force, through the slope of the force in the current."""
+        return -measured.slope() * (self.gain @ measured.state)

@@ -1,0 +1,191 @@
+"""A run of the loop: at t = k Ts measure and command, then integration steps until the next control sample."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import NamedTuple, TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array, lax
+
+from mrwork.errors import SettingError
+from mrwork.twins.loop.laws import Law, Measured
+from mrwork.twins.loop.plant import LoopDevice, LoopPlant, n_channels
+from mrwork.twins.loop.reductions import LoopResult, Reductions
+from mrwork.twins.loop.step import Motion, StepGround, at_rest, nothing_kept, reduced, stage, step
+
+Devices = tuple[LoopDevice, ...]
+Y = TypeVar("Y")
+
+
+class LoopHistories(NamedTuple):
+    """At the start of every step: q, q' (n_steps, n), forces and coil currents (n_steps, n_devices), commands."""
+
+    displacement: Array
+    velocity: Array
+    force: Array
+    received: Array
+    command: Array
+
+
+class _Carry(NamedTuple):
+    motion: Motion
+    received: Array
+    # Newest first: what the law said at this control sample and at those before that still count.
+    commands: Array
+    kept: Reductions
+
+
+@partial(jax.jit, static_argnames=("steps_per_sample", "delay"))
+def run_loop(
+    plant: LoopPlant,
+    devices: Devices,
+    law: Law,
+    ground: Array,
+    *,
+    step_time: Array | float,
+    largest_command: Array,
+    steps_per_sample: int = 1,
+    delay: int = 0,
+) -> LoopResult:
+    """Run the loop from rest, without current in the coils, and reduce it as it goes on.
+
+    Derivatives need memory for the square root of the number of samples: what lies between is computed again.
+
+    Parameters
+    ----------
+    law
+        One of `mrwork.twins.loop.laws`.
+    ground
+        Acceleration of the ground every half step [m/s^2], shape (2 n_steps + 1,), see `ground.half_steps`.
+    step_time
+        Integration step [s].
+    largest_command
+        Of each channel, shape (n_channels,); the least is 0.
+    steps_per_sample
+        Integration steps from one control sample to the next.
+    delay
+        Integration steps from measurement to driver.
+
+    Raises
+    ------
+    SettingError
+        Where the steps do not fill whole control samples.
+    """
+    last, _ = _scanned(
+        plant, devices, law, ground, step_time, largest_command, steps_per_sample, delay, keep=False
+    )
+    q, v = last.motion.q, last.motion.v
+    return LoopResult(
+        reductions=last.kept._replace(energies=last.motion.energies),
+        kinetic=0.5 * v @ (plant.mass @ v),
+        strain=0.5 * q @ (plant.stiffness @ q),
+        n_steps=jnp.float64((ground.shape[0] - 1) // 2),
+    )
+
+
+@partial(jax.jit, static_argnames=("steps_per_sample", "delay"))
+def loop_histories(
+    plant: LoopPlant,
+    devices: Devices,
+    law: Law,
+    ground: Array,
+    *,
+    step_time: Array | float,
+    largest_command: Array,
+    steps_per_sample: int = 1,
+    delay: int = 0,
+) -> LoopHistories:
+    """Return the histories of the same run; see `run_loop`."""
+    _, histories = _scanned(
+        plant, devices, law, ground, step_time, largest_command, steps_per_sample, delay, keep=True
+    )
+    assert histories is not None
+    flat: LoopHistories = jax.tree.map(lambda x: x.reshape(-1, x.shape[-1]), histories)
+    return flat
+
+
+def _scanned(
+    plant: LoopPlant,
+    devices: Devices,
+    law: Law,
+    ground: Array,
+    h: Array | float,
+    largest: Array,
+    steps_per_sample: int,
+    delay: int,
+    *,
+    keep: bool,
+) -> tuple[_Carry, LoopHistories | None]:
+    n_samples = _samples(ground, steps_per_sample, delay)
+    pulls = jnp.linalg.solve(plant.mass, jnp.stack([device.row for device in devices], axis=1))
+    channels = np.array([device.channel for device in devices])
+    total = jnp.asarray(np.eye(n_channels(devices))[channels].T)
+    # How many control samples ago the command was given that a step receives.
+    ages = np.array([max(0, math.ceil((delay - j) / steps_per_sample)) for j in range(steps_per_sample)])
+
+    def force(motion: Motion, received: Array) -> Array:
+        parameters = [device.parameters(received[index]) for index, device in enumerate(devices)]
+        return stage(plant, devices, pulls, parameters, motion, jnp.float64(0.0)).force
+
+    def integrate(carry: _Carry, inputs: tuple[Array, StepGround]) -> tuple[_Carry, LoopHistories | None]:
+        age, accelerations = inputs
+        command = carry.commands[age]
+        after, received, start = step(
+            plant, devices, pulls, carry.motion, carry.received, command[channels], accelerations, h
+        )
+        kept = reduced(plant, carry.kept, carry.motion, start, command, accelerations.start)
+        history = None
+        if keep:
+            history = LoopHistories(carry.motion.q, carry.motion.v, start.force, carry.received, command)
+        return _Carry(after, received, carry.commands, kept), history
+
+    def sample(carry: _Carry, accelerations: StepGround) -> tuple[_Carry, LoopHistories | None]:
+        measured = Measured(
+            state=jnp.concatenate([carry.motion.q, carry.motion.v]),
+            force=total @ force(carry.motion, carry.received),
+            force_at=lambda currents: total @ force(carry.motion, currents[channels]),
+            largest=largest,
+        )
+        command = jnp.clip(law.command(measured), 0.0, largest)
+        commands = jnp.concatenate([command[None], carry.commands[:-1]])
+        return lax.scan(integrate, carry._replace(commands=commands), (jnp.asarray(ages), accelerations))
+
+    start = _Carry(
+        motion=at_rest(plant, devices),
+        received=jnp.zeros(len(devices)),
+        commands=jnp.zeros((1 + int(ages.max()), len(largest))),
+        kept=nothing_kept(plant, len(devices), len(largest)),
+    )
+    at_steps = StepGround(ground[:-1:2], ground[1::2], ground[2::2])
+    at_samples = jax.tree.map(lambda a: a.reshape(n_samples, steps_per_sample), at_steps)
+    if keep:
+        return lax.scan(sample, start, at_samples)
+
+    @jax.checkpoint
+    def stretch(carry: _Carry, accelerations: StepGround) -> tuple[_Carry, None]:
+        last, _ = lax.scan(sample, carry, accelerations)
+        return last, None
+
+    length = max(1, math.isqrt(n_samples))
+    whole = n_samples // length * length
+    folded = jax.tree.map(lambda a: a[:whole].reshape(-1, length, steps_per_sample), at_samples)
+    last, _ = lax.scan(stretch, start, folded)
+    if whole < n_samples:
+        last, _ = stretch(last, jax.tree.map(lambda a: a[whole:], at_samples))
+    return last, None
+
+
+def _samples(ground: Array, steps_per_sample: int, delay: int) -> int:
+    """How many control samples there are."""
+    n_steps, odd = divmod(ground.shape[0] - 1, 2)
+    if odd or n_steps < 1 or steps_per_sample < 1 or n_steps % steps_per_sample or delay < 0:
+        raise SettingError(
+            f"{ground.shape[0]} values of the ground's acceleration, {steps_per_sample} steps to a control sample and "
+            f"a delay of {delay} do not make a run; give two values to a step and one more, whole control samples, "
+            "and a delay of 0 or more"
+        )
+    return n_steps // steps_per_sample

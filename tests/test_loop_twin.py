@@ -1,0 +1,150 @@
+"""The loop's twin takes the steps it says it takes, and what it keeps of a run adds up."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax import Array
+
+import mrwork as mr
+from loop_twin_samples import LARGEST, STEP, a_ground, five_storeys, two_storeys
+from mrwork.bench.loop_plain import PlainLoop
+from mrwork.bench.loop_workload import LARGEST_COMMAND, loop_workload
+from mrwork.errors import SettingError
+from mrwork.twins.loop.ground import half_steps
+from mrwork.twins.loop.laws import ClippedOptimal, Passive
+from mrwork.twins.loop.plant import LoopDevice
+from mrwork.twins.loop.run import loop_histories, run_loop
+
+
+def run(law: Any, devices: tuple[LoopDevice, ...] | None = None, n_steps: int = 400, **settings: Any) -> Any:
+    plant, ours = two_storeys()
+    ground = settings.pop("ground", None)
+    return run_loop(
+        plant,
+        ours if devices is None else devices,
+        law,
+        a_ground(n_steps) if ground is None else ground,
+        **({"step_time": STEP, "largest_command": jnp.array([LARGEST])} | settings),
+    )
+
+
+def histories(law: Any, n_steps: int = 400, **settings: Any) -> Any:
+    plant, devices = two_storeys()
+    given = {"step_time": STEP, "largest_command": jnp.array([LARGEST])} | settings
+    return loop_histories(plant, devices, law, a_ground(n_steps), **given)
+
+
+def test_five_storeys_move_as_in_plain_steps() -> None:
+    workload = loop_workload(1, 1, 1.0)
+    plant, devices = five_storeys(workload)
+    found = run_loop(
+        plant,
+        devices,
+        ClippedOptimal(jnp.asarray(workload.gains)),
+        jnp.asarray(workload.ground[0]),
+        step_time=1e-3,
+        largest_command=jnp.array([LARGEST_COMMAND]),
+    )
+    expected = PlainLoop.of(workload, 0).run(0)
+    kept = found.reductions
+    floors = [*kept.displacement, *kept.drift, *kept.acceleration]
+    # The two dampers stroke alike; their forces differ by what cancels in the pair.
+    others = [kept.stroke.peak[:1], kept.stroke.squares[:1], kept.command, jnp.stack(kept.energies)]
+    ends = [jnp.stack([found.kinetic, found.strain])]
+    np.testing.assert_allclose(
+        np.concatenate([*floors, *others, *ends]), np.delete(expected, (30, 31)), rtol=1e-11
+    )
+
+
+def test_opposed_dampers_of_an_odd_model_act_as_two() -> None:
+    _, (damper,) = two_storeys()
+    pair = run(Passive(jnp.array([2.0])), (damper, replace(damper, opposed=True)))
+    two = run(Passive(jnp.array([2.0])), (replace(damper, count=2.0),))
+    np.testing.assert_allclose(
+        pair.reductions.displacement.peak, two.reductions.displacement.peak, rtol=1e-10
+    )
+    np.testing.assert_allclose(2.0 * pair.reductions.force.peak[0], two.reductions.force.peak[0], rtol=1e-10)
+
+
+def test_halving_the_step_of_a_passive_run_leaves_a_sixteenth_of_the_error() -> None:
+    # A damper without a knee, so that the order shows.
+    plain = mr.damper("hyperbolic_tangent_gavin")
+    theta = jnp.array([20.0, 0.1, 0.01, 100.0, 20.0, 0.0])
+    device = (LoopDevice(spec=plain, theta=theta, row=jnp.eye(2)[0]),)
+
+    def peak(n_steps: int) -> Array:
+        # A ramp, so that no sample of the ground falls inside a step.
+        ground = jnp.asarray(half_steps(np.array([0.0, 5.0]), 0.5, 0.5 / n_steps, n_steps))
+        found = run(Passive(jnp.zeros(1)), device, ground=ground, step_time=0.5 / n_steps)
+        return jnp.stack([found.kinetic, found.strain, *found.reductions.energies])
+
+    coarse, middle, fine = (peak(n_steps) for n_steps in (50, 100, 200))
+    assert 12.0 < float(jnp.linalg.norm(coarse - middle) / jnp.linalg.norm(middle - fine)) < 20.0
+
+
+def test_what_enters_is_stored_or_dissipated() -> None:
+    gain = jnp.array([[0.0, 0.0, 300.0, 0.0]])
+    errors = [
+        float(run(ClippedOptimal(gain), n_steps=800 * m, ground=a_ground(800 * m, STEP / m), **settings).energy_error)
+        for m in (1, 4)
+        for settings in ({"step_time": STEP / m, "steps_per_sample": m},)
+    ]  # fmt: skip
+    assert errors[0] < 1e-3
+    assert errors[1] < errors[0] / 16.0
+
+
+def test_a_late_command_is_the_same_command_later() -> None:
+    law = Passive(jnp.array([3.0]))
+    prompt = histories(law, steps_per_sample=4).received[:, 0]
+    for delay in (1, 4, 6):
+        late = histories(law, steps_per_sample=4, delay=delay).received[:, 0]
+        assert not late[: delay + 1].any()
+        np.testing.assert_array_equal(late[delay:], prompt[: late.size - delay])
+
+
+def test_a_command_is_held_until_the_next_sample() -> None:
+    command = histories(ClippedOptimal(jnp.array([[0.0, 0.0, 300.0, 0.0]])), steps_per_sample=8).command
+    held = np.asarray(command[:, 0]).reshape(-1, 8)
+    assert (held == held[:, :1]).all()
+    assert 0.05 < np.mean(held[:, 0] > 0.0) < 0.9
+
+
+def test_what_is_kept_is_what_the_histories_hold() -> None:
+    law = ClippedOptimal(jnp.array([[0.0, 0.0, 300.0, 0.0]]))
+    kept, whole = (
+        run(law, n_steps=390, steps_per_sample=2).reductions,
+        histories(law, 390, steps_per_sample=2),
+    )
+    np.testing.assert_allclose(kept.displacement.peak, np.abs(whole.displacement).max(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(kept.force.squares, (whole.force**2).sum(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(kept.command, whole.command.sum(axis=0), rtol=1e-12)
+
+
+def test_runs_side_by_side_are_the_runs_alone() -> None:
+    gains = jnp.linspace(-200.0, 400.0, 3)[:, None, None] * jnp.array([[0.0, 0.0, 1.0, 0.5]])
+
+    def peaks(gain: Array) -> Array:
+        found: Array = run(ClippedOptimal(gain)).reductions.acceleration.peak
+        return found
+
+    together = jax.vmap(peaks)(gains)
+    np.testing.assert_allclose(together, [peaks(gain) for gain in gains], rtol=1e-10)
+
+
+def test_the_ground_runs_straight_between_samples_and_rests_after_them() -> None:
+    ground = half_steps(np.array([1.0, 3.0, 2.0]), 0.3, 0.1, 7)
+    # Halves of 0.1 s: samples at 0, 6 and 12.
+    np.testing.assert_allclose(ground[[0, 3, 6, 9, 12]], [1.0, 2.0, 3.0, 2.5, 2.0], rtol=1e-14)
+    assert not ground[13:].any()
+
+
+@pytest.mark.parametrize("settings", [{"steps_per_sample": 7}, {"delay": -1}])
+def test_steps_that_fill_no_control_sample_are_refused(settings: dict[str, int]) -> None:
+    with pytest.raises(SettingError, match="whole control samples"):
+        run(Passive(jnp.zeros(1)), **settings)
