@@ -35,12 +35,12 @@ def history(amplitude: float, n_devices: int) -> History:
     into = np.cumsum(np.abs(swing))
     return History(
         time=time,
-        ground=swing[::-1].copy(),
+        ground_acceleration=swing[::-1].copy(),
         displacement=displacement,
         acceleration=-144.0 * displacement,
         drift=drift,
         deformation=deformation,
-        velocity=velocity,
+        rate=velocity,
         force=force,
         command=(force * velocity > 0.0) * 1.0,
         current=(force * velocity > 0.0) * 1.0,
@@ -72,15 +72,15 @@ def run(amplitude: float, n_devices: int) -> RunResult:
         peak_force=peak(found.force),
         rms_force=rms(found.force),
         peak_stroke=peak(found.deformation),
-        mean_command=found.command.mean(axis=0),
-        rms_command=rms(found.command),
+        mean_current=found.command.mean(axis=0),
+        rms_current=rms(found.command),
         input_energy=float(found.energy[-1, 0]),
         kinetic_energy=float(found.energy[-1, 1]),
         strain_energy=float(found.energy[-1, 2]),
         damping_energy=float(found.energy[-1, 3]),
-        devices_energy=np.full(n_devices, 0.5 * found.energy[-1, 0] / max(n_devices, 1)),
+        device_energy=np.full(n_devices, 0.5 * found.energy[-1, 0] / max(n_devices, 1)),
         energy_error=1e-9,
-        substeps=2,
+        steps=2,
     )
 
 

@@ -19,7 +19,7 @@ FLOORS = (
     "peak_acceleration",
     "rms_acceleration",
 )
-DEVICES = ("peak_force", "peak_stroke", "mean_command", "rms_command", "devices_energy")
+DEVICES = ("peak_force", "peak_stroke", "mean_current", "rms_current", "device_energy")
 
 
 def responses(n_runs: int, n_devices: int = 2) -> Any:

@@ -158,10 +158,11 @@ def test_every_building_of_the_literature_is_stated_without_python(name: str, tm
         ("mass = 300", "mass = -1", r"line 1[67]: .*mass"),
         (
             '"1 ms"',
-            '"0.7 ms"',
-            r"line 26: step is 0.0005 s and sample_time 0.0007 s; give a step that divides it",
+            '"1 ms"\ndelay = "0.3 ms"',
+            r"line 26: `delay` is 0.0003 s, which is not a whole number of",
         ),
-        ("[hardware]\n", "[hardware]\nstep = 0.01\n", r"line 27: step is 0.01 s and sample_time 0.001 s"),
+        ("differential = true", "amplitude = 3", r"line 7: amplitude is 3; give an array"),
+        ("differential = true", "amplitude = [3]", r"line 7: amplitude wants the least and the largest"),
         (
             "[hardware]\n",
             '[[hardware.fault]]\nsignal = "force"\nstart = 2\nend = 1\n[hardware]\n',

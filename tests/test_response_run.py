@@ -19,6 +19,7 @@ from mrwork.response.run import StudyInterrupted, StudyProgress, run_study
 from mrwork.response.run_result import History
 from mrwork.response.study import Study
 
+# Two motions, four arrangements.
 STUDY = """\
 title = "Two storeys"
 
@@ -102,16 +103,16 @@ def test_the_best_constant_command_is_no_worse_than_none(study: Study, tmp_path:
 def test_an_interrupted_study_has_what_is_done_and_resumes_to_the_bit(study: Study, tmp_path: Path) -> None:
     whole = ran(study, tmp_path / "whole")
     with pytest.raises(StudyInterrupted) as interrupted:
-        ran(study, tmp_path / "journal", interrupt=3)
-    assert len(interrupted.value.results.runs) == 3
+        ran(study, tmp_path / "journal", interrupt=4)
+    assert len(interrupted.value.results.runs) == 4
     lines = (tmp_path / "journal").read_text().count("\n")
     resumed = ran(study, tmp_path / "journal", resume=True)
     assert resumed.rows == whole.rows
     for key, run in whole.runs.items():
-        for name in ("peak_drift", "rms_acceleration", "devices_energy"):
+        for name in ("peak_drift", "rms_acceleration", "device_energy"):
             assert np.array_equal(getattr(run, name), getattr(resumed.runs[key], name)), name
     # What was recorded is not run again: the file has grown by the runs that were missing, and the search.
-    assert (tmp_path / "journal").read_text().count("\n") == lines + len(whole.runs) - 3 + 1
+    assert (tmp_path / "journal").read_text().count("\n") == lines + len(whole.runs) - 4 + 1
 
 
 def test_a_journal_of_another_study_is_refused(study: Study, path: Path, tmp_path: Path) -> None:
@@ -132,9 +133,11 @@ def test_a_history_that_is_lost_is_simulated_again(study: Study, tmp_path: Path)
     journal = Journal(tmp_path / "journal", resume=True)
     results = run_study(study, journal=journal, kept=lambda row, motion: row != 1, keep=keep)
     journal.close()
-    assert set(found) == {(1, 0), (1, 1)}
+    # That of the stronger motion, which is drawn.
+    assert set(found) == {(1, 1)}
     drift = np.abs(found[1, 1].drift).max(axis=0)
-    assert drift == pytest.approx(results.runs[1, 1].peak_drift, rel=1e-3)
+    # A history has the samples, peaks are of every step.
+    assert drift == pytest.approx(results.runs[1, 1].peak_drift, rel=1e-2)
 
 
 def test_the_verb_writes_tables_histories_and_page(
@@ -157,7 +160,7 @@ def test_the_verb_writes_tables_histories_and_page(
         "profiles.csv",
         "histories",
     }
-    assert len(list((out / "histories").iterdir())) == 8
+    assert len(list((out / "histories").iterdir())) == 4
     assert len((out / "criteria.csv").read_text().splitlines()) == 9
     assert "Two storeys" in (out / "report.html").read_text()
     assert not (tmp_path / "run.part").exists()
@@ -179,7 +182,7 @@ def test_the_verb_goes_on_with_a_killed_study(
     resumed = json.loads(printed(capsys, "respond", path, "--out", out, "--json", "--resume"))
     fresh = json.loads(printed(capsys, "respond", path, "--out", tmp_path / "fresh", "--json"))
     assert resumed["results"] == fresh["results"]
-    assert len(list((out / "histories").iterdir())) == 8
+    assert len(list((out / "histories").iterdir())) == 4
     assert not (tmp_path / "run.part").exists()
 
 

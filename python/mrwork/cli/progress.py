@@ -115,8 +115,8 @@ class StudyLine:
 
 
 def study_described(progress: StudyProgress) -> str:
-    """Progress in one line: how many runs are done, which is next, how long it may take."""
-    parts = [f"run {progress.done + 1} of {progress.wanted}", f"{progress.label} under {progress.motion}"]
+    """Progress in one line: how many runs are done, whose are next, how long it may take."""
+    parts = [f"{progress.done} of {progress.wanted} runs", progress.label]
     parts.append(_duration(progress.seconds))
     if progress.done:
         left = progress.seconds * (progress.wanted - progress.done) / progress.done

@@ -65,15 +65,15 @@ class Reductions(Protocol):
         """Of each device [m]."""
 
     @property
-    def mean_command(self) -> Floats:
+    def mean_current(self) -> Floats:
         """Of each device [A or V]."""
 
     @property
-    def rms_command(self) -> Floats:
+    def rms_current(self) -> Floats:
         """[A or V]."""
 
     @property
-    def devices_energy(self) -> Floats:
+    def device_energy(self) -> Floats:
         """Taken up by each device [J]."""
 
 
@@ -251,24 +251,24 @@ _CRITERIA = (
         ratio=False,
     ),
     Criterion(
-        name="mean_command",
+        name="mean_current",
         title="Mean command",
         unit="A or V",
-        value=_largest(lambda responses: responses.mean_command),
+        value=_largest(lambda responses: responses.mean_current),
         ratio=False,
     ),
     Criterion(
-        name="rms_command",
+        name="rms_current",
         title="RMS command",
         unit="A or V",
-        value=_largest(lambda responses: responses.rms_command),
+        value=_largest(lambda responses: responses.rms_current),
         ratio=False,
     ),
     Criterion(
         name="device_energy",
         title="Energy taken up by devices",
         unit="J",
-        value=lambda responses, weight: np.asarray(np.sum(responses.devices_energy, axis=-1)),
+        value=lambda responses, weight: np.asarray(np.sum(responses.device_energy, axis=-1)),
         ratio=False,
     ),
 )

@@ -12,7 +12,7 @@ from mrwork.response.control_laws import PASSIVE_OFF, chosen_law, constant_comma
 from mrwork.response.law_designs import Subject
 from mrwork.response.motions import said_at
 from mrwork.response.results import Row
-from mrwork.response.schema import BaselineTable, StudyTable
+from mrwork.response.schema import BaselineTable, DamperTable, StudyTable
 from mrwork.response.study import Arrangement, arranged
 
 
@@ -37,7 +37,14 @@ def arrangements(
         off = Row(label="i = 0", kind="passive_off", says="the dampers without a command")
         found.append(arranged(bare, off, building, devices, constant_command(devices, 0.0)))
     found += [_baseline(baseline, table, bare, folder) for baseline in table.baseline]
-    subject = Subject(building=building, devices=devices, sample_time=sample_time)
+    first = table.damper[0] if devices else None
+    subject = Subject(
+        building=building,
+        devices=devices,
+        sample_time=sample_time,
+        amplitude=None if first is None else _range(first, "amplitude", first.amplitude),
+        velocity=None if first is None else _range(first, "velocity", first.velocity),
+    )
     for controller in table.controller:
         if not devices:
             controller.place.refuse("a control law wants dampers, and the study has none; give a [[damper]]")
@@ -51,6 +58,14 @@ def arrangements(
         row = Row(label=controller.label or title, kind="controller", says=controller.law)
         found.append(arranged(bare, row, building, devices, law))
     return tuple(found)
+
+
+def _range(table: DamperTable, name: str, given: tuple[float, ...] | None) -> tuple[float, float] | None:
+    if given is None:
+        return None
+    if len(given) != 2 or given[0] > given[1]:
+        table.place.within(name).refuse(f"{name} wants the least and the largest, as [0.001, 0.01]")
+    return given[0], given[1]
 
 
 def _baseline(baseline: BaselineTable, table: StudyTable, bare: Building, folder: Path) -> Arrangement:

@@ -6,9 +6,10 @@ import textwrap
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from mrwork.closed_loop.devices import Device
-from mrwork.control.laws import ControlLaw, laws
+from mrwork.control.laws import ControlLaw, control_laws
 from mrwork.response.declared import built, closest
 from mrwork.response.law_designs import Subject, designed
 from mrwork.response.law_settings import SETTINGS
@@ -41,26 +42,34 @@ def chosen_law(table: ControllerTable, subject: Subject) -> tuple[str, ControlLa
         command = largest if table.law == PASSIVE_ON else 0.0
         law = None if table.law == BEST_PASSIVE else constant_command(subject.devices, command)
         return _CONSTANT[table.law], law
-    titles = {spec.name: spec.title for spec in laws()}
-    if table.law not in titles:
-        known = [*titles, *_CONSTANT]
+    specs = {spec.name: spec for spec in control_laws()}
+    if table.law not in specs:
+        known = [*specs, *_CONSTANT]
         near = closest(table.law, known) or f"; choose one of {', '.join(known)}"
         place.within("law").refuse(f"no control law is called {table.law!r}{near}")
     settings: object = built(SETTINGS[table.law], table.settings or {}, place.within("settings"))
     with said_at(place.within("settings")):
         design = designed(table.law, settings, subject)
-    return titles[table.law], ControlLaw(name=table.law, gains=dict(design.gains), tables=dict(design.tables))
+        curve = subject.curve if specs[table.law].wants_curve else None
+    law = ControlLaw(name=table.law, gains=design.gains, tables=design.tables, curve=curve)
+    return specs[table.law].title, law
 
 
 def constant_command(devices: Sequence[Device], command: float) -> ControlLaw:
     """The law that gives always the same command."""
-    return ControlLaw(name="passive", gains={"command": np.full(len(devices), command)})
+    return constant_commands(devices, [command])
+
+
+def constant_commands(devices: Sequence[Device], commands: ArrayLike) -> ControlLaw:
+    """One candidate for each constant command."""
+    rows = np.outer(np.asarray(commands, dtype=np.float64), np.ones(len(devices)))
+    return ControlLaw(name="passive", gains={"command": rows})
 
 
 def laws_text() -> str:
     """Every law with its settings, as people read it."""
     blocks = []
-    for spec in laws():
+    for spec in control_laws():
         prose = [
             line
             for text in (spec.description, spec.source)

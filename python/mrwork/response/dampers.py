@@ -23,7 +23,10 @@ _DEGREES: tuple[LawName, ...] = ("constant", "linear", "quadratic", "cubic")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChosenDamper:
-    """A model with current laws and its parameters; the command lies between 0 and `largest_command`."""
+    """A model with current laws and its parameters; the command lies between 0 and `largest_command`.
+
+    That is 1 where nothing follows the command.
+    """
 
     spec: DamperSpec
     theta: NDArray[np.float64]
@@ -63,7 +66,7 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> C
     spec = draft.plain.with_current_laws(draft.laws, unit=draft.unit, lagged=draft.lag is not None)
     numbers = [number for name in draft.plain.names for number in draft.values[name]]
     theta = np.array([*numbers, *([] if draft.lag is None else [draft.lag])])
-    return ChosenDamper(spec=spec, theta=theta, largest_command=largest or 0.0, source=source)
+    return ChosenDamper(spec=spec, theta=theta, largest_command=largest or 1.0, source=source)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,12 +18,8 @@ def hardware_of(table: HardwareTable, place: Place, seed: int) -> Hardware:
     SettingError
         Where its numbers are at odds with each other; the message has the line.
     """
-    steps = table.sample_time / table.step
-    if abs(steps - round(steps)) > 1e-9 * steps or round(steps) < 1:
-        place.within("step").refuse(
-            f"step is {table.step:g} s and sample_time {table.sample_time:g} s; give a step that divides it"
-        )
-    plain = {entry.name: getattr(table, entry.name) for entry in fields(table) if entry.name != "fault"}
+    apart = ("fault", "measured_floors")
+    plain = {entry.name: getattr(table, entry.name) for entry in fields(table) if entry.name not in apart}
     faults = []
     for fault in table.fault:
         if fault.end <= fault.start:
@@ -32,12 +28,15 @@ def hardware_of(table: HardwareTable, place: Place, seed: int) -> Hardware:
             )
         faults.append(
             Fault(
-                signal=fault.signal,
-                number=fault.number - 1,
+                channel=fault.signal,
+                index=fault.number - 1,
                 start=fault.start,
                 end=fault.end,
-                value=fault.value,
+                value="hold" if fault.value is None else fault.value,
             )
         )
     with said_at(place):
-        return Hardware(**plain, seed=seed, faults=tuple(faults))
+        floors = (
+            None if table.measured_floors is None else tuple(floor - 1 for floor in table.measured_floors)
+        )
+        return Hardware(**plain, measured_floors=floors, seed=seed, faults=tuple(faults))

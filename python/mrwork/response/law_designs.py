@@ -18,6 +18,8 @@ from mrwork.control.lyapunov import lyapunov_function
 from mrwork.control.outputs import accelerations, displacements, drifts, stacked, velocities
 from mrwork.control.plant import Plant, plant_of
 from mrwork.control.sliding import optimal_surface, sliding_gains
+from mrwork.control.static_counterpart import static_counterpart
+from mrwork.errors import SettingError
 from mrwork.response.law_settings import (
     ClippedSettings,
     FrictionSettings,
@@ -30,8 +32,13 @@ from mrwork.response.law_settings import (
     SlidingSettings,
     Weights,
 )
+from mrwork.spec import DamperSpec
 
 Floats = NDArray[np.float64]
+
+
+# A static model stands for itself, over whatever motions.
+_ANY = (1.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,11 +51,42 @@ class Design:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Subject:
-    """What a law is designed on; `sample_time` [s] is that of the loop."""
+    """What a law is designed on.
+
+    `sample_time` [s] is that of the loop, `amplitude` [m] and `velocity` [m/s] the least and the largest that the
+    dampers are expected to see, if they are stated.
+    """
 
     building: Building
     devices: Sequence[Device]
     sample_time: float
+    amplitude: tuple[float, float] | None = None
+    velocity: tuple[float, float] | None = None
+
+    @property
+    def curve(self) -> tuple[DamperSpec, Floats]:
+        """The static model in place of the first damper: its force over the command.
+
+        Raises
+        ------
+        SettingError
+            Where the damper is another model, and the motions for which it is replaced are not stated.
+        """
+        device = self.devices[0]
+        if device.spec.name != "static_hysteretic" and (self.amplitude is None or self.velocity is None):
+            raise SettingError(
+                f"this law wants the force over the command, for which {device.spec.name} is replaced by a static "
+                "model; give the [[damper]] its amplitude and velocity, as amplitude = [1e-4, 1e-2]"
+            )
+        theta = device.draws[0]
+        found = static_counterpart(
+            device.spec,
+            theta,
+            largest_command=device.largest_command,
+            amplitude=self.amplitude or _ANY,
+            velocity=self.velocity or _ANY,
+        )
+        return found.spec, np.array(found.theta)
 
     @property
     def plant(self) -> Plant:
@@ -178,7 +216,7 @@ def _inverse_network(settings: NetworkSettings, subject: Subject) -> Design:
     device = subject.devices[0]
     network = train_inverse_network(
         device.spec,
-        device.theta,
+        device.draws[0],
         largest_command=device.largest_command,
         amplitude=settings.amplitude,
         velocity=settings.velocity,

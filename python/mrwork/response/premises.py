@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import asdict
 from importlib.metadata import version
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from mrwork.journal import digest_of
 from mrwork.motions import GroundMotion
 from mrwork.response.study import Arrangement, Study
@@ -29,8 +32,8 @@ def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
     devices = [
         (
             device.spec,
-            device.theta.tolist(),
-            device.row.tolist(),
+            _digest(device.draws),
+            _digest(device.row),
             device.count,
             device.differential,
             device.largest_command,
@@ -47,9 +50,14 @@ def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
         building.storeys,
         devices,
         None if law is None else law.name,
-        sorted((name, digest_of(array)) for name, array in numbers.items()),
+        None if law is None or law.curve is None else (law.curve[0], _digest(law.curve[1])),
+        sorted((name, _digest(array)) for name, array in numbers.items()),
         *(_digest_of_motion(motion) for motion in motions),
     )
+
+
+def _digest(numbers: ArrayLike) -> str:
+    return digest_of(np.asarray(numbers, dtype=np.float64))
 
 
 def _digest_of_motion(motion: GroundMotion) -> str:

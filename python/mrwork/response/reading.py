@@ -74,7 +74,9 @@ def read_study(path: str | Path, identified: Identified, *, seed: int = 0) -> St
         facts=_facts(bare, devices, chosen, table.hardware),
         detailed=detailed,
         drawn=drawn,
-        histories=table.report.histories,
+        histories={"detailed": (detailed,), "all": tuple(range(len(motions))), "none": ()}[
+            table.report.histories
+        ],
     )
 
 

@@ -10,7 +10,8 @@ from typing import Literal
 import numpy as np
 
 from mrwork.closed_loop.criteria import STANDARD_GRAVITY, criteria, ratio, score, values
-from mrwork.response.run_result import LARGEST_ENERGY_ERROR, RunResult
+from mrwork.closed_loop.responses import ENERGY_TOLERANCE
+from mrwork.response.run_result import RunResult
 
 Kind = Literal["uncontrolled", "passive_off", "baseline", "controller"]
 
@@ -127,7 +128,7 @@ class StudyResults:
                 worst, name = max(off, key=lambda each: math.inf if math.isnan(each[0]) else each[0])
                 said.append(
                     f"{row.label}: the energies miss each other by up to {worst:.1e} of the input, under {name}; in "
-                    f"{len(off)} of {len(runs)} runs by more than {LARGEST_ENERGY_ERROR:.0e}. A law that chatters or "
+                    f"{len(off)} of {len(runs)} runs by more than {ENERGY_TOLERANCE:.0e}. A law that chatters or "
                     "too long a step shows so: halve the step and compare."
                 )
         return said

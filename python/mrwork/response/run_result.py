@@ -7,18 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
+from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 
-LARGEST_ENERGY_ERROR = 1e-6
-"""Above it a run says so: the steps are too long for what happens in them, as where a law chatters."""
+Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunResult:
     """Peaks and root mean squares of floors, storeys and devices, energies [J] at the end, and how the run ended.
 
-    `outcome` is "finished", or what kept it from that. `energy_error` is what is missing in the balance of energy,
-    over the energy put in.
+    `outcome` is "finished", "failed_safe" where a broken sensor left the dampers without a command, or what kept the
+    run from its end. `energy_error` is what is missing in the balance of energy, over the energy turned over. `steps`
+    counts integration steps per sample.
     """
 
     outcome: str
@@ -33,25 +33,25 @@ class RunResult:
     peak_force: Floats
     rms_force: Floats
     peak_stroke: Floats
-    mean_command: Floats
-    rms_command: Floats
+    mean_current: Floats
+    rms_current: Floats
     input_energy: float
     kinetic_energy: float
     strain_energy: float
     damping_energy: float
-    devices_energy: Floats
+    device_energy: Floats
     energy_error: float
-    substeps: int
+    steps: int
 
     @property
     def finished(self) -> bool:
         """Whether its numbers count."""
-        return self.outcome == "finished"
+        return self.outcome in ("finished", "failed_safe")
 
     @property
     def balanced(self) -> bool:
         """Whether its energies add up."""
-        return self.energy_error <= LARGEST_ENERGY_ERROR
+        return self.energy_error <= ENERGY_TOLERANCE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,12 +62,12 @@ class History:
     """
 
     time: Floats
-    ground: Floats
+    ground_acceleration: Floats
     displacement: Floats
     acceleration: Floats
     drift: Floats
     deformation: Floats
-    velocity: Floats
+    rate: Floats
     force: Floats
     command: Floats
     current: Floats

@@ -62,6 +62,15 @@ class DamperTable:
     count: int = key("equal dampers beside each other", default=1, least=1)
     differential: bool = key("an equal one in opposition, with the same command", default=False)
     brace: BraceTable | None = key("brace in series", default=None)
+    amplitude: tuple[float, ...] | None = key(
+        "least and largest elongation expected, for laws that want a static model of another damper",
+        unit="m",
+        default=None,
+        above=0.0,
+    )
+    velocity: tuple[float, ...] | None = key(
+        "least and largest velocity expected, for the same", unit="m/s", default=None, above=0.0
+    )
     place: Place
 
 
@@ -151,11 +160,15 @@ class HardwareTable:
     """What lies between the building and the law: sampling, delay, noise, observer, driver, faults."""
 
     sample_time: float = key("time between two commands", unit="s", default=1e-3, above=0.0)
-    step: float = key("integration step, a whole part of it", unit="s", default=5e-4, above=0.0)
+    step: float = key("longest integration step; a sample has whole ones", unit="s", default=5e-4, above=0.0)
     delay: float = key("from the measurement to its command", unit="s", default=0.0, least=0.0)
     feedback: Literal["state", "observer"] = key(
         "what a law sees: the true state, or that of an observer of measurements", default="state"
     )
+    measured_floors: tuple[int, ...] | None = key(
+        "floors with an accelerometer for the observer, from 1; all if not given", default=None, least=1
+    )
+    noise_ratio: float = key("ground over sensor noise in the observer's design", default=50.0, above=0.0)
     acceleration_noise: float = key("standard deviation", unit="m/s2", default=0.0, least=0.0)
     deformation_noise: float = key("standard deviation", unit="m", default=0.0, least=0.0)
     force_noise: float = key("standard deviation", unit="N", default=0.0, least=0.0)
@@ -176,7 +189,9 @@ class ReportTable:
         "motion of the histories and loops; default: that of the largest peak", default=None
     )
     controllers: tuple[str, ...] = key("labels of those drawn there; default: all", default=())
-    histories: bool = key("keep the histories of every run", default=True)
+    histories: Literal["detailed", "all", "none"] = key(
+        "which histories are kept: those of the motion drawn in detail, or of all", default="detailed"
+    )
     place: Place | None = None
 
 

@@ -34,7 +34,7 @@ class Study:
     """What a study file says; the first arrangements are the building without dampers and, with them, i = 0.
 
     `synthetic` are the motions that were made, `detailed` is the one that is drawn in time, `drawn` the arrangements
-    that are.
+    that are; the histories of the motions `histories` are kept.
     """
 
     title: str
@@ -48,7 +48,7 @@ class Study:
     facts: tuple[tuple[str, str], ...]
     detailed: int
     drawn: tuple[int, ...]
-    histories: bool
+    histories: tuple[int, ...]
 
 
 def arranged(

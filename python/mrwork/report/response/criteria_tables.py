@@ -23,7 +23,7 @@ _VALUES = (
     ("rms_acceleration", "RMS acc.", *_ACCELERATION),
     ("peak_force", "force", *_KILONEWTON),
     ("peak_stroke", "stroke", *_MILLIMETRE),
-    ("rms_command", "RMS command", "", 1.0),
+    ("rms_current", "RMS command", "", 1.0),
 )
 _RATIOS = ("peak_drift", "peak_acceleration", "peak_base_shear", "rms_drift", "rms_acceleration")
 _NARROW = {

@@ -65,7 +65,7 @@ def energy_figure(results: StudyResults, motion: int) -> Figure:
             run = results.runs[row, motion]
             start = 0.0
             parts = (
-                ("devices", "Dampers", float(np.sum(run.devices_energy))),
+                ("devices", "Dampers", float(np.sum(run.device_energy))),
                 ("damping", "Structure", run.damping_energy),
                 ("left", "Still moving", run.kinetic_energy + run.strain_energy),
             )

@@ -42,7 +42,7 @@ def ground_figure(history: History) -> Figure:
     """Ground acceleration against time."""
     with style.drawn_in_style():
         figure, axes = column_axes(height=_HEIGHT)
-        time, ground = envelope(history.time, history.ground, _BINS)
+        time, ground = envelope(history.time, history.ground_acceleration, _BINS)
         axes.plot(time, ground, color=style.INK, linewidth=0.8)
         _finish(axes, "Ground acceleration (m/s²)", "Time (s)")
         _symmetric(axes)
@@ -58,7 +58,7 @@ def loop_figure(
         part = strong_part(history.time, history.force[:, device], _LOOP_SECONDS)
         step = max(1, (part.stop - part.start) // _LOOP_POINTS)
         drawn = slice(part.start, part.stop, step)
-        across = history.velocity if over_velocity else history.deformation
+        across = history.rate if over_velocity else history.deformation
         axes.plot(
             across[drawn, device] * 1e3,
             history.force[drawn, device] * unit.factor,

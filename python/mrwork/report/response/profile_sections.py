@@ -103,18 +103,18 @@ def _balance_table(results: StudyResults) -> Table:
         done = [run for run in runs if run is not None and run.finished]
         if not done:
             continue
-        spent = [float(np.sum(run.devices_energy)) / run.input_energy for run in done]
+        spent = [float(np.sum(run.device_energy)) / run.input_energy for run in done]
         rows.append(
             (
                 row.label,
                 fixed(100.0 * float(np.mean(spent)), 1),
                 significant(max(run.energy_error for run in done), 2),
-                fixed(max(run.substeps for run in done), 0),
+                fixed(max(run.steps for run in done), 0),
             )
         )
     return Table(
         label="Balance of energy",
-        columns=("", "taken up by dampers (%)", "largest error of balance", "most sub-steps"),
+        columns=("", "taken up by dampers (%)", "largest error of balance", "most steps per sample"),
         rows=tuple(rows),
         note="Input = kinetic + strain + structural damping + dampers, integrated with the same stages as the motion. "
         "The error is what is missing, over the input; the worst of all motions.",

@@ -59,7 +59,7 @@ class Histories:
             self._begun.mkdir(parents=True, exist_ok=True)
             beside = target.with_suffix(f".{os.getpid()}.part")
             with beside.open("wb") as stream:
-                np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]
+                np.savez(stream, **arrays)  # type: ignore[arg-type]
             beside.replace(target)
         except OSError as reason:
             raise OutputError(

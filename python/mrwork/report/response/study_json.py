@@ -25,7 +25,7 @@ def study_document(results: StudyResults) -> dict[str, Any]:
                 "over_uncontrolled": _finite(results.ratios(row, motion, "uncontrolled")),
                 "over_passive_off": _finite(results.ratios(row, motion, "passive_off")),
                 "energy_error": _number(run.energy_error),
-                "substeps": run.substeps,
+                "steps": run.steps,
             }
         )
     return {
