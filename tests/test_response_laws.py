@@ -7,6 +7,7 @@ import pytest
 
 from mrwork.buildings.published import building
 from mrwork.closed_loop.devices import Device
+from mrwork.control.laws import ControlLaw, control_laws
 from mrwork.control.lqr import regulator_of_outputs
 from mrwork.control.outputs import accelerations
 from mrwork.control.published_regulators import published_regulator, regulator_as_published
@@ -53,6 +54,19 @@ def design(law: str, text: str, on: Subject | None = None) -> Design:
     document, lines = parse(text, "study.toml")
     settings: object = built(SETTINGS[law], document, Place(origin="study.toml", lines=lines))
     return designed(law, settings, on or subject())
+
+
+def test_every_law_of_the_registry_has_settings() -> None:
+    assert set(SETTINGS) == {spec.name for spec in control_laws()}
+
+
+@pytest.mark.parametrize("law", list(SETTINGS))
+def test_a_design_has_the_numbers_that_its_law_takes(law: str) -> None:
+    found = design(law, TOLD.get(law, ""))
+    made = ControlLaw(name=law, gains=found.gains, tables=found.tables)
+    n_gains = sum(1 if gain.shape == "device" else 10 for gain in made.spec.gains)
+    assert made.gain_rows(1, 10).shape == (1, n_gains)
+    assert len(made.table_rows()) == len(made.spec.tables)
 
 
 @pytest.mark.parametrize("law", list(SETTINGS))

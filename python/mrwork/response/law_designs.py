@@ -171,6 +171,8 @@ def _adaptive_sliding_mode(settings: SlidingSettings, subject: Subject) -> Desig
             "surface": -surface.S,
             "adaptation": gains.adaptation,
             "boundary": gains.boundary,
+            "floor": gains.floor,
+            "ceiling": gains.ceiling,
         }
     )
 
@@ -228,10 +230,13 @@ def _inverse_network(settings: NetworkSettings, subject: Subject) -> Design:
 
 
 def _network_tables(network: InverseNetwork) -> dict[str, Floats]:
-    """The network with its scales folded in; a row for each hidden unit: bias, weights of inputs, weight of output."""
+    """The network with its scales folded in, and how far its inputs reach.
+
+    A row for each hidden unit holds its bias, the weights of its inputs and its weight in the output.
+    """
     layer = np.column_stack([network.b1, network.W1 / network.input_scale, network.w2 * network.output_scale])
-    output = np.array([network.b2 * network.output_scale, float(len(network.names))])
-    return {"layer": layer.ravel(), "output": output}
+    output = np.array([network.b2 * network.output_scale])
+    return {"layer": layer.ravel(), "output": output, "reach": network.input_scale}
 
 
 def _regulator(settings: RegulatorSettings, subject: Subject) -> Regulator:
