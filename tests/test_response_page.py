@@ -32,7 +32,11 @@ def test_every_row_motion_and_warning_stands_on_the_page(page: str) -> None:
         assert row.label.replace("<", "&lt;").replace(">", "&gt;") in page
     for motion in response_samples.MOTIONS:
         assert motion.name in page
-    assert "3.0e-04 of the input" in page
+    assert "3.0e-04 of what was turned over" in page
+    assert "halve the step" in page
+    whole = response_samples.results().runs
+    calm = {key: run for key, run in whole.items() if key != (3, 1)}
+    assert "halve the step" not in page_of(runs=calm)
     assert "<1 A>" not in page
 
 

@@ -48,7 +48,7 @@ def test_a_run_that_failed_has_no_criteria_and_leaves_no_score() -> None:
 def test_an_energy_balance_that_does_not_hold_is_said_once_for_each_row() -> None:
     (warning,) = response_samples.results().warnings()
     assert "Clipped-optimal" in warning
-    assert "3.0e-04 of the input, under filtered noise; in 1 of 2 runs" in warning
+    assert "3.0e-04 of what was turned over, under filtered noise; 1 of 2 runs" in warning
 
 
 def test_a_balance_that_is_no_number_does_not_hold() -> None:

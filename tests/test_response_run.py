@@ -140,6 +140,18 @@ def test_a_history_that_is_lost_is_simulated_again(study: Study, tmp_path: Path)
     assert drift == pytest.approx(results.runs[1, 1].peak_drift, rel=1e-2)
 
 
+def test_a_sensor_that_gives_no_number_ends_in_a_named_outcome(path: Path, tmp_path: Path) -> None:
+    broken = STUDY.replace(
+        'law = "best_passive"\nlabel = "best"', 'law = "fuzzy"\nsettings = { deformation = 0.01, rate = 0.1 }'
+    )
+    broken += '[[hardware.fault]]\nsignal = "deformation"\nstart = 1\nend = 1.5\nvalue = nan\n'
+    path.write_text(broken)
+    results = ran(read_study(path, lambda run: pytest.fail(f"{run} is not asked for")), tmp_path / "journal")
+    assert results.runs[3, 0].outcome == "failed_safe"
+    assert results.criteria(3, 0) is not None
+    assert any("failed safe" in warning for warning in results.warnings())
+
+
 def test_the_verb_writes_tables_histories_and_page(
     path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

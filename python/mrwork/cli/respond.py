@@ -140,7 +140,7 @@ def _write(
     from mrwork.report.response.page import study_page
     from mrwork.report.response.study_directory import write_study
 
-    done = f"{len(results.runs)} of {len(results.rows) * len(results.motions)} runs"
+    done = f"{len(results.runs)} of {len(results.rows) * len(results.motions)}"
     command = shlex.join(["mrwork", *sys.argv[1:]])
     manifest = {
         "kind": "study",
@@ -191,6 +191,8 @@ _SHOWN = (
 
 def _text(results: StudyResults, place: Path) -> str:
     """A table for each motion: the criteria, then their ratios to those at i = 0, or without dampers."""
+    from mrwork.response.results import OFF_BALANCE
+
     against = "passive_off" if results.row_of("passive_off") is not None else "uncontrolled"
     over = "i = 0" if against == "passive_off" else "uncontrolled"
     width = max(len(row.label) for row in results.rows)
@@ -218,7 +220,8 @@ def _text(results: StudyResults, place: Path) -> str:
         lines.append(f"Score, the mean of these ratios over {len(results.motions)} motions:")
         lines += [f"  {label:<{width}}  {_ratio(value):>9}" for value, label in scores]
         lines.append("")
-    lines += [*(f"warning: {warning}" for warning in results.warnings()), f"Report: {place / 'report.html'}"]
+    warnings = [f"warning: {warning}" for warning in results.warnings()]
+    lines += [*warnings, *([] if results.balanced else [OFF_BALANCE]), f"Report: {place / 'report.html'}"]
     return "\n".join(lines)
 
 

@@ -15,6 +15,12 @@ from mrwork.response.run_result import RunResult
 
 Kind = Literal["uncontrolled", "passive_off", "baseline", "controller"]
 
+OFF_BALANCE = (
+    "Energies that do not add up show that a law chatters, or that the steps are too long for what happens in them: "
+    "halve the step and compare."
+)
+"""What to do about it."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
@@ -108,6 +114,11 @@ class StudyResults:
         ]
         return float(score([one for one, _ in arrays], [other for _, other in arrays]))
 
+    @property
+    def balanced(self) -> bool:
+        """Whether the energies of all runs that finished add up."""
+        return all(run.balanced for run in self.runs.values() if run.finished)
+
     def warnings(self) -> list[str]:
         """What a reader must know of runs that did not finish or whose energy does not add up."""
         said = []
@@ -119,16 +130,18 @@ class StudyResults:
             ]
             for name, run in runs:
                 if not run.finished:
+                    said.append(f"{row.label} under {name} ended {run.outcome}; it has no criteria.")
+                elif run.outcome == "failed_safe":
                     said.append(
-                        f"{row.label} under {name} ended {run.outcome.replace('_', ' ')}; it has no criteria."
+                        f"{row.label} under {name} failed safe: a reading that was no number left the dampers "
+                        "without a command."
                     )
             # A balance that is no number does not hold either.
             off = [(run.energy_error, name) for name, run in runs if run.finished and not run.balanced]
             if off:
                 worst, name = max(off, key=lambda each: math.inf if math.isnan(each[0]) else each[0])
                 said.append(
-                    f"{row.label}: the energies miss each other by up to {worst:.1e} of the input, under {name}; in "
-                    f"{len(off)} of {len(runs)} runs by more than {ENERGY_TOLERANCE:.0e}. A law that chatters or "
-                    "too long a step shows so: halve the step and compare."
+                    f"{row.label}: the energies miss each other by up to {worst:.1e} of what was turned over, under "
+                    f"{name}; {len(off)} of {len(runs)} runs are above {ENERGY_TOLERANCE:.0e}."
                 )
         return said

@@ -23,7 +23,7 @@ _VALUES = (
     ("rms_acceleration", "RMS acc.", *_ACCELERATION),
     ("peak_force", "force", *_KILONEWTON),
     ("peak_stroke", "stroke", *_MILLIMETRE),
-    ("rms_current", "RMS command", "", 1.0),
+    ("rms_current", "RMS", "", 1.0),
 )
 _RATIOS = ("peak_drift", "peak_acceleration", "peak_base_shear", "rms_drift", "rms_acceleration")
 _NARROW = {
@@ -88,7 +88,8 @@ def value_table(results: StudyResults, motion: int) -> Table:
             ]
         columns.append(numbers)
         cells.append(tuple(significant(number, 3) for number in numbers))
-    heads = tuple(f"{head} ({shown or unit})" if shown or unit else head for _, head, shown, _ in _VALUES)
+    drive = f"RMS {'current' if unit == 'A' else 'voltage'} ({unit})"
+    heads = tuple(f"{head} ({shown})" if shown else drive for _, head, shown, _ in _VALUES)
     return Table(
         label=f"Criteria under {results.motions[motion].name}",
         columns=("", *heads),

@@ -12,7 +12,7 @@ from mrwork.report.numbers import fixed
 from mrwork.report.response.criteria_tables import overview_table, ratio_table, value_table
 from mrwork.report.response.history_sections import Histories, device_section, history_section
 from mrwork.report.response.profile_sections import energy_section, motion_section, profile_section
-from mrwork.response.results import StudyResults
+from mrwork.response.results import OFF_BALANCE, StudyResults
 
 
 def study_page(
@@ -59,6 +59,7 @@ def study_page(
         headline=_headline(results),
         status=status,
         warnings=results.warnings(),
+        advice="" if results.balanced else OFF_BALANCE,
         sections=[section for section in sections if section is not None],
         facts=(*results.facts, *([("Command", f"`{command}`")] if command else [])),
     )
