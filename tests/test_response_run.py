@@ -100,6 +100,21 @@ def test_the_best_constant_command_is_no_worse_than_none(study: Study, tmp_path:
     assert results.score(3) <= results.score(1) == pytest.approx(1.0)
 
 
+def test_the_ideal_force_does_not_depend_on_how_many_dampers_it_replaces(path: Path, tmp_path: Path) -> None:
+    scores = []
+    for number, dampers in enumerate(("", "count = 3", "differential = true")):
+        text = STUDY.replace("differential = true", dampers)
+        text = text.replace(
+            'law = "best_passive"', 'law = "active"\nsettings = { control_weight = 1e-9, energy = 1 }'
+        )
+        path.write_text(text)
+        study = read_study(path, lambda run: pytest.fail(f"{run} is not asked for"))
+        run = ran(study, tmp_path / f"journal{number}").runs[3, 1]
+        scores.append((run.peak_drift.max(), run.peak_force.max()))
+    assert scores[1] == pytest.approx(scores[0], rel=1e-9)
+    assert scores[2] == pytest.approx(scores[0], rel=1e-9)
+
+
 def test_an_interrupted_study_has_what_is_done_and_resumes_to_the_bit(study: Study, tmp_path: Path) -> None:
     whole = ran(study, tmp_path / "whole")
     with pytest.raises(StudyInterrupted) as interrupted:

@@ -100,7 +100,10 @@ def energy_history_figure(history: History) -> Figure:
             linewidth=0.0,
         )
         axes.plot(time, history.energy[::step, 0], color=style.INK, linewidth=0.9)
-        axes.set_ylim(bottom=0.0)
+        # An actuator may push energy in, so that what it takes up is below nothing.
+        axes.set_ylim(
+            0.0, 1.05 * max(float(history.energy[:, 0].max()), float((damping + devices).max()), 1e-9)
+        )
         axes.margins(x=0.0)
         axes.set_title("Energy (J)", loc="left", pad=5)
         axes.set_xlabel("Time (s)", labelpad=2)
