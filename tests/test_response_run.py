@@ -105,7 +105,7 @@ def test_the_ideal_force_does_not_depend_on_how_many_dampers_it_replaces(path: P
     for number, dampers in enumerate(("", "count = 3", "differential = true")):
         text = STUDY.replace("differential = true", dampers)
         text = text.replace(
-            'law = "best_passive"', 'law = "active"\nsettings = { control_weight = 1e-9, energy = 1 }'
+            'law = "best_passive"', 'law = "active"\nsettings = { control_weight = 1e-4, energy = 1 }'
         )
         path.write_text(text)
         study = read_study(path, lambda run: pytest.fail(f"{run} is not asked for"))
