@@ -127,12 +127,6 @@ def _clipped_optimal(settings: RegulatorSettings, subject: Subject) -> Design:
     return Design(gains={"gain": _regulator(settings, subject).gain})
 
 
-def _active(settings: RegulatorSettings, subject: Subject) -> Design:
-    """The wanted force, shared among the actuators that take the places of the dampers."""
-    shares = [device.count * (2.0 if device.differential else 1.0) for device in subject.devices]
-    return Design(gains={"gain": _regulator(settings, subject).gain / np.array(shares)[:, None]})
-
-
 def _in_proportion(settings: ClippedSettings, subject: Subject) -> Design:
     gain = _regulator(settings, subject).gain
     return Design(gains={"gain": gain, "full_force": subject.each(settings.full_force)})
@@ -292,5 +286,5 @@ _DESIGNS: dict[str, Callable[[Any, Subject], Design]] = {
     "proportional_direct": _proportional_direct,
     "inverse_direct": _clipped_optimal,
     "inverse_network": _inverse_network,
-    "active": _active,
+    "active": _clipped_optimal,
 }
