@@ -27,10 +27,13 @@ LAG = 190.0
 LARGEST_COMMAND = 1.88
 STEP = 1e-3
 
-# Columns of what is kept of a run: of the floors, lowest first, peak and sum of squares of displacement, drift and
-# absolute acceleration at the start of every step; of the device its force and stroke likewise; the sum of the
-# commands; the energies, in the order input, structural damping, device, kinetic, strain.
-N_REDUCTIONS = 6 * N_STOREYS + 4 + 1 + 5
+# Columns of what is kept of a run, in our order: of the floors, lowest first, peak and root mean square of
+# displacement,
+# absolute acceleration and drift; of base shear; of the device's force; its peak stroke and rate; peak, mean and root
+# mean square of its current; energies: device, input, kinetic, strain, structural damping.
+N_REDUCTIONS = 6 * N_STOREYS + 2 + 2 + 2 + 3 + 5
+_SQUARES = [*range(5, 10), *range(15, 20), *range(25, 30), 31, 33, 38]
+_SUM = 37
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,6 +96,14 @@ def loop_workload(candidates: int = 1000, motions: int = 4, seconds: float = 30.
         gains=np.array([_gain(mass, stiffness, damping, of_gains) for _ in range(candidates)]),
         ground=np.array([_ground(seconds, of_motions) for _ in range(motions)]),
     )
+
+
+def averaged(kept: Floats, n_steps: int) -> Floats:
+    """Root mean squares and means from sums over the steps, shape (..., N_REDUCTIONS)."""
+    found = kept.copy()
+    found[..., _SQUARES] = np.sqrt(found[..., _SQUARES] / n_steps)
+    found[..., _SUM] /= n_steps
+    return found
 
 
 def chain_springs(stiffness: Floats) -> Floats:
