@@ -4,8 +4,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "Building",
     "LoadingHistory",
     "__version__",
+    "control_laws",
     "current_laws",
     "damper_specs",
     "flops_per_step",
@@ -15,10 +17,28 @@ __all__ = [
     "instruction_set",
     "misfits",
     "rate",
+    "respond",
     "sensitivities",
 ]
 
 __version__: str
+
+@final
+class Building:
+    def __new__(
+        cls,
+        mass: NDArray[np.float64],
+        damping: NDArray[np.float64],
+        stiffness: NDArray[np.float64],
+        influence: NDArray[np.float64],
+        floors: NDArray[np.float64],
+        storeys: NDArray[np.float64],
+        devices: NDArray[np.float64],
+    ) -> Building: ...
+    @property
+    def summary_layout(self) -> list[tuple[str, int]]: ...
+    @property
+    def history_layout(self) -> list[tuple[str, int]]: ...
 
 @final
 class LoadingHistory:
@@ -94,3 +114,31 @@ def force(
 def instruction_set() -> str: ...
 def fma_peak(threads: int, seconds: float) -> float: ...
 def flops_per_step(model: str, theta: NDArray[np.float64]) -> int: ...
+def control_laws() -> list[dict[str, Any]]: ...
+def respond(
+    building: Building,
+    model: str,
+    laws: tuple[list[str] | None, bool],
+    theta: NDArray[np.float64],
+    places: list[tuple[float, bool]],
+    ranges: list[list[float]],
+    law: str,
+    gains: NDArray[np.float64],
+    tables: list[NDArray[np.float64]],
+    curve: tuple[tuple[list[str] | None, bool], NDArray[np.float64]] | None,
+    motions: list[tuple[float, NDArray[np.float64]]],
+    runs: NDArray[np.uint32],
+    streams: NDArray[np.uint64],
+    sample_time: float,
+    steps: int,
+    delay_steps: int,
+    command_rate: float,
+    sensors: list[list[float]],
+    faults: list[tuple[str, int, int, int, float | None]],
+    observer: tuple[list[int], list[int], *tuple[NDArray[np.float64], ...]] | None,
+    histories: bool = False,
+    step_factor: int = 1,
+    threads: int = 0,
+) -> tuple[
+    NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint32], list[NDArray[np.float64]] | None
+]: ...

@@ -5,7 +5,7 @@ use crate::current_law::CurrentLaws;
 use crate::damper::{DamperModel, Motion, State};
 use crate::elementary::exp;
 use crate::lanes::{Apart, Lanes};
-use crate::parameters::FromSlice;
+use crate::parameters::{FromSlice, Scale};
 use crate::real::Real;
 
 /// All devices, each one damper or two in opposition.
@@ -26,6 +26,8 @@ struct Device<M: DamperModel, R: Real> {
     held: R,
     /// What is left of the difference after half a step; zero without a lag.
     decay: R,
+    /// Whether two in opposition are counted as one with twice the force, which has no offset.
+    merged: bool,
     at: [M::Parameters<R>; 3],
     dampers: Vec<Hidden<M, R>>,
 }
@@ -66,9 +68,13 @@ impl<'a, M: DamperModel, R: Lanes> Dampers<'a, M, R> {
                     theta[(draw * places.len() + index) * n_columns + column]
                 }));
             }
-            let sides: &[f64] = if place.differential { &[1.0, -1.0] } else { &[1.0] };
-            let dampers = sides.iter().map(|&side| Hidden::at_rest(side, place.count)).collect();
-            devices.push(Device { columns, held: R::splat(0.0), decay: R::splat(0.0), at, dampers });
+            let merged = place.differential && M::SPEC.odd && M::SPEC.offset_adds;
+            let dampers = match (merged, place.differential) {
+                (true, _) => vec![Hidden::at_rest(1.0, 2.0 * place.count)],
+                (false, true) => [1.0, -1.0].map(|side| Hidden::at_rest(side, place.count)).into(),
+                (false, false) => vec![Hidden::at_rest(1.0, place.count)],
+            };
+            devices.push(Device { columns, held: R::splat(0.0), decay: R::splat(0.0), merged, at, dampers });
         }
         let mut dampers = Self {
             laws,
@@ -114,6 +120,13 @@ impl<'a, M: DamperModel, R: Lanes> Dampers<'a, M, R> {
     fn evaluate(&mut self, device: usize, moment: usize) {
         let own = &mut self.devices[device];
         self.laws.evaluate(&own.columns, self.current[device], &mut self.values);
+        if own.merged {
+            for (value, parameter) in self.values.iter_mut().zip(M::SPEC.parameters) {
+                if parameter.scale == Scale::Offset {
+                    *value = R::splat(0.0);
+                }
+            }
+        }
         own.at[moment] = M::Parameters::from_slice(&self.values);
     }
 }

@@ -22,6 +22,7 @@ impl DamperModel for IdealActuator {
         parameters: PARAMETERS,
         n_states: 0,
         odd: true,
+        offset_adds: true,
         relaxes: false,
     };
     type Parameters<R: Real> = Parameters<R>;

@@ -62,15 +62,13 @@ impl<R: Real> ForceCurve<R> {
     /// Forces at no command, half of the largest, and the largest.
     #[inline(always)]
     pub(crate) fn points(&self, deformation: R, rate: R) -> [R; 3] {
+        let motion = Motion { displacement: deformation, velocity: rate };
         let mut forces = [R::splat(0.0); 3];
         for (force, p) in forces.iter_mut().zip(&self.at) {
-            let along = Motion { displacement: deformation, velocity: rate };
-            let mut sum = StaticHysteretic::force(p, [], along);
-            if self.place.differential {
-                let against = Motion { displacement: -deformation, velocity: -rate };
-                sum = sum - StaticHysteretic::force(p, [], against);
-            }
-            *force = sum * R::splat(self.place.count);
+            let one = StaticHysteretic::force(p, [], motion);
+            // Two in opposition: the model is odd but for its offset.
+            let whole = if self.place.differential { (one - p.f0) * R::splat(2.0) } else { one };
+            *force = whole * R::splat(self.place.count);
         }
         forces
     }

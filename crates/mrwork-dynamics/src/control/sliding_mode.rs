@@ -63,16 +63,17 @@ fn saturated<R: Real>(distance: R, boundary: R) -> R {
     within(distance / boundary, R::splat(-1.0), R::splat(1.0))
 }
 
-/// The switching force grows as long as the state is off the surface.
+/// The switching force grows while the state is off the surface, and shrinks while it is near.
 pub struct AdaptiveSlidingMode;
 
 impl ControlLaw for AdaptiveSlidingMode {
     const SPEC: LawSpec = LawSpec {
         name: "adaptive_sliding_mode",
         title: "Adaptive sliding mode",
-        equation: "f_c = -K s + rho sat(S s/phi), rho' = a |S s| where |S s| > phi, then i = i_max H((f_c - f) f)",
-        description: "Needs no bound of the disturbance: the switching force is learned. It never shrinks.",
-        source: "our definition",
+        equation: "f_c = -K s + rho sat(S s/phi), rho' = a |S s| sgn(|S s| - phi) between floor and ceiling,\n\
+                   then i = i_max H((f_c - f) f)",
+        description: "Needs no bound of the disturbance: the switching force is learned.",
+        source: "Plestan, Shtessel, Bregeault, Poznyak, Int. J. Control 83(9), 2010, 1907-1919",
         gains: &[
             GAIN,
             SURFACE,
@@ -83,6 +84,18 @@ impl ControlLaw for AdaptiveSlidingMode {
                 description: "a, how fast the switching force grows off the surface",
             },
             BOUNDARY,
+            GainSpec {
+                name: "floor",
+                unit: "N",
+                shape: Shape::Device,
+                description: "least switching force, with which it begins",
+            },
+            GainSpec {
+                name: "ceiling",
+                unit: "N",
+                shape: Shape::Device,
+                description: "largest switching force",
+            },
         ],
         tables: &[],
         memory: 1,
@@ -94,9 +107,9 @@ impl ControlLaw for AdaptiveSlidingMode {
         for (device, (command, switching)) in command.iter_mut().zip(memory).enumerate() {
             let distance = gains.of_state(1, device, seen.state);
             let boundary = gains.of_device(3, device);
-            let growth = gains.of_device(2, device) * R::splat(seen.sample_time);
-            let grown = growth.mul_add(distance.abs(), *switching);
-            *switching = R::select(boundary.less(distance.abs()), grown, *switching);
+            let growth = gains.of_device(2, device) * R::splat(seen.sample_time) * distance.abs();
+            let change = R::select(boundary.less(distance.abs()), growth, -growth);
+            *switching = within(*switching + change, gains.of_device(4, device), gains.of_device(5, device));
             let equivalent = gains.of_state(0, device, seen.state);
             let wanted = switching.mul_add(saturated(distance, boundary), -equivalent);
             *command = clipped(wanted, seen.force[device], R::splat(seen.largest[device]));

@@ -31,6 +31,7 @@ impl DamperModel for Bingham {
         parameters: PARAMETERS,
         n_states: 0,
         odd: true,
+        offset_adds: true,
         relaxes: false,
     };
     type Parameters<R: Real> = Parameters<R>;

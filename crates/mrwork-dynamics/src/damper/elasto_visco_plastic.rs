@@ -39,6 +39,7 @@ impl DamperModel for ElastoViscoPlastic {
         parameters: PARAMETERS,
         n_states: 1,
         odd: true,
+        offset_adds: true,
         relaxes: true,
     };
     type Parameters<R: Real> = Parameters<R>;

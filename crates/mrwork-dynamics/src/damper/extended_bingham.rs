@@ -36,6 +36,7 @@ impl DamperModel for ExtendedBingham {
         parameters: PARAMETERS,
         n_states: 2,
         odd: true,
+        offset_adds: true,
         relaxes: true,
     };
     type Parameters<R: Real> = Parameters<R>;

@@ -34,6 +34,7 @@ impl DamperModel for HyperbolicTangentGavin {
         parameters: PARAMETERS,
         n_states: 0,
         odd: true,
+        offset_adds: true,
         relaxes: false,
     };
     type Parameters<R: Real> = Parameters<R>;

@@ -33,6 +33,7 @@ impl DamperModel for LuGre {
         parameters: PARAMETERS,
         n_states: 1,
         odd: true,
+        offset_adds: true,
         relaxes: false,
     };
     type Parameters<R: Real> = Parameters<R>;

@@ -72,6 +72,8 @@ pub struct DamperSpec {
     pub n_states: usize,
     /// Whether `f(-x, -v) = -f(x, v)` once the offset parameters are zero.
     pub odd: bool,
+    /// Whether the offset parameters do no more than add a constant force.
+    pub offset_adds: bool,
     /// Whether the states move while the damper is held still: a series dashpot creeps, a loop does not.
     pub relaxes: bool,
 }

@@ -45,6 +45,7 @@ impl DamperModel for ModifiedBoucWen {
         parameters: PARAMETERS,
         n_states: 2,
         odd: true,
+        offset_adds: true,
         relaxes: true,
     };
     type Parameters<R: Real> = Parameters<R>;

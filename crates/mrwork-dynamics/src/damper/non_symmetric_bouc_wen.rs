@@ -44,6 +44,7 @@ impl DamperModel for NonSymmetricBoucWen {
         parameters: PARAMETERS,
         n_states: 1,
         odd: true,
+        offset_adds: true,
         relaxes: true,
     };
     type Parameters<R: Real> = Parameters<R>;

@@ -37,6 +37,7 @@ impl DamperModel for NormalisedBoucWen {
         parameters: PARAMETERS,
         n_states: 1,
         odd: true,
+        offset_adds: true,
         relaxes: false,
     };
     type Parameters<R: Real> = Parameters<R>;

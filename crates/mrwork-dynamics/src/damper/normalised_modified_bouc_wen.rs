@@ -43,6 +43,7 @@ impl DamperModel for NormalisedModifiedBoucWen {
         parameters: PARAMETERS,
         n_states: 2,
         odd: true,
+        offset_adds: true,
         relaxes: true,
     };
     type Parameters<R: Real> = Parameters<R>;

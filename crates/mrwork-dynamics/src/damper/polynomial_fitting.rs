@@ -44,6 +44,7 @@ impl DamperModel for PolynomialFitting {
         parameters: PARAMETERS,
         n_states: 0,
         odd: true,
+        offset_adds: false,
         relaxes: false,
     };
     type Parameters<R: Real> = Parameters<R>;

@@ -33,6 +33,7 @@ impl DamperModel for StaticHysteretic {
         parameters: PARAMETERS,
         n_states: 0,
         odd: true,
+        offset_adds: true,
         relaxes: false,
     };
     type Parameters<R: Real> = Parameters<R>;

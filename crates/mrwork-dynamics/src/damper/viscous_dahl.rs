@@ -30,6 +30,7 @@ impl DamperModel for ViscousDahl {
         parameters: PARAMETERS,
         n_states: 1,
         odd: true,
+        offset_adds: true,
         relaxes: false,
     };
     type Parameters<R: Real> = Parameters<R>;

@@ -1,0 +1,62 @@
+"""What sits in a building and follows a command."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mrwork.errors import SettingError
+from mrwork.spec import DamperSpec
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Device:
+    """Dampers in one place, which follow one command between 0 and `largest_command`.
+
+    Parameters
+    ----------
+    spec, theta
+        The damper model and its parameters, shape (n_params,), or one row for each draw.
+    row
+        How the coordinates of the building elongate it, shape (n,): a row of `building.storeys`.
+    count
+        Dampers side by side.
+    differential
+        As many again the other way round: their constant forces cancel.
+
+    Raises
+    ------
+    SettingError
+        Where the parameters do not fit the model, or a number is not positive.
+    """
+
+    name: str
+    spec: DamperSpec
+    theta: ArrayLike
+    row: ArrayLike
+    largest_command: float
+    count: float = 1.0
+    differential: bool = False
+
+    def __post_init__(self) -> None:
+        n_params = len(self.spec.parameters)
+        if self.draws.ndim != 2 or self.draws.shape[1] != n_params:
+            raise SettingError(
+                f"{self.name}: `theta` has shape {np.shape(self.theta)}, {self.spec.name} takes ({n_params},) or "
+                f"(n_draws, {n_params})"
+            )
+        if not (self.largest_command > 0.0 and np.isfinite(self.largest_command)):
+            raise SettingError(
+                f"{self.name}: the largest command is {self.largest_command}; give a positive number"
+            )
+        if not self.count > 0.0:
+            raise SettingError(f"{self.name}: {self.count} dampers side by side; give a positive number")
+
+    @property
+    def draws(self) -> Floats:
+        """Parameters, shape (n_draws, n_params)."""
+        return np.atleast_2d(np.asarray(self.theta, dtype=np.float64))

@@ -1,0 +1,133 @@
+"""What stands between the building and the damper's coil: sampling, delay, sensors, limits, faults."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from mrwork.errors import SettingError
+
+Channel = Literal["acceleration", "deformation", "force", "command"]
+Feedback = Literal["state", "observer"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """A signal that is broken from `start` to `end` [s].
+
+    `index` counts floors for an acceleration, devices otherwise, from 0. Meanwhile the signal has `value`: "hold" for the
+    last one before, or a number; `math.nan` is a sensor that gives none.
+    """
+
+    channel: Channel
+    index: int = 0
+    start: float = 0.0
+    end: float = math.inf
+    value: float | Literal["hold"] = "hold"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hardware:
+    """How the loop is run.
+
+    Parameters
+    ----------
+    sample_time
+        From one command to the next [s]; on/off laws give reproducible numbers only at a stated one.
+    step
+        Longest integration step [s]; a sample has the fewest equal steps that are no longer. Stiff dampers take
+        more of their own accord.
+    delay
+        From a measurement until its command is sent [s], in whole integration steps.
+    command_rate
+        How fast the command may change [A/s or V/s].
+    feedback
+        "state": laws see displacements and velocities as they are, deformation and force through their sensors.
+        "observer": a Kalman filter estimates the state from the accelerations of `measured_floors` and the devices'
+        deformations and forces.
+    measured_floors
+        Floors with an accelerometer, from 0; all where `None`.
+    noise_ratio
+        S_ag/S_v of the observer's design.
+    acceleration_noise, deformation_noise, force_noise
+        Standard deviations of the sensors' white noise [m/s^2, m, N].
+    acceleration_resolution, deformation_resolution, force_resolution
+        Widths of their steps; none where zero.
+    seed
+        Of the noise: all laws and candidates have the same under the same motion.
+    """
+
+    sample_time: float = 1e-3
+    step: float = 5e-4
+    delay: float = 0.0
+    command_rate: float = math.inf
+    feedback: Feedback = "state"
+    measured_floors: tuple[int, ...] | None = None
+    noise_ratio: float = 50.0
+    acceleration_noise: float = 0.0
+    deformation_noise: float = 0.0
+    force_noise: float = 0.0
+    acceleration_resolution: float = 0.0
+    deformation_resolution: float = 0.0
+    force_resolution: float = 0.0
+    seed: int = 0
+    faults: tuple[Fault, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("sample_time", "step", "command_rate", "noise_ratio"):
+            value = getattr(self, name)
+            if not value > 0.0:
+                raise SettingError(f"`{name}` is {value}; give a positive number")
+        for quantity in ("acceleration", "deformation", "force"):
+            for name in (f"{quantity}_noise", f"{quantity}_resolution"):
+                value = getattr(self, name)
+                if not 0.0 <= value < math.inf:
+                    raise SettingError(f"`{name}` is {value}; give zero or a positive number")
+        if self.seed < 0:
+            raise SettingError(f"`seed` is {self.seed}; give zero or a positive whole number")
+        if abs(self.delay / self._step - self.delay_steps) > 1e-6 or self.delay < 0.0:
+            raise SettingError(
+                f"`delay` is {self.delay} s, which is not a whole number of integration steps of {self._step:g} s; "
+                f"give a multiple of them, or a finer `step`"
+            )
+
+    @property
+    def steps(self) -> int:
+        """Integration steps per sample."""
+        return max(1, math.ceil(self.sample_time / self.step * (1.0 - 1e-9)))
+
+    @property
+    def delay_steps(self) -> int:
+        """Integration steps of the delay."""
+        return round(self.delay / self._step)
+
+    @property
+    def sensors(self) -> list[list[float]]:
+        """Noise and resolution of accelerations, deformations and forces."""
+        return [
+            [self.acceleration_noise, self.acceleration_resolution],
+            [self.deformation_noise, self.deformation_resolution],
+            [self.force_noise, self.force_resolution],
+        ]
+
+    @property
+    def _step(self) -> float:
+        return self.sample_time / self.steps
+
+    def fault_rows(self) -> list[tuple[str, int, int, int, float | None]]:
+        """The faults in samples; no value where the last one before is held."""
+        return [
+            (
+                fault.channel,
+                fault.index,
+                self._sample(fault.start),
+                self._sample(fault.end),
+                None if fault.value == "hold" else float(fault.value),
+            )
+            for fault in self.faults
+        ]
+
+    def _sample(self, time: float) -> int:
+        most = 2**62
+        return most if math.isinf(time) else min(most, math.ceil(time / self.sample_time * (1.0 - 1e-9)))
