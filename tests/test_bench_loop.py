@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from mrwork.bench import loop_ours
 from mrwork.bench.loop import bench_loop, summarise
 from mrwork.bench.loop_numba import LIBRARY, SERIES, LoopNumbaVariant, _series_tanh
 from mrwork.bench.loop_plain import PlainLoop
@@ -29,6 +30,10 @@ def workload() -> LoopWorkload:
 def reference(workload: LoopWorkload) -> Floats:
     runs = [[PlainLoop.of(workload, candidate).run(motion) for candidate in range(3)] for motion in range(2)]
     return np.array(runs)
+
+
+def test_ours_finds_what_plain_steps_find(workload: LoopWorkload, reference: Floats) -> None:
+    np.testing.assert_allclose(loop_ours.prepare(workload, 1)(), reference, rtol=AGREEMENT)
 
 
 @pytest.mark.parametrize("variant", [LIBRARY[0], SERIES[1]], ids=["scalar loop", "blocks"])

@@ -14,27 +14,12 @@ from jax import Array
 import mrwork as mr
 from loop_twin_samples import LARGEST, STEP, a_ground, five_storeys, two_storeys
 from mrwork.bench.loop_plain import PlainLoop
-from mrwork.bench.loop_workload import LAG, LARGEST_COMMAND, loop_workload
+from mrwork.bench.loop_workload import KEPT, LAG, LARGEST_COMMAND, loop_workload
 from mrwork.errors import SettingError
 from mrwork.twins.loop.ground import half_steps
 from mrwork.twins.loop.laws import ClippedOptimal, LqrDirect, Passive
 from mrwork.twins.loop.plant import LoopDevice
 from mrwork.twins.loop.run import loop_histories, run_loop
-
-# What the benchmark's contenders keep, in their order.
-KEPT = (
-    *(
-        "peak_displacement",
-        "rms_displacement",
-        "peak_acceleration",
-        "rms_acceleration",
-        "peak_drift",
-        "rms_drift",
-    ),
-    *("peak_base_shear", "rms_base_shear", "peak_force", "rms_force", "peak_stroke", "peak_rate"),
-    *("peak_current", "mean_current", "rms_current"),
-    *("device_energy", "input_energy", "kinetic_energy", "strain_energy", "damping_energy"),
-)
 
 
 def run(law: Any, devices: tuple[LoopDevice, ...] | None = None, n_steps: int = 400, **settings: Any) -> Any:

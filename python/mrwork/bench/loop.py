@@ -104,7 +104,7 @@ def bench_loop(
             "`candidates`, `motions`, `threads` and `rounds` must be 1 or more, `seconds` a step or more"
         )
     cores = cores_for(threads)
-    tools = {OURS: "mrwork", **_PACKAGES, **_ALONE} if _ours_takes_part() else {**_PACKAGES, **_ALONE}
+    tools = {OURS: "mrwork", **_PACKAGES, **_ALONE}
     present = [tool for tool, package in tools.items() if importlib.util.find_spec(package) is not None]
     rows: list[LoopRow] = []
     with tempfile.TemporaryDirectory() as folder:
@@ -199,10 +199,6 @@ def format_loop(benchmark: LoopBenchmark) -> str:
     if benchmark.left_out:
         lines.append(f"not installed: {', '.join(benchmark.left_out)}")
     return "\n".join(lines)
-
-
-def _ours_takes_part() -> bool:
-    return importlib.util.find_spec("mrwork.bench.loop_ours") is not None
 
 
 def _measured(settings: LoopSettings, cores: Sequence[int]) -> LoopMeasurement:
