@@ -113,8 +113,6 @@ def bench_loop(
             found: dict[str, Floats] = {}
             for tool in present:
                 alone = tool in _ALONE
-                if on_progress is not None:
-                    on_progress(f"{count} thread(s): {tool}{', one run' if alone else ''}")
                 file = Path(folder) / f"{tool}.npy"
                 settings = LoopSettings(
                     tool=tool,
@@ -125,6 +123,9 @@ def bench_loop(
                     results=str(file),
                 )
                 measurements[tool] = _measured(settings, cores[: 1 if alone else count])
+                if on_progress is not None:
+                    item = measurements[tool]
+                    on_progress(f"{count} thread(s): {tool}, {item.runs} run(s) in {item.seconds:.2f} s")
                 found[tool] = np.load(file)
             rows += summarise(measurements, found, runs=candidates * motions, threads=count)
     return LoopBenchmark(
