@@ -16,8 +16,8 @@ Feedback = Literal["state", "observer"]
 class Fault:
     """A signal that is broken from `start` to `end` [s].
 
-    `index` counts floors for an acceleration, devices otherwise, from 0. Meanwhile the signal has `value`: "hold" for the
-    last one before, or a number; `math.nan` is a sensor that gives none.
+    `index` counts floors for an acceleration, devices otherwise, from 0. Meanwhile the signal has `value`: "hold" for
+    the last one before, or a number; `math.nan` is a sensor that gives none.
     """
 
     channel: Channel

@@ -19,8 +19,11 @@ from mrwork.control.outputs import accelerations, deformations, stacked
 from mrwork.control.plant import plant_of
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
+from mrwork.spec import DamperSpec
 
 Floats = NDArray[np.float64]
+# Current laws by name, none where the model has none, and whether the driver lags.
+Laws = tuple[list[str] | None, bool]
 
 _RUNS_AT_A_TIME = 4096
 # A force that no actuator meets [N]: the ideal one has no limit.
@@ -85,7 +88,9 @@ def simulate_loop(
         "model": model,
         "laws": laws,
         "theta": theta,
-        "places": [(1.0, False) if active else (float(device.count), device.differential) for device in devices],
+        "places": [
+            (1.0, False) if active else (float(device.count), device.differential) for device in devices
+        ],
         "ranges": ranges,
         "law": law.name,
         "gains": gains,
@@ -122,7 +127,7 @@ def simulate_loop(
 
 def _dampers(
     devices: Sequence[Device], *, actuators: bool
-) -> tuple[str, tuple[list[str] | None, bool], Floats, list[list[float]]]:
+) -> tuple[str, Laws, Floats, list[list[float]]]:
     """Model, laws, parameters of all draws and devices, and ranges of command."""
     if actuators:
         theta = np.tile([0.0, 1.0], (1, len(devices), 1))
@@ -140,13 +145,16 @@ def _dampers(
         raise SettingError(f"the devices have {counts} draws; give as many of each, or one")
     shape = (n_draws, len(spec.parameters))
     theta = np.stack([np.broadcast_to(device.draws, shape) for device in devices], axis=1)
-    laws = (None, False) if spec.current is None else (list(spec.current.laws), spec.current.lagged)
     return (
         spec.name,
-        laws,
+        _laws(spec),
         np.ascontiguousarray(theta),
         [[0.0, float(device.largest_command)] for device in devices],
     )
+
+
+def _laws(spec: DamperSpec) -> Laws:
+    return (None, False) if spec.current is None else ([*spec.current.laws], spec.current.lagged)
 
 
 def _matrices(building: Building, devices: Sequence[Device]) -> _rust.Building:
@@ -173,7 +181,7 @@ def _matrices(building: Building, devices: Sequence[Device]) -> _rust.Building:
         raise SettingError(f"{building.name}: {error}") from error
 
 
-def _curve(law: ControlLaw) -> tuple[tuple[list[str] | None, bool], Floats] | None:
+def _curve(law: ControlLaw) -> tuple[Laws, Floats] | None:
     if law.curve is None:
         if law.spec.wants_curve:
             raise SettingError(
@@ -186,7 +194,7 @@ def _curve(law: ControlLaw) -> tuple[tuple[list[str] | None, bool], Floats] | No
         raise SettingError(
             f"the curve of {law.name} is a {spec.name}; give a static_hysteretic with current laws"
         )
-    return (list(spec.current.laws), spec.current.lagged), np.ascontiguousarray(theta, dtype=np.float64)
+    return _laws(spec), np.ascontiguousarray(theta, dtype=np.float64)
 
 
 def _observer(
@@ -217,8 +225,10 @@ def loop_observer(
     """
     unknown = [floor for floor in floors if not 0 <= floor < len(building.floors)]
     if unknown:
-        raise SettingError(f"{building.name} has {len(building.floors)} floors, counted from 0; {unknown} are none")
-    plant = plant_of(building, [device.row for device in devices], [device.name for device in devices])
+        raise SettingError(
+            f"{building.name} has {len(building.floors)} floors, counted from 0; {unknown} are none"
+        )
+    plant = plant_of(building, np.array([device.row for device in devices]), [device.name for device in devices])
     measured = accelerations(plant)
     chosen = measured.select([measured.names[floor] for floor in floors])
     return observer_of(
@@ -238,7 +248,7 @@ def _responses(
     if parts[0][3] is not None:
         layout = building.history_layout
         histories = tuple(
-            History(time=hardware.sample_time * np.arange(len(rows)), **_split(rows, layout))
+            History(time=np.arange(len(rows), dtype=np.float64) * hardware.sample_time, **_split(rows, layout))
             for part in parts
             for rows in part[3]
         )

@@ -131,7 +131,7 @@ fn march<M: DamperModel, R: Lanes>(block: &Block<'_>, histories: &mut [History<'
                 R::apart(Sample {
                     batch,
                     streams: &streams,
-                    sample,
+                    number: sample,
                     displacement: &plant.displacement,
                     velocity: &plant.velocity,
                     acceleration: plant.acceleration(),

@@ -3,7 +3,6 @@
 use super::reductions::Reductions;
 use crate::building::{Building, Spring};
 use crate::lanes::{Apart, Lanes};
-use crate::real::Real;
 
 /// Stages of a step.
 const STAGES: usize = 4;
@@ -140,9 +139,9 @@ impl<R: Lanes> Plant<'_, R> {
     #[inline(always)]
     fn reach(&mut self, stage: usize, reach: R) {
         let accelerations = &self.accelerations[stage];
-        for i in 0..self.displacement.len() {
+        for (i, &acceleration) in accelerations.iter().enumerate() {
             self.staged_displacement[i] = self.staged_velocity[i].mul_add(reach, self.displacement[i]);
-            self.staged_velocity[i] = accelerations[i].mul_add(reach, self.velocity[i]);
+            self.staged_velocity[i] = acceleration.mul_add(reach, self.velocity[i]);
         }
     }
 
