@@ -23,8 +23,9 @@ from mrwork.motions.ground_motion import GroundMotion
 Floats = NDArray[np.float64]
 
 _RUNS_AT_A_TIME = 4096
-# A force that no actuator meets [N]: the ideal one has no limit.
-_NO_LIMIT = 1e14
+# A force that no actuator meets [N]: the ideal one has no limit, and an unstable loop leaves the finite numbers before
+# it, so that it ends as diverged and not at this force.
+_NO_LIMIT = 1e300
 
 
 def simulate_loop(
@@ -139,7 +140,9 @@ def _dampers(
         raise SettingError(f"the devices have {counts} draws; give as many of each, or one")
     shape = (n_draws, len(spec.parameters))
     theta = np.stack([np.broadcast_to(device.draws, shape) for device in devices], axis=1)
-    laws = (None, False) if spec.current is None else (list(spec.current.laws), spec.current.lagged)
+    laws: tuple[list[str] | None, bool] = (None, False)
+    if spec.current is not None:
+        laws = (list(spec.current.laws), spec.current.lagged)
     return (
         spec.name,
         laws,
@@ -216,8 +219,12 @@ def loop_observer(
     """
     unknown = [floor for floor in floors if not 0 <= floor < len(building.floors)]
     if unknown:
-        raise SettingError(f"{building.name} has {len(building.floors)} floors, counted from 0; {unknown} are none")
-    plant = plant_of(building, [device.row for device in devices], [device.name for device in devices])
+        raise SettingError(
+            f"{building.name} has {len(building.floors)} floors, counted from 0; {unknown} are none"
+        )
+    plant = plant_of(
+        building, np.array([device.row for device in devices]), [device.name for device in devices]
+    )
     measured = accelerations(plant)
     chosen = measured.select([measured.names[floor] for floor in floors])
     return observer_of(
@@ -237,7 +244,9 @@ def _responses(
     if parts[0][3] is not None:
         layout = building.history_layout
         histories = tuple(
-            History(time=hardware.sample_time * np.arange(len(rows)), **_split(rows, layout))
+            History(
+                time=np.arange(len(rows), dtype=np.float64) * hardware.sample_time, **_split(rows, layout)
+            )
             for part in parts
             for rows in part[3]
         )

@@ -14,6 +14,7 @@ use crate::current_law::CurrentLaws;
 use crate::dispatch::InstructionSet;
 use crate::error::{DynamicsError, Outcome};
 use crate::ground_motion::GroundMotion;
+use crate::integrate::MAX_SUBSTEP_FACTOR;
 use crate::threads::{StopRequested, on_threads, thread_count};
 
 /// Blocks between two times that results are put in their place: bounds what is held twice.
@@ -105,16 +106,22 @@ pub fn n_samples(motion: &GroundMotion, hardware: &Hardware) -> usize {
 pub fn respond(
     batch: &Batch<'_>,
     summary: &mut [f64],
-    histories: Option<&mut [Vec<f64>]>,
+    mut histories: Option<&mut [Vec<f64>]>,
     settings: Settings<'_>,
 ) -> Result<Vec<RunResult>, DynamicsError> {
     batch.check()?;
+    if !(1..=MAX_SUBSTEP_FACTOR).contains(&settings.step_factor) {
+        return Err(DynamicsError::StepFactor(settings.step_factor));
+    }
     let width: usize = layout(batch.building).iter().map(|&(_, count)| count).sum();
     let expected = batch.runs.len() * width;
     if summary.len() != expected {
         return Err(DynamicsError::MatrixSize { name: "summary", found: summary.len(), expected });
     }
     summary.fill(f64::INFINITY);
+    for rows in histories.iter_mut().flat_map(|histories| histories.iter_mut()) {
+        rows.fill(f64::INFINITY);
+    }
     let first_steps = batch.first_steps();
     let unresolved = RunResult { outcome: Outcome::Unresolved, steps: 0 };
     let mut results = vec![unresolved; batch.runs.len()];
@@ -122,7 +129,7 @@ pub fn respond(
     let mut pending: Vec<(usize, u32)> = (0..batch.runs.len())
         .filter_map(|run| {
             let steps = first_steps[batch.runs[run].draw as usize]?;
-            Some((run, steps * settings.step_factor.max(1)))
+            Some((run, steps * settings.step_factor))
         })
         .collect();
     let mut out = Out { summary, histories, width };
@@ -133,7 +140,8 @@ pub fn respond(
             let draw = batch.runs[run].draw as usize;
             let finite = out.row(run).iter().all(|value| value.is_finite());
             let wanted = if finite {
-                steps_for(batch, damper_bound(batch, draw, &left.severity, step))
+                let own = steps_for(batch, damper_bound(batch, draw, &left.severity, step));
+                own.map(|own| own * settings.step_factor)
             } else if tried_finer[run] {
                 Some(0)
             } else {
@@ -150,7 +158,7 @@ pub fn respond(
                     };
                     results[run] = RunResult { outcome, steps };
                 }
-                None => {}
+                None => out.forget_history(run),
             }
             if results[run].outcome == Outcome::Unresolved || !finite {
                 out.row(run).fill(f64::INFINITY);
@@ -171,6 +179,13 @@ struct Out<'a> {
 impl Out<'_> {
     fn row(&mut self, run: usize) -> &mut [f64] {
         &mut self.summary[run * self.width..][..self.width]
+    }
+
+    /// Leaves nothing of a run that was tried with too long a step.
+    fn forget_history(&mut self, run: usize) {
+        if let Some(histories) = &mut self.histories {
+            histories[run].fill(f64::INFINITY);
+        }
     }
 }
 
@@ -285,6 +300,7 @@ impl<'a> Batch<'a> {
                 expected: n_gains,
             });
         }
+        self.law.check_tables(self.tables)?;
         if spec.wants_curve && self.curve.is_none() {
             return Err(DynamicsError::NoCurve(spec.name));
         }
