@@ -26,8 +26,9 @@ Floats = NDArray[np.float64]
 Laws = tuple[list[str] | None, bool]
 
 _RUNS_AT_A_TIME = 4096
-# A force that no actuator meets [N]: the ideal one has no limit.
-_NO_LIMIT = 1e14
+# A force that no actuator meets [N]: the ideal one has no limit, and an unstable loop leaves the finite numbers before
+# it, so that it ends as diverged and not at this force.
+_NO_LIMIT = 1e300
 
 
 def simulate_loop(
@@ -145,6 +146,12 @@ def _dampers(
         raise SettingError(f"the devices have {counts} draws; give as many of each, or one")
     shape = (n_draws, len(spec.parameters))
     theta = np.stack([np.broadcast_to(device.draws, shape) for device in devices], axis=1)
+<<<<<<< HEAD
+=======
+    laws: tuple[list[str] | None, bool] = (None, False)
+    if spec.current is not None:
+        laws = (list(spec.current.laws), spec.current.lagged)
+>>>>>>> 3eea380b1c2eab8042f70c3ea1b41045dbda22d1
     return (
         spec.name,
         _laws(spec),
@@ -228,7 +235,13 @@ def loop_observer(
         raise SettingError(
             f"{building.name} has {len(building.floors)} floors, counted from 0; {unknown} are none"
         )
+<<<<<<< HEAD
     plant = plant_of(building, np.array([device.row for device in devices]), [device.name for device in devices])
+=======
+    plant = plant_of(
+        building, np.array([device.row for device in devices]), [device.name for device in devices]
+    )
+>>>>>>> 3eea380b1c2eab8042f70c3ea1b41045dbda22d1
     measured = accelerations(plant)
     chosen = measured.select([measured.names[floor] for floor in floors])
     return observer_of(
@@ -248,7 +261,13 @@ def _responses(
     if parts[0][3] is not None:
         layout = building.history_layout
         histories = tuple(
+<<<<<<< HEAD
             History(time=np.arange(len(rows), dtype=np.float64) * hardware.sample_time, **_split(rows, layout))
+=======
+            History(
+                time=np.arange(len(rows), dtype=np.float64) * hardware.sample_time, **_split(rows, layout)
+            )
+>>>>>>> 3eea380b1c2eab8042f70c3ea1b41045dbda22d1
             for part in parts
             for rows in part[3]
         )

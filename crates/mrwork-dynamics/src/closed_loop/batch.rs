@@ -14,6 +14,7 @@ use crate::current_law::CurrentLaws;
 use crate::dispatch::InstructionSet;
 use crate::error::{DynamicsError, Outcome};
 use crate::ground_motion::GroundMotion;
+use crate::integrate::MAX_SUBSTEP_FACTOR;
 use crate::threads::{StopRequested, on_threads, thread_count};
 
 /// Blocks between two times that results are put in their place: bounds what is held twice.
@@ -109,16 +110,22 @@ pub fn n_samples(motion: &GroundMotion, hardware: &Hardware) -> usize {
 pub fn respond(
     batch: &Batch<'_>,
     summary: &mut [f64],
-    histories: Option<&mut [Vec<f64>]>,
+    mut histories: Option<&mut [Vec<f64>]>,
     settings: Settings<'_>,
 ) -> Result<Vec<RunResult>, DynamicsError> {
     batch.check()?;
+    if !(1..=MAX_SUBSTEP_FACTOR).contains(&settings.step_factor) {
+        return Err(DynamicsError::StepFactor(settings.step_factor));
+    }
     let width: usize = layout(batch.building).iter().map(|&(_, count)| count).sum();
     let expected = batch.runs.len() * width;
     if summary.len() != expected {
         return Err(DynamicsError::MatrixSize { name: "summary", found: summary.len(), expected });
     }
     summary.fill(f64::INFINITY);
+    for rows in histories.iter_mut().flat_map(|histories| histories.iter_mut()) {
+        rows.fill(f64::INFINITY);
+    }
     let first_steps = batch.first_steps();
     let unresolved = RunResult { outcome: Outcome::Unresolved, steps: 0 };
     let mut results = vec![unresolved; batch.runs.len()];
@@ -126,7 +133,7 @@ pub fn respond(
     let mut pending: Vec<(usize, u32)> = (0..batch.runs.len())
         .filter_map(|run| {
             let steps = first_steps[batch.runs[run].draw as usize]?;
-            Some((run, steps * settings.step_factor.max(1)))
+            Some((run, steps * settings.step_factor))
         })
         .collect();
     let mut out = Out { summary, histories, width };
@@ -137,7 +144,8 @@ pub fn respond(
             let draw = batch.runs[run].draw as usize;
             let finite = batch.is_bounded(out.row(run));
             let wanted = if finite {
-                steps_for(batch, damper_bound(batch, draw, &left.severity, step))
+                let own = steps_for(batch, damper_bound(batch, draw, &left.severity, step));
+                own.map(|own| own * settings.step_factor)
             } else if tried_finer[run] {
                 Some(0)
             } else {
@@ -154,7 +162,7 @@ pub fn respond(
                     };
                     results[run] = RunResult { outcome, steps };
                 }
-                None => {}
+                None => out.forget_history(run),
             }
             if results[run].outcome == Outcome::Unresolved || !finite {
                 out.row(run).fill(f64::INFINITY);
@@ -175,6 +183,13 @@ struct Out<'a> {
 impl Out<'_> {
     fn row(&mut self, run: usize) -> &mut [f64] {
         &mut self.summary[run * self.width..][..self.width]
+    }
+
+    /// Leaves nothing of a run that was tried with too long a step.
+    fn forget_history(&mut self, run: usize) {
+        if let Some(histories) = &mut self.histories {
+            histories[run].fill(f64::INFINITY);
+        }
     }
 }
 
@@ -268,6 +283,77 @@ impl<'a> Batch<'a> {
         }
         Ok(lefts)
     }
+<<<<<<< HEAD
+=======
+
+    fn check(&self) -> Result<(), DynamicsError> {
+        let (n_devices, n_states) = (self.places.len(), 2 * self.building.n);
+        let n_columns = self.laws.n_columns();
+        let spec = self.law.spec();
+        let n_gains = spec.n_gains(n_devices, n_states);
+        let sizes = [
+            ("devices", self.building.n_devices(), n_devices),
+            ("ranges", self.ranges.len(), n_devices),
+            ("tables", self.tables.len(), spec.tables.len()),
+        ];
+        for (name, found, expected) in sizes {
+            if found != expected {
+                return Err(DynamicsError::MatrixSize { name, found, expected });
+            }
+        }
+        if !self.theta.len().is_multiple_of((n_devices * n_columns).max(1)) {
+            let expected = n_devices * n_columns;
+            return Err(DynamicsError::MatrixSize { name: "theta", found: self.theta.len(), expected });
+        }
+        if n_gains > 0 && !self.gains.len().is_multiple_of(n_gains) {
+            return Err(DynamicsError::MatrixSize {
+                name: "gains",
+                found: self.gains.len(),
+                expected: n_gains,
+            });
+        }
+        self.law.check_tables(self.tables)?;
+        if spec.wants_curve && self.curve.is_none() {
+            return Err(DynamicsError::NoCurve(spec.name));
+        }
+        if let Some(device) =
+            self.ranges.iter().position(|&[from, to]| !(from <= to && (to - from).is_finite()))
+        {
+            return Err(DynamicsError::CommandRange(device));
+        }
+        if !(self.hardware.sample_time.is_finite() && self.hardware.sample_time > 0.0)
+            || self.hardware.steps == 0
+        {
+            return Err(DynamicsError::Step(self.hardware.sample_time));
+        }
+        let n_candidates = if n_gains > 0 { self.gains.len() / n_gains } else { usize::MAX };
+        let n_draws = if n_devices * n_columns > 0 { self.theta.len() / (n_devices * n_columns) } else { 1 };
+        for (run, &Run { candidate, motion, draw, .. }) in self.runs.iter().enumerate() {
+            let asked = [
+                ("candidate", candidate as usize, n_candidates),
+                ("motion", motion as usize, self.motions.len()),
+                ("draw", draw as usize, n_draws),
+            ];
+            for (what, index, count) in asked {
+                if index >= count {
+                    return Err(DynamicsError::NoSuchEntry { run, what, index, count });
+                }
+            }
+        }
+        for fault in &self.hardware.faults {
+            let (index, count) = match fault.channel {
+                Channel::Acceleration(floor) => (floor, self.building.n_floors()),
+                Channel::Deformation(device) | Channel::Force(device) | Channel::Command(device) => {
+                    (device, n_devices)
+                }
+            };
+            if index >= count {
+                return Err(DynamicsError::NoSuchEntry { run: 0, what: "the faulty channel", index, count });
+            }
+        }
+        self.observer.map_or(Ok(()), |observer| observer.check(self.building, n_devices))
+    }
+>>>>>>> 3eea380b1c2eab8042f70c3ea1b41045dbda22d1
 }
 
 impl Out<'_> {

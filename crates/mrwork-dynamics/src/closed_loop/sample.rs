@@ -10,6 +10,8 @@ use crate::real::Real;
 /// What the controller holds between two samples, for a block of lanes.
 pub(super) struct Controller<R: Real> {
     columns: Vec<R>,
+    /// Zero, or no number in lanes where a gain is none.
+    unknown: R,
     curves: Vec<ForceCurve<R>>,
     ground_reach: Vec<f64>,
     largest: Vec<f64>,
@@ -38,13 +40,17 @@ impl<R: Lanes> Controller<R> {
         let (n_states, n_devices) = (2 * building.n, places.len());
         let n_gains = law.spec().n_gains(n_devices, n_states);
         let last = runs.len() - 1;
-        let columns = (0..n_gains)
+        let columns: Vec<R> = (0..n_gains)
             .map(|column| {
                 R::from_fn(|lane| {
                     gains[batch.runs[runs[lane.min(last)]].candidate as usize * n_gains + column]
                 })
             })
             .collect();
+        let mut unknown = R::splat(0.0);
+        for &column in &columns {
+            unknown = R::select(column.equal(column), unknown, column);
+        }
         let largest: Vec<f64> = ranges.iter().map(|&[_, largest]| largest).collect();
         let curves = match (law.spec().wants_curve, &batch.curve) {
             (true, Some(model)) => {
@@ -58,6 +64,7 @@ impl<R: Lanes> Controller<R> {
             batch.observer.map_or(0, |observer| observer.accelerations.len() + observer.deformations.len());
         Self {
             columns,
+            unknown,
             curves,
             ground_reach: ground_reach(&building.devices, &building.influence),
             largest,
@@ -198,7 +205,8 @@ impl<R: Lanes> Sample<'_, R> {
         let earlier = (self.number.wrapping_sub(1) % self.controller.depth) * n_devices;
         for (device, &[smallest, largest]) in ranges.iter().enumerate() {
             let raw = self.controller.raw[device];
-            let known = raw.equal(raw);
+            let judged = raw + self.controller.unknown;
+            let known = judged.equal(judged);
             let lost = R::select(known, self.controller.at_a_loss, R::splat(1.0));
             self.controller.at_a_loss = lost;
             let mut command =

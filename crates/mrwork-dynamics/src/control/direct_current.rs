@@ -2,7 +2,11 @@
 
 use super::clipped_optimal::GAIN;
 use super::lyapunov::WEIGHT;
+<<<<<<< HEAD
 use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, if_known, where_positive, within};
+=======
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, where_known, where_positive, within};
+>>>>>>> 3eea380b1c2eab8042f70c3ea1b41045dbda22d1
 use crate::elementary::{Exponent, powf};
 use crate::lanes::Lanes;
 use crate::real::Real;
@@ -39,7 +43,11 @@ impl ControlLaw for LyapunovDirect {
             // Where the parabola is straight this is not a number, and no better.
             let vertex = within(slope / (R::splat(-2.0) * bend), zero, largest);
             let better = gain_of(sigma, slope, bend, vertex).less(at_largest.min(zero));
+<<<<<<< HEAD
             *command = if_known(at_largest, R::select(better, vertex, best));
+=======
+            *command = where_known(at_largest, R::select(better, vertex, best));
+>>>>>>> 3eea380b1c2eab8042f70c3ea1b41045dbda22d1
         }
     }
 }
@@ -144,7 +152,11 @@ impl ControlLaw for InverseDirect {
             let fall = slope + powf(square.abs(), &root).copysign(slope);
             let other = if_inside(fall / (-two * bend), largest, nearest);
             let inverted = if_inside(-two * missing / fall, largest, other);
+<<<<<<< HEAD
             *command = if_known(at_largest, R::select(square.less(zero), nearest, inverted));
+=======
+            *command = where_known(at_largest, R::select(square.less(zero), nearest, inverted));
+>>>>>>> 3eea380b1c2eab8042f70c3ea1b41045dbda22d1
         }
     }
 }

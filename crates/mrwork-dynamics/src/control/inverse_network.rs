@@ -3,6 +3,7 @@
 use super::clipped_optimal::GAIN;
 use super::{ControlLaw, Gains, LawSpec, Seen, within};
 use crate::elementary::tanh;
+use crate::error::DynamicsError;
 use crate::lanes::Lanes;
 
 /// One hidden layer of hyperbolic tangents.
@@ -49,5 +50,22 @@ impl ControlLaw for InverseNetwork {
             before.copy_from_slice(&now);
             *command = sum;
         }
+    }
+
+    fn check_tables(tables: &[Vec<f64>]) -> Result<(), DynamicsError> {
+        let law = Self::SPEC.name;
+        let (layer, output, inputs) = (tables[0].len(), tables[1].len(), tables[2].len());
+        if inputs != SIGNALS && inputs != 2 * SIGNALS {
+            let expected = "3, or 6 with the sample before";
+            return Err(DynamicsError::TableSize { law, table: "reach", found: inputs, expected });
+        }
+        if layer == 0 || !layer.is_multiple_of(inputs + 2) {
+            let expected = "two more than `reach`, for each hidden unit";
+            return Err(DynamicsError::TableSize { law, table: "layer", found: layer, expected });
+        }
+        if output != 1 {
+            return Err(DynamicsError::TableSize { law, table: "output", found: output, expected: "1" });
+        }
+        Ok(())
     }
 }

@@ -21,6 +21,7 @@ pub(crate) use force_curve::ForceCurve;
 pub use force_curve::Place;
 
 use crate::building::SparseRows;
+use crate::error::DynamicsError;
 use crate::lanes::Lanes;
 use crate::real::Real;
 
@@ -164,7 +165,14 @@ trait ControlLaw {
     const SPEC: LawSpec;
 
     /// Commands of all devices; what leaves the admitted range is cut off by the caller.
+    ///
+    /// Where what it needs is not a number the command is none either, so that the caller knows.
     fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, memory: &mut [R], command: &mut [R]);
+
+    /// Refuses tables of sizes that it cannot read.
+    fn check_tables(_: &[Vec<f64>]) -> Result<(), DynamicsError> {
+        Ok(())
+    }
 }
 
 macro_rules! laws {
@@ -189,6 +197,10 @@ macro_rules! laws {
                 self, gains: &Gains<'_, R>, seen: &Seen<'_, R>, memory: &mut [R], command: &mut [R],
             ) {
                 match self { $(Self::$law => $module::$law::command(gains, seen, memory, command),)+ }
+            }
+
+            pub(crate) fn check_tables(self, tables: &[Vec<f64>]) -> Result<(), DynamicsError> {
+                match self { $(Self::$law => $module::$law::check_tables(tables),)+ }
             }
         }
     };
@@ -228,6 +240,7 @@ pub(crate) fn ground_reach(devices: &SparseRows, influence: &[f64]) -> Vec<f64> 
     (0..devices.len()).map(|device| devices.dot(device, influence)).collect()
 }
 
+<<<<<<< HEAD
 /// `yes` where a number is above zero, else zero; not a number where it is none.
 #[inline(always)]
 fn where_positive<R: Real>(number: R, yes: R) -> R {
@@ -239,6 +252,19 @@ fn where_positive<R: Real>(number: R, yes: R) -> R {
 #[inline(always)]
 fn if_known<R: Real>(by: R, value: R) -> R {
     R::select(by.equal(by), value, R::splat(f64::NAN))
+=======
+/// `yes` where a number is above zero, else zero; no number where it is none.
+#[inline(always)]
+fn where_positive<R: Real>(number: R, yes: R) -> R {
+    let zero = R::splat(0.0);
+    where_known(number, R::select(zero.less(number), yes, zero))
+}
+
+/// `yes` where `number` is a number, else what it is.
+#[inline(always)]
+fn where_known<R: Real>(number: R, yes: R) -> R {
+    R::select(number.equal(number), yes, number)
+>>>>>>> 3eea380b1c2eab8042f70c3ea1b41045dbda22d1
 }
 
 /// A number cut off below and above.

@@ -57,10 +57,11 @@ impl ControlLaw for SlidingMode {
     }
 }
 
-/// `distance / boundary`, at most 1 in magnitude.
+/// `distance / boundary`, at most 1 in magnitude; the sign where there is no layer.
 #[inline(always)]
 fn saturated<R: Real>(distance: R, boundary: R) -> R {
-    within(distance / boundary, R::splat(-1.0), R::splat(1.0))
+    let width = within(boundary, R::splat(f64::MIN_POSITIVE), R::splat(f64::INFINITY));
+    within(distance / width, R::splat(-1.0), R::splat(1.0))
 }
 
 /// The switching force grows while the state is off the surface, and shrinks while it is near.
