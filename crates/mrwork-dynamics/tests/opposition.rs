@@ -71,8 +71,8 @@ fn odd_models_are_odd_but_for_offsets_that_add_to_the_force() {
                 damper.rate(&theta, &mirrored, opposed),
                 damper.rate(&centred, &state, motion),
             ];
-            for index in 0..spec.n_states {
-                let [one, mirror, without] = [0, 1, 2].map(|run| rates[run][index]);
+            let [own, opposed, centred] = &rates;
+            for ((one, mirror), without) in own.iter().zip(opposed).zip(centred) {
                 assert!((one + mirror).abs() <= 1e-12 * one.abs(), "{}: {one}, {mirror}", spec.name);
                 assert!((one - without).abs() <= 1e-12 * one.abs(), "{}: {one}, {without}", spec.name);
             }

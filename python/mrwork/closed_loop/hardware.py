@@ -21,14 +21,11 @@ class Fault:
 
     `index` counts floors for an acceleration, devices otherwise, from 0. Meanwhile the signal has `value`: "hold" for
     the last one before, or a number; `math.nan` is a sensor that gives none.
-<<<<<<< HEAD
-=======
 
     Raises
     ------
     SettingError
         Where there is no such channel, or a number makes no sense.
->>>>>>> 3eea380b1c2eab8042f70c3ea1b41045dbda22d1
     """
 
     channel: Channel

@@ -146,12 +146,6 @@ def _dampers(
         raise SettingError(f"the devices have {counts} draws; give as many of each, or one")
     shape = (n_draws, len(spec.parameters))
     theta = np.stack([np.broadcast_to(device.draws, shape) for device in devices], axis=1)
-<<<<<<< HEAD
-=======
-    laws: tuple[list[str] | None, bool] = (None, False)
-    if spec.current is not None:
-        laws = (list(spec.current.laws), spec.current.lagged)
->>>>>>> 3eea380b1c2eab8042f70c3ea1b41045dbda22d1
     return (
         spec.name,
         _laws(spec),
@@ -235,13 +229,7 @@ def loop_observer(
         raise SettingError(
             f"{building.name} has {len(building.floors)} floors, counted from 0; {unknown} are none"
         )
-<<<<<<< HEAD
     plant = plant_of(building, np.array([device.row for device in devices]), [device.name for device in devices])
-=======
-    plant = plant_of(
-        building, np.array([device.row for device in devices]), [device.name for device in devices]
-    )
->>>>>>> 3eea380b1c2eab8042f70c3ea1b41045dbda22d1
     measured = accelerations(plant)
     chosen = measured.select([measured.names[floor] for floor in floors])
     return observer_of(
@@ -261,13 +249,7 @@ def _responses(
     if parts[0][3] is not None:
         layout = building.history_layout
         histories = tuple(
-<<<<<<< HEAD
             History(time=np.arange(len(rows), dtype=np.float64) * hardware.sample_time, **_split(rows, layout))
-=======
-            History(
-                time=np.arange(len(rows), dtype=np.float64) * hardware.sample_time, **_split(rows, layout)
-            )
->>>>>>> 3eea380b1c2eab8042f70c3ea1b41045dbda22d1
             for part in parts
             for rows in part[3]
         )

@@ -3,7 +3,7 @@
 use core::marker::PhantomData;
 
 use super::batch::Batch;
-use super::dampers::Dampers;
+use super::dampers::{Dampers, END, MIDDLE};
 use super::history::{History, Record};
 use super::plant::Plant;
 use super::reductions::{Balance, Reductions, Take};
@@ -125,7 +125,7 @@ fn march<M: DamperModel, R: Lanes>(block: &Block<'_>, histories: &mut [History<'
         for inner in 0..steps as usize {
             let index = sample * steps as usize + inner;
             let start = ground::<R>(&block.acceleration, uniform, 2 * index);
-            dampers.resist(&plant.elongation, &plant.rate, 2);
+            dampers.resist(&plant.elongation, &plant.rate, END);
             plant.accelerate(0, &dampers.force, start);
             if inner == 0 {
                 R::apart(Sample {
@@ -146,7 +146,7 @@ fn march<M: DamperModel, R: Lanes>(block: &Block<'_>, histories: &mut [History<'
             if arrived {
                 let commands = controller.sent_at(index.saturating_sub(delay) / steps as usize);
                 if dampers.hold(commands, index == 0) {
-                    dampers.resist(&plant.elongation, &plant.rate, 2);
+                    dampers.resist(&plant.elongation, &plant.rate, END);
                     plant.accelerate(0, &dampers.force, start);
                 }
             }
@@ -178,7 +178,8 @@ fn march<M: DamperModel, R: Lanes>(block: &Block<'_>, histories: &mut [History<'
             dampers.follow();
             let middle = ground::<R>(&block.acceleration, uniform, 2 * index + 1);
             let end = ground::<R>(&block.acceleration, uniform, 2 * index + 2);
-            let stages = [(sixth, half, middle, 1), (third, half, middle, 1), (third, step, end, 2)];
+            let stages =
+                [(sixth, half, middle, MIDDLE), (third, half, middle, MIDDLE), (third, step, end, END)];
             for (stage, (weight, reach, ground, moment)) in stages.into_iter().enumerate() {
                 plant.advance(stage, &dampers.force, &mut reductions);
                 dampers.stage(weight, reach);

@@ -33,6 +33,7 @@ impl Batch<'_> {
                 expected: n_gains,
             });
         }
+        self.law.check_tables(self.tables)?;
         if spec.wants_curve && self.curve.is_none() {
             return Err(DynamicsError::NoCurve(spec.name));
         }

@@ -18,8 +18,10 @@ pub(super) struct Plant<'a, R> {
     pub(super) velocity: Vec<R>,
     staged_displacement: Vec<R>,
     staged_velocity: Vec<R>,
-    /// Accelerations relative to the ground, stage by stage.
-    accelerations: [Vec<R>; STAGES],
+    /// Accelerations relative to the ground at the first stage, at the stage of now, and the sum of the middle two.
+    first: Vec<R>,
+    current: Vec<R>,
+    middle: Vec<R>,
     pull: Vec<R>,
     /// Elongations of the devices and their rates at this stage.
     pub(super) elongation: Vec<R>,
@@ -39,7 +41,9 @@ impl<'a, R: Lanes> Plant<'a, R> {
             velocity: zero(),
             staged_displacement: zero(),
             staged_velocity: zero(),
-            accelerations: [zero(), zero(), zero(), zero()],
+            first: zero(),
+            current: zero(),
+            middle: zero(),
             pull: zero(),
             elongation: vec![R::splat(0.0); building.n_devices()],
             rate: vec![R::splat(0.0); building.n_devices()],
@@ -50,7 +54,7 @@ impl<'a, R: Lanes> Plant<'a, R> {
 
     /// Accelerations relative to the ground at the start of the step.
     pub(super) fn acceleration(&self) -> &[R] {
-        &self.accelerations[0]
+        &self.first
     }
 
     /// Accelerations and powers at a stage, under these device forces and ground acceleration.
@@ -98,13 +102,13 @@ impl<R: Lanes> Apart for Accelerate<'_, '_, R> {
                 pull[coordinate] = force.mul_add(R::splat(reach), pull[coordinate]);
             }
         }
-        let acceleration = &mut plant.accelerations[stage][..n];
-        for coordinate in 0..n {
+        let acceleration = if stage == 0 { &mut plant.first } else { &mut plant.current };
+        for (coordinate, acceleration) in acceleration.iter_mut().enumerate() {
             let mut carried = ground * R::splat(-building.influence[coordinate]);
             for &(column, mobility) in building.mass_inverse.row(coordinate) {
                 carried = pull[column].mul_add(R::splat(-mobility), carried);
             }
-            acceleration[coordinate] = carried;
+            *acceleration = carried;
         }
         plant.damping = damping;
         plant.input = -(momentum * ground);
@@ -148,12 +152,22 @@ impl<R: Lanes> Plant<'_, R> {
     fn reach(&mut self, stage: usize, reach: R) {
         let n = self.building.n;
         let (displacement, velocity) = (&self.displacement[..n], &self.velocity[..n]);
-        let acceleration = &self.accelerations[stage][..n];
+        let acceleration = if stage == 0 { &self.first[..n] } else { &self.current[..n] };
+        let middle = &mut self.middle[..n];
         let staged_displacement = &mut self.staged_displacement[..n];
         let staged_velocity = &mut self.staged_velocity[..n];
         for i in 0..n {
             staged_displacement[i] = staged_velocity[i].mul_add(reach, displacement[i]);
             staged_velocity[i] = acceleration[i].mul_add(reach, velocity[i]);
+        }
+        match stage {
+            1 => middle.copy_from_slice(acceleration),
+            2 => {
+                for i in 0..n {
+                    middle[i] = middle[i] + acceleration[i];
+                }
+            }
+            _ => {}
         }
     }
 
@@ -163,16 +177,14 @@ impl<R: Lanes> Plant<'_, R> {
         let step = R::splat(self.step);
         let (sixth, third) = (R::splat(self.step / 6.0), R::splat(self.step / 3.0));
         let square = R::splat(self.step * self.step / 6.0);
-        let [a1, a2, a3, a4] = &self.accelerations;
-        let (a1, a2, a3, a4) = (&a1[..n], &a2[..n], &a3[..n], &a4[..n]);
+        let (first, middle, last) = (&self.first[..n], &self.middle[..n], &self.current[..n]);
         let (displacement, velocity) = (&mut self.displacement[..n], &mut self.velocity[..n]);
         let staged_displacement = &mut self.staged_displacement[..n];
         let staged_velocity = &mut self.staged_velocity[..n];
         for i in 0..n {
-            let middle = a2[i] + a3[i];
             let drifted = velocity[i].mul_add(step, displacement[i]);
-            displacement[i] = (a1[i] + middle).mul_add(square, drifted);
-            velocity[i] = middle.mul_add(third, (a1[i] + a4[i]).mul_add(sixth, velocity[i]));
+            displacement[i] = (first[i] + middle[i]).mul_add(square, drifted);
+            velocity[i] = middle[i].mul_add(third, (first[i] + last[i]).mul_add(sixth, velocity[i]));
             staged_displacement[i] = displacement[i];
             staged_velocity[i] = velocity[i];
         }

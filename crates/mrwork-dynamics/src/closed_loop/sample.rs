@@ -16,7 +16,7 @@ pub(super) struct Controller<R: Real> {
     ground_reach: Vec<f64>,
     largest: Vec<f64>,
     memory: Vec<R>,
-    /// State as the law sees it.
+    /// State as the observer estimates it.
     state: Vec<R>,
     next_state: Vec<R>,
     acceleration: Vec<R>,
@@ -91,6 +91,20 @@ impl<R: Lanes> Controller<R> {
     }
 }
 
+/// Displacements and velocities as the law knows them: as the observer has estimated them, or as they are.
+#[inline(always)]
+fn known_state<'a, R>(
+    observer: Option<&Observer>,
+    estimate: &'a [R],
+    displacement: &'a [R],
+    velocity: &'a [R],
+) -> (&'a [R], &'a [R]) {
+    match observer {
+        Some(_) => estimate.split_at(displacement.len()),
+        None => (displacement, velocity),
+    }
+}
+
 /// The motion of the building and the forces in it, at a sample.
 pub(super) struct Sample<'a, R: Real> {
     pub(super) batch: &'a Batch<'a>,
@@ -127,10 +141,6 @@ impl<R: Lanes> Sample<'_, R> {
                 self.controller.acceleration[floor] =
                     self.sensed(Channel::Acceleration(floor), hardware.acceleration, value, before);
             }
-        } else {
-            let n = self.displacement.len();
-            self.controller.state[..n].copy_from_slice(self.displacement);
-            self.controller.state[n..].copy_from_slice(self.velocity);
         }
         for device in 0..self.force.len() {
             let value = building.devices.dot(device, self.displacement);
@@ -140,8 +150,9 @@ impl<R: Lanes> Sample<'_, R> {
             let before = self.controller.force[device];
             self.controller.force[device] =
                 self.sensed(Channel::Force(device), hardware.force, self.force[device], before);
-            let n = self.displacement.len();
-            self.controller.rate[device] = building.devices.dot(device, &self.controller.state[n..]);
+            let (_, velocity) =
+                known_state(observer, &self.controller.state, self.displacement, self.velocity);
+            self.controller.rate[device] = building.devices.dot(device, velocity);
         }
     }
 
@@ -178,7 +189,7 @@ impl<R: Lanes> Sample<'_, R> {
 
     #[inline(always)]
     fn command(&mut self) {
-        let Batch { law, tables, hardware, ranges, building, .. } = *self.batch;
+        let Batch { law, tables, hardware, ranges, building, observer, .. } = *self.batch;
         let n_devices = self.force.len();
         let controller = &mut *self.controller;
         let gains = Gains {
@@ -188,8 +199,11 @@ impl<R: Lanes> Sample<'_, R> {
             n_devices,
             n_states: 2 * building.n,
         };
+        let (displacement, velocity) =
+            known_state(observer, &controller.state, self.displacement, self.velocity);
         let seen = Seen {
-            state: &controller.state,
+            displacement,
+            velocity,
             deformation: &controller.deformation,
             rate: &controller.rate,
             force: &controller.force,

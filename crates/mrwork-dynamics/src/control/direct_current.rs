@@ -2,11 +2,7 @@
 
 use super::clipped_optimal::GAIN;
 use super::lyapunov::WEIGHT;
-<<<<<<< HEAD
 use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, if_known, where_positive, within};
-=======
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, where_known, where_positive, within};
->>>>>>> 3eea380b1c2eab8042f70c3ea1b41045dbda22d1
 use crate::elementary::{Exponent, powf};
 use crate::lanes::Lanes;
 use crate::real::Real;
@@ -35,7 +31,7 @@ impl ControlLaw for LyapunovDirect {
     fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
         let zero = R::splat(0.0);
         for (device, command) in command.iter_mut().enumerate() {
-            let sigma = gains.of_state(0, device, seen.state);
+            let sigma = gains.of_state(0, device, seen);
             let [_, slope, bend] = seen.parabola(device);
             let largest = R::splat(seen.largest[device]);
             let at_largest = gain_of(sigma, slope, bend, largest);
@@ -43,11 +39,7 @@ impl ControlLaw for LyapunovDirect {
             // Where the parabola is straight this is not a number, and no better.
             let vertex = within(slope / (R::splat(-2.0) * bend), zero, largest);
             let better = gain_of(sigma, slope, bend, vertex).less(at_largest.min(zero));
-<<<<<<< HEAD
             *command = if_known(at_largest, R::select(better, vertex, best));
-=======
-            *command = where_known(at_largest, R::select(better, vertex, best));
->>>>>>> 3eea380b1c2eab8042f70c3ea1b41045dbda22d1
         }
     }
 }
@@ -77,7 +69,7 @@ impl ControlLaw for LyapunovDirectBangBang {
     #[inline(always)]
     fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
-            let sigma = gains.of_state(0, device, seen.state);
+            let sigma = gains.of_state(0, device, seen);
             let [_, slope, _] = seen.parabola(device);
             *command = where_positive(-sigma * slope, R::splat(seen.largest[device]));
         }
@@ -112,7 +104,7 @@ impl ControlLaw for ProportionalDirect {
     #[inline(always)]
     fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
-            let sigma = gains.of_state(0, device, seen.state);
+            let sigma = gains.of_state(0, device, seen);
             let [_, slope, _] = seen.parabola(device);
             *command = -gains.of_device(1, device) * sigma * slope;
         }
@@ -141,7 +133,7 @@ impl ControlLaw for InverseDirect {
         let (zero, two) = (R::splat(0.0), R::splat(2.0));
         let root = Exponent::of(R::splat(0.5));
         for (device, command) in command.iter_mut().enumerate() {
-            let wanted = -gains.of_state(0, device, seen.state);
+            let wanted = -gains.of_state(0, device, seen);
             let [offset, slope, bend] = seen.parabola(device);
             let largest = R::splat(seen.largest[device]);
             let missing = offset - wanted;
@@ -152,11 +144,7 @@ impl ControlLaw for InverseDirect {
             let fall = slope + powf(square.abs(), &root).copysign(slope);
             let other = if_inside(fall / (-two * bend), largest, nearest);
             let inverted = if_inside(-two * missing / fall, largest, other);
-<<<<<<< HEAD
             *command = if_known(at_largest, R::select(square.less(zero), nearest, inverted));
-=======
-            *command = where_known(at_largest, R::select(square.less(zero), nearest, inverted));
->>>>>>> 3eea380b1c2eab8042f70c3ea1b41045dbda22d1
         }
     }
 }

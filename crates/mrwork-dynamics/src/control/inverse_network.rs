@@ -35,7 +35,7 @@ impl ControlLaw for InverseNetwork {
         for (device, (command, before)) in
             command.iter_mut().zip(memory.chunks_exact_mut(SIGNALS)).enumerate()
         {
-            let wanted = -gains.of_state(0, device, seen.state);
+            let wanted = -gains.of_state(0, device, seen);
             let now = [seen.deformation[device], seen.rate[device], wanted];
             let mut sum = R::splat(output.iter().sum());
             for unit in layer.chunks_exact(n_inputs + 2) {

@@ -100,8 +100,10 @@ impl LawSpec {
 
 /// What is known when a command is worked out.
 pub(crate) struct Seen<'a, R: Real> {
-    /// Displacements of the coordinates, then their velocities, as measured or estimated.
-    pub(crate) state: &'a [R],
+    /// Displacements of the coordinates, as measured or estimated.
+    pub(crate) displacement: &'a [R],
+    /// Their velocities.
+    pub(crate) velocity: &'a [R],
     /// Elongation of each device [m].
     pub(crate) deformation: &'a [R],
     /// Its rate [m/s].
@@ -147,11 +149,16 @@ impl<R: Real> Gains<'_, R> {
 
     /// The product of a state gain of a device with the state.
     #[inline(always)]
-    fn of_state(&self, gain: usize, device: usize, state: &[R]) -> R {
+    fn of_state(&self, gain: usize, device: usize, seen: &Seen<'_, R>) -> R {
         let start = self.start(gain) + device * self.n_states;
+        let weights = &self.columns[start..start + self.n_states];
+        let (of_displacement, of_velocity) = weights.split_at(seen.displacement.len());
         let mut sum = R::splat(0.0);
-        for (&weight, &value) in self.columns[start..start + self.n_states].iter().zip(state) {
-            sum = weight.mul_add(value, sum);
+        for (weight, value) in of_displacement.iter().zip(seen.displacement) {
+            sum = weight.mul_add(*value, sum);
+        }
+        for (weight, value) in of_velocity.iter().zip(seen.velocity) {
+            sum = weight.mul_add(*value, sum);
         }
         sum
     }
@@ -240,7 +247,6 @@ pub(crate) fn ground_reach(devices: &SparseRows, influence: &[f64]) -> Vec<f64> 
     (0..devices.len()).map(|device| devices.dot(device, influence)).collect()
 }
 
-<<<<<<< HEAD
 /// `yes` where a number is above zero, else zero; not a number where it is none.
 #[inline(always)]
 fn where_positive<R: Real>(number: R, yes: R) -> R {
@@ -252,19 +258,6 @@ fn where_positive<R: Real>(number: R, yes: R) -> R {
 #[inline(always)]
 fn if_known<R: Real>(by: R, value: R) -> R {
     R::select(by.equal(by), value, R::splat(f64::NAN))
-=======
-/// `yes` where a number is above zero, else zero; no number where it is none.
-#[inline(always)]
-fn where_positive<R: Real>(number: R, yes: R) -> R {
-    let zero = R::splat(0.0);
-    where_known(number, R::select(zero.less(number), yes, zero))
-}
-
-/// `yes` where `number` is a number, else what it is.
-#[inline(always)]
-fn where_known<R: Real>(number: R, yes: R) -> R {
-    R::select(number.equal(number), yes, number)
->>>>>>> 3eea380b1c2eab8042f70c3ea1b41045dbda22d1
 }
 
 /// A number cut off below and above.
