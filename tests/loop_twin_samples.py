@@ -21,7 +21,7 @@ def storeys_of(n: int) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
 
 
 def five_storeys(workload: LoopWorkload) -> tuple[LoopPlant, tuple[LoopDevice, ...]]:
-    """The building of the benchmark, its pair as two dampers on one channel."""
+    """The building of the benchmark, with its pair."""
     plant = LoopPlant.of(
         mass=np.diag(workload.mass),
         damping=workload.damping,
@@ -38,7 +38,7 @@ def five_storeys(workload: LoopWorkload) -> tuple[LoopPlant, tuple[LoopDevice, .
     spec = mr.damper("static_hysteretic").with_current_laws(laws, lagged=True)
     theta = jnp.array([*preset.theta, LAG])
     row = jnp.eye(5)[0]
-    return plant, tuple(LoopDevice(spec=spec, theta=theta, row=row, opposed=side) for side in (False, True))
+    return plant, (LoopDevice(spec=spec, theta=theta, row=row, differential=True),)
 
 
 def two_storeys() -> tuple[LoopPlant, tuple[LoopDevice, ...]]:

@@ -14,10 +14,10 @@ from jax import Array
 import mrwork as mr
 from loop_twin_samples import LARGEST, STEP, a_ground, five_storeys, two_storeys
 from mrwork.bench.loop_plain import PlainLoop
-from mrwork.bench.loop_workload import LARGEST_COMMAND, loop_workload
+from mrwork.bench.loop_workload import KEPT, LAG, LARGEST_COMMAND, loop_workload
 from mrwork.errors import SettingError
 from mrwork.twins.loop.ground import half_steps
-from mrwork.twins.loop.laws import ClippedOptimal, Passive
+from mrwork.twins.loop.laws import ClippedOptimal, LqrDirect, Passive
 from mrwork.twins.loop.plant import LoopDevice
 from mrwork.twins.loop.run import loop_histories, run_loop
 
@@ -52,24 +52,24 @@ def test_five_storeys_move_as_in_plain_steps() -> None:
         largest_command=jnp.array([LARGEST_COMMAND]),
     )
     expected = PlainLoop.of(workload, 0).run(0)
-    kept = found.reductions
-    floors = [*kept.displacement, *kept.drift, *kept.acceleration]
-    # The two dampers stroke alike; their forces differ by what cancels in the pair.
-    others = [kept.stroke.peak[:1], kept.stroke.squares[:1], kept.command, jnp.stack(kept.energies)]
-    ends = [jnp.stack([found.kinetic, found.strain])]
-    np.testing.assert_allclose(
-        np.concatenate([*floors, *others, *ends]), np.delete(expected, (30, 31)), rtol=1e-11
-    )
+    columns = np.concatenate([found.summary()[name] for name in KEPT])
+    np.testing.assert_allclose(columns, expected, rtol=1e-11)
 
 
-def test_opposed_dampers_of_an_odd_model_act_as_two() -> None:
+def test_a_pair_of_an_odd_model_acts_as_two() -> None:
     _, (damper,) = two_storeys()
-    pair = run(Passive(jnp.array([2.0])), (damper, replace(damper, opposed=True)))
-    two = run(Passive(jnp.array([2.0])), (replace(damper, count=2.0),))
-    np.testing.assert_allclose(
-        pair.reductions.displacement.peak, two.reductions.displacement.peak, rtol=1e-10
-    )
-    np.testing.assert_allclose(2.0 * pair.reductions.force.peak[0], two.reductions.force.peak[0], rtol=1e-10)
+    pair = run(Passive(jnp.array([2.0])), (replace(damper, differential=True),)).summary()
+    two = run(Passive(jnp.array([2.0])), (replace(damper, count=2.0),)).summary()
+    for name in ("peak_displacement", "peak_force", "device_energy"):
+        np.testing.assert_allclose(pair[name], two[name], rtol=1e-10)
+
+
+def test_dampers_at_different_storeys_follow_their_own_commands() -> None:
+    plant, (damper,) = two_storeys()
+    devices = (damper, replace(damper, row=plant.storeys[1]))
+    found = run(Passive(jnp.array([2.0, 0.0])), devices, largest_command=jnp.full(2, LARGEST)).summary()
+    np.testing.assert_allclose(found["mean_current"], [2.0, 0.0], rtol=1e-12)
+    np.testing.assert_allclose(found["peak_stroke"], found["peak_drift"], rtol=1e-12)
 
 
 def test_halving_the_step_of_a_passive_run_leaves_a_sixteenth_of_the_error() -> None:
@@ -82,7 +82,7 @@ def test_halving_the_step_of_a_passive_run_leaves_a_sixteenth_of_the_error() -> 
         # A ramp, so that no sample of the ground falls inside a step.
         ground = jnp.asarray(half_steps(np.array([0.0, 5.0]), 0.5, 0.5 / n_steps, n_steps))
         found = run(Passive(jnp.zeros(1)), device, ground=ground, step_time=0.5 / n_steps)
-        return jnp.stack([found.kinetic, found.strain, *found.reductions.energies])
+        return jnp.stack([found.kinetic, found.strain, found.energies.entered, *found.energies.devices])
 
     coarse, middle, fine = (peak(n_steps) for n_steps in (50, 100, 200))
     assert 12.0 < float(jnp.linalg.norm(coarse - middle) / jnp.linalg.norm(middle - fine)) < 20.0
@@ -100,12 +100,36 @@ def test_what_enters_is_stored_or_dissipated() -> None:
 
 
 def test_a_late_command_is_the_same_command_later() -> None:
-    law = Passive(jnp.array([3.0]))
-    prompt = histories(law, steps_per_sample=4).received[:, 0]
+    # On as soon as anything moves, so that the second control sample switches, whatever the delay.
+    law = ClippedOptimal(jnp.array([[0.0, 0.0, -1e9, 0.0]]))
     for delay in (1, 4, 6):
-        late = histories(law, steps_per_sample=4, delay=delay).received[:, 0]
-        assert not late[: delay + 1].any()
-        np.testing.assert_array_equal(late[delay:], prompt[: late.size - delay])
+        command = np.asarray(histories(law, 40, steps_per_sample=4, delay=delay).command[:, 0])
+        assert not command[: 4 + delay].any()
+        assert (command[4 + delay : 8] == LARGEST).all()
+
+
+def test_the_first_command_has_been_there_since_long_before() -> None:
+    received = histories(Passive(jnp.array([3.0])), 40, steps_per_sample=4, delay=6).received
+    np.testing.assert_allclose(received, 3.0, rtol=1e-14)
+
+
+def test_the_coil_follows_with_its_lag() -> None:
+    found = histories(ClippedOptimal(jnp.array([[0.0, 0.0, -1e9, 0.0]])), 12, steps_per_sample=4)
+    received = np.asarray(found.received[:, 0])
+    np.testing.assert_allclose(
+        received[5:9], LARGEST * (1.0 - np.exp(-LAG * STEP * np.arange(1, 5))), rtol=1e-12
+    )
+
+
+def test_a_belief_about_the_damper_stands_in_for_it() -> None:
+    # Believing in a damper whose force does not depend on the current, the law wants none.
+    plant, _ = two_storeys()
+    believed = mr.damper("static_hysteretic")
+    theta = jnp.asarray(believed.nominal)
+    devices = (LoopDevice(spec=believed, theta=theta, row=plant.storeys[0]),)
+    law = LqrDirect(jnp.array([[0.0, 0.0, -0.5, 0.0]]))
+    assert float(run(law).worst("mean_current")) > 0.01
+    assert float(run(law, believed=devices).worst("mean_current")) < 1e-12
 
 
 def test_a_command_is_held_until_the_next_sample() -> None:
@@ -117,20 +141,18 @@ def test_a_command_is_held_until_the_next_sample() -> None:
 
 def test_what_is_kept_is_what_the_histories_hold() -> None:
     law = ClippedOptimal(jnp.array([[0.0, 0.0, 300.0, 0.0]]))
-    kept, whole = (
-        run(law, n_steps=390, steps_per_sample=2).reductions,
-        histories(law, 390, steps_per_sample=2),
-    )
-    np.testing.assert_allclose(kept.displacement.peak, np.abs(whole.displacement).max(axis=0), rtol=1e-12)
-    np.testing.assert_allclose(kept.force.squares, (whole.force**2).sum(axis=0), rtol=1e-12)
-    np.testing.assert_allclose(kept.command, whole.command.sum(axis=0), rtol=1e-12)
+    kept = run(law, n_steps=390, steps_per_sample=2).summary()
+    whole = histories(law, 390, steps_per_sample=2)
+    np.testing.assert_allclose(kept["peak_displacement"], np.abs(whole.displacement).max(axis=0), rtol=1e-12)
+    np.testing.assert_allclose(kept["rms_force"], np.sqrt((whole.force**2).mean(axis=0)), rtol=1e-12)
+    np.testing.assert_allclose(kept["mean_current"], whole.received.mean(axis=0), rtol=1e-12)
 
 
 def test_runs_side_by_side_are_the_runs_alone() -> None:
     gains = jnp.linspace(-200.0, 400.0, 3)[:, None, None] * jnp.array([[0.0, 0.0, 1.0, 0.5]])
 
     def peaks(gain: Array) -> Array:
-        found: Array = run(ClippedOptimal(gain)).reductions.acceleration.peak
+        found: Array = run(ClippedOptimal(gain)).summary()["peak_acceleration"]
         return found
 
     together = jax.vmap(peaks)(gains)

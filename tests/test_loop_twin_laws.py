@@ -83,8 +83,7 @@ def roughness(law: Any) -> Array:
         steps_per_sample=3,
         delay=2,
     )
-    criteria = result.criteria()
-    return criteria["peak_drift"] / 1e-3 + criteria["rms_acceleration"] + criteria["mean_command"]
+    return result.worst("peak_drift") / 1e-3 + result.worst("rms_acceleration") + result.worst("mean_current")
 
 
 def lqr_direct(weights: Array) -> Any:
@@ -124,7 +123,7 @@ def test_memory_of_a_derivative_grows_as_the_root_of_the_record() -> None:
         def criterion(gain: Array) -> Array:
             law = ClippedOptimal(gain, width=10.0)
             settings = {"step_time": STEP, "largest_command": jnp.array([LARGEST])}
-            return run_loop(plant, devices, law, a_ground(n_steps), **settings).criteria()["rms_drift"]
+            return run_loop(plant, devices, law, a_ground(n_steps), **settings).worst("rms_drift")
 
         compiled = jax.jit(jax.grad(criterion)).lower(jnp.ones((1, 4))).compile()
         return int(compiled.memory_analysis().temp_size_in_bytes)

@@ -33,8 +33,7 @@ class Outcome(IntEnum):
             Outcome.DIVERGED: "the state left the finite numbers; move the parameters towards their nominal values",
             Outcome.UNRESOLVED: "it is too stiff for the sampling step; resample the record more finely",
             Outcome.ABANDONED: "it reached the limit it was given; raise the limit to know its misfit",
-            Outcome.FAILED_SAFE: "its control law was handed what is not a number and sent no current; mend the sensor "
-            "or the gain",
+            Outcome.FAILED_SAFE: "its control law met a reading that is no number and sent no current; mend the sensor",
         }[self]
 
 

@@ -60,6 +60,42 @@ impl SparseRows {
     }
 }
 
+/// Springs and dashpots between coordinates: stiffness and damping by rows, with the entries where either is not zero.
+#[derive(Clone, Debug)]
+pub(crate) struct Springs {
+    starts: Vec<usize>,
+    entries: Vec<Spring>,
+}
+
+/// An entry of both matrices.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Spring {
+    pub(crate) column: usize,
+    pub(crate) stiffness: f64,
+    pub(crate) damping: f64,
+}
+
+impl Springs {
+    fn new(stiffness: &[f64], damping: &[f64], columns: usize) -> Self {
+        let mut starts = vec![0];
+        let mut entries = Vec::new();
+        for (stiffness, damping) in stiffness.chunks_exact(columns).zip(damping.chunks_exact(columns)) {
+            for (column, (&stiffness, &damping)) in stiffness.iter().zip(damping).enumerate() {
+                if stiffness != 0.0 || damping != 0.0 {
+                    entries.push(Spring { column, stiffness, damping });
+                }
+            }
+            starts.push(entries.len());
+        }
+        Self { starts, entries }
+    }
+
+    #[inline(always)]
+    pub(crate) fn row(&self, row: usize) -> &[Spring] {
+        &self.entries[self.starts[row]..self.starts[row + 1]]
+    }
+}
+
 /// The matrices of a building, row-major: `M q'' + C q' + K q = -sum_d e_d' f_d - M r a_g`.
 #[derive(Clone, Copy, Debug)]
 pub struct Matrices<'a> {
@@ -86,8 +122,8 @@ pub struct Building {
     pub(crate) n: usize,
     pub(crate) mass: SparseRows,
     pub(crate) mass_inverse: SparseRows,
-    pub(crate) damping: SparseRows,
     pub(crate) stiffness: SparseRows,
+    pub(crate) springs: Springs,
     pub(crate) influence: Vec<f64>,
     /// M r [kg].
     pub(crate) pushed_mass: Vec<f64>,
@@ -149,8 +185,8 @@ impl Building {
             n,
             mass: SparseRows::new(matrices.mass, n),
             mass_inverse: SparseRows::new(inverse.transpose().as_slice(), n),
-            damping: SparseRows::new(matrices.damping, n),
             stiffness: SparseRows::new(matrices.stiffness, n),
+            springs: Springs::new(matrices.stiffness, matrices.damping, n),
             influence: matrices.influence.to_vec(),
             pushed_mass: pushed.as_slice().to_vec(),
             total_mass,

@@ -9,8 +9,8 @@ use crate::lanes::{Lanes, Pack, Plain};
 const GROUPS: usize = 8;
 /// The same with half as many registers, of half the width.
 const AVX2_GROUPS: usize = 4;
-/// Lanes of a pair where there are no vectors to name: two of NEON.
-const PLAIN_PAIR: usize = 4;
+/// Vectors of a middling pack: what a step shares among them is loaded once, and what it holds stays in the cache.
+const MIDDLE_GROUPS: usize = 4;
 
 /// Work that is written once for any number of lanes.
 pub trait LaneJob {
@@ -101,28 +101,28 @@ impl InstructionSet {
         }
     }
 
-    /// Lanes of a pair of vectors.
+    /// Lanes of a middling pack.
     #[must_use]
-    pub const fn pair_width(self) -> usize {
+    pub const fn middle_width(self) -> usize {
         match self {
-            Self::Avx512 => 2 * 8,
-            Self::Avx2 => 2 * 4,
-            Self::Plain => PLAIN_PAIR,
+            Self::Avx512 => MIDDLE_GROUPS * 8,
+            Self::Avx2 => MIDDLE_GROUPS * 4,
+            Self::Plain => MIDDLE_GROUPS,
         }
     }
 
-    /// Runs `job` in two vectors side by side, for work that has much independent arithmetic of its own.
+    /// Runs `job` in a few vectors side by side, for work that has independent arithmetic of its own and much to hold.
     ///
     /// An instruction set that this processor lacks falls back to [`InstructionSet::Plain`].
-    pub fn run_pair<J: LaneJob>(self, job: J) -> J::Output {
+    pub fn run_middle<J: LaneJob>(self, job: J) -> J::Output {
         match self {
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code)] // the features were asked for on the same line
-            Self::Avx512 if self.is_supported() => unsafe { x86::run_pair_avx512(job) },
+            Self::Avx512 if self.is_supported() => unsafe { x86::run_middle_avx512(job) },
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code)] // the features were asked for on the same line
-            Self::Avx2 if self.is_supported() => unsafe { x86::run_narrow_avx2(job) },
-            _ => job.run::<Pack<f64, PLAIN_PAIR>>(),
+            Self::Avx2 if self.is_supported() => unsafe { x86::run_middle_avx2(job) },
+            _ => job.run::<Pack<f64, MIDDLE_GROUPS>>(),
         }
     }
 

@@ -151,7 +151,7 @@ pub enum DynamicsError {
 pub enum Outcome {
     /// It reached the end of the record.
     Finished = 0,
-    /// Its state or force left the finite numbers.
+    /// Its state or force left the finite numbers, or a building all bounds.
     Diverged = 1,
     /// It would need more sub-steps than [`crate::integrate::MAX_SUBSTEPS`]; it was not simulated.
     Unresolved = 2,

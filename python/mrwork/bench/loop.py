@@ -104,7 +104,7 @@ def bench_loop(
             "`candidates`, `motions`, `threads` and `rounds` must be 1 or more, `seconds` a step or more"
         )
     cores = cores_for(threads)
-    tools = {OURS: "mrwork", **_PACKAGES, **_ALONE} if _ours_takes_part() else {**_PACKAGES, **_ALONE}
+    tools = {OURS: "mrwork", **_PACKAGES, **_ALONE}
     present = [tool for tool, package in tools.items() if importlib.util.find_spec(package) is not None]
     rows: list[LoopRow] = []
     with tempfile.TemporaryDirectory() as folder:
@@ -113,8 +113,6 @@ def bench_loop(
             found: dict[str, Floats] = {}
             for tool in present:
                 alone = tool in _ALONE
-                if on_progress is not None:
-                    on_progress(f"{count} thread(s): {tool}{', one run' if alone else ''}")
                 file = Path(folder) / f"{tool}.npy"
                 settings = LoopSettings(
                     tool=tool,
@@ -125,6 +123,9 @@ def bench_loop(
                     results=str(file),
                 )
                 measurements[tool] = _measured(settings, cores[: 1 if alone else count])
+                if on_progress is not None:
+                    item = measurements[tool]
+                    on_progress(f"{count} thread(s): {tool}, {item.runs} run(s) in {item.seconds:.2f} s")
                 found[tool] = np.load(file)
             rows += summarise(measurements, found, runs=candidates * motions, threads=count)
     return LoopBenchmark(
@@ -199,10 +200,6 @@ def format_loop(benchmark: LoopBenchmark) -> str:
     if benchmark.left_out:
         lines.append(f"not installed: {', '.join(benchmark.left_out)}")
     return "\n".join(lines)
-
-
-def _ours_takes_part() -> bool:
-    return importlib.util.find_spec("mrwork.bench.loop_ours") is not None
 
 
 def _measured(settings: LoopSettings, cores: Sequence[int]) -> LoopMeasurement:

@@ -25,6 +25,7 @@ from mrwork.bench.loop_workload import (
     STEP,
     Floats,
     LoopWorkload,
+    averaged,
     chain_springs,
 )
 
@@ -71,7 +72,7 @@ def prepare(workload: LoopWorkload, variant: LoopJaxVariant) -> Callable[[], Flo
     steps = [workload.ground[:, :-1:2], workload.ground[:, 1::2], workload.ground[:, 2::2]]
     ground = np.stack(steps, axis=-1)
     run = compiled_run(all_runs, workload.gains, ground, vector_bits=variant.vector_bits, split=True)
-    return lambda: np.swapaxes(np.asarray(run()), 0, 1)
+    return lambda: averaged(np.swapaxes(np.asarray(run()), 0, 1), workload.n_steps)
 
 
 def _one_run(workload: LoopWorkload, unroll: int) -> Callable[[Array, Array], Array]:
@@ -79,16 +80,17 @@ def _one_run(workload: LoopWorkload, unroll: int) -> Callable[[Array, Array], Ar
     k = (workload.stiffness / workload.mass[:, None]).tolist()
     c = (workload.damping / workload.mass[:, None]).tolist()
     springs = chain_springs(workload.stiffness).tolist()
-    device = workload.device.tolist()
+    total_mass = float(workload.mass.sum())
+    damper = workload.device.tolist()
     h, half, sixth = STEP, 0.5 * STEP, STEP / 6.0
 
     def pair(x: Array, v: Array, i: Array) -> Array:
         """f(x, v) - f(-x, -v) at the coil's current: twice what is odd of the model, that is all but f0."""
-        c0, k0 = device[0] + device[1] * i, device[2] + device[3] * i
-        alpha = device[4] + (device[5] + device[6] * i) * i
-        delta = device[8] + device[9] * i
-        side = jnp.tanh(x * (1.0 / device[10]))
-        force: Array = 2.0 * (c0 * v + k0 * x + alpha * jnp.tanh(device[7] * v + delta * side))
+        c0, k0 = damper[0] + damper[1] * i, damper[2] + damper[3] * i
+        alpha = damper[4] + (damper[5] + damper[6] * i) * i
+        delta = damper[8] + damper[9] * i
+        side = jnp.tanh(x * (1.0 / damper[10]))
+        force: Array = 2.0 * (c0 * v + k0 * x + alpha * jnp.tanh(damper[7] * v + delta * side))
         return force
 
     def row(matrix: list[list[float]], i: int, x: Floor) -> Array:
@@ -104,16 +106,18 @@ def _one_run(workload: LoopWorkload, unroll: int) -> Callable[[Array, Array], Ar
 
     def run(gain: Array, ground: Array) -> Array:
         def step(carry: tuple[Floor, ...], a_g: Array) -> tuple[tuple[Floor, ...], None]:
-            q, v, (i0, commands), peaks, squares, energies = carry
+            q, v, (i0, currents, current_squares), peaks, squares, energies = carry
             f1 = pair(q[0], v[0], i0)
             wanted = -_sum([gain[i] * (q + v)[i] for i in range(2 * N_STOREYS)])
             command = jnp.where((wanted - f1) * f1 > 0.0, LARGEST_COMMAND, 0.0)
             i1 = (i0 - command) * _DECAY + command
             i2 = (i1 - command) * _DECAY + command
             a1, *first = stage(q, v, f1, a_g[0])
-            seen = [*q, *_drift(q), *(a1[i] + a_g[0] for i in _FLOORS), f1, q[0]]
-            peaks = [jnp.maximum(peak, jnp.abs(value)) for peak, value in zip(peaks, seen, strict=True)]
+            shear = total_mass * a_g[0] + _sum([mass[i] * a1[i] for i in _FLOORS])
+            seen = [*q, *(a1[i] + a_g[0] for i in _FLOORS), *_drift(q), shear, f1]
             squares = [total + value * value for total, value in zip(squares, seen, strict=True)]
+            seen += [q[0], v[0], i0]
+            peaks = [jnp.maximum(peak, jnp.abs(value)) for peak, value in zip(peaks, seen, strict=True)]
             q2, v2 = _along(q, half, v), _along(v, half, a1)
             a2, *second = stage(q2, v2, pair(q2[0], v2[0], i1), a_g[1])
             q3, v3 = _along(q, half, v2), _along(v, half, a2)
@@ -124,15 +128,17 @@ def _one_run(workload: LoopWorkload, unroll: int) -> Callable[[Array, Array], Ar
             v = [v[i] + sixth * (a1[i] + 2.0 * a2[i] + 2.0 * a3[i] + a4[i]) for i in _FLOORS]
             powers = zip(energies, first, second, third, fourth, strict=True)
             energies = [e + sixth * (p1 + 2.0 * p2 + 2.0 * p3 + p4) for e, p1, p2, p3, p4 in powers]
-            return (q, v, [i2, commands + command], peaks, squares, energies), None
+            coil = [i2, currents + i0, current_squares + i0 * i0]
+            return (q, v, coil, peaks, squares, energies), None
 
-        start = tuple([jnp.float64(0.0)] * n for n in (N_STOREYS, N_STOREYS, 2, 17, 17, 3))
-        (q, v, (_, commands), peaks, squares, energies), _ = lax.scan(step, start, ground, unroll=unroll)
+        start = tuple([jnp.float64(0.0)] * n for n in (N_STOREYS, N_STOREYS, 3, 20, 17, 3))
+        (q, v, coil, peaks, squares, energies), _ = lax.scan(step, start, ground, unroll=unroll)
         kinetic = 0.5 * _sum([mass[i] * v[i] ** 2 for i in _FLOORS])
         strain = 0.5 * _sum([spring * drift**2 for spring, drift in zip(springs, _drift(q), strict=True)])
         floors = [column for i in (0, 5, 10) for column in (*peaks[i : i + 5], *squares[i : i + 5])]
-        pulled = [peaks[15], squares[15], peaks[16], squares[16], commands]
-        return jnp.stack([*floors, *pulled, *energies, kinetic, strain])
+        device = [peaks[15], squares[15], peaks[16], squares[16], *peaks[17:], *coil[1:]]
+        entered, lost, taken = energies
+        return jnp.stack([*floors, *device, taken, entered, kinetic, strain, lost])
 
     return run
 

@@ -23,6 +23,7 @@ from mrwork.bench.loop_workload import (
     STEP,
     Floats,
     LoopWorkload,
+    averaged,
     chain_springs,
 )
 
@@ -57,7 +58,7 @@ def prepare(workload: LoopWorkload, variant: LoopNumbaVariant) -> Callable[[], F
 
     def run() -> Floats:
         found: Floats = kernel(*inputs, STEP, decay, LARGEST_COMMAND)
-        return found
+        return averaged(found, workload.n_steps)
 
     return run
 
@@ -183,7 +184,7 @@ def _compiled(variant: LoopNumbaVariant) -> Any:
             per_mass[3, 4],
             per_mass[4, 4],
         )
-        m = (mass[0], mass[1], mass[2], mass[3], mass[4], 1.0 / mass[0])
+        m = (mass[0], mass[1], mass[2], mass[3], mass[4], 1.0 / mass[0], mass.sum())
         device = (
             damper[0],
             damper[1],
@@ -230,7 +231,7 @@ def _compiled(variant: LoopNumbaVariant) -> Any:
                     a0, a1, a2, a3, a4, entered, lost = stage(
                         q0, q1, q2, q3, q4, v0, v1, v2, v3, v4, f, g0, k, c, m
                     )  # fmt: skip
-                    # Peaks and squares at the start of the step: displacement, drift, absolute acceleration, device.
+                    # Peaks and sums at the start of the step.
                     sums[0, j] = max(sums[0, j], abs(q0))
                     sums[5, j] += q0 * q0
                     sums[1, j] = max(sums[1, j], abs(q1))
@@ -241,41 +242,45 @@ def _compiled(variant: LoopNumbaVariant) -> Any:
                     sums[8, j] += q3 * q3
                     sums[4, j] = max(sums[4, j], abs(q4))
                     sums[9, j] += q4 * q4
-                    value = q0
+                    value = a0 + g0
                     sums[10, j] = max(sums[10, j], abs(value))
                     sums[15, j] += value * value
-                    value = q1 - q0
+                    value = a1 + g0
                     sums[11, j] = max(sums[11, j], abs(value))
                     sums[16, j] += value * value
-                    value = q2 - q1
+                    value = a2 + g0
                     sums[12, j] = max(sums[12, j], abs(value))
                     sums[17, j] += value * value
-                    value = q3 - q2
+                    value = a3 + g0
                     sums[13, j] = max(sums[13, j], abs(value))
                     sums[18, j] += value * value
-                    value = q4 - q3
+                    value = a4 + g0
                     sums[14, j] = max(sums[14, j], abs(value))
                     sums[19, j] += value * value
-                    value = a0 + g0
-                    sums[20, j] = max(sums[20, j], abs(value))
-                    sums[25, j] += value * value
-                    value = a1 + g0
+                    sums[20, j] = max(sums[20, j], abs(q0))
+                    sums[25, j] += q0 * q0
+                    value = q1 - q0
                     sums[21, j] = max(sums[21, j], abs(value))
                     sums[26, j] += value * value
-                    value = a2 + g0
+                    value = q2 - q1
                     sums[22, j] = max(sums[22, j], abs(value))
                     sums[27, j] += value * value
-                    value = a3 + g0
+                    value = q3 - q2
                     sums[23, j] = max(sums[23, j], abs(value))
                     sums[28, j] += value * value
-                    value = a4 + g0
+                    value = q4 - q3
                     sums[24, j] = max(sums[24, j], abs(value))
                     sums[29, j] += value * value
-                    sums[30, j] = max(sums[30, j], abs(f))
-                    sums[31, j] += f * f
-                    sums[32, j] = max(sums[32, j], abs(q0))
-                    sums[33, j] += q0 * q0
-                    sums[34, j] += command
+                    value = m[6] * g0 + m[0] * a0 + m[1] * a1 + m[2] * a2 + m[3] * a3 + m[4] * a4
+                    sums[30, j] = max(sums[30, j], abs(value))
+                    sums[31, j] += value * value
+                    sums[32, j] = max(sums[32, j], abs(f))
+                    sums[33, j] += f * f
+                    sums[34, j] = max(sums[34, j], abs(q0))
+                    sums[35, j] = max(sums[35, j], abs(v0))
+                    sums[36, j] = max(sums[36, j], abs(i0))
+                    sums[37, j] += i0
+                    sums[38, j] += i0 * i0
                     taken = f * v0
                     # The second stage, from half a step along the first.
                     w0, w1, w2, w3, w4 = (
@@ -352,9 +357,9 @@ def _compiled(variant: LoopNumbaVariant) -> Any:
                     b0, b1, b2, b3, b4, power, loss = stage(
                         x0, x1, x2, x3, x4, w0, w1, w2, w3, w4, f, g2, k, c, m
                     )  # fmt: skip
-                    sums[35, j] += sixth * (entered + power)
-                    sums[36, j] += sixth * (lost + loss)
-                    sums[37, j] += sixth * (taken + f * w0)
+                    sums[40, j] += sixth * (entered + power)
+                    sums[43, j] += sixth * (lost + loss)
+                    sums[39, j] += sixth * (taken + f * w0)
                     state[0, j] = q0 + sixth * (s0 + w0)
                     state[1, j] = q1 + sixth * (s1 + w1)
                     state[2, j] = q2 + sixth * (s2 + w2)
@@ -369,12 +374,12 @@ def _compiled(variant: LoopNumbaVariant) -> Any:
                 if first + j < n_candidates:
                     q0, q1, q2, q3, q4 = state[0, j], state[1, j], state[2, j], state[3, j], state[4, j]
                     v0, v1, v2, v3, v4 = state[5, j], state[6, j], state[7, j], state[8, j], state[9, j]
-                    for column in range(38):
+                    for column in range(N_REDUCTIONS):
                         kept[motion, first + j, column] = sums[column, j]
-                    kept[motion, first + j, 38] = 0.5 * (
+                    kept[motion, first + j, 41] = 0.5 * (
                         m[0] * v0 * v0 + m[1] * v1 * v1 + m[2] * v2 * v2 + m[3] * v3 * v3 + m[4] * v4 * v4
                     )
-                    kept[motion, first + j, 39] = 0.5 * (
+                    kept[motion, first + j, 42] = 0.5 * (
                         springs[0] * q0**2
                         + springs[1] * (q1 - q0) ** 2
                         + springs[2] * (q2 - q1) ** 2

@@ -87,8 +87,8 @@ class PlainLoop:
         after[_CURRENT] = end
         return after
 
-    def reductions(self, states: Floats, commands: Floats, ground: Floats) -> Floats:
-        """What is kept of a run, (N_REDUCTIONS,), from states (n_steps + 1, N_STATE) and commands (n_steps,)."""
+    def reductions(self, states: Floats) -> Floats:
+        """What is kept of a run, shape (N_REDUCTIONS,), from its states, shape (n_steps + 1, N_STATE)."""
         n = N_STOREYS
         at = states[:-1]
         q, v = at[:, :n], at[:, n : 2 * n]
@@ -97,18 +97,21 @@ class PlainLoop:
         acceleration = at[:, : 2 * n] @ self.state_matrix[n:].T + np.outer(force, self.force_column[n:])
         drift = np.diff(q, axis=1, prepend=0.0)
         kept: list[Floats] = []
-        for history in (q, drift, acceleration, force[:, None], q[:, :1]):
-            kept += [np.abs(history).max(axis=0), (history**2).sum(axis=0)]
+        shear = acceleration @ self.workload.mass
+        current = at[:, _CURRENT]
+        for history in (q, acceleration, drift, shear[:, None], force[:, None]):
+            kept += [np.abs(history).max(axis=0), np.sqrt((history**2).mean(axis=0))]
+        device = [np.abs(q[:, 0]).max(), np.abs(v[:, 0]).max()]
+        device += [current.max(), current.mean(), np.sqrt((current**2).mean())]
         q, v = states[-1, :n], states[-1, n : 2 * n]
         kinetic, strain = 0.5 * v @ (self.workload.mass * v), 0.5 * q @ self.workload.stiffness @ q
-        return np.concatenate([*kept, [commands.sum()], states[-1, -3:], [kinetic, strain]])
+        entered, lost, taken = states[-1, -3:]
+        return np.concatenate([*kept, device, [taken, entered, kinetic, strain, lost]])
 
     def run(self, motion: int) -> Floats:
         """One run by Runge-Kutta steps, reduced."""
         ground = self.workload.ground[motion]
         states = np.zeros((self.workload.n_steps + 1, N_STATE))
-        commands = np.zeros(self.workload.n_steps)
         for k in range(self.workload.n_steps):
-            commands[k] = self.command(states[k])
-            states[k + 1] = self.step(states[k], commands[k], ground[2 * k : 2 * k + 3])
-        return self.reductions(states, commands, ground)
+            states[k + 1] = self.step(states[k], self.command(states[k]), ground[2 * k : 2 * k + 3])
+        return self.reductions(states)

@@ -26,11 +26,10 @@ def prepare(workload: LoopWorkload) -> Callable[[], Floats]:
 
     def run() -> Floats:
         states = np.zeros((workload.n_steps + 1, N_STATE))
-        commands = np.zeros(workload.n_steps)
         for k in range(workload.n_steps):
-            commands[k] = loop.command(states[k])
-            states[k + 1] = _interval(loop, states[k], commands[k], ground[2 * k], ground[2 * k + 2])
-        return loop.reductions(states, commands, ground)[None, None]
+            command = loop.command(states[k])
+            states[k + 1] = _interval(loop, states[k], command, ground[2 * k], ground[2 * k + 2])
+        return loop.reductions(states)[None, None]
 
     return run
 

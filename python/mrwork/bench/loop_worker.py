@@ -44,9 +44,15 @@ class LoopMeasurement:
     variant: str
 
 
-def ways(tool: str) -> Iterator[tuple[str, Prepare]]:
+def ways(tool: str, threads: int) -> Iterator[tuple[str, Prepare]]:
     """The variants of a contender, each with its name."""
     match tool:
+        case "mrwork":
+            from mrwork import _rust
+            from mrwork.bench import loop_ours
+
+            name = f"simulate_loop, {_rust.instruction_set()}"
+            yield name, lambda workload: loop_ours.prepare(workload, threads)
         case "numba" | "numba_series":
             from mrwork.bench import loop_numba
 
@@ -75,7 +81,7 @@ def measure(settings: LoopSettings, threads: int) -> None:
         motions=settings.motions,
         n_steps=min(_TRIAL_STEPS, workload.n_steps),
     )
-    choices = [(name, prepare, *_trial(prepare, piece)) for name, prepare in ways(settings.tool)]
+    choices = [(name, prepare, *_trial(prepare, piece)) for name, prepare in ways(settings.tool, threads)]
     name, prepare, _, compiling = min(choices, key=lambda choice: choice[2])
     run = prepare(workload)
     if settings.rounds > 1:

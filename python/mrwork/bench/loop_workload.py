@@ -1,7 +1,6 @@
 """What every contender of `mrwork bench loop` computes: clipped-optimal control of a five-storey building.
 
-The building is that of the University of Technology, Sydney (masses published, the rest ours: equal storeys, 1 %
-Rayleigh damping in modes 1 and 3), the device a differential pair of RD-1005-3 dampers across the first storey
+The building is `uts` of the published ones, the device a differential pair of RD-1005-3 dampers across the first storey
 (`static_hysteretic`, set `kwok2006`) behind a driver with a lag of 190 1/s. A candidate is a row of gains K: every
 1 ms the wanted force is f_c = -K [q; v], and the command i_max H((f_c - f) f) is held (Dyke et al. 1996). One classical
 Runge-Kutta step per control sample, the ground's acceleration straight between the samples of its record. Each run
@@ -15,8 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_are
-from scipy.signal import lfilter
 
+from mrwork.buildings.published import building
+from mrwork.motions.ground_motion import GroundMotion
+from mrwork.motions.synthetic import synthetic_motion
 from mrwork.presets import PUBLISHED_SETS
 from mrwork.twins.loop.ground import half_steps
 
@@ -26,11 +27,26 @@ N_STOREYS = 5
 LAG = 190.0
 LARGEST_COMMAND = 1.88
 STEP = 1e-3
+# Of the ground [m/s^2].
+PEAK = 0.3 * 9.81
 
-# Columns of what is kept of a run: of the floors, lowest first, peak and sum of squares of displacement, drift and
-# absolute acceleration at the start of every step; of the device its force and stroke likewise; the sum of the
-# commands; the energies, in the order input, structural damping, device, kinetic, strain.
-N_REDUCTIONS = 6 * N_STOREYS + 4 + 1 + 5
+# What is kept of a run, by our names; of the floors five numbers each, lowest first.
+KEPT = (
+    *(
+        "peak_displacement",
+        "rms_displacement",
+        "peak_acceleration",
+        "rms_acceleration",
+        "peak_drift",
+        "rms_drift",
+    ),
+    *("peak_base_shear", "rms_base_shear", "peak_force", "rms_force", "peak_stroke", "peak_rate"),
+    *("peak_current", "mean_current", "rms_current"),
+    *("device_energy", "input_energy", "kinetic_energy", "strain_energy", "damping_energy"),
+)
+N_REDUCTIONS = 6 * N_STOREYS + 2 + 2 + 2 + 3 + 5
+_SQUARES = [*range(5, 10), *range(15, 20), *range(25, 30), 31, 33, 38]
+_SUM = 37
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,19 +96,25 @@ def loop_workload(candidates: int = 1000, motions: int = 4, seconds: float = 30.
     """Candidates from the LQR with scattered weights, synthetic motions with a peak of 0.3 g."""
     # A generator for each, so that more of one leaves the other as it was.
     of_gains, of_motions = np.random.default_rng([1996, 0]), np.random.default_rng([1996, 1])
-    mass = np.array([337.0, 330.0, 330.0, 330.0, 330.0])
-    storey = 1.448e6
-    stiffness = storey * (2.0 * np.eye(N_STOREYS) - np.eye(N_STOREYS, k=1) - np.eye(N_STOREYS, k=-1))
-    stiffness[-1, -1] = storey
-    damping = 0.309478 * np.diag(mass) + 1.89972e-4 * stiffness
+    uts = building("uts")
+    mass = np.diag(uts.mass)
+    shaken = [synthetic_motion(rng=of_motions, duration=seconds, peak=PEAK) for _ in range(motions)]
     return LoopWorkload(
         mass=mass,
-        stiffness=stiffness,
-        damping=damping,
+        stiffness=uts.stiffness,
+        damping=uts.damping,
         device=_device(),
-        gains=np.array([_gain(mass, stiffness, damping, of_gains) for _ in range(candidates)]),
-        ground=np.array([_ground(seconds, of_motions) for _ in range(motions)]),
+        gains=np.array([_gain(mass, uts.stiffness, uts.damping, of_gains) for _ in range(candidates)]),
+        ground=np.array([_ground(motion) for motion in shaken]),
     )
+
+
+def averaged(kept: Floats, n_steps: int) -> Floats:
+    """Root mean squares and means from sums over the steps, shape (..., N_REDUCTIONS)."""
+    found = kept.copy()
+    found[..., _SQUARES] = np.sqrt(found[..., _SQUARES] / n_steps)
+    found[..., _SUM] /= n_steps
+    return found
 
 
 def chain_springs(stiffness: Floats) -> Floats:
@@ -101,27 +123,8 @@ def chain_springs(stiffness: Floats) -> Floats:
     return np.concatenate([[stiffness[0, 0] - between[0]], between])
 
 
-def synthetic_motion(seconds: float, rng: np.random.Generator) -> tuple[Floats, float]:
-    """White noise through the ground of Kanai and Tajimi (15.6 rad/s, 0.6) with a peak of 0.3 g, and its step [s]."""
-    dt = 0.01
-    n_time = round(seconds / dt) + 1
-    frequency, ratio = 15.6, 0.6
-    # The filter (2 zeta w s + w^2) / (s^2 + 2 zeta w s + w^2) by the bilinear rule.
-    c = 2.0 / dt
-    top = np.array(
-        [2 * ratio * frequency * c + frequency**2, 2 * frequency**2, frequency**2 - 2 * ratio * frequency * c]
-    )
-    bottom = np.array([c**2 + top[0], 2 * frequency**2 - 2 * c**2, c**2 + top[2]])
-    shaped = lfilter(top / bottom[0], bottom / bottom[0], rng.standard_normal(n_time))
-    time = dt * np.arange(n_time)
-    envelope = np.minimum(1.0, (time / 3.0) ** 2) * np.exp(-0.2 * np.maximum(0.0, time - 12.0))
-    motion = shaped * envelope
-    return 0.3 * 9.81 * motion / np.abs(motion).max(), dt
-
-
-def _ground(seconds: float, rng: np.random.Generator) -> Floats:
-    acceleration, dt = synthetic_motion(seconds, rng)
-    return half_steps(acceleration, dt, STEP, round((acceleration.size - 1) * dt / STEP))
+def _ground(motion: GroundMotion) -> Floats:
+    return half_steps(motion.acceleration, motion.dt, STEP, round(motion.duration / STEP))
 
 
 def _device() -> Floats:

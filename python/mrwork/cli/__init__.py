@@ -24,6 +24,7 @@ _VERBS = (
     "calibrate",
     "predict",
     "plan",
+    "respond",
     "convert",
     "bench",
 )

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING
 from mrwork.identification.run import Progress
 
 if TYPE_CHECKING:
+    from mrwork.response.run import StudyProgress
     from mrwork.uncertainty.choice.comparison import ChoiceProgress
     from mrwork.uncertainty.posterior.sample import SamplingProgress
 
 _EVERY = 0.2
-# A sampling that is over sooner needs no line.
+# A sampling or a study that is over sooner needs no line.
 _SAMPLING_FROM = 2.0
 _THOUSAND = 1000.0
 _MINUTE, _HOUR = 60.0, 3600.0
@@ -95,6 +96,32 @@ class ChoiceLine:
     def close(self) -> None:
         """Clear the line."""
         self._line.close()
+
+
+class StudyLine:
+    """A study, in one line, once it takes longer than two seconds."""
+
+    def __init__(self, *, quiet: bool) -> None:
+        self._line = _Line(quiet=quiet)
+
+    def __call__(self, progress: StudyProgress) -> None:
+        """Show where the study stands."""
+        if self._line.active and progress.seconds >= _SAMPLING_FROM:
+            self._line.write(study_described(progress))
+
+    def close(self) -> None:
+        """Clear the line."""
+        self._line.close()
+
+
+def study_described(progress: StudyProgress) -> str:
+    """Progress in one line: how many runs are done, whose are next, how long it may take."""
+    parts = [f"{progress.done} of {progress.wanted} runs", progress.label]
+    parts.append(_duration(progress.seconds))
+    if progress.done:
+        left = progress.seconds * (progress.wanted - progress.done) / progress.done
+        parts.append(f"about {_duration(left)} left")
+    return ", ".join(parts)
 
 
 def choice_described(progress: ChoiceProgress) -> str:

@@ -19,13 +19,16 @@ from mrwork.control.outputs import accelerations, deformations, stacked
 from mrwork.control.plant import plant_of
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
+from mrwork.spec import DamperSpec
 
 Floats = NDArray[np.float64]
+# Current laws by name, none where the model has none, and whether the driver lags.
+Laws = tuple[list[str] | None, bool]
 
 _RUNS_AT_A_TIME = 4096
-# A force that no actuator meets [N]: the ideal one has no limit, and an unstable loop leaves the finite numbers before
-# it, so that it ends as diverged and not at this force.
-_NO_LIMIT = 1e300
+_MOST_SAMPLES = 100_000_000
+# A force that no actuator meets [N]: the ideal one has no limit.
+_NO_LIMIT = 1e14
 
 
 def simulate_loop(
@@ -75,9 +78,16 @@ def simulate_loop(
         raise SettingError("a closed loop has at least one device; for none, simulate one of no force")
     if not motions:
         raise SettingError("no ground motion was given; give at least one")
+    for motion in motions:
+        if motion.duration / hardware.sample_time > _MOST_SAMPLES:
+            raise SettingError(
+                f"{motion.name} lasts {motion.duration:g} s, which is more than {_MOST_SAMPLES} samples of "
+                f"{hardware.sample_time:g} s; give a longer `sample_time`"
+            )
     n_states = 2 * len(building.mass)
     gains = law.gain_rows(len(devices), n_states)
-    model, laws, theta, ranges = _dampers(devices, actuators=law.name == "active")
+    active = law.name == "active"
+    model, laws, theta, ranges = _dampers(devices, actuators=active)
     shape = (len(gains), len(motions), len(theta))
     matrices = _matrices(building, devices)
     arguments: dict[str, Any] = {
@@ -85,7 +95,9 @@ def simulate_loop(
         "model": model,
         "laws": laws,
         "theta": theta,
-        "places": [(float(device.count), device.differential) for device in devices],
+        "places": [
+            (1.0, False) if active else (float(device.count), device.differential) for device in devices
+        ],
         "ranges": ranges,
         "law": law.name,
         "gains": gains,
@@ -120,9 +132,7 @@ def simulate_loop(
     return _responses(parts, matrices, hardware, shape)
 
 
-def _dampers(
-    devices: Sequence[Device], *, actuators: bool
-) -> tuple[str, tuple[list[str] | None, bool], Floats, list[list[float]]]:
+def _dampers(devices: Sequence[Device], *, actuators: bool) -> tuple[str, Laws, Floats, list[list[float]]]:
     """Model, laws, parameters of all draws and devices, and ranges of command."""
     if actuators:
         theta = np.tile([0.0, 1.0], (1, len(devices), 1))
@@ -140,15 +150,16 @@ def _dampers(
         raise SettingError(f"the devices have {counts} draws; give as many of each, or one")
     shape = (n_draws, len(spec.parameters))
     theta = np.stack([np.broadcast_to(device.draws, shape) for device in devices], axis=1)
-    laws: tuple[list[str] | None, bool] = (None, False)
-    if spec.current is not None:
-        laws = (list(spec.current.laws), spec.current.lagged)
     return (
         spec.name,
-        laws,
+        _laws(spec),
         np.ascontiguousarray(theta),
         [[0.0, float(device.largest_command)] for device in devices],
     )
+
+
+def _laws(spec: DamperSpec) -> Laws:
+    return (None, False) if spec.current is None else ([*spec.current.laws], spec.current.lagged)
 
 
 def _matrices(building: Building, devices: Sequence[Device]) -> _rust.Building:
@@ -175,7 +186,7 @@ def _matrices(building: Building, devices: Sequence[Device]) -> _rust.Building:
         raise SettingError(f"{building.name}: {error}") from error
 
 
-def _curve(law: ControlLaw) -> tuple[tuple[list[str] | None, bool], Floats] | None:
+def _curve(law: ControlLaw) -> tuple[Laws, Floats] | None:
     if law.curve is None:
         if law.spec.wants_curve:
             raise SettingError(
@@ -188,7 +199,7 @@ def _curve(law: ControlLaw) -> tuple[tuple[list[str] | None, bool], Floats] | No
         raise SettingError(
             f"the curve of {law.name} is a {spec.name}; give a static_hysteretic with current laws"
         )
-    return (list(spec.current.laws), spec.current.lagged), np.ascontiguousarray(theta, dtype=np.float64)
+    return _laws(spec), np.ascontiguousarray(theta, dtype=np.float64)
 
 
 def _observer(

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
@@ -91,7 +91,7 @@ def identification_report(
         if comparison.test.synthetic
         for name in (comparison.test.path, comparison.test.name)
     }
-    template = environment().from_string(_resource("identification.html.j2"))
+    template = environment().from_string(resource("identification.html.j2"))
     return template.render(
         styles=Markup(styles()),
         fit=fit,
@@ -287,17 +287,22 @@ def styles() -> str:
         "fonts": ", ".join(f'"{name}"' for name in style.FONTS) + ", sans-serif",
     }
     variables = "".join(f"--{name}: {value};" for name, value in colours.items())
-    return f":root {{{variables}}}\n{_resource('report.css')}"
+    return f":root {{{variables}}}\n{resource('report.css')}"
 
 
-def _resource(name: str) -> str:
+def resource(name: str) -> str:
+    """A template or style sheet as it lies in the package."""
     return (files("mrwork.report") / "templates" / name).read_text(encoding="utf-8")
 
 
 def environment() -> Environment:
     """How every page is filled in: all is escaped, and a name without content is an error."""
     environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        loader=FunctionLoader(resource),
     )
     environment.filters["breakable"] = lambda name: Markup(breakable(name))
     environment.filters["coded"] = lambda sentence: Markup(coded(sentence))

@@ -10,7 +10,7 @@ import errno
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -38,6 +38,8 @@ PREDICTIONS = "predictions.npz"
 # What a comparison of models adds: the ranking, and in a folder for each the fit of every model.
 RANKING = "ranking.json"
 MODELS = "models"
+# What a study of buildings writes: the histories of its runs.
+HISTORIES = "histories"
 
 _ADDED = frozenset({CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, PREDICTIONS, RANKING, MODELS})
 _WRITTEN = _ADDED | {MANIFEST, FIT, JOURNAL, REPORT, FIGURES}
@@ -101,6 +103,42 @@ def write_run(
         If `path` is a file or somebody else's folder, or if anything cannot be written. The place is
         then as it was before.
     """
+
+    def fill(fresh: Path) -> None:
+        (fresh / FIGURES).mkdir()
+        _write(fresh / MANIFEST, json_document(manifest).encode())
+        _write(fresh / FIT, json_document(fit.as_dict()).encode())
+        shutil.copyfile(journal, fresh / JOURNAL)
+        _write(fresh / REPORT, report_html.encode())
+        _write_figures(fresh / FIGURES, figures)
+        for name, document in (documents or {}).items():
+            (fresh / name).parent.mkdir(parents=True, exist_ok=True)
+            _write(fresh / name, json_document(document).encode())
+
+    # Whoever pressed Ctrl-C waits for the prompt; the system flushes that run when it gets to it.
+    write_folder(path, fill, written=_WRITTEN, flush=flush and fit.status != "interrupted")
+    return Path(path)
+
+
+def write_folder(
+    path: str | Path, fill: Callable[[Path], None], *, written: Collection[str], flush: bool = True
+) -> None:
+    """Put a folder that `fill` fills at `path`, whole or not at all, in place of an earlier one.
+
+    Parameters
+    ----------
+    fill
+        Writes into an empty folder; it may raise an OSError. A manifest must be among what it writes.
+    written
+        Names that runs of this kind write; whatever else lies in the earlier one is a person's, and kept.
+    flush
+        Wait until it is on the disk.
+
+    Raises
+    ------
+    OutputError
+        If `path` is a file or somebody else's folder, or if anything cannot be written. The place is then as it was.
+    """
     place = real_place(path)
     try:
         _refuse_foreign(place, path)
@@ -112,25 +150,16 @@ def write_run(
         raise _cannot_write(path, reason) from reason
     try:
         fresh = beside / "new"
-        (fresh / FIGURES).mkdir(parents=True)
-        _write(fresh / MANIFEST, json_document(manifest).encode())
-        _write(fresh / FIT, json_document(fit.as_dict()).encode())
-        shutil.copyfile(journal, fresh / JOURNAL)
-        _write(fresh / REPORT, report_html.encode())
-        _write_figures(fresh / FIGURES, figures)
-        for name, document in (documents or {}).items():
-            (fresh / name).parent.mkdir(parents=True, exist_ok=True)
-            _write(fresh / name, json_document(document).encode())
-        _keep_additions(place, fresh)
-        if flush and fit.status != "interrupted":
-            # Whoever pressed Ctrl-C waits for the prompt; the system flushes that run when it gets to it.
+        fresh.mkdir()
+        fill(fresh)
+        _keep_additions(place, fresh, written)
+        if flush:
             _flush(fresh)
         _swap(fresh, place, beside / "old")
     except OSError as reason:
         raise _cannot_write(path, reason) from reason
     finally:
         _discard(beside, place)
-    return Path(path)
 
 
 def read_fit(path: str | Path) -> Fit:
@@ -188,12 +217,12 @@ def _write_figures(folder: Path, figures: Mapping[str, Figure]) -> None:
         _write(folder / f"{name}.png", png_bytes(figure))
 
 
-def _keep_additions(place: Path, fresh: Path) -> None:
+def _keep_additions(place: Path, fresh: Path, written: Collection[str]) -> None:
     """Copy what a person has put into the earlier run, which must stay whole until the swap."""
     if not place.exists():
         return
     for entry in place.iterdir():
-        if entry.name in _WRITTEN:
+        if entry.name in written:
             continue
         if entry.is_dir() and not entry.is_symlink():
             shutil.copytree(entry, fresh / entry.name, symlinks=True)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from mrwork.errors import JournalError, OutputError
 from mrwork.journal import Journal
-from mrwork.report.run_directory import JOURNAL, MODELS, real_place
+from mrwork.report.run_directory import HISTORIES, JOURNAL, MODELS, real_place
 
 _SUFFIX = ".part"
 _COPYING = "copying"
@@ -86,7 +86,7 @@ def _folder(path: str | Path) -> Path:
     folder = part_of(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        foreign = sorted({entry.name for entry in folder.iterdir()} - {JOURNAL, _COPYING, MODELS})
+        foreign = sorted({entry.name for entry in folder.iterdir()} - {JOURNAL, _COPYING, MODELS, HISTORIES})
     except OSError as reason:
         raise OutputError(f"cannot make {folder}: {reason.strerror}; choose another folder") from reason
     if foreign:

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::block::{Block, Left};
-use super::hardware::{Channel, Hardware, Observer};
+use super::hardware::{Hardware, Observer};
 use super::history::{History, width as history_width};
 use super::reductions::layout;
 use super::resolution::{building_bound, damper_bound, steps_for};
@@ -19,6 +19,10 @@ use crate::threads::{StopRequested, on_threads, thread_count};
 
 /// Blocks between two times that results are put in their place: bounds what is held twice.
 const BLOCKS_AT_A_TIME: usize = 1024;
+
+/// Displacement of a floor [m] beyond which a run counts as diverged: an unstable gain may take long to leave the finite
+/// numbers.
+const RUN_AWAY: f64 = 1e3;
 
 /// A candidate's gains under a motion, with a draw of the dampers.
 #[derive(Clone, Copy, Debug)]
@@ -138,7 +142,7 @@ pub fn respond(
         for (run, steps, left) in batch.round(&pending, &mut out, settings)? {
             let step = batch.hardware.sample_time / f64::from(steps);
             let draw = batch.runs[run].draw as usize;
-            let finite = out.row(run).iter().all(|value| value.is_finite());
+            let finite = batch.is_bounded(out.row(run));
             let wanted = if finite {
                 let own = steps_for(batch, damper_bound(batch, draw, &left.severity, step));
                 own.map(|own| own * settings.step_factor)
@@ -199,6 +203,12 @@ impl<'a> Batch<'a> {
         &self.theta[(draw * self.places.len() + device) * n_columns..][..n_columns]
     }
 
+    /// Whether a summary is that of a building that still stands somewhere.
+    fn is_bounded(&self, row: &[f64]) -> bool {
+        let displacements = &row[..self.building.n_floors()];
+        row.iter().all(|value| value.is_finite()) && displacements.iter().all(|&peak| peak < RUN_AWAY)
+    }
+
     /// Steps per sample for each draw, before anything is known of the motion; `None` where none is fine enough.
     fn first_steps(&self) -> Vec<Option<u32>> {
         let n_draws = self.theta.len() / (self.places.len() * self.laws.n_columns()).max(1);
@@ -236,7 +246,7 @@ impl<'a> Batch<'a> {
                     )
                 });
             }
-            let width = set.pair_width();
+            let width = set.middle_width();
             let n_blocks = runs.len().div_ceil(width).next_multiple_of(threads).min(runs.len());
             let cut: Vec<&[usize]> = runs.chunks(runs.len().div_ceil(n_blocks).min(width)).collect();
             for blocks in cut.chunks(BLOCKS_AT_A_TIME) {
@@ -273,74 +283,6 @@ impl<'a> Batch<'a> {
         }
         Ok(lefts)
     }
-
-    fn check(&self) -> Result<(), DynamicsError> {
-        let (n_devices, n_states) = (self.places.len(), 2 * self.building.n);
-        let n_columns = self.laws.n_columns();
-        let spec = self.law.spec();
-        let n_gains = spec.n_gains(n_devices, n_states);
-        let sizes = [
-            ("devices", self.building.n_devices(), n_devices),
-            ("ranges", self.ranges.len(), n_devices),
-            ("tables", self.tables.len(), spec.tables.len()),
-        ];
-        for (name, found, expected) in sizes {
-            if found != expected {
-                return Err(DynamicsError::MatrixSize { name, found, expected });
-            }
-        }
-        if !self.theta.len().is_multiple_of((n_devices * n_columns).max(1)) {
-            let expected = n_devices * n_columns;
-            return Err(DynamicsError::MatrixSize { name: "theta", found: self.theta.len(), expected });
-        }
-        if n_gains > 0 && !self.gains.len().is_multiple_of(n_gains) {
-            return Err(DynamicsError::MatrixSize {
-                name: "gains",
-                found: self.gains.len(),
-                expected: n_gains,
-            });
-        }
-        self.law.check_tables(self.tables)?;
-        if spec.wants_curve && self.curve.is_none() {
-            return Err(DynamicsError::NoCurve(spec.name));
-        }
-        if let Some(device) =
-            self.ranges.iter().position(|&[from, to]| !(from <= to && (to - from).is_finite()))
-        {
-            return Err(DynamicsError::CommandRange(device));
-        }
-        if !(self.hardware.sample_time.is_finite() && self.hardware.sample_time > 0.0)
-            || self.hardware.steps == 0
-        {
-            return Err(DynamicsError::Step(self.hardware.sample_time));
-        }
-        let n_candidates = if n_gains > 0 { self.gains.len() / n_gains } else { usize::MAX };
-        let n_draws = if n_devices * n_columns > 0 { self.theta.len() / (n_devices * n_columns) } else { 1 };
-        for (run, &Run { candidate, motion, draw, .. }) in self.runs.iter().enumerate() {
-            let asked = [
-                ("candidate", candidate as usize, n_candidates),
-                ("motion", motion as usize, self.motions.len()),
-                ("draw", draw as usize, n_draws),
-            ];
-            for (what, index, count) in asked {
-                if index >= count {
-                    return Err(DynamicsError::NoSuchEntry { run, what, index, count });
-                }
-            }
-        }
-        for fault in &self.hardware.faults {
-            let (index, count) = match fault.channel {
-                Channel::Acceleration(floor) => (floor, self.building.n_floors()),
-                Channel::Deformation(device) | Channel::Force(device) | Channel::Command(device) => {
-                    (device, n_devices)
-                }
-            };
-            if index >= count {
-                return Err(DynamicsError::NoSuchEntry { run: 0, what: "the faulty channel", index, count });
-            }
-        }
-        self.observer.map_or(Ok(()), |observer| observer.check(self.building, n_devices))
-    }
 }
 
 impl Out<'_> {
@@ -358,32 +300,5 @@ impl Out<'_> {
                 histories[run] = rows;
             }
         }
-    }
-}
-
-impl Observer {
-    fn check(&self, building: &Building, n_devices: usize) -> Result<(), DynamicsError> {
-        let n_states = 2 * building.n;
-        let n_measured = self.accelerations.len() + self.deformations.len();
-        let sizes = [
-            ("transition", self.transition.len(), n_states * n_states),
-            ("input", self.input.len(), n_states * n_devices),
-            ("gain", self.gain.len(), n_states * n_measured),
-            ("output", self.output.len(), n_measured * n_states),
-            ("direct", self.direct.len(), n_measured * n_devices),
-        ];
-        for (name, found, expected) in sizes {
-            if found != expected {
-                return Err(DynamicsError::MatrixSize { name, found, expected });
-            }
-        }
-        let measured = self.accelerations.iter().map(|&floor| ("floor", floor, building.n_floors()));
-        let measured = measured.chain(self.deformations.iter().map(|&device| ("device", device, n_devices)));
-        for (what, index, count) in measured {
-            if index >= count {
-                return Err(DynamicsError::NoSuchEntry { run: 0, what, index, count });
-            }
-        }
-        Ok(())
     }
 }

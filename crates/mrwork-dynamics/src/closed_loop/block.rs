@@ -51,7 +51,7 @@ pub(crate) fn run<M: DamperModel>(
     block: &Block<'_>,
     histories: &mut [History<'_>],
 ) -> Vec<Left> {
-    set.run_pair(BlockJob::<M> { block, histories, model: PhantomData })
+    set.run_middle(BlockJob::<M> { block, histories, model: PhantomData })
 }
 
 struct BlockJob<'a, 'b, M> {
@@ -106,7 +106,7 @@ fn march<M: DamperModel, R: Lanes>(block: &Block<'_>, histories: &mut [History<'
     let uniform = block.acceleration.iter().all(|row| core::ptr::eq(*row, block.acceleration[0]));
     let check_every = (STEPS_PER_CHECK / steps).max(1) as usize;
 
-    let mut plant = Plant::<R>::at_rest(building);
+    let mut plant = Plant::<R>::at_rest(building, step);
     let mut dampers = Dampers::<M, R>::new(batch, runs, step);
     let mut controller = Controller::<R>::new(batch, runs);
     let mut reductions = Reductions::<R>::new(building);
@@ -126,15 +126,15 @@ fn march<M: DamperModel, R: Lanes>(block: &Block<'_>, histories: &mut [History<'
             let index = sample * steps as usize + inner;
             let start = ground::<R>(&block.acceleration, uniform, 2 * index);
             dampers.resist(&plant.elongation, &plant.rate, 2);
-            plant.accelerate(&dampers.force, start);
+            plant.accelerate(0, &dampers.force, start);
             if inner == 0 {
                 R::apart(Sample {
                     batch,
                     streams: &streams,
-                    sample,
+                    number: sample,
                     displacement: &plant.displacement,
                     velocity: &plant.velocity,
-                    acceleration: &plant.acceleration,
+                    acceleration: plant.acceleration(),
                     force: &dampers.force,
                     ground_acceleration: start,
                     ground_velocity: ground::<R>(&block.velocity, uniform, sample),
@@ -147,14 +147,14 @@ fn march<M: DamperModel, R: Lanes>(block: &Block<'_>, histories: &mut [History<'
                 let commands = controller.sent_at(index.saturating_sub(delay) / steps as usize);
                 if dampers.hold(commands, index == 0) {
                     dampers.resist(&plant.elongation, &plant.rate, 2);
-                    plant.accelerate(&dampers.force, start);
+                    plant.accelerate(0, &dampers.force, start);
                 }
             }
             R::apart(Take {
                 building,
                 displacement: &plant.displacement,
                 velocity: &plant.velocity,
-                acceleration: &plant.acceleration,
+                acceleration: plant.acceleration(),
                 force: &dampers.force,
                 current: &dampers.current,
                 ground_acceleration: start,
@@ -166,7 +166,7 @@ fn march<M: DamperModel, R: Lanes>(block: &Block<'_>, histories: &mut [History<'
                     sample,
                     displacement: &plant.displacement,
                     velocity: &plant.velocity,
-                    acceleration: &plant.acceleration,
+                    acceleration: plant.acceleration(),
                     force: &dampers.force,
                     current: &dampers.current,
                     command: controller.sent_at(sample),
@@ -178,20 +178,15 @@ fn march<M: DamperModel, R: Lanes>(block: &Block<'_>, histories: &mut [History<'
             dampers.follow();
             let middle = ground::<R>(&block.acceleration, uniform, 2 * index + 1);
             let end = ground::<R>(&block.acceleration, uniform, 2 * index + 2);
-            let stages = [
-                (sixth, half, Some((middle, 1))),
-                (third, half, Some((middle, 1))),
-                (third, step, Some((end, 2))),
-                (sixth, 0.0, None),
-            ];
-            for (weight, reach, next) in stages {
-                plant.stage(&mut reductions, &dampers.force, step, weight, reach);
+            let stages = [(sixth, half, middle, 1), (third, half, middle, 1), (third, step, end, 2)];
+            for (stage, (weight, reach, ground, moment)) in stages.into_iter().enumerate() {
+                plant.advance(stage, &dampers.force, &mut reductions);
                 dampers.stage(weight, reach);
-                if let Some((ground, moment)) = next {
-                    dampers.resist(&plant.elongation, &plant.rate, moment);
-                    plant.accelerate(&dampers.force, ground);
-                }
+                dampers.resist(&plant.elongation, &plant.rate, moment);
+                plant.accelerate(stage + 1, &dampers.force, ground);
             }
+            plant.advance(stages.len(), &dampers.force, &mut reductions);
+            dampers.stage(sixth, 0.0);
         }
     }
     R::apart(Balance {

@@ -7,6 +7,7 @@
 
 mod batch;
 mod block;
+mod check;
 mod dampers;
 mod hardware;
 mod history;

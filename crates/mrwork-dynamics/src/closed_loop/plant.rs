@@ -1,22 +1,25 @@
 //! The coordinates of a building in lanes, through the stages of a step.
 
 use super::reductions::Reductions;
-use crate::building::Building;
+use crate::building::{Building, Spring};
 use crate::lanes::{Apart, Lanes};
+
+/// Stages of a step.
+const STAGES: usize = 4;
 
 /// Motion of the coordinates.
 ///
-/// Classical Runge-Kutta in the form for accelerations: the displacement takes h v + h^2 (a1 + a2 + a3)/6.
+/// Classical Runge-Kutta in the form for accelerations: in a step the displacement takes h v + h^2 (a1 + a2 + a3)/6, the
+/// velocity h (a1 + 2 a2 + 2 a3 + a4)/6.
 pub(super) struct Plant<'a, R> {
     building: &'a Building,
+    step: f64,
     pub(super) displacement: Vec<R>,
     pub(super) velocity: Vec<R>,
     staged_displacement: Vec<R>,
     staged_velocity: Vec<R>,
-    next_displacement: Vec<R>,
-    next_velocity: Vec<R>,
-    /// Accelerations relative to the ground at this stage.
-    pub(super) acceleration: Vec<R>,
+    /// Accelerations relative to the ground, stage by stage.
+    accelerations: [Vec<R>; STAGES],
     pull: Vec<R>,
     /// Elongations of the devices and their rates at this stage.
     pub(super) elongation: Vec<R>,
@@ -27,17 +30,16 @@ pub(super) struct Plant<'a, R> {
 }
 
 impl<'a, R: Lanes> Plant<'a, R> {
-    pub(super) fn at_rest(building: &'a Building) -> Self {
+    pub(super) fn at_rest(building: &'a Building, step: f64) -> Self {
         let zero = || vec![R::splat(0.0); building.n];
         Self {
             building,
+            step,
             displacement: zero(),
             velocity: zero(),
             staged_displacement: zero(),
             staged_velocity: zero(),
-            next_displacement: zero(),
-            next_velocity: zero(),
-            acceleration: zero(),
+            accelerations: [zero(), zero(), zero(), zero()],
             pull: zero(),
             elongation: vec![R::splat(0.0); building.n_devices()],
             rate: vec![R::splat(0.0); building.n_devices()],
@@ -46,26 +48,25 @@ impl<'a, R: Lanes> Plant<'a, R> {
         }
     }
 
-    /// Accelerations and powers at this stage, under these device forces and ground acceleration.
-    pub(super) fn accelerate(&mut self, force: &[R], ground: R) {
-        R::apart(Accelerate { plant: self, force, ground });
+    /// Accelerations relative to the ground at the start of the step.
+    pub(super) fn acceleration(&self) -> &[R] {
+        &self.accelerations[0]
     }
 
-    /// Adds this stage to the step and goes to the next; a step ends with the stage that reaches nowhere.
-    pub(super) fn stage(
-        &mut self,
-        reductions: &mut Reductions<R>,
-        force: &[R],
-        step: f64,
-        weight: f64,
-        reach: f64,
-    ) {
-        R::apart(Stage { plant: self, reductions, force, step, weight, reach });
+    /// Accelerations and powers at a stage, under these device forces and ground acceleration.
+    pub(super) fn accelerate(&mut self, stage: usize, force: &[R], ground: R) {
+        R::apart(Accelerate { plant: self, stage, force, ground });
+    }
+
+    /// Adds the powers of a stage to the energies, and goes on to the next stage or, after the last, to the next step.
+    pub(super) fn advance(&mut self, stage: usize, force: &[R], reductions: &mut Reductions<R>) {
+        R::apart(Advance { plant: self, stage, force, reductions });
     }
 }
 
 struct Accelerate<'a, 'b, R> {
     plant: &'a mut Plant<'b, R>,
+    stage: usize,
     force: &'a [R],
     ground: R,
 }
@@ -73,16 +74,19 @@ struct Accelerate<'a, 'b, R> {
 impl<R: Lanes> Apart for Accelerate<'_, '_, R> {
     #[inline(always)]
     fn run(self) {
-        let Self { plant, force, ground } = self;
+        let Self { plant, stage, force, ground } = self;
         let building = plant.building;
         let (mut damping, mut momentum) = (R::splat(0.0), R::splat(0.0));
         for coordinate in 0..building.n {
+            let (mut damped, mut sprung) = (R::splat(0.0), R::splat(0.0));
+            for &Spring { column, stiffness, damping } in building.springs.row(coordinate) {
+                sprung = plant.staged_displacement[column].mul_add(R::splat(stiffness), sprung);
+                damped = plant.staged_velocity[column].mul_add(R::splat(damping), damped);
+            }
             let velocity = plant.staged_velocity[coordinate];
-            let damped = building.damping.dot(coordinate, &plant.staged_velocity);
             damping = damped.mul_add(velocity, damping);
             momentum = velocity.mul_add(R::splat(building.pushed_mass[coordinate]), momentum);
-            plant.pull[coordinate] =
-                building.stiffness.add_dot(coordinate, &plant.staged_displacement, damped);
+            plant.pull[coordinate] = sprung + damped;
         }
         for (device, &force) in force.iter().enumerate() {
             for &(coordinate, reach) in building.devices.row(device) {
@@ -91,54 +95,72 @@ impl<R: Lanes> Apart for Accelerate<'_, '_, R> {
         }
         for coordinate in 0..building.n {
             let carried = ground * R::splat(-building.influence[coordinate]);
-            plant.acceleration[coordinate] = carried - building.mass_inverse.dot(coordinate, &plant.pull);
+            plant.accelerations[stage][coordinate] =
+                carried - building.mass_inverse.dot(coordinate, &plant.pull);
         }
         plant.damping = damping;
         plant.input = -(momentum * ground);
     }
 }
 
-struct Stage<'a, 'b, R> {
+struct Advance<'a, 'b, R> {
     plant: &'a mut Plant<'b, R>,
-    reductions: &'a mut Reductions<R>,
+    stage: usize,
     force: &'a [R],
-    step: f64,
-    weight: f64,
-    reach: f64,
+    reductions: &'a mut Reductions<R>,
 }
 
-impl<R: Lanes> Apart for Stage<'_, '_, R> {
+impl<R: Lanes> Apart for Advance<'_, '_, R> {
     #[inline(always)]
     fn run(self) {
-        let Self { plant, reductions, force, step, .. } = self;
-        let (weight, reach) = (R::splat(self.weight), R::splat(self.reach));
-        let ends = self.reach == 0.0;
+        let Self { plant, stage, force, reductions } = self;
+        let step = plant.step;
+        let weight = R::splat(if stage == 0 || stage == STAGES - 1 { step / 6.0 } else { step / 3.0 });
         reductions.input = plant.input.mul_add(weight, reductions.input);
         reductions.damping = plant.damping.mul_add(weight, reductions.damping);
         for (device, &force) in force.iter().enumerate() {
             let power = force * plant.rate[device];
             reductions.device_work[device] = power.mul_add(weight, reductions.device_work[device]);
         }
-        let sixth = R::splat(if ends { 0.0 } else { step * step / 6.0 });
-        for i in 0..plant.displacement.len() {
-            let acceleration = plant.acceleration[i];
-            plant.next_displacement[i] = acceleration.mul_add(sixth, plant.next_displacement[i]);
-            plant.next_velocity[i] = acceleration.mul_add(weight, plant.next_velocity[i]);
-            if ends {
-                plant.displacement[i] = plant.next_displacement[i];
-                plant.velocity[i] = plant.next_velocity[i];
-                plant.staged_displacement[i] = plant.next_displacement[i];
-                plant.staged_velocity[i] = plant.next_velocity[i];
-                plant.next_displacement[i] =
-                    plant.next_velocity[i].mul_add(R::splat(step), plant.next_displacement[i]);
-            } else {
-                plant.staged_displacement[i] = plant.staged_velocity[i].mul_add(reach, plant.displacement[i]);
-                plant.staged_velocity[i] = acceleration.mul_add(reach, plant.velocity[i]);
-            }
+        if stage == STAGES - 1 {
+            plant.end();
+        } else {
+            plant.reach(stage, R::splat(if stage == STAGES - 2 { step } else { 0.5 * step }));
         }
         for device in 0..plant.elongation.len() {
             plant.elongation[device] = plant.building.devices.dot(device, &plant.staged_displacement);
             plant.rate[device] = plant.building.devices.dot(device, &plant.staged_velocity);
+        }
+    }
+}
+
+impl<R: Lanes> Plant<'_, R> {
+    /// Goes so far ahead of the start of the step, with the velocity and acceleration of a stage.
+    #[inline(always)]
+    fn reach(&mut self, stage: usize, reach: R) {
+        let accelerations = &self.accelerations[stage];
+        for (i, &acceleration) in accelerations.iter().enumerate() {
+            self.staged_displacement[i] = self.staged_velocity[i].mul_add(reach, self.displacement[i]);
+            self.staged_velocity[i] = acceleration.mul_add(reach, self.velocity[i]);
+        }
+    }
+
+    #[inline(always)]
+    fn end(&mut self) {
+        let step = R::splat(self.step);
+        let (sixth, third) = (R::splat(self.step / 6.0), R::splat(self.step / 3.0));
+        let square = R::splat(self.step * self.step / 6.0);
+        let [a1, a2, a3, a4] = &self.accelerations;
+        for i in 0..self.displacement.len() {
+            let middle = a2[i] + a3[i];
+            let velocity = self.velocity[i];
+            let drifted = velocity.mul_add(step, self.displacement[i]);
+            let displacement = (a1[i] + middle).mul_add(square, drifted);
+            let velocity = middle.mul_add(third, (a1[i] + a4[i]).mul_add(sixth, velocity));
+            self.displacement[i] = displacement;
+            self.velocity[i] = velocity;
+            self.staged_displacement[i] = displacement;
+            self.staged_velocity[i] = velocity;
         }
     }
 }

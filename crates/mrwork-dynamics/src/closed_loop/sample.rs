@@ -95,7 +95,7 @@ impl<R: Lanes> Controller<R> {
 pub(super) struct Sample<'a, R: Real> {
     pub(super) batch: &'a Batch<'a>,
     pub(super) streams: &'a [u64],
-    pub(super) sample: usize,
+    pub(super) number: usize,
     pub(super) displacement: &'a [R],
     pub(super) velocity: &'a [R],
     pub(super) acceleration: &'a [R],
@@ -150,7 +150,7 @@ impl<R: Lanes> Sample<'_, R> {
     fn sensed(&self, channel: Channel, sensor: Sensor, value: R, before: R) -> R {
         let mut said = value;
         if sensor.noise > 0.0 {
-            let (number, sample) = (channel.number(), self.sample as u64);
+            let (number, sample) = (channel.number(), self.number as u64);
             let noise = R::from_fn(|lane| normal(self.streams[lane], number, sample));
             said = noise.mul_add(R::splat(sensor.noise), said);
         }
@@ -166,7 +166,7 @@ impl<R: Lanes> Sample<'_, R> {
     fn broken(&self, channel: Channel, value: R, before: R) -> R {
         let mut said = value;
         for fault in &self.batch.hardware.faults {
-            if fault.channel == channel && (fault.start..fault.end).contains(&self.sample) {
+            if fault.channel == channel && (fault.start..fault.end).contains(&self.number) {
                 said = match fault.value {
                     Some(value) => R::splat(value),
                     None => before,
@@ -201,19 +201,18 @@ impl<R: Lanes> Sample<'_, R> {
         };
         law.command(&gains, &seen, &mut controller.memory, &mut controller.raw);
         let furthest = R::splat(hardware.command_rate * hardware.sample_time);
-        let position = (self.sample % self.controller.depth) * n_devices;
-        let earlier = (self.sample.wrapping_sub(1) % self.controller.depth) * n_devices;
-        for device in 0..n_devices {
+        let position = (self.number % self.controller.depth) * n_devices;
+        let earlier = (self.number.wrapping_sub(1) % self.controller.depth) * n_devices;
+        for (device, &[smallest, largest]) in ranges.iter().enumerate() {
             let raw = self.controller.raw[device];
             let judged = raw + self.controller.unknown;
             let known = judged.equal(judged);
             let lost = R::select(known, self.controller.at_a_loss, R::splat(1.0));
             self.controller.at_a_loss = lost;
-            let [smallest, largest] = ranges[device];
             let mut command =
                 within(R::select(known, raw, R::splat(0.0)), R::splat(smallest), R::splat(largest));
             let mut before = command;
-            if self.sample > 0 {
+            if self.number > 0 {
                 before = self.controller.sent[earlier + device];
                 if hardware.command_rate < f64::INFINITY {
                     command = within(command, before - furthest, before + furthest);
@@ -245,7 +244,7 @@ impl<R: Lanes> Sample<'_, R> {
             }
             let surprise = measured - expected;
             // A reading that is not a finite number is no reading.
-            let finite = (surprise - surprise).equal(R::splat(0.0));
+            let finite = surprise.abs().less(R::splat(f64::INFINITY));
             *innovation = R::select(finite, surprise, R::splat(0.0));
         }
         let n_measured = innovation.len();
@@ -255,7 +254,7 @@ impl<R: Lanes> Sample<'_, R> {
                 sum = x.mul_add(R::splat(a), sum);
             }
             for (&b, &f) in observer.input[row * n_devices..][..n_devices].iter().zip(force.iter()) {
-                let finite = (f - f).equal(R::splat(0.0));
+                let finite = f.abs().less(R::splat(f64::INFINITY));
                 sum = R::select(finite, f, R::splat(0.0)).mul_add(R::splat(b), sum);
             }
             for (&l, &y) in observer.gain[row * n_measured..][..n_measured].iter().zip(innovation.iter()) {

@@ -2,7 +2,7 @@
 
 use super::clipped_optimal::GAIN;
 use super::lyapunov::WEIGHT;
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, where_known, where_positive, within};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, if_known, where_positive, within};
 use crate::elementary::{Exponent, powf};
 use crate::lanes::Lanes;
 use crate::real::Real;
@@ -39,7 +39,7 @@ impl ControlLaw for LyapunovDirect {
             // Where the parabola is straight this is not a number, and no better.
             let vertex = within(slope / (R::splat(-2.0) * bend), zero, largest);
             let better = gain_of(sigma, slope, bend, vertex).less(at_largest.min(zero));
-            *command = where_known(at_largest, R::select(better, vertex, best));
+            *command = if_known(at_largest, R::select(better, vertex, best));
         }
     }
 }
@@ -144,7 +144,7 @@ impl ControlLaw for InverseDirect {
             let fall = slope + powf(square.abs(), &root).copysign(slope);
             let other = if_inside(fall / (-two * bend), largest, nearest);
             let inverted = if_inside(-two * missing / fall, largest, other);
-            *command = where_known(at_largest, R::select(square.less(zero), nearest, inverted));
+            *command = if_known(at_largest, R::select(square.less(zero), nearest, inverted));
         }
     }
 }

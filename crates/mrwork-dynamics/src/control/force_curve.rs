@@ -3,6 +3,7 @@
 use super::Seen;
 use crate::current_law::CurrentLaws;
 use crate::damper::{DamperModel, Motion, StaticHysteretic};
+use crate::elementary::tanh;
 use crate::error::DynamicsError;
 use crate::parameters::FromSlice;
 use crate::real::Real;
@@ -38,7 +39,9 @@ impl<'a> CurveModel<'a> {
             let values: Vec<R> = values.into_iter().map(R::splat).collect();
             Parameters::from_slice(&values)
         };
-        ForceCurve { at: [at(0.0), at(0.5 * largest), at(largest)], place, largest }
+        let at = [at(0.0), at(0.5 * largest), at(largest)];
+        let one_side = at.iter().all(|p| R::all(p.x_s.equal(at[0].x_s)));
+        ForceCurve { at, place, largest, one_side }
     }
 }
 
@@ -56,6 +59,8 @@ pub(crate) struct ForceCurve<R: Real> {
     at: [Parameters<R>; 3],
     place: Place,
     largest: f64,
+    /// Whether `x_s` is the same at all three.
+    one_side: bool,
 }
 
 impl<R: Real> ForceCurve<R> {
@@ -64,8 +69,12 @@ impl<R: Real> ForceCurve<R> {
     pub(crate) fn points(&self, deformation: R, rate: R) -> [R; 3] {
         let motion = Motion { displacement: deformation, velocity: rate };
         let mut forces = [R::splat(0.0); 3];
+        let mut side = tanh(deformation * self.at[0].per_x_s);
         for (force, p) in forces.iter_mut().zip(&self.at) {
-            let one = StaticHysteretic::force(p, [], motion);
+            if !self.one_side {
+                side = tanh(deformation * p.per_x_s);
+            }
+            let one = StaticHysteretic::force_on_side(p, side, motion);
             // Two in opposition: the model is odd but for its offset.
             let whole = if self.place.differential { (one - p.f0) * R::splat(2.0) } else { one };
             *force = whole * R::splat(self.place.count);

@@ -240,17 +240,17 @@ pub(crate) fn ground_reach(devices: &SparseRows, influence: &[f64]) -> Vec<f64> 
     (0..devices.len()).map(|device| devices.dot(device, influence)).collect()
 }
 
-/// `yes` where a number is above zero, else zero; no number where it is none.
+/// `yes` where a number is above zero, else zero; not a number where it is none.
 #[inline(always)]
 fn where_positive<R: Real>(number: R, yes: R) -> R {
-    let zero = R::splat(0.0);
-    where_known(number, R::select(zero.less(number), yes, zero))
+    let otherwise = if_known(number, R::splat(0.0));
+    R::select(R::splat(0.0).less(number), yes, otherwise)
 }
 
-/// `yes` where `number` is a number, else what it is.
+/// `value`, but not a number where `by`, which it was chosen by, is none: a comparison would hide it.
 #[inline(always)]
-fn where_known<R: Real>(number: R, yes: R) -> R {
-    R::select(number.equal(number), yes, number)
+fn if_known<R: Real>(by: R, value: R) -> R {
+    R::select(by.equal(by), value, R::splat(f64::NAN))
 }
 
 /// A number cut off below and above.

@@ -1,7 +1,7 @@
 //! Sliding-mode control: the state is driven to a surface S s = 0 and kept there.
 
 use super::clipped_optimal::{GAIN, clipped};
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, within};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, if_known, within};
 use crate::elementary::{Exponent, powf};
 use crate::lanes::Lanes;
 use crate::real::Real;
@@ -180,7 +180,7 @@ impl ControlLaw for SuperTwisting {
             let slope = push * (f_max - f_0) * R::splat(1.0 / seen.largest[device]);
             // Where the current changes nothing, none is sent.
             let still = slope.equal(R::splat(0.0));
-            *command = R::select(still, R::splat(0.0), (wanted - free) / slope);
+            *command = R::select(still, if_known(free, R::splat(0.0)), (wanted - free) / slope);
         }
     }
 }

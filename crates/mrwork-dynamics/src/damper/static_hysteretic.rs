@@ -46,14 +46,21 @@ impl DamperModel for StaticHysteretic {
 
     #[inline(always)]
     fn force<R: Real>(p: &Parameters<R>, _: [R; 0], motion: Motion<R>) -> R {
-        let Motion { displacement: x, velocity: v } = motion;
-        let side = tanh(x * p.per_x_s);
-        let hysteresis = tanh(p.beta.mul_add(v, p.delta * side));
-        p.c.mul_add(v, p.k.mul_add(x, p.alpha.mul_add(hysteresis, p.f0)))
+        Self::force_on_side(p, tanh(motion.displacement * p.per_x_s), motion)
     }
 
     #[inline(always)]
     fn stiffness_bound(_: &Parameters<f64>, _: Severity) -> f64 {
         0.0
+    }
+}
+
+impl StaticHysteretic {
+    /// The force where `tanh(x/x_s)` is known already.
+    #[inline(always)]
+    pub(crate) fn force_on_side<R: Real>(p: &Parameters<R>, side: R, motion: Motion<R>) -> R {
+        let Motion { displacement: x, velocity: v } = motion;
+        let hysteresis = tanh(p.beta.mul_add(v, p.delta * side));
+        p.c.mul_add(v, p.k.mul_add(x, p.alpha.mul_add(hysteresis, p.f0)))
     }
 }

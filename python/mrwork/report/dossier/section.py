@@ -34,7 +34,8 @@ class Panel:
 class Table:
     """A table: its first column names the row, those in `words` are text, all others numbers.
 
-    `label` is for who cannot see it, `note` stands below it.
+    `label` is for who cannot see it, `note` stands below it. `over` are headings above the columns with how many
+    columns each spans; `strong` are the cells (row, column) that stand out.
     """
 
     label: str
@@ -43,6 +44,8 @@ class Table:
     foot: tuple[str, ...] = ()
     words: tuple[int, ...] = ()
     note: str = ""
+    over: tuple[tuple[str, int], ...] = ()
+    strong: frozenset[tuple[int, int]] = frozenset()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

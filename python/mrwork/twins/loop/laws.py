@@ -1,7 +1,7 @@
 """Control laws for the twin: smooth as they stand, or bang-bang with a switch that can be softened.
 
-A law is a `NamedTuple` of numbers, differentiable in each, with `command(measured)`. f is the force of a channel's
-dampers [N], s = [q; q'] the state. `width` 0 is the switch of the paper, whose derivative is zero.
+A law is a `NamedTuple` of numbers, differentiable in each, with `command(measured)`. f is the force of a device
+[N], s = [q; q'] the state. `width` 0 is the switch of the paper, whose derivative is zero.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ class Measured:
     state
         s, shape (2n,).
     force
-        Of the dampers of each channel, shape (n_channels,) [N].
+        Of each device, shape (n_devices,) [N].
     force_at
-        The same if the coils had another current, (n_channels,) to (n_channels,).
+        The same if the coils had another current, (n_devices,) to (n_devices,).
     largest
-        Largest command of each channel, shape (n_channels,).
+        Largest command of each device, shape (n_devices,).
     """
 
     state: Array
@@ -37,7 +37,7 @@ class Measured:
     largest: Array
 
     def slope(self) -> Array:
-        """G of f(i) = F0 + G i + H i^2 through the forces at 0, half and the largest command, shape (n_channels,)."""
+        """G of f(i) = F0 + G i + H i^2 through the forces at 0, half and the largest command, shape (n_devices,)."""
         none, middle, full = (self.force_at(share * self.largest) for share in (0.0, 0.5, 1.0))
         return (4.0 * middle - full - 3.0 * none) / self.largest
 
@@ -46,7 +46,7 @@ class Law(Protocol):
     """A control law."""
 
     def command(self, measured: Measured) -> Array:
-        """Command of each channel, shape (n_channels,); the loop holds it between 0 and the largest."""
+        """Command of each device, shape (n_devices,); the loop holds it between 0 and the largest."""
 
 
 def switch(x: Array, width: Array | float) -> Array:
@@ -57,7 +57,7 @@ def switch(x: Array, width: Array | float) -> Array:
 
 
 class Passive(NamedTuple):
-    """A constant command, shape (n_channels,)."""
+    """A constant command, shape (n_devices,)."""
 
     constant: Array
 
@@ -69,7 +69,7 @@ class Passive(NamedTuple):
 class ClippedOptimal(NamedTuple):
     """`V_max H((f_c - f) f)`, f_c = -K s (Dyke et al. 1996), softened over `width` [N]: (f_c - f) f / width^2.
 
-    `gain` is K, shape (n_channels, 2n).
+    `gain` is K, shape (n_devices, 2n).
     """
 
     gain: Array
@@ -84,7 +84,7 @@ class ClippedOptimal(NamedTuple):
 class ModifiedClippedOptimal(NamedTuple):
     """`V_c H((f_c - f) f)`, V_c = V_max |f_c| / f_max at most V_max (Yoshida and Dyke 2004), softened likewise.
 
-    `largest_force` is f_max [N], shape (n_channels,).
+    `largest_force` is f_max [N], shape (n_devices,).
     """
 
     gain: Array
@@ -102,7 +102,7 @@ class ModifiedClippedOptimal(NamedTuple):
 class LyapunovBangBang(NamedTuple):
     """`V_max H(-(s'P B) f)` (Jansen and Dyke 2000), softened over `width` [that of s'P B f].
 
-    `weight` is P B, shape (2n, n_channels).
+    `weight` is P B, shape (2n, n_devices).
     """
 
     weight: Array
@@ -116,7 +116,7 @@ class LyapunovBangBang(NamedTuple):
 class LyapunovDirect(NamedTuple):
     """`i = sat(-kappa sigma G)`, sigma = s'P B: the smooth form of the thesis' first controller.
 
-    `weight` is P B, shape (2n, n_channels); G is the slope of the force in the current.
+    `weight` is P B, shape (2n, n_devices); G is the slope of the force in the current.
     """
 
     kappa: Array
@@ -128,7 +128,7 @@ class LyapunovDirect(NamedTuple):
 
 
 class LqrDirect(NamedTuple):
-    """`i = sat(-R^-1 G(s) B'P s)`, the thesis' second controller; `gain` is R^-1 B'P, shape (n_channels, 2n)."""
+    """`i = sat(-R^-1 G(s) B'P s)`, the thesis' second controller; `gain` is R^-1 B'P, shape (n_devices, 2n)."""
 
     gain: Array
 

@@ -66,11 +66,11 @@ class LoopPlant(NamedTuple):
 @partial(
     jax.tree_util.register_dataclass,
     data_fields=["theta", "row", "count"],
-    meta_fields=["spec", "opposed", "channel"],
+    meta_fields=["spec", "differential"],
 )
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopDevice:
-    """A damper of the building: `F = count f(x, v)`, mounted the other way round `F = -count f(-x, -v)`.
+    """Dampers across a storey under one command: `F = count f(x, v)`, or `count (f(x, v) - f(-x, -v))` in opposition.
 
     Attributes
     ----------
@@ -79,52 +79,72 @@ class LoopDevice:
     theta
         Parameters in spec order, shape (n_params,).
     row
-        e, its deformation from the coordinates, shape (n,): a row of `storeys`.
+        e, its elongation from the coordinates, shape (n,): a row of `storeys`.
     count
-        How many such dampers side by side.
-    channel
-        Which command it gets; dampers on one channel lie across one storey, and count as one for the control law.
+        How many such dampers are elongated together.
+    differential
+        Whether as many others are shortened by the same motion.
     """
 
     spec: DamperSpec
     theta: Array
     row: Array
     count: Array | float = 1.0
-    opposed: bool = False
-    channel: int = 0
+    differential: bool = False
+
+    @property
+    def lagged(self) -> bool:
+        """Whether its coil follows the command with a lag."""
+        return self.spec.current is not None and self.spec.current.lagged
+
+    @property
+    def at_rest(self) -> Array:
+        """States of its dampers at rest, one way round and the other, shape (1 or 2, n_states)."""
+        return jnp.zeros((2 if self.differential else 1, self.spec.n_states))
 
     def parameters(self, received: Array) -> Any:
         """Parameters of the plain model where the coil gets this command."""
         return parameters_at(self.spec, self.theta, received)
 
-    def respond(self, p: Any, state: Array, q: Array, v: Array) -> tuple[Array, Array]:
-        """Force F [N] at coordinates and rates, shape (n,), and the rate of the damper's own state, (n_states,)."""
+    def respond(self, p: Any, states: Array, x: Array, v: Array) -> tuple[Array, Array]:
+        """Force F [N] at an elongation and its rate, and the rates of the dampers' own states, shape as `at_rest`."""
         twin = twin_of(self.spec)
-        side = -1.0 if self.opposed else 1.0
-        x, x_rate = side * (self.row @ q), side * (self.row @ v)
-        return side * self.count * twin.force(p, state, x, x_rate), twin.rate(p, state, x, x_rate)
+        force = self.count * twin.force(p, states[0], x, v)
+        rates = [twin.rate(p, states[0], x, v)]
+        if self.differential:
+            force = force - self.count * twin.force(p, states[1], -x, -v)
+            rates.append(twin.rate(p, states[1], -x, -v))
+        return force, jnp.stack(rates)
 
     def decay(self, time: Array | float) -> Array:
         """What is left of the difference between command and coil after a time [s]; zero without a lag."""
-        if self.spec.current is None or not self.spec.current.lagged:
+        if not self.lagged:
             return jnp.zeros(())
         left: Array = jnp.exp(-self.theta[-1] * time)
         return left
 
 
-def n_channels(devices: tuple[LoopDevice, ...]) -> int:
-    """How many commands the dampers take."""
-    return 1 + max(device.channel for device in devices)
+Devices = tuple[LoopDevice, ...]
 
 
-def state_matrices(plant: LoopPlant, devices: tuple[LoopDevice, ...]) -> tuple[Array, Array]:
-    """A and B of `s' = A s + B f`, with s = [q; q'] and f the force of each channel; shape (2n, 2n), (2n, n_channels).
+def rows_of(devices: Devices) -> Array:
+    """Elongations of all devices from the coordinates, shape (n_devices, n)."""
+    return jnp.stack([device.row for device in devices])
 
-    The dampers resist, so that B is [0; -M^-1 e'].
+
+def pulls_of(plant: LoopPlant, devices: Devices) -> Array:
+    """M^-1 e' of all devices, shape (n, n_devices)."""
+    pulls: Array = jnp.linalg.solve(plant.mass, rows_of(devices).T)
+    return pulls
+
+
+def state_matrices(plant: LoopPlant, devices: Devices) -> tuple[Array, Array]:
+    """A and B of `s' = A s + B f`, with s = [q; q'] and f the devices' forces, shape (2n, 2n) and (2n, n_devices).
+
+    The devices resist, so that B is [0; -M^-1 e'].
     """
     n = plant.mass.shape[0]
     zero, one = jnp.zeros((n, n)), jnp.eye(n)
     state = jnp.block([[zero, one], [-plant.stiffness_per_mass, -plant.damping_per_mass]])
-    rows = {device.channel: device.row for device in devices}
-    pulls = jnp.stack([jnp.linalg.solve(plant.mass, rows[c]) for c in range(n_channels(devices))], axis=1)
+    pulls = pulls_of(plant, devices)
     return state, jnp.concatenate([jnp.zeros_like(pulls), -pulls])

@@ -25,7 +25,7 @@ class Extent(NamedTuple):
 
 
 class Energies(NamedTuple):
-    """What has entered since the start, and where it went [J]: into the structure's damping, the devices."""
+    """What has entered since the start, and where it went [J]: the structure's damping; each device, (n_devices,)."""
 
     entered: Array
     damping: Array
@@ -33,50 +33,62 @@ class Energies(NamedTuple):
 
 
 class Reductions(NamedTuple):
-    """Of floors, lowest first: displacement and absolute acceleration; of storeys, drift; of devices, force, stroke.
-
-    `command` is the sum over the steps of what each channel's driver is told, shape (n_channels,).
-    """
+    """Of floors, lowest first: displacement and absolute acceleration; of storeys, drift; of devices, the rest."""
 
     displacement: Extent
-    drift: Extent
     acceleration: Extent
+    drift: Extent
+    base_shear: Extent
     force: Extent
     stroke: Extent
-    command: Array
-    energies: Energies
+    rate: Extent
+    current: Extent
+    current_sum: Array
 
 
 class LoopResult(NamedTuple):
-    """A run, reduced: see `Reductions`; kinetic and strain energy [J] at its end; how many steps it took."""
+    """A run, reduced; its energies [J] at the end; how many steps it took."""
 
     reductions: Reductions
+    energies: Energies
     kinetic: Array
     strain: Array
     n_steps: Array
 
     @property
     def energy_error(self) -> Array:
-        """What the balance of energies leaves, against the largest of them."""
-        entered, damping, devices = self.reductions.energies
-        terms = jnp.stack([entered, self.kinetic, self.strain, damping, devices])
-        return jnp.abs(entered - terms[1:].sum()) / jnp.abs(terms).max()
+        """What the balance of energies leaves at the end, against what entered or what is found again."""
+        entered, damping, devices = self.energies
+        held = self.kinetic + self.strain
+        turnover = jnp.maximum(jnp.abs(entered), held + jnp.abs(damping) + jnp.abs(devices).sum())
+        return jnp.abs(entered - held - damping - devices.sum()) / turnover
 
-    def criteria(self) -> dict[str, Array]:
-        """Criteria by name: of peak and root mean square over the run, the worst floor, storey or device.
+    def summary(self) -> dict[str, Array]:
+        """Quantities by the names of the Rust loop, one number for each floor, storey or device, in SI units."""
+        kept = self.reductions
 
-        Displacement and drift in metres, acceleration in m/s^2, force in newtons; `mean_command` of all channels.
-        """
-        r = self.reductions
-        signals = {
-            "displacement": r.displacement,
-            "drift": r.drift,
-            "acceleration": r.acceleration,
-            "force": r.force,
-            "stroke": r.stroke,
-        }
-        found = {f"peak_{name}": extent.peak.max() for name, extent in signals.items()}
-        found |= {
-            f"rms_{name}": jnp.sqrt(extent.squares.max() / self.n_steps) for name, extent in signals.items()
-        }
-        return found | {"mean_command": r.command.mean() / self.n_steps}
+        def both(name: str, extent: Extent) -> dict[str, Array]:
+            return {f"peak_{name}": extent.peak, f"rms_{name}": jnp.sqrt(extent.squares / self.n_steps)}
+
+        return (
+            both("displacement", kept.displacement)
+            | both("acceleration", kept.acceleration)
+            | both("drift", kept.drift)
+            | both("base_shear", kept.base_shear)
+            | both("force", kept.force)
+            | {"peak_stroke": kept.stroke.peak, "peak_rate": kept.rate.peak}
+            | both("current", kept.current)
+            | {
+                "mean_current": kept.current_sum / self.n_steps,
+                "device_energy": self.energies.devices,
+                "input_energy": self.energies.entered[None],
+                "kinetic_energy": self.kinetic[None],
+                "strain_energy": self.strain[None],
+                "damping_energy": self.energies.damping[None],
+                "energy_error": self.energy_error[None],
+            }
+        )
+
+    def worst(self, name: str) -> Array:
+        """The largest of a quantity of `summary`: of the worst floor, storey or device."""
+        return self.summary()[name].max()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -13,12 +13,9 @@ from jax import Array, lax
 
 from mrwork.errors import SettingError
 from mrwork.twins.loop.laws import Law, Measured
-from mrwork.twins.loop.plant import LoopDevice, LoopPlant, n_channels
+from mrwork.twins.loop.plant import Devices, LoopPlant, pulls_of, rows_of
 from mrwork.twins.loop.reductions import LoopResult, Reductions
 from mrwork.twins.loop.step import Motion, StepGround, at_rest, nothing_kept, reduced, stage, step
-
-Devices = tuple[LoopDevice, ...]
-Y = TypeVar("Y")
 
 
 class LoopHistories(NamedTuple):
@@ -50,8 +47,9 @@ def run_loop(
     largest_command: Array,
     steps_per_sample: int = 1,
     delay: int = 0,
+    believed: Devices | None = None,
 ) -> LoopResult:
-    """Run the loop from rest, without current in the coils, and reduce it as it goes on.
+    """Run the loop from rest and reduce it as it goes on; the first command has been there since long before.
 
     Derivatives need memory for the square root of the number of samples: what lies between is computed again.
 
@@ -64,11 +62,14 @@ def run_loop(
     step_time
         Integration step [s].
     largest_command
-        Of each channel, shape (n_channels,); the least is 0.
+        Of each device, shape (n_devices,); the least is 0.
     steps_per_sample
         Integration steps from one control sample to the next.
     delay
         Integration steps from measurement to driver.
+    believed
+        Devices without states, at the same places, from which a law that wants the slope of the force in the current
+        takes it; the devices themselves where there are none.
 
     Raises
     ------
@@ -76,11 +77,12 @@ def run_loop(
         Where the steps do not fill whole control samples.
     """
     last, _ = _scanned(
-        plant, devices, law, ground, step_time, largest_command, steps_per_sample, delay, keep=False
+        plant, devices, law, ground, step_time, largest_command, steps_per_sample, delay, believed, keep=False
     )
     q, v = last.motion.q, last.motion.v
     return LoopResult(
-        reductions=last.kept._replace(energies=last.motion.energies),
+        reductions=last.kept,
+        energies=last.motion.energies,
         kinetic=0.5 * v @ (plant.mass @ v),
         strain=0.5 * q @ (plant.stiffness @ q),
         n_steps=jnp.float64((ground.shape[0] - 1) // 2),
@@ -98,10 +100,11 @@ def loop_histories(
     largest_command: Array,
     steps_per_sample: int = 1,
     delay: int = 0,
+    believed: Devices | None = None,
 ) -> LoopHistories:
     """Return the histories of the same run; see `run_loop`."""
     _, histories = _scanned(
-        plant, devices, law, ground, step_time, largest_command, steps_per_sample, delay, keep=True
+        plant, devices, law, ground, step_time, largest_command, steps_per_sample, delay, believed, keep=True
     )
     assert histories is not None
     flat: LoopHistories = jax.tree.map(lambda x: x.reshape(-1, x.shape[-1]), histories)
@@ -117,62 +120,79 @@ def _scanned(
     largest: Array,
     steps_per_sample: int,
     delay: int,
+    believed: Devices | None,
     *,
     keep: bool,
 ) -> tuple[_Carry, LoopHistories | None]:
     n_samples = _samples(ground, steps_per_sample, delay)
-    pulls = jnp.linalg.solve(plant.mass, jnp.stack([device.row for device in devices], axis=1))
-    channels = np.array([device.channel for device in devices])
-    total = jnp.asarray(np.eye(n_channels(devices))[channels].T)
+    pulls, rows = pulls_of(plant, devices), rows_of(devices)
+    lagged = jnp.array([device.lagged for device in devices])
     # How many control samples ago the command was given that a step receives.
     ages = np.array([max(0, math.ceil((delay - j) / steps_per_sample)) for j in range(steps_per_sample)])
 
-    def force(motion: Motion, received: Array) -> Array:
-        parameters = [device.parameters(received[index]) for index, device in enumerate(devices)]
+    def force(motion: Motion, currents: Array) -> Array:
+        parameters = [device.parameters(currents[index]) for index, device in enumerate(devices)]
         return stage(plant, devices, pulls, parameters, motion, jnp.float64(0.0)).force
+
+    def curve(motion: Motion, currents: Array) -> Array:
+        if believed is None:
+            return force(motion, currents)
+        x, v = rows @ motion.q, rows @ motion.v
+        found = [
+            device.respond(device.parameters(currents[i]), device.at_rest, x[i], v[i])[0]
+            for i, device in enumerate(believed)
+        ]
+        return jnp.stack(found)
 
     def integrate(carry: _Carry, inputs: tuple[Array, StepGround]) -> tuple[_Carry, LoopHistories | None]:
         age, accelerations = inputs
         command = carry.commands[age]
-        after, received, start = step(
-            plant, devices, pulls, carry.motion, carry.received, command[channels], accelerations, h
+        # Without a lag the coil follows at once.
+        current = jnp.where(lagged, carry.received, command)
+        after, received, start = step(plant, devices, pulls, carry.motion, current, command, accelerations, h)
+        kept = reduced(plant, carry.kept, carry.motion, start, current, accelerations.start)
+        history = (
+            LoopHistories(carry.motion.q, carry.motion.v, start.force, current, command) if keep else None
         )
-        kept = reduced(plant, carry.kept, carry.motion, start, command, accelerations.start)
-        history = None
-        if keep:
-            history = LoopHistories(carry.motion.q, carry.motion.v, start.force, carry.received, command)
         return _Carry(after, received, carry.commands, kept), history
 
-    def sample(carry: _Carry, accelerations: StepGround) -> tuple[_Carry, LoopHistories | None]:
+    def sample(carry: _Carry, inputs: tuple[Array, StepGround]) -> tuple[_Carry, LoopHistories | None]:
+        first, accelerations = inputs
         measured = Measured(
             state=jnp.concatenate([carry.motion.q, carry.motion.v]),
-            force=total @ force(carry.motion, carry.received),
-            force_at=lambda currents: total @ force(carry.motion, currents[channels]),
+            force=force(carry.motion, carry.received),
+            force_at=lambda currents: curve(carry.motion, currents),
             largest=largest,
         )
         command = jnp.clip(law.command(measured), 0.0, largest)
         commands = jnp.concatenate([command[None], carry.commands[:-1]])
-        return lax.scan(integrate, carry._replace(commands=commands), (jnp.asarray(ages), accelerations))
+        carry = carry._replace(
+            commands=jnp.where(first, command, commands), received=jnp.where(first, command, carry.received)
+        )
+        return lax.scan(integrate, carry, (jnp.asarray(ages), accelerations))
 
     start = _Carry(
         motion=at_rest(plant, devices),
         received=jnp.zeros(len(devices)),
-        commands=jnp.zeros((1 + int(ages.max()), len(largest))),
-        kept=nothing_kept(plant, len(devices), len(largest)),
+        commands=jnp.zeros((1 + int(ages.max()), len(devices))),
+        kept=nothing_kept(plant, len(devices)),
     )
     at_steps = StepGround(ground[:-1:2], ground[1::2], ground[2::2])
-    at_samples = jax.tree.map(lambda a: a.reshape(n_samples, steps_per_sample), at_steps)
+    at_samples = (
+        jnp.arange(n_samples) == 0,
+        jax.tree.map(lambda a: a.reshape(n_samples, steps_per_sample), at_steps),
+    )
     if keep:
         return lax.scan(sample, start, at_samples)
 
     @jax.checkpoint
-    def stretch(carry: _Carry, accelerations: StepGround) -> tuple[_Carry, None]:
-        last, _ = lax.scan(sample, carry, accelerations)
+    def stretch(carry: _Carry, inputs: tuple[Array, StepGround]) -> tuple[_Carry, None]:
+        last, _ = lax.scan(sample, carry, inputs)
         return last, None
 
     length = max(1, math.isqrt(n_samples))
     whole = n_samples // length * length
-    folded = jax.tree.map(lambda a: a[:whole].reshape(-1, length, steps_per_sample), at_samples)
+    folded = jax.tree.map(lambda a: a[:whole].reshape(-1, length, *a.shape[1:]), at_samples)
     last, _ = lax.scan(stretch, start, folded)
     if whole < n_samples:
         last, _ = stretch(last, jax.tree.map(lambda a: a[whole:], at_samples))

@@ -8,10 +8,8 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from mrwork.twins.loop.plant import LoopDevice, LoopPlant
+from mrwork.twins.loop.plant import Devices, LoopPlant, rows_of
 from mrwork.twins.loop.reductions import Energies, Extent, Reductions
-
-Devices = tuple[LoopDevice, ...]
 
 
 class Motion(NamedTuple):
@@ -24,11 +22,12 @@ class Motion(NamedTuple):
 
 
 class Stage(NamedTuple):
-    """At one point: derivative of the motion, forces and strokes of the dampers (n_devices,)."""
+    """At one point: derivative of the motion; forces, elongations and their rates, of the devices (n_devices,)."""
 
     rate: Motion
     force: Array
-    stroke: Array
+    elongation: Array
+    elongation_rate: Array
 
 
 class StepGround(NamedTuple):
@@ -46,8 +45,8 @@ def at_rest(plant: LoopPlant, devices: Devices) -> Motion:
     return Motion(
         jnp.zeros(n),
         jnp.zeros(n),
-        tuple(jnp.zeros(device.spec.n_states) for device in devices),
-        Energies(zero, zero, zero),
+        tuple(device.at_rest for device in devices),
+        Energies(zero, zero, jnp.zeros(len(devices))),
     )
 
 
@@ -55,12 +54,12 @@ def stage(
     plant: LoopPlant, devices: Devices, pulls: Array, parameters: list[Any], at: Motion, a_g: Array
 ) -> Stage:
     """Equation of motion, with `pulls` = M^-1 e' of each damper, shape (n, n_devices)."""
+    rows = rows_of(devices)
+    x, x_rate = rows @ at.q, rows @ at.v
     responses = [
-        device.respond(p, state, at.q, at.v)
-        for device, p, state in zip(devices, parameters, at.states, strict=True)
+        device.respond(parameters[i], at.states[i], x[i], x_rate[i]) for i, device in enumerate(devices)
     ]
     force = jnp.stack([found for found, _ in responses])
-    rows = jnp.stack([device.row for device in devices])
     acceleration = (
         -(plant.stiffness_per_mass @ at.q + plant.damping_per_mass @ at.v + pulls @ force)
         - plant.influence * a_g
@@ -68,12 +67,13 @@ def stage(
     powers = Energies(
         entered=-(plant.mass @ plant.influence) @ at.v * a_g,
         damping=at.v @ (plant.damping @ at.v),
-        devices=(rows @ at.v) @ force,
+        devices=x_rate * force,
     )
     return Stage(
         rate=Motion(at.v, acceleration, tuple(rate for _, rate in responses), powers),
         force=force,
-        stroke=rows @ at.q,
+        elongation=x,
+        elongation_rate=x_rate,
     )
 
 
@@ -82,19 +82,16 @@ def step(
     devices: Devices,
     pulls: Array,
     motion: Motion,
-    received: Array,
+    start: Array,
     command: Array,
     ground: StepGround,
     h: Array | float,
 ) -> tuple[Motion, Array, Stage]:
     """Return motion and coil currents (n_devices,) after the step, and the stage at its start.
 
-    `command` is that of each damper, shape (n_devices,), held over the step.
+    `start` is what the coils have then, `command` what they are told over the step, shape (n_devices,).
     """
     decay = jnp.stack([device.decay(0.5 * h) for device in devices])
-    # Without a lag the coil follows at once.
-    lagged = jnp.array([device.spec.current is not None and device.spec.current.lagged for device in devices])
-    start = jnp.where(lagged, received, command)
     middle = (start - command) * decay + command
     end = (middle - command) * decay + command
     at_start, at_middle, at_end = (
@@ -122,29 +119,35 @@ def along(motion: Motion, time: Array | float, rate: Motion) -> Motion:
 
 
 def reduced(
-    plant: LoopPlant, kept: Reductions, motion: Motion, at: Stage, command: Array, a_g: Array
+    plant: LoopPlant, kept: Reductions, motion: Motion, at: Stage, current: Array, a_g: Array
 ) -> Reductions:
     """What is kept, with the start of one step more."""
+    momentum = plant.mass @ plant.influence
+    shear = momentum @ at.rate.v + (momentum @ plant.influence) * a_g
     return Reductions(
         displacement=kept.displacement.seen(plant.floors @ motion.q),
-        drift=kept.drift.seen(plant.storeys @ motion.q),
         acceleration=kept.acceleration.seen(plant.floors @ at.rate.v + a_g),
+        drift=kept.drift.seen(plant.storeys @ motion.q),
+        base_shear=kept.base_shear.seen(shear[None]),
         force=kept.force.seen(at.force),
-        stroke=kept.stroke.seen(at.stroke),
-        command=kept.command + command,
-        energies=motion.energies,
+        stroke=kept.stroke.seen(at.elongation),
+        rate=kept.rate.seen(at.elongation_rate),
+        current=kept.current.seen(current),
+        current_sum=kept.current_sum + current,
     )
 
 
-def nothing_kept(plant: LoopPlant, n_devices: int, n_channels: int) -> Reductions:
+def nothing_kept(plant: LoopPlant, n_devices: int) -> Reductions:
     """Before the first step."""
-    zero = jnp.float64(0.0)
+    n_floors, n_storeys = plant.floors.shape[0], plant.storeys.shape[0]
     return Reductions(
-        displacement=Extent.none(plant.floors.shape[0]),
-        drift=Extent.none(plant.storeys.shape[0]),
-        acceleration=Extent.none(plant.floors.shape[0]),
+        displacement=Extent.none(n_floors),
+        acceleration=Extent.none(n_floors),
+        drift=Extent.none(n_storeys),
+        base_shear=Extent.none(1),
         force=Extent.none(n_devices),
         stroke=Extent.none(n_devices),
-        command=jnp.zeros(n_channels),
-        energies=Energies(zero, zero, zero),
+        rate=Extent.none(n_devices),
+        current=Extent.none(n_devices),
+        current_sum=jnp.zeros(n_devices),
     )

@@ -1,0 +1,229 @@
+"""`mrwork respond`: a building with its dampers and control laws under ground motions, from a study file."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import platform
+import shlex
+import sys
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mrwork import __version__
+from mrwork.cli.identified import note
+from mrwork.cli.options import add_json
+from mrwork.cli.progress import StudyLine
+from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
+from mrwork.journal import digest_of
+
+if TYPE_CHECKING:
+    from mrwork.journal import Journal
+    from mrwork.report.response.stored_histories import Histories
+    from mrwork.response.results import StudyResults
+    from mrwork.response.study import Study
+    from mrwork.spec import DamperSpec
+
+
+def add_parser(verbs: Any) -> None:
+    """Declare the verb."""
+    parser = verbs.add_parser(
+        "respond",
+        help="simulate a building with MR dampers under earthquakes",
+        description="Simulate a building with its dampers and control laws under ground motions, as a study file says.",
+    )
+    parser.add_argument("study", nargs="?", type=Path, metavar="STUDY.toml", help="what to simulate")
+    parser.add_argument("--schema", action="store_true", help="print what a study file may say, and leave")
+    parser.add_argument(
+        "--laws", action="store_true", help="print the control laws and their settings, and leave"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=0, metavar="N", help="seed of noise and synthetic motions, default 0"
+    )
+    parser.add_argument("--threads", type=int, default=0, metavar="N", help="threads, default all")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results, default out/STUDY")
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with a study that was killed or interrupted; all else as it was begun, but for --threads",
+    )
+    parser.add_argument("--quiet", action="store_true", help="no progress")
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Simulate, write the folder, say what came out."""
+    if options.schema or options.laws:
+        print(_asked_for(options))
+        return 0
+    if options.study is None:
+        raise SettingError("no study is given; give a STUDY.toml, or --schema to see what it may say")
+    if options.seed < 0 or options.threads < 0:
+        raise SettingError(
+            f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
+        )
+    # SciPy and the simulation are slow to load.
+    from mrwork.report.response.stored_histories import Histories
+    from mrwork.report.run_directory import check_destination
+    from mrwork.report.unfinished import begin_journal, discard_journal, is_copy, resume_journal
+    from mrwork.response.reading import read_study
+    from mrwork.response.run import StudyInterrupted, run_study
+
+    began = time.perf_counter()
+    study = read_study(options.study, _identified, seed=options.seed)
+    place = options.out or Path("out") / options.study.stem
+    check_destination(place)
+    journal = resume_journal(place, note=note) if options.resume else begin_journal(place)
+    histories = Histories(place, study, resume=options.resume)
+    line = StudyLine(quiet=options.quiet or options.json)
+    status = 0
+    try:
+        results = run_study(
+            study,
+            journal=journal,
+            kept=histories.kept,
+            keep=histories.keep,
+            on_progress=line,
+            threads=options.threads,
+        )
+    except StudyInterrupted as interrupt:
+        results, status = interrupt.results, 130
+    except MrworkError as error:
+        hopeless = not options.resume and not isinstance(error, JournalError | OutputError)
+        if hopeless or is_copy(place, journal):
+            histories.discard()
+            discard_journal(journal)
+        raise
+    finally:
+        line.close()
+        journal.close()
+    seconds = time.perf_counter() - began
+    _write(place, options, study, results, histories, journal, seconds)
+    histories.discard()
+    discard_journal(journal)
+    print(_json(results, place) if options.json else _text(results, place))
+    if status == 130:
+        note(f"interrupted; the runs that are done are in {place}, the same with --resume goes on")
+    return status
+
+
+def _asked_for(options: argparse.Namespace) -> str:
+    if options.schema:
+        from mrwork.response.print_schema import schema_text
+
+        return schema_text()
+    from mrwork.response.control_laws import laws_text
+
+    return laws_text()
+
+
+def _identified(run: Path) -> tuple[DamperSpec, tuple[float, ...]]:
+    from mrwork.report.run_directory import read_fit
+
+    fit = read_fit(run)
+    return fit.spec, fit.theta
+
+
+def _write(
+    place: Path,
+    options: argparse.Namespace,
+    study: Study,
+    results: StudyResults,
+    histories: Histories,
+    journal: Journal,
+    seconds: float,
+) -> None:
+    from mrwork.report.response.page import study_page
+    from mrwork.report.response.study_directory import write_study
+
+    done = f"{len(results.runs)} of {len(results.rows) * len(results.motions)}"
+    command = shlex.join(["mrwork", *sys.argv[1:]])
+    manifest = {
+        "kind": "study",
+        "title": results.title,
+        "status": "finished" if results.complete else "interrupted",
+        "command": command,
+        "seed": options.seed,
+        "study": {
+            "path": str(options.study),
+            "content": digest_of(options.study.read_text(encoding="utf-8")),
+        },
+        "versions": {"mrwork": __version__, "python": platform.python_version()},
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "seconds": seconds,
+    }
+    page = study_page(
+        results,
+        histories.read,
+        motion=study.detailed,
+        drawn=study.drawn,
+        status=("Runs", done, f"in {seconds:.3g} s"),
+        command=command,
+    )
+    write_study(
+        place,
+        results,
+        study_file=options.study,
+        page=page,
+        manifest=manifest,
+        journal=journal.path,
+        histories=histories,
+    )
+
+
+def _json(results: StudyResults, place: Path) -> str:
+    from mrwork.report.response.study_json import study_document
+
+    return json.dumps(study_document(results) | {"out": str(place)}, allow_nan=False, ensure_ascii=False)
+
+
+_SHOWN = (
+    ("peak_drift", "drift"),
+    ("peak_acceleration", "accel."),
+    ("rms_drift", "rms drift"),
+    ("rms_acceleration", "rms acc."),
+)
+
+
+def _text(results: StudyResults, place: Path) -> str:
+    """A table for each motion: the criteria, then their ratios to those at i = 0, or without dampers."""
+    from mrwork.response.results import OFF_BALANCE
+
+    against = "passive_off" if results.row_of("passive_off") is not None else "uncontrolled"
+    over = "i = 0" if against == "passive_off" else "uncontrolled"
+    width = max(len(row.label) for row in results.rows)
+    head = f"  {'':<{width}}  {'drift mm':>9} {'m/s2':>7} {'force N':>8}  " + " ".join(
+        f"{name:>9}" for _, name in _SHOWN
+    )
+    lines = [results.title, ""]
+    for motion, ground in enumerate(results.motions):
+        lines += [f"{ground.name}: criteria, and over {over}", head]
+        for row, each in enumerate(results.rows):
+            found = results.criteria(row, motion)
+            if found is None:
+                run = results.runs.get((row, motion))
+                lines.append(f"  {each.label:<{width}}  {'not run' if run is None else run.outcome}")
+                continue
+            ratios = results.ratios(row, motion, against)  # type: ignore[arg-type]
+            force = "-" if each.kind == "uncontrolled" else f"{found['peak_force']:.4g}"
+            lines.append(
+                f"  {each.label:<{width}}  {1e3 * found['peak_drift']:>9.4g} {found['peak_acceleration']:>7.3g} "
+                f"{force:>8}  " + " ".join(f"{_ratio(ratios[name]):>9}" for name, _ in _SHOWN)
+            )
+        lines.append("")
+    scores = [(results.score(row), each.label) for row, each in enumerate(results.rows)]
+    if against == "passive_off" and any(math.isfinite(value) for value, _ in scores):
+        lines.append(f"Score, the mean of these ratios over {len(results.motions)} motions:")
+        lines += [f"  {label:<{width}}  {_ratio(value):>9}" for value, label in scores]
+        lines.append("")
+    warnings = [f"warning: {warning}" for warning in results.warnings()]
+    lines += [*warnings, *([] if results.balanced else [OFF_BALANCE]), f"Report: {place / 'report.html'}"]
+    return "\n".join(lines)
+
+
+def _ratio(value: float) -> str:
+    return f"{value:.3f}" if math.isfinite(value) else "-"

@@ -1,0 +1,1 @@
+"""A study in a TOML file: a building, its dampers, control laws and ground motions, and how they respond."""

@@ -1,0 +1,78 @@
+"""Evaluation criteria: what each is, and the ratios that papers make of them."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mrwork.closed_loop.criteria import SCORE, criteria, criterion, ratio, score, values
+from mrwork.errors import UnknownNameError
+
+FLOORS = (
+    "peak_displacement",
+    "rms_displacement",
+    "peak_drift",
+    "rms_drift",
+    "peak_acceleration",
+    "rms_acceleration",
+)
+DEVICES = ("peak_force", "peak_stroke", "mean_current", "rms_current", "device_energy")
+
+
+def responses(n_runs: int, n_devices: int = 2) -> Any:
+    rng = np.random.default_rng(3)
+    arrays = {name: rng.uniform(1.0, 2.0, (n_runs, 3)) for name in FLOORS}
+    arrays |= {name: rng.uniform(1.0, 2.0, (n_runs, n_devices)) for name in DEVICES}
+    arrays |= {name: rng.uniform(1.0, 2.0, n_runs) for name in ("peak_base_shear", "rms_base_shear")}
+    return SimpleNamespace(**arrays)
+
+
+def row(of: Any, run: int) -> Any:
+    return SimpleNamespace(**{name: array[run] for name, array in vars(of).items()})
+
+
+def test_criteria_of_a_batch_are_those_of_its_runs() -> None:
+    batch = responses(4)
+    together = values(batch, weight=10.0)
+    for run in range(4):
+        for name, value in values(row(batch, run), weight=10.0).items():
+            assert value == together[name][run]
+
+
+def test_the_largest_floor_or_device_counts() -> None:
+    batch = responses(1)
+    batch.peak_drift[0] = [0.1, 0.3, 0.2]
+    batch.peak_force[0] = [50.0, 20.0]
+    found = values(batch, weight=1000.0)
+    assert found["peak_drift"][0] == 0.3
+    assert found["peak_force_share"][0] == 0.05
+
+
+def test_a_building_without_devices_has_no_device_force() -> None:
+    found = values(responses(2, n_devices=0), weight=10.0)
+    assert found["peak_force"].tolist() == [0.0, 0.0]
+    assert np.isnan(ratio(found["peak_force"], found["peak_force"])).all()
+
+
+def test_the_score_of_i_zero_is_one_and_halves_with_its_criteria() -> None:
+    passive = [values(responses(1), weight=1.0), values(responses(1), weight=1.0)]
+    halved = [{name: value / 2.0 for name, value in each.items()} for each in passive]
+    assert score(passive, passive) == pytest.approx(1.0, rel=1e-15)
+    assert score(halved, passive) == pytest.approx(0.5, rel=1e-15)
+
+
+def test_names_are_unique_and_labels_name_their_paper() -> None:
+    names = [entry.name for entry in criteria()]
+    assert len(set(names)) == len(names)
+    labels = [label for entry in criteria() for label in entry.labels]
+    assert len(set(labels)) == len(labels)
+    assert {entry.uncontrolled for entry in criteria()} - {""} <= set(names)
+    assert set(SCORE) <= {entry.name for entry in criteria() if entry.ratio}
+
+
+def test_an_unknown_criterion_is_refused_with_those_there_are() -> None:
+    with pytest.raises(UnknownNameError, match=r"no criterion is called 'j1'.*peak_drift"):
+        criterion("j1")
