@@ -27,8 +27,9 @@ Laws = tuple[list[str] | None, bool]
 
 _RUNS_AT_A_TIME = 4096
 _MOST_SAMPLES = 100_000_000
-# A force that no actuator meets [N]: the ideal one has no limit.
-_NO_LIMIT = 1e14
+# A force that no actuator meets [N]: the ideal one has no limit, and an unstable loop leaves the finite numbers before
+# it, so that it ends as diverged and not at this force.
+_NO_LIMIT = 1e300
 
 
 def simulate_loop(
