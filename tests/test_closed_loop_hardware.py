@@ -316,6 +316,8 @@ def test_a_floor_that_is_none_cannot_be_measured() -> None:
         ({"delay": 3e-4}, "not a whole number of integration steps"),
         ({"delay": -1e-3}, "`delay` is -0.001 s"),
         ({"delay": np.inf}, "`delay` is inf s"),
+        ({"delay": 1e9}, "1000000 samples of delay"),
+        ({"step": 1e-12}, "at most 10000 steps to a sample"),
         ({"force_noise": -1.0}, "`force_noise` is -1.0"),
         ({"deformation_resolution": np.nan}, "`deformation_resolution` is nan"),
         ({"seed": -1}, "`seed` is -1"),

@@ -39,6 +39,15 @@ def test_a_record_shorter_than_a_sample_is_one_sample() -> None:
     assert len(response.histories[0].time) == 1
 
 
+def test_a_record_of_too_many_samples_is_refused() -> None:
+    with pytest.raises(
+        SettingError, match=r"still lasts 1 s, which is more than 100000000 samples of 1e-09 s"
+    ):
+        simulate_loop(
+            five_storeys(), devices(friction()), PASSIVE, [still()], Hardware(sample_time=1e-9, step=1e-9)
+        )
+
+
 def test_a_mass_that_is_singular_is_refused() -> None:
     building = five_storeys()
     mass = building.mass.copy()

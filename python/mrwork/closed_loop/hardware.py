@@ -13,6 +13,9 @@ Feedback = Literal["state", "observer"]
 
 # The seed has the upper half of a stream's number, the motion the lower.
 _SEEDS = 2**32
+# Beyond these a number was meant in another unit; the first still leaves room for what stiff dampers ask for.
+_MOST_STEPS = 10_000
+_LONGEST_DELAY = 1_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,6 +112,11 @@ class Hardware:
             raise SettingError(f"`seed` is {self.seed}; give a whole number from 0 to 2^32 - 1")
         if not 0.0 <= self.delay < math.inf:
             raise SettingError(f"`delay` is {self.delay} s; give zero or a positive number")
+        if self.sample_time / self.step > _MOST_STEPS or self.delay / self.sample_time > _LONGEST_DELAY:
+            raise SettingError(
+                f"`step` is {self.step} s and `delay` {self.delay} s for samples of {self.sample_time} s; give at most "
+                f"{_MOST_STEPS} steps to a sample, and {_LONGEST_DELAY} samples of delay"
+            )
         if abs(self.delay / self._step - self.delay_steps) > 1e-6:
             raise SettingError(
                 f"`delay` is {self.delay} s, which is not a whole number of integration steps of {self._step:g} s; "

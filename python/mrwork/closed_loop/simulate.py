@@ -26,6 +26,7 @@ Floats = NDArray[np.float64]
 Laws = tuple[list[str] | None, bool]
 
 _RUNS_AT_A_TIME = 4096
+_MOST_SAMPLES = 100_000_000
 # A force that no actuator meets [N]: the ideal one has no limit, and an unstable loop leaves the finite numbers before
 # it, so that it ends as diverged and not at this force.
 _NO_LIMIT = 1e300
@@ -78,6 +79,12 @@ def simulate_loop(
         raise SettingError("a closed loop has at least one device; for none, simulate one of no force")
     if not motions:
         raise SettingError("no ground motion was given; give at least one")
+    for motion in motions:
+        if motion.duration / hardware.sample_time > _MOST_SAMPLES:
+            raise SettingError(
+                f"{motion.name} lasts {motion.duration:g} s, which is more than {_MOST_SAMPLES} samples of "
+                f"{hardware.sample_time:g} s; give a longer `sample_time`"
+            )
     n_states = 2 * len(building.mass)
     gains = law.gain_rows(len(devices), n_states)
     active = law.name == "active"
@@ -126,9 +133,7 @@ def simulate_loop(
     return _responses(parts, matrices, hardware, shape)
 
 
-def _dampers(
-    devices: Sequence[Device], *, actuators: bool
-) -> tuple[str, Laws, Floats, list[list[float]]]:
+def _dampers(devices: Sequence[Device], *, actuators: bool) -> tuple[str, Laws, Floats, list[list[float]]]:
     """Model, laws, parameters of all draws and devices, and ranges of command."""
     if actuators:
         theta = np.tile([0.0, 1.0], (1, len(devices), 1))
@@ -229,7 +234,9 @@ def loop_observer(
         raise SettingError(
             f"{building.name} has {len(building.floors)} floors, counted from 0; {unknown} are none"
         )
-    plant = plant_of(building, np.array([device.row for device in devices]), [device.name for device in devices])
+    plant = plant_of(
+        building, np.array([device.row for device in devices]), [device.name for device in devices]
+    )
     measured = accelerations(plant)
     chosen = measured.select([measured.names[floor] for floor in floors])
     return observer_of(
@@ -249,7 +256,9 @@ def _responses(
     if parts[0][3] is not None:
         layout = building.history_layout
         histories = tuple(
-            History(time=np.arange(len(rows), dtype=np.float64) * hardware.sample_time, **_split(rows, layout))
+            History(
+                time=np.arange(len(rows), dtype=np.float64) * hardware.sample_time, **_split(rows, layout)
+            )
             for part in parts
             for rows in part[3]
         )

@@ -2,7 +2,6 @@
 
 use super::clipped_optimal::{GAIN, clipped};
 use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, if_known, within};
-use crate::elementary::{Exponent, powf};
 use crate::lanes::Lanes;
 use crate::real::Real;
 
@@ -165,14 +164,13 @@ impl ControlLaw for SuperTwisting {
 
     #[inline(always)]
     fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, memory: &mut [R], command: &mut [R]) {
-        let root = Exponent::of(R::splat(0.5));
         for (device, (command, integral)) in command.iter_mut().zip(memory).enumerate() {
             let distance = gains.of_state(0, device, seen);
             let side =
                 R::select(distance.equal(R::splat(0.0)), R::splat(0.0), R::splat(1.0).copysign(distance));
             let rise = gains.of_device(4, device) * R::splat(-seen.sample_time);
             *integral = rise.mul_add(side, *integral);
-            let reach = gains.of_device(3, device) * powf(distance.abs(), &root);
+            let reach = gains.of_device(3, device) * distance.abs().sqrt();
             let wanted = *integral - reach * side;
             let [f_0, _, f_max] = seen.curves[device].points(seen.deformation[device], seen.rate[device]);
             let push = gains.of_device(2, device);
