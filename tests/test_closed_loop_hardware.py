@@ -25,8 +25,9 @@ from loop_samples import (
 from mrwork.buildings.building import Building
 from mrwork.closed_loop.devices import Device
 from mrwork.closed_loop.hardware import Fault, Hardware
+from mrwork.closed_loop.observed import loop_observer
 from mrwork.closed_loop.responses import History
-from mrwork.closed_loop.simulate import loop_observer, simulate_loop
+from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion

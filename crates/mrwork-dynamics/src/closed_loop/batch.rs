@@ -1,13 +1,10 @@
 //! A batch of runs: checked, cut into blocks of lanes, run again more finely where a damper turns out to need it.
 
-use std::collections::BTreeMap;
-
-use super::block::{Block, Left};
 use super::hardware::{Hardware, Observer};
-use super::history::{History, width as history_width};
 use super::reductions::layout;
 use super::resolution::{building_bound, damper_bound, steps_for};
-use crate::block::Damper;
+use super::round::Out;
+use crate::any_damper::Damper;
 use crate::building::Building;
 use crate::control::{CurveModel, Law, Place};
 use crate::current_law::CurrentLaws;
@@ -15,10 +12,7 @@ use crate::dispatch::InstructionSet;
 use crate::error::{DynamicsError, Outcome};
 use crate::ground_motion::GroundMotion;
 use crate::integrate::MAX_SUBSTEP_FACTOR;
-use crate::threads::{StopRequested, on_threads, thread_count};
-
-/// Blocks between two times that results are put in their place: bounds what is held twice.
-const BLOCKS_AT_A_TIME: usize = 1024;
+use crate::threads::StopRequested;
 
 /// Displacement of a floor [m] beyond which a run counts as diverged: an unstable gain may take long to leave the finite
 /// numbers.
@@ -173,29 +167,6 @@ pub fn respond(
     Ok(results)
 }
 
-/// Where results go.
-struct Out<'a> {
-    summary: &'a mut [f64],
-    histories: Option<&'a mut [Vec<f64>]>,
-    width: usize,
-}
-
-impl Out<'_> {
-    fn row(&mut self, run: usize) -> &mut [f64] {
-        &mut self.summary[run * self.width..][..self.width]
-    }
-
-    /// Leaves nothing of a run that was tried with too long a step.
-    fn forget_history(&mut self, run: usize) {
-        if let Some(histories) = &mut self.histories {
-            histories[run].fill(f64::INFINITY);
-        }
-    }
-}
-
-/// Ground acceleration at half steps, and velocity at samples, of a motion.
-type Shaking = (Vec<f64>, Vec<f64>);
-
 impl<'a> Batch<'a> {
     /// Damper parameters of a device in a draw.
     pub(super) fn theta_of(&self, draw: usize, device: usize) -> &'a [f64] {
@@ -213,92 +184,5 @@ impl<'a> Batch<'a> {
     fn first_steps(&self) -> Vec<Option<u32>> {
         let n_draws = self.theta.len() / (self.places.len() * self.laws.n_columns()).max(1);
         (0..n_draws.max(1)).map(|draw| steps_for(self, building_bound(self, draw))).collect()
-    }
-
-    /// Runs these once, each with so many steps per sample.
-    fn round(
-        &self,
-        pending: &[(usize, u32)],
-        out: &mut Out<'_>,
-        settings: Settings<'_>,
-    ) -> Result<Vec<(usize, u32, Left)>, DynamicsError> {
-        let set = settings.instruction_set.or_plain();
-        let threads = thread_count(settings.threads);
-        let mut groups: BTreeMap<(u32, usize), Vec<usize>> = BTreeMap::new();
-        for &(run, steps) in pending {
-            let samples = n_samples(&self.motions[self.runs[run].motion as usize], self.hardware);
-            groups.entry((steps, samples)).or_default().push(run);
-        }
-        let mut lefts = Vec::with_capacity(pending.len());
-        for ((steps, samples), mut runs) in groups {
-            // Side by side under the same motion, as far as there are enough.
-            runs.sort_by_key(|&run| self.runs[run].motion);
-            let step = self.hardware.sample_time / f64::from(steps);
-            let mut shaking: BTreeMap<u32, Shaking> = BTreeMap::new();
-            for &run in &runs {
-                let motion = self.runs[run].motion;
-                shaking.entry(motion).or_insert_with(|| {
-                    let record = &self.motions[motion as usize];
-                    let halves = 2 * samples * steps as usize + 1;
-                    (
-                        record.accelerations(0.5 * step, halves),
-                        record.velocities(self.hardware.sample_time, samples),
-                    )
-                });
-            }
-            let width = set.middle_width();
-            let n_blocks = runs.len().div_ceil(width).next_multiple_of(threads).min(runs.len());
-            let cut: Vec<&[usize]> = runs.chunks(runs.len().div_ceil(n_blocks).min(width)).collect();
-            for blocks in cut.chunks(BLOCKS_AT_A_TIME) {
-                let work: Vec<(&[usize], Vec<Vec<f64>>)> =
-                    blocks.iter().map(|&runs| (runs, out.lend(runs))).collect();
-                let done = on_threads(threads, work, |(runs, mut rows): (&[usize], Vec<Vec<f64>>)| {
-                    let of = |run: &usize| &shaking[&self.runs[*run].motion];
-                    let block = Block {
-                        batch: self,
-                        runs,
-                        acceleration: runs.iter().map(|run| of(run).0.as_slice()).collect(),
-                        velocity: runs.iter().map(|run| of(run).1.as_slice()).collect(),
-                        n_samples: samples,
-                        steps,
-                        stop: settings.stop,
-                    };
-                    let width = history_width(self.building);
-                    let mut histories: Vec<History<'_>> =
-                        rows.iter_mut().map(|rows| History { rows, width }).collect();
-                    (runs, self.damper.respond(set, &block, &mut histories), rows)
-                })?;
-                if (settings.stop)() {
-                    return Err(DynamicsError::Cancelled);
-                }
-                for (runs, left, rows) in done {
-                    out.take_back(runs, rows);
-                    for (&run, mut left) in runs.iter().zip(left) {
-                        out.row(run).copy_from_slice(&left.row);
-                        left.row = Vec::new();
-                        lefts.push((run, steps, left));
-                    }
-                }
-            }
-        }
-        Ok(lefts)
-    }
-}
-
-impl Out<'_> {
-    /// The histories of these runs, to be written elsewhere.
-    fn lend(&mut self, runs: &[usize]) -> Vec<Vec<f64>> {
-        match &mut self.histories {
-            Some(histories) => runs.iter().map(|&run| core::mem::take(&mut histories[run])).collect(),
-            None => Vec::new(),
-        }
-    }
-
-    fn take_back(&mut self, runs: &[usize], rows: Vec<Vec<f64>>) {
-        if let Some(histories) = &mut self.histories {
-            for (&run, rows) in runs.iter().zip(rows) {
-                histories[run] = rows;
-            }
-        }
     }
 }
