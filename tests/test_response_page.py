@@ -61,6 +61,15 @@ def test_a_building_without_dampers_shows_no_force() -> None:
     assert table.rows[1][table.columns.index("force (kN)")] != "–"
 
 
+def test_a_check_of_the_step_has_its_table(page: str) -> None:
+    results = response_samples.results()
+    moved = replace(results.runs[4, 1], rms_current=1.25 * results.runs[4, 1].rms_current)
+    checked = page_of(halved={**results.runs, (4, 1): moved})
+    assert 'id="step"' not in page
+    assert "no criterion by more than 0.25 of its value, that of Lyapunov" in checked
+    assert "On/off laws at a coarse step move most" in checked
+
+
 def test_an_interrupted_study_says_how_far_it_came() -> None:
     results = response_samples.results()
     page = page_of(runs={key: run for key, run in results.runs.items() if key[1] == 0})
