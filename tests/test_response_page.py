@@ -59,6 +59,8 @@ def test_a_building_without_dampers_shows_no_force() -> None:
     table = value_table(response_samples.results(), 0)
     assert table.rows[0][table.columns.index("force (kN)")] == "–"
     assert table.rows[1][table.columns.index("force (kN)")] != "–"
+    # Isolators are no dampers with a command.
+    assert table.rows[2][table.columns.index("force (kN)")] == "–"
 
 
 def test_a_check_of_the_step_has_its_table(page: str) -> None:

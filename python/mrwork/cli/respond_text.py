@@ -45,7 +45,7 @@ def _motion_lines(results: StudyResults, motion: int, against: Kind, width: int)
             yield f"  {each.label:<{width}}  {'not run' if run is None else run.outcome}"
             continue
         ratios = results.ratios(row, motion, against)
-        force = "-" if each.kind == "uncontrolled" else f"{found['peak_force']:.4g}"
+        force = f"{found['peak_force']:.4g}" if each.kind in ("passive_off", "controller") else "-"
         yield (
             f"  {each.label:<{width}}  {1e3 * found['peak_drift']:>9.4g} {found['peak_acceleration']:>7.3g} "
             f"{force:>8}  " + " ".join(f"{_ratio(ratios[name]):>9}" for name, _ in _SHOWN)

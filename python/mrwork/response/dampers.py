@@ -33,6 +33,12 @@ class ChosenDamper:
     largest_command: float
     source: str
 
+    @property
+    def follows(self) -> bool:
+        """Whether anything of it follows the command."""
+        current = self.spec.current
+        return current is not None and any(law != "constant" for law in current.laws)
+
 
 def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> ChosenDamper:
     """The damper of a table; a run is looked for from `folder`.

@@ -128,10 +128,11 @@ def _facts(
     frequencies = ", ".join(f"{frequency:.3g}" for frequency in bare.frequencies[:5])
     source = f"; {bare.source} ({bare.status})" if bare.source else ""
     facts = [("Building", f"{bare.name}, {frequencies} Hz{source}")]
-    for device in devices:
+    for device, damper in zip(devices, chosen, strict=True):
         count = f"{device.count} x " if device.count > 1 else ""
         pair = ", a differential pair" if device.differential else ""
-        facts.append((device.name[:1].upper() + device.name[1:], f"{count}{device.spec.title}{pair}"))
+        fixed = "" if damper.follows else ", which follows no command: all its parameters are constant"
+        facts.append((device.name[:1].upper() + device.name[1:], f"{count}{device.spec.title}{pair}{fixed}"))
     facts += [("Parameters", text) for text in dict.fromkeys(damper.source for damper in chosen)]
     facts.append(
         (
