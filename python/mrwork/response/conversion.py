@@ -32,7 +32,6 @@ def result_of(responses: Responses, run: int, arrangement: Arrangement) -> RunRe
         peak_base_shear=np.asarray(responses.peak_base_shear[run]),
         rms_base_shear=np.asarray(responses.rms_base_shear[run]),
         peak_force=responses.peak_force[run, devices],
-        rms_force=responses.rms_force[run, devices],
         peak_stroke=stroke,
         mean_current=responses.mean_current[run, devices],
         rms_current=responses.rms_current[run, devices],

@@ -40,7 +40,6 @@ class RunResult:
     peak_base_shear: Floats
     rms_base_shear: Floats
     peak_force: Floats
-    rms_force: Floats
     peak_stroke: Floats
     mean_current: Floats
     rms_current: Floats
