@@ -119,7 +119,7 @@ def simulate_loop(
             parts.append(
                 _rust.respond(runs=np.ascontiguousarray(runs[part]), streams=streams[part], **arguments)
             )
-        except ValueError as error:
+        except (ValueError, OverflowError) as error:
             raise SettingError(str(error)) from error
         if on_progress is not None:
             on_progress(min(part.stop, len(runs)), len(runs))
