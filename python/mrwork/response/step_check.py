@@ -8,8 +8,8 @@ from mrwork.closed_loop.criteria import criterion
 from mrwork.response.results import StudyResults
 
 ON_OFF = (
-    "On/off laws at a coarse step move most: where a small change of the motion flips a command, it stays flipped for "
-    "a whole sample."
+    "On/off laws at a coarse step move most: what jumps with the command, as accelerations do, is met at the steps "
+    "alone."
 )
 """What to know of it."""
 
