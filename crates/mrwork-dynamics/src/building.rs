@@ -75,7 +75,28 @@ pub(crate) struct Spring {
     pub(crate) damping: f64,
 }
 
+/// A row of a chain: what the neighbours below, the coordinate itself and the one above put on it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Link {
+    pub(crate) stiffness: [f64; 3],
+    pub(crate) damping: [f64; 3],
+}
+
 impl Springs {
+    /// The rows as those of a chain, where each coordinate is tied to its neighbours alone.
+    fn links(&self) -> Option<Vec<Link>> {
+        let rows = self.starts.len() - 1;
+        let mut links = vec![Link { stiffness: [0.0; 3], damping: [0.0; 3] }; rows];
+        for (row, link) in links.iter_mut().enumerate() {
+            for spring in self.row(row) {
+                let place = (spring.column + 1).checked_sub(row).filter(|&place| place < 3)?;
+                link.stiffness[place] = spring.stiffness;
+                link.damping[place] = spring.damping;
+            }
+        }
+        Some(links)
+    }
+
     fn new(stiffness: &[f64], damping: &[f64], columns: usize) -> Self {
         let mut starts = vec![0];
         let mut entries = Vec::new();
@@ -124,6 +145,8 @@ pub struct Building {
     pub(crate) mass_inverse: SparseRows,
     pub(crate) stiffness: SparseRows,
     pub(crate) springs: Springs,
+    /// The same where the building is a chain of floors.
+    pub(crate) links: Option<Vec<Link>>,
     pub(crate) influence: Vec<f64>,
     /// M r [kg].
     pub(crate) pushed_mass: Vec<f64>,
@@ -181,12 +204,14 @@ impl Building {
             .collect();
         let frequency = largest_eigenvalue(&root, matrices.stiffness, n).abs().sqrt();
         let decay = largest_eigenvalue(&root, matrices.damping, n).abs();
+        let springs = Springs::new(matrices.stiffness, matrices.damping, n);
         Ok(Self {
             n,
+            links: springs.links(),
             mass: SparseRows::new(matrices.mass, n),
             mass_inverse: SparseRows::new(inverse.transpose().as_slice(), n),
             stiffness: SparseRows::new(matrices.stiffness, n),
-            springs: Springs::new(matrices.stiffness, matrices.damping, n),
+            springs,
             influence: matrices.influence.to_vec(),
             pushed_mass: pushed.as_slice().to_vec(),
             total_mass,

@@ -10,7 +10,11 @@ const GROUPS: usize = 8;
 /// The same with half as many registers, of half the width.
 const AVX2_GROUPS: usize = 4;
 /// Vectors of a middling pack: what a step shares among them is loaded once, and what it holds stays in the cache.
-const MIDDLE_GROUPS: usize = 4;
+const MIDDLE_GROUPS: usize = 6;
+/// The same with half as many registers, of half the width.
+const AVX2_MIDDLE_GROUPS: usize = 4;
+/// The same without vectors to name: two of NEON.
+const PLAIN_MIDDLE: usize = 4;
 
 /// Work that is written once for any number of lanes.
 pub trait LaneJob {
@@ -106,23 +110,24 @@ impl InstructionSet {
     pub const fn middle_width(self) -> usize {
         match self {
             Self::Avx512 => MIDDLE_GROUPS * 8,
-            Self::Avx2 => MIDDLE_GROUPS * 4,
-            Self::Plain => MIDDLE_GROUPS,
+            Self::Avx2 => AVX2_MIDDLE_GROUPS * 4,
+            Self::Plain => PLAIN_MIDDLE,
         }
     }
 
-    /// Runs `job` in a few vectors side by side, for work that has independent arithmetic of its own and much to hold.
+    /// Runs `job` in a few vectors side by side, fewer where `runs` fill no more, for work that has independent
+    /// arithmetic of its own and much to hold.
     ///
     /// An instruction set that this processor lacks falls back to [`InstructionSet::Plain`].
-    pub fn run_middle<J: LaneJob>(self, job: J) -> J::Output {
+    pub fn run_middle<J: LaneJob>(self, runs: usize, job: J) -> J::Output {
         match self {
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code)] // the features were asked for on the same line
-            Self::Avx512 if self.is_supported() => unsafe { x86::run_middle_avx512(job) },
+            Self::Avx512 if self.is_supported() => unsafe { x86::run_middle_avx512(runs, job) },
             #[cfg(target_arch = "x86_64")]
             #[allow(unsafe_code)] // the features were asked for on the same line
-            Self::Avx2 if self.is_supported() => unsafe { x86::run_middle_avx2(job) },
-            _ => job.run::<Pack<f64, MIDDLE_GROUPS>>(),
+            Self::Avx2 if self.is_supported() => unsafe { x86::run_middle_avx2(runs, job) },
+            _ => job.run::<Pack<f64, PLAIN_MIDDLE>>(),
         }
     }
 

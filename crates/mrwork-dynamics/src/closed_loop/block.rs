@@ -50,7 +50,7 @@ pub(crate) fn run<M: DamperModel>(
     block: &Block<'_>,
     histories: &mut [History<'_>],
 ) -> Vec<Left> {
-    set.run_middle(BlockJob::<M> { block, histories, model: PhantomData })
+    set.run_middle(block.runs.len(), BlockJob::<M> { block, histories, model: PhantomData })
 }
 
 struct BlockJob<'a, 'b, M> {

@@ -3,7 +3,7 @@
 use core::arch::x86_64::*;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
-use super::{AVX2_GROUPS, GROUPS, LaneJob, Lanes, MIDDLE_GROUPS, Pack};
+use super::{AVX2_GROUPS, AVX2_MIDDLE_GROUPS, GROUPS, LaneJob, Lanes, MIDDLE_GROUPS, Pack};
 use crate::lanes::Apart;
 use crate::real::{
     Bits, EXPONENT_BIAS_AT_TWO_TO_52, MANTISSA_BITS, ONE_BITS, Real, SIXTEENTH_ALIGNER, SQRT_HALF_BITS,
@@ -57,15 +57,21 @@ pub(super) unsafe fn run_narrow_avx512<J: LaneJob>(job: J) -> J::Output {
 /// # Safety
 /// The processor must have the enabled features.
 #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
-pub(super) unsafe fn run_middle_avx512<J: LaneJob>(job: J) -> J::Output {
-    job.run::<Pack<Avx512, MIDDLE_GROUPS>>()
+pub(super) unsafe fn run_middle_avx512<J: LaneJob>(runs: usize, job: J) -> J::Output {
+    match runs {
+        ..=16 => job.run::<Pack<Avx512, 2>>(),
+        _ => job.run::<Pack<Avx512, MIDDLE_GROUPS>>(),
+    }
 }
 
 /// # Safety
 /// The processor must have the enabled features.
 #[target_feature(enable = "avx2,fma")]
-pub(super) unsafe fn run_middle_avx2<J: LaneJob>(job: J) -> J::Output {
-    job.run::<Pack<Avx2, MIDDLE_GROUPS>>()
+pub(super) unsafe fn run_middle_avx2<J: LaneJob>(runs: usize, job: J) -> J::Output {
+    match runs {
+        ..=8 => job.run::<Pack<Avx2, 2>>(),
+        _ => job.run::<Pack<Avx2, AVX2_MIDDLE_GROUPS>>(),
+    }
 }
 
 /// # Safety
