@@ -20,7 +20,8 @@ from tuning import Found, Tuned, control_law_of
 
 RECORDS = Path(os.environ.get("MRWORK_DATA", "../shared/data")) / "records"
 measured = pytest.mark.skipif(
-    not (RECORDS / "el_centro_1940_ns.csv").is_file(), reason=f"no measured records in {RECORDS}; set MRWORK_DATA"
+    not (RECORDS / "el_centro_1940_ns.csv").is_file(),
+    reason=f"no measured records in {RECORDS}; set MRWORK_DATA",
 )
 
 
@@ -64,9 +65,7 @@ def test_settings_are_kept_as_they_were_found(tmp_path: Path) -> None:
         Tuned(law="lyapunov", settings={"state_weight": (1.0, 2.5)}, largest_current=1.2),
         Tuned(law="lyapunov", settings={}, largest_current=1.88),
     )
-    found = Found(
-        at_level=at_level, scores=(0.5, 0.6), both=at_level[0], both_score=(0.5, 0.7), tried=2
-    )
+    found = Found(at_level=at_level, scores=(0.5, 0.6), both=at_level[0], both_score=(0.5, 0.7), tried=2)
     kept_settings.keep({"lyapunov": found}, tmp_path / "tuned.toml")
     assert kept_settings.kept(tmp_path / "tuned.toml") == {"lyapunov": at_level}
 

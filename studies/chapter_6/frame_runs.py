@@ -34,6 +34,8 @@ LONGEST = 50.0
 """Of a record [s]; the rest of it is cut off."""
 LARGEST_CURRENT = 1.88
 """[A]; the static model's friction falls again above it."""
+DRIVER_RATE = 190.0
+"""By which the current follows the command [1/s]."""
 FRAME = building("uts")
 HARDWARE = Hardware(sample_time=1e-3, step=5e-4)
 """Of every table, if it does not say otherwise: state feedback, no delay, no noise."""
@@ -96,11 +98,11 @@ def pair(largest_command: float = LARGEST_CURRENT, *, lagged: bool = True) -> De
     """
     preset = damper("static_hysteretic").preset("kwok2006")
     spec, theta = preset.spec, np.array(preset.theta)
-    current = spec.current
-    if not lagged and current is not None:
-        laws = {plain.name: law for plain, law in zip(spec.plain, current.laws, strict=True)}
-        theta = np.delete(theta, spec.names.index("eta"))
-        spec = damper("static_hysteretic").with_current_laws(laws, unit=current.unit, lagged=False)
+    # The published set is that of a current which is there at once.
+    if lagged and spec.current is not None:
+        laws = {plain.name: law for plain, law in zip(spec.plain, spec.current.laws, strict=True)}
+        spec = damper("static_hysteretic").with_current_laws(laws, unit=spec.current.unit, lagged=True)
+        theta = np.append(theta, DRIVER_RATE)
     return Device(
         name="pair of RD-1005-3",
         spec=spec,
