@@ -121,7 +121,7 @@ def found_by(*, quick: bool, records: Path, tell: Tell) -> dict[str, Any]:
         "dyke": {row.label: _peaks(row) for row in rows(motion)},
         "dyke_causes": {row.label: _peaks(row) for row in causes(motion)},
     }
-    low, high = rounding(motion, 20 if quick else 100)
+    low, high = rounding(motion, 6 if quick else 100)
     found["dyke_rounding"] = {
         name: {"least": float(least), "most": float(most)}
         for name, least, most in zip(QUANTITIES, low, high, strict=False)

@@ -65,7 +65,7 @@ def score_figure(found: dict[str, Any]) -> Figure:
         axes.grid(visible=False, axis="y")
         axes.set_ylim(-0.7, len(shown) - 0.3)
         axes.set_xlabel("Score over i = 0; dashed: best constant current")
-        figure.legend(loc="outside upper right", ncols=2, handletextpad=0.2)
+        figure.legend(loc="outside upper right", ncols=2, handletextpad=0.2, borderaxespad=0.4)
     return figure
 
 
