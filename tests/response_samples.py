@@ -70,7 +70,6 @@ def run(amplitude: float, n_devices: int) -> RunResult:
         peak_base_shear=peak(shear),
         rms_base_shear=rms(shear),
         peak_force=peak(found.force),
-        rms_force=rms(found.force),
         peak_stroke=peak(found.deformation),
         mean_current=found.command.mean(axis=0),
         rms_current=rms(found.command),

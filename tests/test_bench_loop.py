@@ -9,7 +9,8 @@ import pytest
 
 from mrwork.bench import loop_ours
 from mrwork.bench.loop import bench_loop, summarise
-from mrwork.bench.loop_numba import LIBRARY, SERIES, LoopNumbaVariant, _series_tanh
+from mrwork.bench.loop_numba import LIBRARY, SERIES, LoopNumbaVariant
+from mrwork.bench.loop_numba_kernel import series_tanh
 from mrwork.bench.loop_plain import PlainLoop
 from mrwork.bench.loop_worker import LoopMeasurement
 from mrwork.bench.loop_workload import LARGEST_COMMAND, N_REDUCTIONS, N_STOREYS, LoopWorkload, loop_workload
@@ -95,7 +96,7 @@ def test_more_candidates_leave_the_first_ones_and_the_motions_alone() -> None:
 def test_the_tanh_by_series_keeps_its_digits() -> None:
     points = np.concatenate([[0.0], np.geomspace(1e-12, 30.0, 200)])
     for x in (*points, *-points):
-        assert _series_tanh(x) == pytest.approx(math.tanh(x), rel=1e-13, abs=0.0)
+        assert series_tanh(x) == pytest.approx(math.tanh(x), rel=1e-13, abs=0.0)
 
 
 def measured(tool: str, runs: int, seconds: float) -> LoopMeasurement:

@@ -76,6 +76,14 @@ def test_every_way_to_write_a_building_gives_the_same(tmp_path: Path) -> None:
         assert_same(read_building(tmp_path / name), frame())
 
 
+def test_equal_storeys_are_said_once() -> None:
+    short = stated("n_storeys = 3\nmasses = [2.0]\nstiffnesses = [5.0, 4.0, 3.0]\nstorey_damping = [0.1]")
+    long = shear_building(
+        name="frame", masses=[2.0] * 3, stiffnesses=[5.0, 4.0, 3.0], storey_damping=[0.1] * 3
+    )
+    assert_same(short, long)
+
+
 def test_a_building_is_named_by_its_file_unless_it_says_otherwise(tmp_path: Path) -> None:
     (tmp_path / "tower.toml").write_text(SHEAR)
     assert read_building(tmp_path / "tower.toml").name == "tower"
@@ -164,6 +172,9 @@ def test_additions_come_in_the_order_that_is_documented_not_in_that_of_the_table
         (SHEAR + "mass = [[1.0]]", "building.mass: ", "mass goes with matrices"),
         ('masses = [1.0, "2"]\nstiffnesses = [1.0, 1.0]', "building.masses: ", "give numbers"),
         ("masses = [1.0]", "building: ", "stiffnesses is missing"),
+        (SHEAR + "n_storeys = 3", "building.masses: ", "masses has 2 numbers for 3 storeys; give one, or one for each"),
+        (SHEAR + "n_storeys = 0", "building.n_storeys: ", "give 1 or more"),
+        ('published = "uts"\nn_storeys = 3', "building.n_storeys: ", "goes with masses"),
         ("masses = [0.0]\nstiffnesses = [1.0]", "building: ", "mass of coordinate 1 is 0 kg"),
         ("mass = [[1.0]]", "building: ", "needs mass (M), stiffness (K)"),
         ("mass = [[1.0, 2.0], [3.0]]\nstiffness = [[1.0]]", "building.mass: ", "row 2 of mass is not 2 numbers"),

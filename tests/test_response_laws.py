@@ -14,8 +14,9 @@ from mrwork.control.published_regulators import published_regulator, regulator_a
 from mrwork.errors import SettingError
 from mrwork.response.control_laws import laws_text
 from mrwork.response.declared import Place, built
-from mrwork.response.law_designs import Design, Subject, designed
+from mrwork.response.law_designs import Design, designed
 from mrwork.response.law_settings import SETTINGS
+from mrwork.response.law_subject import Subject
 from mrwork.response.lines import parse
 from mrwork.spec import damper
 

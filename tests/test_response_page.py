@@ -59,6 +59,17 @@ def test_a_building_without_dampers_shows_no_force() -> None:
     table = value_table(response_samples.results(), 0)
     assert table.rows[0][table.columns.index("force (kN)")] == "–"
     assert table.rows[1][table.columns.index("force (kN)")] != "–"
+    # Isolators are no dampers with a command.
+    assert table.rows[2][table.columns.index("force (kN)")] == "–"
+
+
+def test_a_check_of_the_step_has_its_table(page: str) -> None:
+    results = response_samples.results()
+    moved = replace(results.runs[4, 1], rms_current=1.25 * results.runs[4, 1].rms_current)
+    checked = page_of(halved={**results.runs, (4, 1): moved})
+    assert 'id="step"' not in page
+    assert "no criterion by more than 0.25 of its value, that of Lyapunov" in checked
+    assert "On/off laws at a coarse step move most" in checked
 
 
 def test_an_interrupted_study_says_how_far_it_came() -> None:
@@ -95,10 +106,10 @@ def tab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[headless_browser.B
 
 @pytest.mark.parametrize("width", [1100, 390])
 def test_the_page_fits_its_window_without_complaint(
-    tab: headless_browser.Browser, page: str, tmp_path: Path, width: int
+    tab: headless_browser.Browser, tmp_path: Path, width: int
 ) -> None:
     path = tmp_path / "report.html"
-    path.write_text(page)
+    path.write_text(page_of(halved=response_samples.results().runs))
     tab.open(path, width=width)
     assert tab.ask("document.documentElement.scrollWidth") <= width
     assert tab.complaints == []

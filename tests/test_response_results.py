@@ -9,6 +9,8 @@ import pytest
 
 import response_samples
 from mrwork.closed_loop.criteria import criteria
+from mrwork.response.step_check import step_changes
+from mrwork.simulate import Outcome
 
 
 def test_a_linear_swing_has_the_ratios_of_its_amplitudes() -> None:
@@ -42,7 +44,40 @@ def test_a_run_that_failed_has_no_criteria_and_leaves_no_score() -> None:
     assert results.criteria(4, 0) is None
     assert math.isnan(results.score(4))
     assert all(math.isnan(value) for value in results.ratios(4, 0, "passive_off").values())
-    assert "Lyapunov <1 A> under El Centro ended diverged; it has no criteria." in results.warnings()
+    (said,) = (warning for warning in results.warnings() if "El Centro" in warning)
+    assert said.startswith("Lyapunov <1 A> under El Centro diverged: ")
+    assert Outcome.DIVERGED.remedy in said
+    assert said.endswith("It has no criteria.")
+
+
+def test_a_change_of_the_step_is_that_of_the_criteria() -> None:
+    results = response_samples.results()
+    whole = results.runs[3, 1]
+    halved = {key: run for key, run in results.runs.items() if key[0] == 3}
+    halved[3, 1] = replace(whole, peak_drift=1.01 * whole.peak_drift, rms_drift=0.98 * whole.rms_drift)
+    checked = replace(results, halved=halved)
+    assert checked.step_changes(2, 0) is None
+    assert checked.step_changes(3, 0) == dict.fromkeys((entry.name for entry in criteria()), 0.0)
+    (change,) = step_changes(checked)
+    assert (change.row, change.criterion, change.motion, change.lost) == (3, "rms_drift", 1, ())
+    assert change.change == pytest.approx(0.02)
+    assert "RMS drift, filtered noise" in change.in_words(checked)
+
+
+def test_a_run_that_ends_otherwise_with_half_the_step_is_said() -> None:
+    results = response_samples.results()
+    diverged = replace(results.runs[3, 1], outcome="diverged")
+    (change,) = step_changes(replace(results, halved={(3, 1): diverged}))
+    assert change.criterion == ""
+    assert change.in_words(results) == "not compared: filtered noise"
+
+
+def test_a_study_is_complete_when_its_check_is() -> None:
+    results = response_samples.results()
+    assert results.complete
+    begun = replace(results, halved={(0, 0): results.runs[0, 0]})
+    assert (begun.done, begun.wanted, begun.complete) == (11, 20, False)
+    assert replace(results, halved=results.runs).complete
 
 
 def test_an_energy_balance_that_does_not_hold_is_said_once_for_each_row() -> None:

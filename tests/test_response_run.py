@@ -18,6 +18,7 @@ from mrwork.response.results import StudyResults
 from mrwork.response.run import StudyInterrupted, StudyProgress, run_study
 from mrwork.response.run_result import History
 from mrwork.response.study import Study
+from mrwork.simulate import Outcome
 
 # Two motions, four arrangements.
 STUDY = """\
@@ -155,16 +156,78 @@ def test_a_history_that_is_lost_is_simulated_again(study: Study, tmp_path: Path)
     assert drift == pytest.approx(results.runs[1, 1].peak_drift, rel=1e-2)
 
 
-def test_a_sensor_that_gives_no_number_ends_in_a_named_outcome(path: Path, tmp_path: Path) -> None:
+def test_half_the_step_changes_little_of_a_smooth_run_and_can_be_asked_for_later(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    plain = json.loads(printed(capsys, "respond", path, "--out", out, "--json"))
+    assert {entry["step_check"] for entry in plain["results"]} == {None}
+    document = json.loads(
+        printed(capsys, "respond", path, "--out", out, "--json", "--resume", "--check-step")
+    )
+    for before, after in zip(plain["results"], document["results"], strict=True):
+        assert after | {"step_check": None} == before
+        check = after["step_check"]
+        assert check["steps"] == 2 * after["steps"]
+        # A peak is that of a step, and the force has its own between two.
+        assert 0.0 <= check["largest"] == max(check["changes"].values()) < 5e-3
+    # Without dampers the motion is smooth: a peak of the second mode, 51 rad/s, is missed by (w h)^2 / 8 at most.
+    assert 0.0 < document["results"][0]["step_check"]["largest"] < (51.2 * 1e-3) ** 2 / 8
+    journal = (out / "journal.jsonl").read_text()
+    assert journal.count('"run with half the step"') == 8
+    assert "On/off laws" in (out / "report.html").read_text()
+    text = printed(capsys, "respond", path, "--out", out, "--quiet", "--resume", "--check-step")
+    assert "Half the step: the largest change" in text
+    # Recalled, not run again.
+    assert (out / "journal.jsonl").read_text() == journal
+
+
+def test_an_unstable_gain_has_a_named_end_with_its_remedy_and_valid_json(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path.write_text(
+        STUDY.replace(
+            'law = "best_passive"\nlabel = "best"',
+            'law = "active"\nlabel = "stiff"\nsettings = { control_weight = 1e-30, energy = 1 }',
+        )
+    )
+    out = tmp_path / "run"
+    document = json.loads(
+        printed(capsys, "respond", path, "--out", out, "--json", "--check-step"), parse_constant=pytest.fail
+    )
+    failed = [entry for entry in document["results"] if entry["controller"] == "stiff"]
+    assert [entry["outcome"] for entry in failed] == ["diverged", "diverged"]
+    for entry in failed:
+        assert entry["energy_error"] is None
+        assert set(entry["criteria"].values()) == {None}
+        assert entry["step_check"]["largest"] is None
+    assert document["scores"]["stiff"] is None
+    assert len(list((out / "histories").iterdir())) == 3
+    for text in (
+        printed(capsys, "respond", path, "--out", out, "--quiet", "--resume"),
+        (out / "report.html").read_text(),
+    ):
+        assert "stiff under noise, 0.051 g diverged: the state left the finite numbers; " in text
+        assert "lower the gains of the control law" in text
+
+
+def test_a_sensor_that_gives_no_number_ends_in_a_named_outcome(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     broken = STUDY.replace(
         'law = "best_passive"\nlabel = "best"', 'law = "fuzzy"\nsettings = { deformation = 0.01, rate = 0.1 }'
     )
     broken += '[[hardware.fault]]\nsignal = "deformation"\nstart = 1\nend = 1.5\nvalue = nan\n'
     path.write_text(broken)
-    results = ran(read_study(path, lambda run: pytest.fail(f"{run} is not asked for")), tmp_path / "journal")
-    assert results.runs[3, 0].outcome == "failed_safe"
-    assert results.criteria(3, 0) is not None
-    assert any("failed safe" in warning for warning in results.warnings())
+    document = json.loads(printed(capsys, "respond", path, "--out", tmp_path / "run", "--json"))
+    entry = document["results"][6]
+    assert (entry["controller"], entry["outcome"]) == ("Fuzzy", "failed_safe")
+    assert entry["criteria"]["peak_drift"] > 0.0
+    assert entry["energy_error"] < 1e-6
+    assert any(
+        f"noise, 0.051 g failed safe: {Outcome.FAILED_SAFE.remedy}." in warning
+        for warning in document["warnings"]
+    )
 
 
 def test_the_verb_writes_tables_histories_and_page(

@@ -10,12 +10,20 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from mrwork._rust import __version__ as __version__
+    from mrwork.buildings.building import Building
+    from mrwork.buildings.published import building
+    from mrwork.closed_loop.devices import Device
+    from mrwork.closed_loop.hardware import Hardware
+    from mrwork.closed_loop.responses import Responses
+    from mrwork.closed_loop.simulate import simulate_loop
+    from mrwork.control.laws import ControlLaw
     from mrwork.coordinates import Box
     from mrwork.errors import MrworkError
     from mrwork.identification.fit import Fit
     from mrwork.identification.identify import identify
     from mrwork.identification.warm_start import start_from
     from mrwork.journal import Journal
+    from mrwork.motions import GroundMotion, read_motion, read_motions, response_spectrum, synthetic_motion
     from mrwork.records import DamperTest, read_damper_test, read_damper_tests
     from mrwork.simulate import Loading, simulate_force
     from mrwork.spec import DamperSpec, damper, dampers
@@ -32,16 +40,23 @@ if TYPE_CHECKING:
 
 _HOME = {
     "Box": "mrwork.coordinates",
+    "Building": "mrwork.buildings.building",
     "Calibration": "mrwork.uncertainty.bands.conformal",
     "Choice": "mrwork.uncertainty.choice.comparison",
+    "ControlLaw": "mrwork.control.laws",
     "DamperSpec": "mrwork.spec",
     "DamperTest": "mrwork.records",
+    "Device": "mrwork.closed_loop.devices",
     "Draws": "mrwork.uncertainty.posterior.draws",
     "Fit": "mrwork.identification.fit",
+    "GroundMotion": "mrwork.motions",
+    "Hardware": "mrwork.closed_loop.hardware",
     "Journal": "mrwork.journal",
     "Loading": "mrwork.simulate",
     "MrworkError": "mrwork.errors",
     "Prediction": "mrwork.uncertainty.bands.prediction",
+    "Responses": "mrwork.closed_loop.responses",
+    "building": "mrwork.buildings.published",
     "calibrate": "mrwork.uncertainty.bands.conformal",
     "choose_model": "mrwork.uncertainty.choice.choose",
     "damper": "mrwork.spec",
@@ -53,9 +68,14 @@ _HOME = {
     "profile_likelihood": "mrwork.uncertainty.identifiability.profiling",
     "read_damper_test": "mrwork.records",
     "read_damper_tests": "mrwork.records",
+    "read_motion": "mrwork.motions",
+    "read_motions": "mrwork.motions",
+    "response_spectrum": "mrwork.motions",
     "sample_posterior": "mrwork.uncertainty.posterior.sample",
     "simulate_force": "mrwork.simulate",
+    "simulate_loop": "mrwork.closed_loop.simulate",
     "start_from": "mrwork.identification.warm_start",
+    "synthetic_motion": "mrwork.motions",
     "synthetic_test": "mrwork.synthetic",
     "__version__": "mrwork._rust",
 }

@@ -139,6 +139,4 @@ def respond(
     histories: bool = False,
     step_factor: int = 1,
     threads: int = 0,
-) -> tuple[
-    NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint32], list[NDArray[np.float64]] | None
-]: ...
+) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint32], list[NDArray[np.float64]] | None]: ...

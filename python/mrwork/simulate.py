@@ -30,10 +30,12 @@ class Outcome(IntEnum):
         """What a user can do about it."""
         return {
             Outcome.FINISHED: "nothing",
-            Outcome.DIVERGED: "the state left the finite numbers; move the parameters towards their nominal values",
-            Outcome.UNRESOLVED: "it is too stiff for the sampling step; resample the record more finely",
+            Outcome.DIVERGED: "the state left the finite numbers; move the parameters towards their nominal values, "
+            "or lower the gains of the control law",
+            Outcome.UNRESOLVED: "it is too stiff for the sampling step; resample the record more finely, "
+            "or shorten the step of the loop",
             Outcome.ABANDONED: "it reached the limit it was given; raise the limit to know its misfit",
-            Outcome.FAILED_SAFE: "its control law was handed a reading that is not a number and sent no current; mend the sensor",
+            Outcome.FAILED_SAFE: "its control law met a reading that is no number and sent no current; mend the sensor",
         }[self]
 
 

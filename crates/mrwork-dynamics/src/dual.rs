@@ -117,6 +117,11 @@ impl<R: Bits, const K: usize> Real for Dual<R, K> {
         self.chain(self.value.abs(), R::splat(1.0).copysign(self.value))
     }
     #[inline(always)]
+    fn sqrt(self) -> Self {
+        let root = self.value.sqrt();
+        self.chain(root, R::splat(0.5) / root)
+    }
+    #[inline(always)]
     fn copysign(self, sign: Self) -> Self {
         let own = R::splat(1.0).copysign(self.value);
         self.chain(self.value.copysign(sign.value), own.copysign(own * sign.value))

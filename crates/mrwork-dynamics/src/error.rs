@@ -88,6 +88,9 @@ pub enum DynamicsError {
     /// A sub-step factor that is not a power of two.
     #[error("the sub-step factor is {0}, it must be a power of two from 1 to {MAX_SUBSTEP_FACTOR}")]
     SubstepFactor(u32),
+    /// A factor on the steps of a loop that is zero or beyond reason.
+    #[error("the step factor is {0}, it must be from 1 to {MAX_SUBSTEP_FACTOR}")]
+    StepFactor(u32),
     /// A matrix of the wrong size.
     #[error("`{name}` has {found} entries, expected {expected} or a multiple of as many")]
     MatrixSize {
@@ -122,6 +125,18 @@ pub enum DynamicsError {
     /// A range of commands that is none.
     #[error("the commands of device {0} end below where they begin, or are not finite")]
     CommandRange(usize),
+    /// A table of a size that its law cannot read.
+    #[error("table `{table}` of the law `{law}` has {found} entries; give {expected}")]
+    TableSize {
+        /// The law.
+        law: &'static str,
+        /// The table.
+        table: &'static str,
+        /// Its entries.
+        found: usize,
+        /// The entries it should have.
+        expected: &'static str,
+    },
     /// The caller asked to stop.
     #[error("the simulation was cancelled")]
     Cancelled,

@@ -42,19 +42,22 @@ impl GroundMotion {
         self.dt * to_f64(self.acceleration.len() - 1)
     }
 
-    /// Acceleration [m/s^2] at `count` times that are `step` [s] apart, from 0 on.
+    /// Acceleration at a time [m/s^2]; zero after the end.
     #[must_use]
-    pub fn accelerations(&self, step: f64, count: usize) -> Vec<f64> {
-        (0..count).map(|index| self.at(to_f64(index) * step).0).collect()
+    #[inline]
+    pub fn acceleration(&self, time: f64) -> f64 {
+        self.at(time).0
     }
 
-    /// Velocity of the ground [m/s] at such times.
+    /// Velocity at a time [m/s]; the last after the end.
     #[must_use]
-    pub fn velocities(&self, step: f64, count: usize) -> Vec<f64> {
-        (0..count).map(|index| self.at(to_f64(index) * step).1).collect()
+    #[inline]
+    pub fn velocity(&self, time: f64) -> f64 {
+        self.at(time).1
     }
 
     /// Acceleration and velocity at a time.
+    #[inline]
     fn at(&self, time: f64) -> (f64, f64) {
         let position = time / self.dt;
         let last = self.acceleration.len() - 1;

@@ -103,6 +103,10 @@ impl<V: Bits, const GROUPS: usize> Real for Pack<V, GROUPS> {
         Self(each_group!(g => self.0[g].abs(), from self.0))
     }
     #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(each_group!(g => self.0[g].sqrt(), from self.0))
+    }
+    #[inline(always)]
     fn copysign(self, sign: Self) -> Self {
         Self(each_group!(g => self.0[g].copysign(sign.0[g]), from self.0))
     }

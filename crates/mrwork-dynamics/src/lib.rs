@@ -6,6 +6,7 @@
 //! derivatives ([`dual`], [`sensitivity`]). Buildings ([`building`]) that carry dampers under ground motions
 //! ([`ground_motion`]) and control laws ([`control`]) run in lanes too ([`closed_loop`]). No Python, no files, no randomness, no printing.
 
+pub mod any_damper;
 pub mod block;
 pub mod building;
 pub mod closed_loop;

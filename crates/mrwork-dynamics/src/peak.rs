@@ -123,6 +123,10 @@ impl Real for Counted {
     fn abs(self) -> Self {
         Self(self.0.abs())
     }
+    fn sqrt(self) -> Self {
+        count(1);
+        Self(self.0.sqrt())
+    }
     fn copysign(self, sign: Self) -> Self {
         Self(self.0.copysign(sign.0))
     }

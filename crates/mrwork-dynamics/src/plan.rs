@@ -2,7 +2,8 @@
 
 use core::ops::Range;
 
-use crate::block::{Block, Damper, Standings};
+use crate::any_damper::Damper;
+use crate::block::{Block, Standings};
 use crate::current_law::CurrentLaws;
 use crate::error::{DynamicsError, Outcome};
 use crate::integrate::MAX_SUBSTEP_FACTOR;

@@ -28,6 +28,8 @@ pub trait Real:
     fn mul_add(self, factor: Self, addend: Self) -> Self;
     /// Magnitude.
     fn abs(self) -> Self;
+    /// Square root; not a number below zero.
+    fn sqrt(self) -> Self;
     /// Magnitude of `self` with the sign bit of `sign`.
     fn copysign(self, sign: Self) -> Self;
     /// The smaller of the two; `other` where either is NaN.
@@ -72,6 +74,10 @@ impl Real for f64 {
     #[inline(always)]
     fn abs(self) -> Self {
         f64::abs(self)
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        f64::sqrt(self)
     }
     #[inline(always)]
     fn copysign(self, sign: Self) -> Self {

@@ -5,7 +5,8 @@
 
 use core::marker::PhantomData;
 
-use crate::block::{Block, Damper, Standings, columns, march, steady};
+use crate::any_damper::Damper;
+use crate::block::{Block, Standings, columns, march, steady};
 use crate::current_law::CurrentLaws;
 use crate::damper::{DamperModel, State};
 use crate::dispatch::{InstructionSet, LaneJob};

@@ -3,7 +3,8 @@
 //! A candidate's result does not depend on its neighbours, the block it falls into, the number of threads
 //! or the instruction set.
 
-use crate::block::{Block, Damper, Standings};
+use crate::any_damper::Damper;
+use crate::block::{Block, Standings};
 use crate::current_law::CurrentLaws;
 use crate::dispatch::InstructionSet;
 use crate::error::{DynamicsError, Outcome};

@@ -1,6 +1,6 @@
 //! Damper models as Python sees them: specs, batches, single evaluations.
 
-use mrwork_dynamics::block::Damper;
+use mrwork_dynamics::any_damper::Damper;
 use mrwork_dynamics::current_law::{CurrentLaw, CurrentLaws};
 use mrwork_dynamics::damper::{DamperSpec, Motion, REGISTRY, find};
 use mrwork_dynamics::error::DynamicsError;

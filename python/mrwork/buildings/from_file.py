@@ -11,6 +11,7 @@ mass, stiffness,       matrices [kg], [N/m], [N s/m], as rows of numbers or the 
 damping                `published` or `file` they replace its own
 masses, stiffnesses,   floors [kg] and storeys [N/m], [N s/m] of a shear building, lowest first
 storey_damping
+n_storeys              of that building; a single mass, stiffness or damping then counts for all of them
 influence, floors,     as in `Building`; by default each coordinate is a floor's displacement
 storeys
 floor_names,           what reports call them
@@ -50,7 +51,7 @@ _MATRICES: Final = ("mass", "damping", "stiffness")
 _ROWS: Final = ("floors", "storeys")
 # What papers call them.
 _LETTERS: Final = {"M": "mass", "C": "damping", "K": "stiffness", "r": "influence"}
-_SHEAR: Final = ("masses", "stiffnesses", "storey_damping")
+_SHEAR: Final = ("masses", "stiffnesses", "storey_damping", "n_storeys")
 _TITLES: Final = {**_LETTERS, **{title: title for title in (*_MATRICES, "influence", *_ROWS)}}
 _NAMES: Final = ("floor_names", "storey_names")
 _WORDS: Final = ("name", "source")
@@ -148,8 +149,8 @@ def _shear(entries: Entries) -> Building:
     for key in (*_MATRICES, "influence", *_ROWS):
         if key in entries:
             entries.refuse(f"{key} goes with matrices, and this building is given by masses", key)
-    masses, stiffnesses = entries.numbers("masses"), entries.numbers("stiffnesses")
-    storey_damping = entries.numbers("storey_damping") if "storey_damping" in entries else ()
+    masses, stiffnesses = _each(entries, "masses"), _each(entries, "stiffnesses")
+    storey_damping = _each(entries, "storey_damping") if "storey_damping" in entries else ()
     floor_names, storey_names = (entries.texts(key) if key in entries else () for key in _NAMES)
     name, source = (entries.text(key, "") for key in _WORDS)
     with entries.placed():
@@ -162,6 +163,19 @@ def _shear(entries: Entries) -> Building:
             storey_names=storey_names,
             source=source,
         )
+
+
+def _each(entries: Entries, key: str) -> tuple[float, ...]:
+    """Return the numbers of floors or storeys; a single one is repeated where the table says how many there are."""
+    values = entries.numbers(key)
+    if "n_storeys" not in entries:
+        return values
+    count = entries.whole("n_storeys")
+    if count < 1:
+        entries.refuse(f"n_storeys is {count}; give 1 or more", "n_storeys")
+    if len(values) not in (1, count):
+        entries.refuse(f"{key} has {len(values)} numbers for {count} storeys; give one, or one for each", key)
+    return values * count if len(values) == 1 else values
 
 
 def _stated(entries: Entries, folder: Path) -> Building:

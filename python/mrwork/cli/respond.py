@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import platform
 import shlex
 import sys
@@ -43,12 +42,16 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--seed", type=int, default=0, metavar="N", help="seed of noise and synthetic motions, default 0"
     )
+    parser.add_argument(
+        "--check-step", action="store_true", help="run everything again with half the step, and compare"
+    )
     parser.add_argument("--threads", type=int, default=0, metavar="N", help="threads, default all")
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results, default out/STUDY")
     parser.add_argument(
         "--resume",
         action="store_true",
-        help="go on with a study that was killed or interrupted; all else as it was begun, but for --threads",
+        help="go on with a study that was killed or interrupted; all else as it was begun, but for --threads and "
+        "--check-step",
     )
     parser.add_argument("--quiet", action="store_true", help="no progress")
     add_json(parser)
@@ -88,6 +91,7 @@ def run(options: argparse.Namespace) -> int:
             kept=histories.kept,
             keep=histories.keep,
             on_progress=line,
+            check_step=options.check_step,
             threads=options.threads,
         )
     except StudyInterrupted as interrupt:
@@ -105,7 +109,7 @@ def run(options: argparse.Namespace) -> int:
     _write(place, options, study, results, histories, journal, seconds)
     histories.discard()
     discard_journal(journal)
-    print(_json(results, place) if options.json else _text(results, place))
+    print(_said(results, place, as_json=options.json))
     if status == 130:
         note(f"interrupted; the runs that are done are in {place}, the same with --resume goes on")
     return status
@@ -140,7 +144,6 @@ def _write(
     from mrwork.report.response.page import study_page
     from mrwork.report.response.study_directory import write_study
 
-    done = f"{len(results.runs)} of {len(results.rows) * len(results.motions)}"
     command = shlex.join(["mrwork", *sys.argv[1:]])
     manifest = {
         "kind": "study",
@@ -161,7 +164,7 @@ def _write(
         histories.read,
         motion=study.detailed,
         drawn=study.drawn,
-        status=("Runs", done, f"in {seconds:.3g} s"),
+        status=("Runs", f"{results.done} of {results.wanted}", f"in {seconds:.3g} s"),
         command=command,
     )
     write_study(
@@ -175,55 +178,10 @@ def _write(
     )
 
 
-def _json(results: StudyResults, place: Path) -> str:
+def _said(results: StudyResults, place: Path, *, as_json: bool) -> str:
+    from mrwork.cli.respond_text import study_text
     from mrwork.report.response.study_json import study_document
 
+    if not as_json:
+        return study_text(results, place)
     return json.dumps(study_document(results) | {"out": str(place)}, allow_nan=False, ensure_ascii=False)
-
-
-_SHOWN = (
-    ("peak_drift", "drift"),
-    ("peak_acceleration", "accel."),
-    ("rms_drift", "rms drift"),
-    ("rms_acceleration", "rms acc."),
-)
-
-
-def _text(results: StudyResults, place: Path) -> str:
-    """A table for each motion: the criteria, then their ratios to those at i = 0, or without dampers."""
-    from mrwork.response.results import OFF_BALANCE
-
-    against = "passive_off" if results.row_of("passive_off") is not None else "uncontrolled"
-    over = "i = 0" if against == "passive_off" else "uncontrolled"
-    width = max(len(row.label) for row in results.rows)
-    head = f"  {'':<{width}}  {'drift mm':>9} {'m/s2':>7} {'force N':>8}  " + " ".join(
-        f"{name:>9}" for _, name in _SHOWN
-    )
-    lines = [results.title, ""]
-    for motion, ground in enumerate(results.motions):
-        lines += [f"{ground.name}: criteria, and over {over}", head]
-        for row, each in enumerate(results.rows):
-            found = results.criteria(row, motion)
-            if found is None:
-                run = results.runs.get((row, motion))
-                lines.append(f"  {each.label:<{width}}  {'not run' if run is None else run.outcome}")
-                continue
-            ratios = results.ratios(row, motion, against)  # type: ignore[arg-type]
-            force = "-" if each.kind == "uncontrolled" else f"{found['peak_force']:.4g}"
-            lines.append(
-                f"  {each.label:<{width}}  {1e3 * found['peak_drift']:>9.4g} {found['peak_acceleration']:>7.3g} "
-                f"{force:>8}  " + " ".join(f"{_ratio(ratios[name]):>9}" for name, _ in _SHOWN)
-            )
-        lines.append("")
-    scores = [(results.score(row), each.label) for row, each in enumerate(results.rows)]
-    if against == "passive_off" and any(math.isfinite(value) for value, _ in scores):
-        lines.append(f"Score, the mean of these ratios over {len(results.motions)} motions:")
-        lines += [f"  {label:<{width}}  {_ratio(value):>9}" for value, label in scores]
-        lines.append("")
-    warnings = [f"warning: {warning}" for warning in results.warnings()]
-    lines += [*warnings, *([] if results.balanced else [OFF_BALANCE]), f"Report: {place / 'report.html'}"]
-    return "\n".join(lines)
-
-
-def _ratio(value: float) -> str:
-    return f"{value:.3f}" if math.isfinite(value) else "-"

@@ -4,20 +4,31 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from mrwork.errors import SettingError
 
 Channel = Literal["acceleration", "deformation", "force", "command"]
 Feedback = Literal["state", "observer"]
 
+# The seed has the upper half of a stream's number, the motion the lower.
+_SEEDS = 2**32
+# Beyond these a number was meant in another unit; the first still leaves room for what stiff dampers ask for.
+_MOST_STEPS = 10_000
+_LONGEST_DELAY = 1_000_000
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
     """A signal that is broken from `start` to `end` [s].
 
-    `index` counts floors for an acceleration, devices otherwise, from 0. Meanwhile the signal has `value`: "hold" for the
-    last one before, or a number; `math.nan` is a sensor that gives none.
+    `index` counts floors for an acceleration, devices otherwise, from 0. Meanwhile the signal has `value`: "hold" for
+    the last one before, or a number; `math.nan` is a sensor that gives none.
+
+    Raises
+    ------
+    SettingError
+        Where there is no such channel, or a number makes no sense.
     """
 
     channel: Channel
@@ -25,6 +36,19 @@ class Fault:
     start: float = 0.0
     end: float = math.inf
     value: float | Literal["hold"] = "hold"
+
+    def __post_init__(self) -> None:
+        channels = get_args(Channel)
+        if self.channel not in channels:
+            raise SettingError(f"a fault is in {', '.join(channels)}, not in {self.channel!r}")
+        if self.index < 0:
+            raise SettingError(f"the index of a fault is {self.index}; count from 0")
+        if not 0.0 <= self.start <= self.end:
+            raise SettingError(
+                f"a fault lasts from {self.start} s to {self.end} s; give times from 0, in their order"
+            )
+        if isinstance(self.value, str) and self.value != "hold":
+            raise SettingError(f'the value of a fault is {self.value!r}; give "hold" or a number')
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,16 +101,23 @@ class Hardware:
     def __post_init__(self) -> None:
         for name in ("sample_time", "step", "command_rate", "noise_ratio"):
             value = getattr(self, name)
-            if not value > 0.0:
+            if not value > 0.0 or (math.isinf(value) and name != "command_rate"):
                 raise SettingError(f"`{name}` is {value}; give a positive number")
         for quantity in ("acceleration", "deformation", "force"):
             for name in (f"{quantity}_noise", f"{quantity}_resolution"):
                 value = getattr(self, name)
                 if not 0.0 <= value < math.inf:
                     raise SettingError(f"`{name}` is {value}; give zero or a positive number")
-        if self.seed < 0:
-            raise SettingError(f"`seed` is {self.seed}; give zero or a positive whole number")
-        if abs(self.delay / self._step - self.delay_steps) > 1e-6 or self.delay < 0.0:
+        if not 0 <= self.seed < _SEEDS:
+            raise SettingError(f"`seed` is {self.seed}; give a whole number from 0 to 2^32 - 1")
+        if not 0.0 <= self.delay < math.inf:
+            raise SettingError(f"`delay` is {self.delay} s; give zero or a positive number")
+        if self.sample_time / self.step > _MOST_STEPS or self.delay / self.sample_time > _LONGEST_DELAY:
+            raise SettingError(
+                f"`step` is {self.step} s and `delay` {self.delay} s for samples of {self.sample_time} s; give at most "
+                f"{_MOST_STEPS} steps to a sample, and {_LONGEST_DELAY} samples of delay"
+            )
+        if abs(self.delay / self._step - self.delay_steps) > 1e-6:
             raise SettingError(
                 f"`delay` is {self.delay} s, which is not a whole number of integration steps of {self._step:g} s; "
                 f"give a multiple of them, or a finer `step`"

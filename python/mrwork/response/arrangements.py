@@ -9,8 +9,8 @@ from mrwork.buildings import Building
 from mrwork.buildings.from_file import building_from_table
 from mrwork.closed_loop.devices import Device
 from mrwork.response.control_laws import PASSIVE_OFF, chosen_law, constant_command
-from mrwork.response.law_designs import Subject
-from mrwork.response.motions import said_at
+from mrwork.response.declared import said_at
+from mrwork.response.law_subject import Subject
 from mrwork.response.results import Row
 from mrwork.response.schema import BaselineTable, DamperTable, StudyTable
 from mrwork.response.study import Arrangement, arranged

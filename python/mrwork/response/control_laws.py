@@ -10,10 +10,10 @@ from numpy.typing import ArrayLike
 
 from mrwork.closed_loop.devices import Device
 from mrwork.control.laws import ControlLaw, control_laws
-from mrwork.response.declared import built, closest
-from mrwork.response.law_designs import Subject, designed
+from mrwork.response.declared import built, said_at, suggestion
+from mrwork.response.law_designs import designed
 from mrwork.response.law_settings import SETTINGS
-from mrwork.response.motions import said_at
+from mrwork.response.law_subject import Subject
 from mrwork.response.print_schema import key_lines
 from mrwork.response.schema import ControllerTable
 
@@ -45,7 +45,7 @@ def chosen_law(table: ControllerTable, subject: Subject) -> tuple[str, ControlLa
     specs = {spec.name: spec for spec in control_laws()}
     if table.law not in specs:
         known = [*specs, *_CONSTANT]
-        near = closest(table.law, known) or f"; choose one of {', '.join(known)}"
+        near = suggestion(table.law, known)
         place.within("law").refuse(f"no control law is called {table.law!r}{near}")
     settings: object = built(SETTINGS[table.law], table.settings or {}, place.within("settings"))
     with said_at(place.within("settings")):

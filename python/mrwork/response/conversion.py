@@ -8,7 +8,7 @@ import numpy as np
 
 from mrwork.closed_loop.responses import History as Trace
 from mrwork.closed_loop.responses import Responses
-from mrwork.response.results import Motion, Row, StudyResults
+from mrwork.response.results import Key, Motion, Row, StudyResults
 from mrwork.response.run_result import History, RunResult
 from mrwork.response.study import Arrangement, Study
 from mrwork.simulate import Outcome
@@ -32,7 +32,6 @@ def result_of(responses: Responses, run: int, arrangement: Arrangement) -> RunRe
         peak_base_shear=np.asarray(responses.peak_base_shear[run]),
         rms_base_shear=np.asarray(responses.rms_base_shear[run]),
         peak_force=responses.peak_force[run, devices],
-        rms_force=responses.rms_force[run, devices],
         peak_stroke=stroke,
         mean_current=responses.mean_current[run, devices],
         rms_current=responses.rms_current[run, devices],
@@ -73,9 +72,12 @@ def history_of(trace: Trace, arrangement: Arrangement) -> History:
 
 
 def results_of(
-    study: Study, rows: tuple[Row, ...], runs: Mapping[tuple[int, int], RunResult]
+    study: Study,
+    rows: tuple[Row, ...],
+    runs: Mapping[Key, RunResult],
+    halved: Mapping[Key, RunResult] | None,
 ) -> StudyResults:
-    """What a study has found so far."""
+    """What a study has found so far; `halved` are the runs with half the step, where they are asked for."""
     bare = study.building
     return StudyResults(
         title=study.title,
@@ -98,4 +100,5 @@ def results_of(
         command_unit=study.command_unit,
         mass=bare.total_mass,
         facts=study.facts,
+        halved=None if halved is None else dict(halved),
     )

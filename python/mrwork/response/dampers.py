@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
 from mrwork.parameters import CommandUnit, LawName
-from mrwork.response.declared import Place, closest
+from mrwork.response.declared import Place, suggestion
 from mrwork.response.schema import DamperTable
 from mrwork.spec import DamperSpec, damper, dampers
 
@@ -32,6 +32,12 @@ class ChosenDamper:
     theta: NDArray[np.float64]
     largest_command: float
     source: str
+
+    @property
+    def follows(self) -> bool:
+        """Whether anything of it follows the command."""
+        current = self.spec.current
+        return current is not None and any(law != "constant" for law in current.laws)
 
 
 def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> ChosenDamper:
@@ -97,7 +103,7 @@ def _model(place: Place, name: str | None) -> DamperSpec:
         place.refuse(f"{place.table} has no model")
     known = [spec.name for spec in dampers()]
     if name not in known:
-        near = closest(name, known) or f"; choose one of {', '.join(known)}"
+        near = suggestion(name, known)
         place.within("model").refuse(f"no damper model is called {name!r}{near}")
     return damper(name)
 
@@ -108,8 +114,7 @@ def _of_preset(table: DamperTable, name: str) -> tuple[_Draft, float | None, str
     having = [spec for spec in models if name in spec.presets]
     if not having:
         known = sorted({preset for spec in models for preset in spec.presets})
-        of = "" if table.model is None else f"{table.model} has "
-        near = closest(name, known) or f"; {of or 'there are '}{', '.join(known) or 'none'}"
+        near = suggestion(name, known, otherwise="there are" if table.model is None else f"{table.model} has")
         place.within("preset").refuse(f"no published set is called {name!r}{near}")
     if len(having) > 1:
         several = " and ".join(spec.name for spec in having)
@@ -170,7 +175,7 @@ def _changed(draft: _Draft, table: DamperTable) -> _Draft:
 
 def _refuse_unknown(plain: DamperSpec, name: str, place: Place) -> None:
     if name not in plain.names:
-        near = closest(name, list(plain.names)) or f"; it has {', '.join(plain.names)}"
+        near = suggestion(name, plain.names, otherwise="it has")
         place.within(name).refuse(f"{plain.name} has no parameter {name!r}{near}")
 
 

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 import types
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from difflib import get_close_matches
 from typing import Any, Literal, NoReturn, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
-from mrwork.errors import SettingError
+from mrwork.errors import MrworkError, SettingError
 from mrwork.response.lines import Path
 from mrwork.response.quantities import number_of
 
@@ -54,6 +55,16 @@ class Place:
         raise SettingError(f"{self}: {sentence}")
 
 
+@contextmanager
+def said_at(place: Place) -> Iterator[None]:
+    """Begin what goes wrong inside with the place it comes from."""
+    try:
+        yield
+    except MrworkError as error:
+        text = str(error)
+        raise SettingError(text if text.startswith(f"{place.origin},") else f"{place}: {text}") from error
+
+
 def key(
     says: str,
     *,
@@ -90,7 +101,8 @@ def built(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
     known = {entry.name: entry for entry in fields(cast(Any, kind)) if entry.name != "place"}
     for name in table:
         if name not in known:
-            place.within(name).refuse(_unknown(name, list(known), place.table))
+            near = suggestion(name, list(known), otherwise="it has")
+            place.within(name).refuse(f"{place.table} has no key {name!r}{near}")
     hints = get_type_hints(kind)
     values: dict[str, Any] = {}
     for name, entry in known.items():
@@ -114,19 +126,10 @@ def described(entry: Field[Any]) -> str:
     return f"{entry.metadata['says']}{f' [{unit}]' if unit else ''}"
 
 
-def closest(name: str, known: list[str]) -> str:
-    """As in ", did you mean storey"; nothing where nothing is near."""
-    near = get_close_matches(name, known, n=1)
-    return f", did you mean {near[0]}" if near else ""
-
-
-def _unknown(name: str, known: list[str], table: str) -> str:
-    near = closest(name, known)
-    return (
-        f"{table} has no key {name!r}{near}?"
-        if near
-        else f"{table} has no key {name!r}; it has {', '.join(known)}"
-    )
+def suggestion(name: object, known: Sequence[str], *, otherwise: str = "choose one of") -> str:
+    """What to say after an unknown name: ", did you mean storey", or where none is near all that there are."""
+    near = get_close_matches(name, known, n=1) if isinstance(name, str) else []
+    return f", did you mean {near[0]}" if near else f"; {otherwise} {', '.join(known) or 'none'}"
 
 
 def _value(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
@@ -141,9 +144,7 @@ def _value(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
         return built(cast(type, kind), value, place)
     if origin is Literal:
         if value not in arguments:
-            near = closest(value, list(arguments)) if isinstance(value, str) else ""
-            choices = ", ".join(map(str, arguments))
-            place.refuse(f"{place.path[-1]} is {value!r}{near}; choose one of {choices}")
+            place.refuse(f"{place.path[-1]} is {value!r}{suggestion(value, arguments)}")
         return value
     if origin is tuple:
         if not isinstance(value, list):

@@ -11,7 +11,7 @@ from mrwork.buildings import Building
 from mrwork.buildings.brace import with_brace
 from mrwork.closed_loop.devices import Device
 from mrwork.response.dampers import ChosenDamper, Identified, chosen_damper
-from mrwork.response.motions import said_at
+from mrwork.response.declared import said_at
 from mrwork.response.schema import DamperTable
 
 # A joint that weighs this much of a mean floor is light beside the building.

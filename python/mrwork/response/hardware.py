@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 
 from mrwork.closed_loop.hardware import Fault, Hardware
-from mrwork.response.declared import Place
-from mrwork.response.motions import said_at
+from mrwork.response.declared import Place, said_at
 from mrwork.response.schema import HardwareTable
 
 

@@ -2,24 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.buildings import Building
-from mrwork.closed_loop.devices import Device
 from mrwork.control.fuzzy import fuzzy_table
 from mrwork.control.inverse_network import InverseNetwork, train_inverse_network
 from mrwork.control.lqr import Regulator, regulator_of_outputs, regulator_of_state
 from mrwork.control.lyapunov import lyapunov_function
 from mrwork.control.outputs import accelerations, displacements, drifts, stacked, velocities
-from mrwork.control.plant import Plant, plant_of
-from mrwork.control.sliding import optimal_surface, sliding_gains
-from mrwork.control.static_counterpart import static_counterpart
-from mrwork.errors import SettingError
+from mrwork.control.sliding import SlidingGains, SlidingSurface, optimal_surface, sliding_gains
 from mrwork.response.law_settings import (
     ClippedSettings,
     FrictionSettings,
@@ -32,13 +27,9 @@ from mrwork.response.law_settings import (
     SlidingSettings,
     Weights,
 )
-from mrwork.spec import DamperSpec
+from mrwork.response.law_subject import Subject
 
 Floats = NDArray[np.float64]
-
-
-# A static model stands for itself, over whatever motions.
-_ANY = (1.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,56 +38,6 @@ class Design:
 
     gains: Mapping[str, Floats] = field(default_factory=dict)
     tables: Mapping[str, Floats] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Subject:
-    """What a law is designed on.
-
-    `sample_time` [s] is that of the loop, `amplitude` [m] and `velocity` [m/s] the least and the largest that the
-    dampers are expected to see, if they are stated.
-    """
-
-    building: Building
-    devices: Sequence[Device]
-    sample_time: float
-    amplitude: tuple[float, float] | None = None
-    velocity: tuple[float, float] | None = None
-
-    @property
-    def curve(self) -> tuple[DamperSpec, Floats]:
-        """The static model in place of the first damper: its force over the command.
-
-        Raises
-        ------
-        SettingError
-            Where the damper is another model, and the motions for which it is replaced are not stated.
-        """
-        device = self.devices[0]
-        if device.spec.name != "static_hysteretic" and (self.amplitude is None or self.velocity is None):
-            raise SettingError(
-                f"this law wants the force over the command, for which {device.spec.name} is replaced by a static "
-                "model; give the [[damper]] its amplitude and velocity, as amplitude = [1e-4, 1e-2]"
-            )
-        theta = device.draws[0]
-        found = static_counterpart(
-            device.spec,
-            theta,
-            largest_command=device.largest_command,
-            amplitude=self.amplitude or _ANY,
-            velocity=self.velocity or _ANY,
-        )
-        return found.spec, np.array(found.theta)
-
-    @property
-    def plant(self) -> Plant:
-        """The linear system of the building with its devices."""
-        rows = np.array([device.row for device in self.devices])
-        return plant_of(self.building, rows, [device.name for device in self.devices])
-
-    def each(self, number: float) -> Floats:
-        """The same number for every device."""
-        return np.full(len(self.devices), number)
 
 
 def designed(law: str, settings: Any, subject: Subject) -> Design:
@@ -152,29 +93,18 @@ def _friction(settings: FrictionSettings, subject: Subject) -> Design:
 
 def _sliding_mode(settings: SlidingSettings, subject: Subject) -> Design:
     surface, gains = _sliding(settings, subject)
-    return Design(
-        # The loop signs the surface so that the force pushes it down.
-        gains={
-            "gain": surface.drift,
-            "surface": -surface.S,
-            "switching": gains.switching,
-            "boundary": gains.boundary,
-        }
-    )
+    return Design(gains={**_pushed_down(surface, gains), "switching": gains.switching})
 
 
 def _adaptive_sliding_mode(settings: SlidingSettings, subject: Subject) -> Design:
     surface, gains = _sliding(settings, subject)
-    return Design(
-        gains={
-            "gain": surface.drift,
-            "surface": -surface.S,
-            "adaptation": gains.adaptation,
-            "boundary": gains.boundary,
-            "floor": gains.floor,
-            "ceiling": gains.ceiling,
-        }
-    )
+    adapted = {"adaptation": gains.adaptation, "floor": gains.floor, "ceiling": gains.ceiling}
+    return Design(gains={**_pushed_down(surface, gains), **adapted})
+
+
+def _pushed_down(surface: SlidingSurface, gains: SlidingGains) -> dict[str, Floats]:
+    # The loop signs the surface so that the force pushes it down.
+    return {"gain": surface.drift, "surface": -surface.S, "boundary": gains.boundary}
 
 
 def _super_twisting(settings: SlidingSettings, subject: Subject) -> Design:
@@ -190,7 +120,7 @@ def _super_twisting(settings: SlidingSettings, subject: Subject) -> Design:
     )
 
 
-def _sliding(settings: SlidingSettings, subject: Subject) -> tuple[Any, Any]:
+def _sliding(settings: SlidingSettings, subject: Subject) -> tuple[SlidingSurface, SlidingGains]:
     surface = optimal_surface(subject.plant)
     gains = sliding_gains(
         surface,

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from mrwork.closed_loop.criteria import STANDARD_GRAVITY
-from mrwork.errors import MrworkError, SettingError
 from mrwork.motions import GroundMotion
 from mrwork.motions.baseline import baseline_corrected
 from mrwork.motions.processing import scaled, scaled_to_peak, time_scaled, trimmed
@@ -19,7 +17,7 @@ from mrwork.motions.read import read_motion
 from mrwork.motions.resampling import resampled
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 from mrwork.motions.synthetic import synthetic_motion
-from mrwork.response.declared import Place
+from mrwork.response.declared import said_at
 from mrwork.response.schema import MotionTable
 
 _SYNTHETIC_STEP = 0.01
@@ -42,16 +40,6 @@ def motions_of(table: MotionTable, folder: Path, seed: int) -> tuple[GroundMotio
     with said_at(place):
         whole = _processed(bare, table)
         return tuple(_scaled(whole, table))
-
-
-@contextmanager
-def said_at(place: Place) -> Iterator[None]:
-    """Begin what goes wrong inside with the place it comes from."""
-    try:
-        yield
-    except MrworkError as error:
-        text = str(error)
-        raise SettingError(text if text.startswith(f"{place.origin},") else f"{place}: {text}") from error
 
 
 def _read(table: MotionTable, file: str, folder: Path) -> GroundMotion:

@@ -14,11 +14,11 @@ from mrwork.errors import RecordError
 from mrwork.motions import GroundMotion
 from mrwork.response.arrangements import arrangements
 from mrwork.response.dampers import ChosenDamper, Identified
-from mrwork.response.declared import Place, built, closest
+from mrwork.response.declared import Place, built, said_at, suggestion
 from mrwork.response.equipment import equipped
 from mrwork.response.hardware import hardware_of
 from mrwork.response.lines import parse
-from mrwork.response.motions import motions_of, said_at
+from mrwork.response.motions import motions_of
 from mrwork.response.schema import HardwareTable, ReportTable, StudyTable
 from mrwork.response.study import Study
 
@@ -108,11 +108,11 @@ def _drawn(
     names = [motion.name for motion in motions]
     where = place.within("report")
     if table.motion is not None and table.motion not in names:
-        near = closest(table.motion, names) or f"; there are {', '.join(names)}"
+        near = suggestion(table.motion, names)
         where.within("motion").refuse(f"no motion is called {table.motion!r}{near}")
     for label in table.controllers:
         if label not in labels:
-            near = closest(label, list(labels)) or f"; there are {', '.join(labels)}"
+            near = suggestion(label, labels)
             where.within("controllers").refuse(f"nothing is called {label!r}{near}")
     largest = int(np.argmax([motion.peak for motion in motions]))
     detailed = largest if table.motion is None else names.index(table.motion)
@@ -128,10 +128,11 @@ def _facts(
     frequencies = ", ".join(f"{frequency:.3g}" for frequency in bare.frequencies[:5])
     source = f"; {bare.source} ({bare.status})" if bare.source else ""
     facts = [("Building", f"{bare.name}, {frequencies} Hz{source}")]
-    for device in devices:
+    for device, damper in zip(devices, chosen, strict=True):
         count = f"{device.count} x " if device.count > 1 else ""
         pair = ", a differential pair" if device.differential else ""
-        facts.append((device.name[:1].upper() + device.name[1:], f"{count}{device.spec.title}{pair}"))
+        fixed = "" if damper.follows else ", which follows no command: all its parameters are constant"
+        facts.append((device.name[:1].upper() + device.name[1:], f"{count}{device.spec.title}{pair}{fixed}"))
     facts += [("Parameters", text) for text in dict.fromkeys(damper.source for damper in chosen)]
     facts.append(
         (

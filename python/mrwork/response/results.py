@@ -13,11 +13,14 @@ from mrwork.closed_loop.criteria import STANDARD_GRAVITY, criteria, ratio, score
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.response.run_result import RunResult
 
+Key = tuple[int, int]
+"""A run: the numbers of its row and motion."""
+
 Kind = Literal["uncontrolled", "passive_off", "baseline", "controller"]
 
 OFF_BALANCE = (
     "Energies that do not add up show that a law chatters, or that the steps are too long for what happens in them: "
-    "halve the step and compare."
+    "halve the step and compare, as --check-step does."
 )
 """What to do about it."""
 
@@ -47,24 +50,36 @@ class Motion:
 class StudyResults:
     """Runs by (row, motion), as far as they are done; the first rows are the building without dampers and i = 0.
 
-    `mass` is that of the building [kg], `facts` what else a page says of building, dampers and loop.
+    `mass` is that of the building [kg], `facts` what else a page says of building, dampers and loop. `halved` are the
+    runs again with half the step, where they were asked for.
     """
 
     title: str
     rows: tuple[Row, ...]
     motions: tuple[Motion, ...]
-    runs: Mapping[tuple[int, int], RunResult]
+    runs: Mapping[Key, RunResult]
     floor_names: tuple[str, ...]
     storey_names: tuple[str, ...]
     device_names: tuple[str, ...]
     command_unit: str
     mass: float
     facts: tuple[tuple[str, str], ...] = ()
+    halved: Mapping[Key, RunResult] | None = None
+
+    @property
+    def done(self) -> int:
+        """How many runs there are, those with half the step too."""
+        return len(self.runs) + len(self.halved or ())
+
+    @property
+    def wanted(self) -> int:
+        """How many there are to be."""
+        return len(self.rows) * len(self.motions) * (1 if self.halved is None else 2)
 
     @property
     def complete(self) -> bool:
         """Whether no run is missing."""
-        return len(self.runs) == len(self.rows) * len(self.motions)
+        return self.done == self.wanted
 
     def finished(self, motion: int) -> list[int]:
         """The rows whose run under a motion finished."""
@@ -77,7 +92,17 @@ class StudyResults:
 
     def criteria(self, row: int, motion: int) -> dict[str, float] | None:
         """Every criterion of a run that finished."""
-        run = self.runs.get((row, motion))
+        return self._criteria(self.runs.get((row, motion)))
+
+    def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
+        """How far half the step moves every criterion, over its value; none where one of the two runs has none."""
+        whole = self.criteria(row, motion)
+        half = self._criteria((self.halved or {}).get((row, motion)))
+        if whole is None or half is None:
+            return None
+        return {name: _relative_change(value, half[name]) for name, value in whole.items()}
+
+    def _criteria(self, run: RunResult | None) -> dict[str, float] | None:
         if run is None or not run.finished:
             return None
         found = values(run, weight=self.mass * STANDARD_GRAVITY)
@@ -129,13 +154,9 @@ class StudyResults:
                 if each == number
             ]
             for name, run in runs:
-                if not run.finished:
-                    said.append(f"{row.label} under {name} ended {run.outcome}; it has no criteria.")
-                elif run.outcome == "failed_safe":
-                    said.append(
-                        f"{row.label} under {name} failed safe: a reading that was no number left the dampers "
-                        "without a command."
-                    )
+                if run.outcome != "finished":
+                    lost = "" if run.finished else " It has no criteria."
+                    said.append(f"{row.label} under {name} {run.end}.{lost}")
             # A balance that is no number does not hold either.
             off = [(run.energy_error, name) for name, run in runs if run.finished and not run.balanced]
             if off:
@@ -145,3 +166,9 @@ class StudyResults:
                     f"{name}; {len(off)} of {len(runs)} runs are above {ENERGY_TOLERANCE:.0e}."
                 )
         return said
+
+
+def _relative_change(value: float, other: float) -> float:
+    if value == other:
+        return 0.0
+    return abs(other - value) / abs(value) if value != 0.0 else math.inf

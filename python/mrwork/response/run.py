@@ -20,7 +20,7 @@ from mrwork.motions import GroundMotion
 from mrwork.response.control_laws import constant_command, constant_commands
 from mrwork.response.conversion import history_of, result_of, results_of
 from mrwork.response.premises import digest_of_run, premises_of
-from mrwork.response.results import StudyResults
+from mrwork.response.results import Key, StudyResults
 from mrwork.response.run_result import History, RunResult
 from mrwork.response.study import Arrangement, Study
 from mrwork.spec import damper
@@ -62,6 +62,7 @@ def run_study(
     kept: Callable[[int, int], bool] = lambda row, motion: True,
     keep: Callable[[int, int, History], None] = lambda row, motion, history: None,
     on_progress: Callable[[StudyProgress], None] = lambda progress: None,
+    check_step: bool = False,
     threads: int = 0,
 ) -> StudyResults:
     """Run what the journal does not know yet.
@@ -72,6 +73,8 @@ def run_study(
         Whether the history of a (row, motion) is kept already; one that is lost is simulated again.
     keep
         Takes the history of a (row, motion).
+    check_step
+        Run everything again with half the step, once all is done.
 
     Raises
     ------
@@ -83,51 +86,66 @@ def run_study(
     began = time.perf_counter()
     journal.agree("study", premises_of(study))
     arrangements = list(study.arrangements)
-    runs: dict[tuple[int, int], RunResult] = {}
-    wanted = len(arrangements) * len(study.motions)
+    runs: dict[Key, RunResult] = {}
+    halved: dict[Key, RunResult] | None = {} if check_step else None
 
     def results() -> StudyResults:
-        return results_of(study, tuple(each.row for each in arrangements), runs)
+        return results_of(study, tuple(each.row for each in arrangements), runs, halved)
+
+    def say(label: str) -> None:
+        so_far, seconds = results(), time.perf_counter() - began
+        on_progress(StudyProgress(done=so_far.done, wanted=so_far.wanted, label=label, seconds=seconds))
 
     try:
         for row, arrangement in enumerate(arrangements):
-            on_progress(
-                StudyProgress(
-                    done=len(runs),
-                    wanted=wanted,
-                    label=arrangement.row.label,
-                    seconds=time.perf_counter() - began,
-                )
-            )
+            say(arrangement.row.label)
             if arrangement.law is None:
                 arrangements[row] = _with_best_constant(study, arrangement, journal, threads)
             fresh: set[int] = set()
             for motion, result in _runs(study, arrangements[row], journal, fresh, threads):
                 runs[row, motion] = result
             for motion in study.histories:
+                # What is beyond all numbers is no history to draw.
+                if not runs[row, motion].finished:
+                    continue
                 if motion in fresh or not kept(row, motion):
                     keep(row, motion, _history(study, arrangements[row], motion, threads))
+        # After all others, so that a study can be resumed with the check that was begun without it.
+        if halved is not None:
+            for row, arrangement in enumerate(arrangements):
+                say(f"{arrangement.row.label}, half the step")
+                for motion, result in _runs(study, arrangement, journal, set(), threads, step_factor=2):
+                    halved[row, motion] = result
     except KeyboardInterrupt:
         raise StudyInterrupted(results()) from None
     return results()
 
 
 def _runs(
-    study: Study, arrangement: Arrangement, journal: Journal, fresh: set[int], threads: int
+    study: Study,
+    arrangement: Arrangement,
+    journal: Journal,
+    fresh: set[int],
+    threads: int,
+    *,
+    step_factor: int = 1,
 ) -> Iterator[tuple[int, RunResult]]:
     """The run under each motion: recalled, or simulated with all that follow; `fresh` is told which."""
+    step = "run" if step_factor == 1 else "run with half the step"
     simulated: dict[int, RunResult] = {}
     for motion, ground in enumerate(study.motions):
         inputs = digest_of_run(arrangement, ground)
-        recalled = journal.recall("run", inputs)
+        recalled = journal.recall(step, inputs)
         if recalled is not None:
             yield motion, rebuilt(RunResult, recalled)
             continue
         if not simulated:
-            responses = simulated_by(arrangement, study.motions[motion:], study, threads=threads)
+            responses = simulated_by(
+                arrangement, study.motions[motion:], study, step_factor=step_factor, threads=threads
+            )
             for run in range(len(study.motions) - motion):
                 simulated[motion + run] = result_of(responses, run, arrangement)
-        journal.record("run", inputs, plain(simulated[motion]))
+        journal.record(step, inputs, plain(simulated[motion]))
         fresh.add(motion)
         yield motion, simulated[motion]
 
@@ -146,6 +164,7 @@ def simulated_by(
     study: Study,
     *,
     histories: bool = False,
+    step_factor: int = 1,
     threads: int = 0,
 ) -> Responses:
     """The runs of an arrangement under these motions; one without devices has actuators that give no force."""
@@ -157,7 +176,14 @@ def simulated_by(
         devices = (Device(name="none", spec=spec, theta=spec.nominal, row=row, largest_command=1.0),)
         law = ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * building.n_coordinates))})
     return simulate_loop(
-        building, devices, law, motions, study.hardware, histories=histories, threads=threads
+        building,
+        devices,
+        law,
+        motions,
+        study.hardware,
+        histories=histories,
+        step_factor=step_factor,
+        threads=threads,
     )
 
 

@@ -8,8 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
+from mrwork.simulate import Outcome
 
 Floats = NDArray[np.float64]
+
+_ENDS = {
+    Outcome.FINISHED: "finished",
+    Outcome.DIVERGED: "diverged",
+    Outcome.UNRESOLVED: "could not be resolved",
+    Outcome.ABANDONED: "was abandoned",
+    Outcome.FAILED_SAFE: "failed safe",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,7 +40,6 @@ class RunResult:
     peak_base_shear: Floats
     rms_base_shear: Floats
     peak_force: Floats
-    rms_force: Floats
     peak_stroke: Floats
     mean_current: Floats
     rms_current: Floats
@@ -47,6 +55,12 @@ class RunResult:
     def finished(self) -> bool:
         """Whether its numbers count."""
         return self.outcome in ("finished", "failed_safe")
+
+    @property
+    def end(self) -> str:
+        """How it ended, as words that follow its name, with what to do about it."""
+        outcome = Outcome[self.outcome.upper()]
+        return _ENDS[outcome] if outcome is Outcome.FINISHED else f"{_ENDS[outcome]}: {outcome.remedy}"
 
     @property
     def balanced(self) -> bool:

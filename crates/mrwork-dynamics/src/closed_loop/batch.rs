@@ -1,23 +1,18 @@
 //! A batch of runs: checked, cut into blocks of lanes, run again more finely where a damper turns out to need it.
 
-use std::collections::BTreeMap;
-
-use super::block::{Block, Left};
-use super::hardware::{Channel, Hardware, Observer};
-use super::history::{History, width as history_width};
+use super::hardware::{Hardware, Observer};
 use super::reductions::layout;
 use super::resolution::{building_bound, damper_bound, steps_for};
-use crate::block::Damper;
+use super::round::Out;
+use crate::any_damper::Damper;
 use crate::building::Building;
 use crate::control::{CurveModel, Law, Place};
 use crate::current_law::CurrentLaws;
 use crate::dispatch::InstructionSet;
 use crate::error::{DynamicsError, Outcome};
 use crate::ground_motion::GroundMotion;
-use crate::threads::{StopRequested, on_threads, thread_count};
-
-/// Blocks between two times that results are put in their place: bounds what is held twice.
-const BLOCKS_AT_A_TIME: usize = 1024;
+use crate::integrate::MAX_SUBSTEP_FACTOR;
+use crate::threads::StopRequested;
 
 /// Displacement of a floor [m] beyond which a run counts as diverged: an unstable gain may take long to leave the finite
 /// numbers.
@@ -109,16 +104,22 @@ pub fn n_samples(motion: &GroundMotion, hardware: &Hardware) -> usize {
 pub fn respond(
     batch: &Batch<'_>,
     summary: &mut [f64],
-    histories: Option<&mut [Vec<f64>]>,
+    mut histories: Option<&mut [Vec<f64>]>,
     settings: Settings<'_>,
 ) -> Result<Vec<RunResult>, DynamicsError> {
     batch.check()?;
+    if !(1..=MAX_SUBSTEP_FACTOR).contains(&settings.step_factor) {
+        return Err(DynamicsError::StepFactor(settings.step_factor));
+    }
     let width: usize = layout(batch.building).iter().map(|&(_, count)| count).sum();
     let expected = batch.runs.len() * width;
     if summary.len() != expected {
         return Err(DynamicsError::MatrixSize { name: "summary", found: summary.len(), expected });
     }
     summary.fill(f64::INFINITY);
+    for rows in histories.iter_mut().flat_map(|histories| histories.iter_mut()) {
+        rows.fill(f64::INFINITY);
+    }
     let first_steps = batch.first_steps();
     let unresolved = RunResult { outcome: Outcome::Unresolved, steps: 0 };
     let mut results = vec![unresolved; batch.runs.len()];
@@ -126,7 +127,7 @@ pub fn respond(
     let mut pending: Vec<(usize, u32)> = (0..batch.runs.len())
         .filter_map(|run| {
             let steps = first_steps[batch.runs[run].draw as usize]?;
-            Some((run, steps * settings.step_factor.max(1)))
+            Some((run, steps * settings.step_factor))
         })
         .collect();
     let mut out = Out { summary, histories, width };
@@ -137,7 +138,8 @@ pub fn respond(
             let draw = batch.runs[run].draw as usize;
             let finite = batch.is_bounded(out.row(run));
             let wanted = if finite {
-                steps_for(batch, damper_bound(batch, draw, &left.severity, step))
+                let own = steps_for(batch, damper_bound(batch, draw, &left.severity, step));
+                own.map(|own| own * settings.step_factor)
             } else if tried_finer[run] {
                 Some(0)
             } else {
@@ -154,7 +156,7 @@ pub fn respond(
                     };
                     results[run] = RunResult { outcome, steps };
                 }
-                None => {}
+                None => out.forget_history(run),
             }
             if results[run].outcome == Outcome::Unresolved || !finite {
                 out.row(run).fill(f64::INFINITY);
@@ -164,22 +166,6 @@ pub fn respond(
     }
     Ok(results)
 }
-
-/// Where results go.
-struct Out<'a> {
-    summary: &'a mut [f64],
-    histories: Option<&'a mut [Vec<f64>]>,
-    width: usize,
-}
-
-impl Out<'_> {
-    fn row(&mut self, run: usize) -> &mut [f64] {
-        &mut self.summary[run * self.width..][..self.width]
-    }
-}
-
-/// Ground acceleration at half steps, and velocity at samples, of a motion.
-type Shaking = (Vec<f64>, Vec<f64>);
 
 impl<'a> Batch<'a> {
     /// Damper parameters of a device in a draw.
@@ -198,186 +184,5 @@ impl<'a> Batch<'a> {
     fn first_steps(&self) -> Vec<Option<u32>> {
         let n_draws = self.theta.len() / (self.places.len() * self.laws.n_columns()).max(1);
         (0..n_draws.max(1)).map(|draw| steps_for(self, building_bound(self, draw))).collect()
-    }
-
-    /// Runs these once, each with so many steps per sample.
-    fn round(
-        &self,
-        pending: &[(usize, u32)],
-        out: &mut Out<'_>,
-        settings: Settings<'_>,
-    ) -> Result<Vec<(usize, u32, Left)>, DynamicsError> {
-        let set = settings.instruction_set.or_plain();
-        let threads = thread_count(settings.threads);
-        let mut groups: BTreeMap<(u32, usize), Vec<usize>> = BTreeMap::new();
-        for &(run, steps) in pending {
-            let samples = n_samples(&self.motions[self.runs[run].motion as usize], self.hardware);
-            groups.entry((steps, samples)).or_default().push(run);
-        }
-        let mut lefts = Vec::with_capacity(pending.len());
-        for ((steps, samples), mut runs) in groups {
-            // Side by side under the same motion, as far as there are enough.
-            runs.sort_by_key(|&run| self.runs[run].motion);
-            let step = self.hardware.sample_time / f64::from(steps);
-            let mut shaking: BTreeMap<u32, Shaking> = BTreeMap::new();
-            for &run in &runs {
-                let motion = self.runs[run].motion;
-                shaking.entry(motion).or_insert_with(|| {
-                    let record = &self.motions[motion as usize];
-                    let halves = 2 * samples * steps as usize + 1;
-                    (
-                        record.accelerations(0.5 * step, halves),
-                        record.velocities(self.hardware.sample_time, samples),
-                    )
-                });
-            }
-            let width = set.middle_width();
-            let n_blocks = runs.len().div_ceil(width).next_multiple_of(threads).min(runs.len());
-            let cut: Vec<&[usize]> = runs.chunks(runs.len().div_ceil(n_blocks).min(width)).collect();
-            for blocks in cut.chunks(BLOCKS_AT_A_TIME) {
-                let work: Vec<(&[usize], Vec<Vec<f64>>)> =
-                    blocks.iter().map(|&runs| (runs, out.lend(runs))).collect();
-                let done = on_threads(threads, work, |(runs, mut rows): (&[usize], Vec<Vec<f64>>)| {
-                    let of = |run: &usize| &shaking[&self.runs[*run].motion];
-                    let block = Block {
-                        batch: self,
-                        runs,
-                        acceleration: runs.iter().map(|run| of(run).0.as_slice()).collect(),
-                        velocity: runs.iter().map(|run| of(run).1.as_slice()).collect(),
-                        n_samples: samples,
-                        steps,
-                        stop: settings.stop,
-                    };
-                    let width = history_width(self.building);
-                    let mut histories: Vec<History<'_>> =
-                        rows.iter_mut().map(|rows| History { rows, width }).collect();
-                    (runs, self.damper.respond(set, &block, &mut histories), rows)
-                })?;
-                if (settings.stop)() {
-                    return Err(DynamicsError::Cancelled);
-                }
-                for (runs, left, rows) in done {
-                    out.take_back(runs, rows);
-                    for (&run, mut left) in runs.iter().zip(left) {
-                        out.row(run).copy_from_slice(&left.row);
-                        left.row = Vec::new();
-                        lefts.push((run, steps, left));
-                    }
-                }
-            }
-        }
-        Ok(lefts)
-    }
-
-    fn check(&self) -> Result<(), DynamicsError> {
-        let (n_devices, n_states) = (self.places.len(), 2 * self.building.n);
-        let n_columns = self.laws.n_columns();
-        let spec = self.law.spec();
-        let n_gains = spec.n_gains(n_devices, n_states);
-        let sizes = [
-            ("devices", self.building.n_devices(), n_devices),
-            ("ranges", self.ranges.len(), n_devices),
-            ("tables", self.tables.len(), spec.tables.len()),
-        ];
-        for (name, found, expected) in sizes {
-            if found != expected {
-                return Err(DynamicsError::MatrixSize { name, found, expected });
-            }
-        }
-        if !self.theta.len().is_multiple_of((n_devices * n_columns).max(1)) {
-            let expected = n_devices * n_columns;
-            return Err(DynamicsError::MatrixSize { name: "theta", found: self.theta.len(), expected });
-        }
-        if n_gains > 0 && !self.gains.len().is_multiple_of(n_gains) {
-            return Err(DynamicsError::MatrixSize {
-                name: "gains",
-                found: self.gains.len(),
-                expected: n_gains,
-            });
-        }
-        if spec.wants_curve && self.curve.is_none() {
-            return Err(DynamicsError::NoCurve(spec.name));
-        }
-        if let Some(device) =
-            self.ranges.iter().position(|&[from, to]| !(from <= to && (to - from).is_finite()))
-        {
-            return Err(DynamicsError::CommandRange(device));
-        }
-        if !(self.hardware.sample_time.is_finite() && self.hardware.sample_time > 0.0)
-            || self.hardware.steps == 0
-        {
-            return Err(DynamicsError::Step(self.hardware.sample_time));
-        }
-        let n_candidates = if n_gains > 0 { self.gains.len() / n_gains } else { usize::MAX };
-        let n_draws = if n_devices * n_columns > 0 { self.theta.len() / (n_devices * n_columns) } else { 1 };
-        for (run, &Run { candidate, motion, draw, .. }) in self.runs.iter().enumerate() {
-            let asked = [
-                ("candidate", candidate as usize, n_candidates),
-                ("motion", motion as usize, self.motions.len()),
-                ("draw", draw as usize, n_draws),
-            ];
-            for (what, index, count) in asked {
-                if index >= count {
-                    return Err(DynamicsError::NoSuchEntry { run, what, index, count });
-                }
-            }
-        }
-        for fault in &self.hardware.faults {
-            let (index, count) = match fault.channel {
-                Channel::Acceleration(floor) => (floor, self.building.n_floors()),
-                Channel::Deformation(device) | Channel::Force(device) | Channel::Command(device) => {
-                    (device, n_devices)
-                }
-            };
-            if index >= count {
-                return Err(DynamicsError::NoSuchEntry { run: 0, what: "the faulty channel", index, count });
-            }
-        }
-        self.observer.map_or(Ok(()), |observer| observer.check(self.building, n_devices))
-    }
-}
-
-impl Out<'_> {
-    /// The histories of these runs, to be written elsewhere.
-    fn lend(&mut self, runs: &[usize]) -> Vec<Vec<f64>> {
-        match &mut self.histories {
-            Some(histories) => runs.iter().map(|&run| core::mem::take(&mut histories[run])).collect(),
-            None => Vec::new(),
-        }
-    }
-
-    fn take_back(&mut self, runs: &[usize], rows: Vec<Vec<f64>>) {
-        if let Some(histories) = &mut self.histories {
-            for (&run, rows) in runs.iter().zip(rows) {
-                histories[run] = rows;
-            }
-        }
-    }
-}
-
-impl Observer {
-    fn check(&self, building: &Building, n_devices: usize) -> Result<(), DynamicsError> {
-        let n_states = 2 * building.n;
-        let n_measured = self.accelerations.len() + self.deformations.len();
-        let sizes = [
-            ("transition", self.transition.len(), n_states * n_states),
-            ("input", self.input.len(), n_states * n_devices),
-            ("gain", self.gain.len(), n_states * n_measured),
-            ("output", self.output.len(), n_measured * n_states),
-            ("direct", self.direct.len(), n_measured * n_devices),
-        ];
-        for (name, found, expected) in sizes {
-            if found != expected {
-                return Err(DynamicsError::MatrixSize { name, found, expected });
-            }
-        }
-        let measured = self.accelerations.iter().map(|&floor| ("floor", floor, building.n_floors()));
-        let measured = measured.chain(self.deformations.iter().map(|&device| ("device", device, n_devices)));
-        for (what, index, count) in measured {
-            if index >= count {
-                return Err(DynamicsError::NoSuchEntry { run: 0, what, index, count });
-            }
-        }
-        Ok(())
     }
 }

@@ -3,13 +3,14 @@
 use core::marker::PhantomData;
 
 use super::batch::Batch;
-use super::dampers::Dampers;
+use super::dampers::{Dampers, END, MIDDLE};
 use super::history::{History, Record};
 use super::plant::Plant;
 use super::reductions::{Balance, Reductions, Take};
 use super::sample::{Controller, Sample};
 use crate::damper::DamperModel;
 use crate::dispatch::{InstructionSet, LaneJob};
+use crate::ground_motion::GroundMotion;
 use crate::lanes::Lanes;
 use crate::threads::StopRequested;
 
@@ -22,10 +23,8 @@ pub struct Block<'a> {
     pub(super) batch: &'a Batch<'a>,
     /// Runs of the batch, at least one and at most as many as there are lanes.
     pub(super) runs: &'a [usize],
-    /// Ground acceleration of each run at half steps [m/s^2].
-    pub(super) acceleration: Vec<&'a [f64]>,
-    /// Ground velocity of each run at samples [m/s].
-    pub(super) velocity: Vec<&'a [f64]>,
+    /// Ground motion of each run.
+    pub(super) motions: Vec<&'a GroundMotion>,
     /// Control samples.
     pub(super) n_samples: usize,
     /// Integration steps per sample.
@@ -80,14 +79,35 @@ impl<M: DamperModel> LaneJob for BlockJob<'_, '_, M> {
     }
 }
 
-/// Ground acceleration in all lanes at a half step.
-#[inline(always)]
-fn ground<R: Lanes>(rows: &[&[f64]], uniform: bool, index: usize) -> R {
-    if uniform {
-        R::splat(rows[0][index])
-    } else {
-        let last = rows.len() - 1;
-        R::from_fn(|lane| rows[lane.min(last)][index])
+/// The ground under all lanes.
+struct Ground<'a> {
+    motions: &'a [&'a GroundMotion],
+    /// Whether it is the same in all.
+    uniform: bool,
+}
+
+impl<'a> Ground<'a> {
+    fn new(motions: &'a [&'a GroundMotion]) -> Self {
+        let uniform = motions.iter().all(|motion| core::ptr::eq(*motion, motions[0]));
+        Self { motions, uniform }
+    }
+
+    #[inline(always)]
+    fn acceleration<R: Lanes>(&self, time: f64) -> R {
+        if self.uniform {
+            return R::splat(self.motions[0].acceleration(time));
+        }
+        let last = self.motions.len() - 1;
+        R::from_fn(|lane| self.motions[lane.min(last)].acceleration(time))
+    }
+
+    #[inline(always)]
+    fn velocity<R: Lanes>(&self, time: f64) -> R {
+        if self.uniform {
+            return R::splat(self.motions[0].velocity(time));
+        }
+        let last = self.motions.len() - 1;
+        R::from_fn(|lane| self.motions[lane.min(last)].velocity(time))
     }
 }
 
@@ -103,13 +123,14 @@ fn march<M: DamperModel, R: Lanes>(block: &Block<'_>, histories: &mut [History<'
     let delay = hardware.delay_steps * (steps / hardware.steps) as usize;
     let last = runs.len() - 1;
     let streams: Vec<u64> = (0..R::WIDTH).map(|lane| batch.runs[runs[lane.min(last)]].stream).collect();
-    let uniform = block.acceleration.iter().all(|row| core::ptr::eq(*row, block.acceleration[0]));
+    let ground = Ground::new(&block.motions);
     let check_every = (STEPS_PER_CHECK / steps).max(1) as usize;
 
     let mut plant = Plant::<R>::at_rest(building, step);
     let mut dampers = Dampers::<M, R>::new(batch, runs, step);
     let mut controller = Controller::<R>::new(batch, runs);
     let mut reductions = Reductions::<R>::new(building);
+    let mut end = ground.acceleration::<R>(0.0);
     for sample in 0..n_samples {
         if sample % check_every == 0 {
             if stop() {
@@ -124,20 +145,20 @@ fn march<M: DamperModel, R: Lanes>(block: &Block<'_>, histories: &mut [History<'
         }
         for inner in 0..steps as usize {
             let index = sample * steps as usize + inner;
-            let start = ground::<R>(&block.acceleration, uniform, 2 * index);
-            dampers.resist(&plant.elongation, &plant.rate, 2);
+            let start = end;
+            dampers.resist(&plant.elongation, &plant.rate, END);
             plant.accelerate(0, &dampers.force, start);
             if inner == 0 {
                 R::apart(Sample {
                     batch,
                     streams: &streams,
-                    sample,
+                    number: sample,
                     displacement: &plant.displacement,
                     velocity: &plant.velocity,
                     acceleration: plant.acceleration(),
                     force: &dampers.force,
                     ground_acceleration: start,
-                    ground_velocity: ground::<R>(&block.velocity, uniform, sample),
+                    ground_velocity: ground.velocity(time(sample, hardware.sample_time)),
                     controller: &mut controller,
                 });
             }
@@ -146,7 +167,7 @@ fn march<M: DamperModel, R: Lanes>(block: &Block<'_>, histories: &mut [History<'
             if arrived {
                 let commands = controller.sent_at(index.saturating_sub(delay) / steps as usize);
                 if dampers.hold(commands, index == 0) {
-                    dampers.resist(&plant.elongation, &plant.rate, 2);
+                    dampers.resist(&plant.elongation, &plant.rate, END);
                     plant.accelerate(0, &dampers.force, start);
                 }
             }
@@ -176,14 +197,15 @@ fn march<M: DamperModel, R: Lanes>(block: &Block<'_>, histories: &mut [History<'
                 });
             }
             dampers.follow();
-            let middle = ground::<R>(&block.acceleration, uniform, 2 * index + 1);
-            let end = ground::<R>(&block.acceleration, uniform, 2 * index + 2);
-            let stages = [(sixth, half, middle, 1), (third, half, middle, 1), (third, step, end, 2)];
-            for (stage, (weight, reach, ground, moment)) in stages.into_iter().enumerate() {
+            let middle = ground.acceleration::<R>(time(2 * index + 1, half));
+            end = ground.acceleration(time(index + 1, step));
+            let stages =
+                [(sixth, half, middle, MIDDLE), (third, half, middle, MIDDLE), (third, step, end, END)];
+            for (stage, (weight, reach, shaking, moment)) in stages.into_iter().enumerate() {
                 plant.advance(stage, &dampers.force, &mut reductions);
                 dampers.stage(weight, reach);
                 dampers.resist(&plant.elongation, &plant.rate, moment);
-                plant.accelerate(stage + 1, &dampers.force, ground);
+                plant.accelerate(stage + 1, &dampers.force, shaking);
             }
             plant.advance(stages.len(), &dampers.force, &mut reductions);
             dampers.stage(sixth, 0.0);
@@ -196,4 +218,12 @@ fn march<M: DamperModel, R: Lanes>(block: &Block<'_>, histories: &mut [History<'
         into: &mut reductions,
     });
     (reductions, controller.at_a_loss)
+}
+
+/// So many steps later [s].
+#[inline(always)]
+fn time(count: usize, step: f64) -> f64 {
+    #[allow(clippy::cast_precision_loss)] // counts of steps are far below 2^53
+    let count = count as f64;
+    count * step
 }

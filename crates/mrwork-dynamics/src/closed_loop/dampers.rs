@@ -8,6 +8,10 @@ use crate::lanes::{Apart, Lanes};
 use crate::parameters::{FromSlice, Scale};
 use crate::real::Real;
 
+/// Moments of a step at which parameters are known.
+pub(super) const MIDDLE: usize = 0;
+pub(super) const END: usize = 1;
+
 /// All devices, each one damper or two in opposition.
 pub(super) struct Dampers<'a, M: DamperModel, R: Real> {
     laws: &'a CurrentLaws,
@@ -28,7 +32,8 @@ struct Device<M: DamperModel, R: Real> {
     decay: R,
     /// Whether two in opposition are counted as one with twice the force, which has no offset.
     merged: bool,
-    at: [M::Parameters<R>; 3],
+    /// Parameters in the middle and at the end of a step; those at its start are what the end before was.
+    at: [M::Parameters<R>; 2],
     dampers: Vec<Hidden<M, R>>,
 }
 
@@ -59,7 +64,7 @@ impl<'a, M: DamperModel, R: Lanes> Dampers<'a, M, R> {
         let last = runs.len() - 1;
         let mut devices = Vec::with_capacity(places.len());
         let values = vec![R::splat(f64::NAN); laws.n_params()];
-        let at = [M::Parameters::from_slice(&values); 3];
+        let at = [M::Parameters::from_slice(&values); 2];
         for (index, &place) in places.iter().enumerate() {
             let mut columns = Vec::with_capacity(n_columns);
             for column in 0..n_columns {
@@ -145,7 +150,7 @@ impl<M: DamperModel, R: Lanes> Apart for Prepare<'_, '_, M, R> {
             if let Some(column) = self.dampers.laws.lag_column() {
                 device.decay = exp(device.columns[column] * R::splat(-0.5 * self.step));
             }
-            for moment in 0..3 {
+            for moment in [MIDDLE, END] {
                 self.dampers.evaluate(index, moment);
             }
         }
@@ -167,7 +172,7 @@ impl<M: DamperModel, R: Lanes> Apart for Hold<'_, '_, M, R> {
             if jumps {
                 dampers.current[device] = command;
                 if dampers.follows {
-                    dampers.evaluate(device, 2);
+                    dampers.evaluate(device, END);
                 }
             }
         }
@@ -185,14 +190,13 @@ impl<M: DamperModel, R: Lanes> Apart for Follow<'_, '_, M, R> {
         for index in 0..dampers.devices.len() {
             let device = &mut dampers.devices[index];
             let (held, decay) = (device.held, device.decay);
-            device.at[0] = device.at[2];
             if dampers.lagged {
-                for moment in [1, 2] {
+                for moment in [MIDDLE, END] {
                     dampers.current[index] = (dampers.current[index] - held).mul_add(decay, held);
                     dampers.evaluate(index, moment);
                 }
             } else {
-                device.at[1] = device.at[2];
+                device.at[MIDDLE] = device.at[END];
             }
         }
     }

@@ -5,7 +5,7 @@ use crate::parameters::parameters;
 use crate::real::Real;
 
 parameters! {
-    f: "N", Linear, -1e15 .. 1e15, nominal 0.0, "resisting force, which follows the command";
+    f: "N", Linear, -1e300 .. 1e300, nominal 0.0, "resisting force, which follows the command";
 }
 
 /// The device of the active bound; not in the registry, because it is not a damper.

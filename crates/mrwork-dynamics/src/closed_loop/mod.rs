@@ -7,6 +7,7 @@
 
 mod batch;
 mod block;
+mod check;
 mod dampers;
 mod hardware;
 mod history;
@@ -15,6 +16,7 @@ mod noise;
 mod plant;
 mod reductions;
 mod resolution;
+mod round;
 mod sample;
 
 pub use batch::{Batch, Run, RunResult, Settings, n_samples, respond};
@@ -24,7 +26,7 @@ pub use hardware::{Channel, Fault, Hardware, Observer, Sensor};
 pub use history::{History, layout as history_layout};
 pub use reductions::layout as summary_layout;
 
-use crate::block::Damper;
+use crate::any_damper::Damper;
 
 /// The device of that name: a damper model, or the ideal actuator.
 #[must_use]

@@ -1,9 +1,8 @@
 //! The coordinates of a building in lanes, through the stages of a step.
 
 use super::reductions::Reductions;
-use crate::building::{Building, Spring};
+use crate::building::Building;
 use crate::lanes::{Apart, Lanes};
-use crate::real::Real;
 
 /// Stages of a step.
 const STAGES: usize = 4;
@@ -19,8 +18,10 @@ pub(super) struct Plant<'a, R> {
     pub(super) velocity: Vec<R>,
     staged_displacement: Vec<R>,
     staged_velocity: Vec<R>,
-    /// Accelerations relative to the ground, stage by stage.
-    accelerations: [Vec<R>; STAGES],
+    /// Accelerations relative to the ground at the first stage, at the stage of now, and the sum of the middle two.
+    first: Vec<R>,
+    current: Vec<R>,
+    middle: Vec<R>,
     pull: Vec<R>,
     /// Elongations of the devices and their rates at this stage.
     pub(super) elongation: Vec<R>,
@@ -40,7 +41,9 @@ impl<'a, R: Lanes> Plant<'a, R> {
             velocity: zero(),
             staged_displacement: zero(),
             staged_velocity: zero(),
-            accelerations: [zero(), zero(), zero(), zero()],
+            first: zero(),
+            current: zero(),
+            middle: zero(),
             pull: zero(),
             elongation: vec![R::splat(0.0); building.n_devices()],
             rate: vec![R::splat(0.0); building.n_devices()],
@@ -51,7 +54,7 @@ impl<'a, R: Lanes> Plant<'a, R> {
 
     /// Accelerations relative to the ground at the start of the step.
     pub(super) fn acceleration(&self) -> &[R] {
-        &self.accelerations[0]
+        &self.first
     }
 
     /// Accelerations and powers at a stage, under these device forces and ground acceleration.
@@ -77,27 +80,35 @@ impl<R: Lanes> Apart for Accelerate<'_, '_, R> {
     fn run(self) {
         let Self { plant, stage, force, ground } = self;
         let building = plant.building;
+        let n = building.n;
+        // Slices of one length: their places and bounds are looked up once, not in every product.
+        let displacement = &plant.staged_displacement[..n];
+        let velocity = &plant.staged_velocity[..n];
+        let pull = &mut plant.pull[..n];
         let (mut damping, mut momentum) = (R::splat(0.0), R::splat(0.0));
-        for coordinate in 0..building.n {
+        for coordinate in 0..n {
             let (mut damped, mut sprung) = (R::splat(0.0), R::splat(0.0));
-            for &Spring { column, stiffness, damping } in building.springs.row(coordinate) {
-                sprung = plant.staged_displacement[column].mul_add(R::splat(stiffness), sprung);
-                damped = plant.staged_velocity[column].mul_add(R::splat(damping), damped);
+            for spring in building.springs.row(coordinate) {
+                sprung = displacement[spring.column].mul_add(R::splat(spring.stiffness), sprung);
+                damped = velocity[spring.column].mul_add(R::splat(spring.damping), damped);
             }
-            let velocity = plant.staged_velocity[coordinate];
-            damping = damped.mul_add(velocity, damping);
-            momentum = velocity.mul_add(R::splat(building.pushed_mass[coordinate]), momentum);
-            plant.pull[coordinate] = sprung + damped;
+            let own = velocity[coordinate];
+            damping = damped.mul_add(own, damping);
+            momentum = own.mul_add(R::splat(building.pushed_mass[coordinate]), momentum);
+            pull[coordinate] = sprung + damped;
         }
         for (device, &force) in force.iter().enumerate() {
             for &(coordinate, reach) in building.devices.row(device) {
-                plant.pull[coordinate] = force.mul_add(R::splat(reach), plant.pull[coordinate]);
+                pull[coordinate] = force.mul_add(R::splat(reach), pull[coordinate]);
             }
         }
-        for coordinate in 0..building.n {
-            let carried = ground * R::splat(-building.influence[coordinate]);
-            plant.accelerations[stage][coordinate] =
-                carried - building.mass_inverse.dot(coordinate, &plant.pull);
+        let acceleration = if stage == 0 { &mut plant.first } else { &mut plant.current };
+        for (coordinate, acceleration) in acceleration.iter_mut().enumerate() {
+            let mut carried = ground * R::splat(-building.influence[coordinate]);
+            for &(column, mobility) in building.mass_inverse.row(coordinate) {
+                carried = pull[column].mul_add(R::splat(-mobility), carried);
+            }
+            *acceleration = carried;
         }
         plant.damping = damping;
         plant.input = -(momentum * ground);
@@ -139,29 +150,43 @@ impl<R: Lanes> Plant<'_, R> {
     /// Goes so far ahead of the start of the step, with the velocity and acceleration of a stage.
     #[inline(always)]
     fn reach(&mut self, stage: usize, reach: R) {
-        let accelerations = &self.accelerations[stage];
-        for i in 0..self.displacement.len() {
-            self.staged_displacement[i] = self.staged_velocity[i].mul_add(reach, self.displacement[i]);
-            self.staged_velocity[i] = accelerations[i].mul_add(reach, self.velocity[i]);
+        let n = self.building.n;
+        let (displacement, velocity) = (&self.displacement[..n], &self.velocity[..n]);
+        let acceleration = if stage == 0 { &self.first[..n] } else { &self.current[..n] };
+        let middle = &mut self.middle[..n];
+        let staged_displacement = &mut self.staged_displacement[..n];
+        let staged_velocity = &mut self.staged_velocity[..n];
+        for i in 0..n {
+            staged_displacement[i] = staged_velocity[i].mul_add(reach, displacement[i]);
+            staged_velocity[i] = acceleration[i].mul_add(reach, velocity[i]);
+        }
+        match stage {
+            1 => middle.copy_from_slice(acceleration),
+            2 => {
+                for i in 0..n {
+                    middle[i] = middle[i] + acceleration[i];
+                }
+            }
+            _ => {}
         }
     }
 
     #[inline(always)]
     fn end(&mut self) {
+        let n = self.building.n;
         let step = R::splat(self.step);
         let (sixth, third) = (R::splat(self.step / 6.0), R::splat(self.step / 3.0));
         let square = R::splat(self.step * self.step / 6.0);
-        let [a1, a2, a3, a4] = &self.accelerations;
-        for i in 0..self.displacement.len() {
-            let middle = a2[i] + a3[i];
-            let velocity = self.velocity[i];
-            let drifted = velocity.mul_add(step, self.displacement[i]);
-            let displacement = (a1[i] + middle).mul_add(square, drifted);
-            let velocity = middle.mul_add(third, (a1[i] + a4[i]).mul_add(sixth, velocity));
-            self.displacement[i] = displacement;
-            self.velocity[i] = velocity;
-            self.staged_displacement[i] = displacement;
-            self.staged_velocity[i] = velocity;
+        let (first, middle, last) = (&self.first[..n], &self.middle[..n], &self.current[..n]);
+        let (displacement, velocity) = (&mut self.displacement[..n], &mut self.velocity[..n]);
+        let staged_displacement = &mut self.staged_displacement[..n];
+        let staged_velocity = &mut self.staged_velocity[..n];
+        for i in 0..n {
+            let drifted = velocity[i].mul_add(step, displacement[i]);
+            displacement[i] = (first[i] + middle[i]).mul_add(square, drifted);
+            velocity[i] = middle[i].mul_add(third, (first[i] + last[i]).mul_add(sixth, velocity[i]));
+            staged_displacement[i] = displacement[i];
+            staged_velocity[i] = velocity[i];
         }
     }
 }

@@ -10,11 +10,13 @@ use crate::real::Real;
 /// What the controller holds between two samples, for a block of lanes.
 pub(super) struct Controller<R: Real> {
     columns: Vec<R>,
+    /// Zero, or no number in lanes where a gain is none.
+    unknown: R,
     curves: Vec<ForceCurve<R>>,
     ground_reach: Vec<f64>,
     largest: Vec<f64>,
     memory: Vec<R>,
-    /// State as the law sees it.
+    /// State as the observer estimates it.
     state: Vec<R>,
     next_state: Vec<R>,
     acceleration: Vec<R>,
@@ -38,13 +40,17 @@ impl<R: Lanes> Controller<R> {
         let (n_states, n_devices) = (2 * building.n, places.len());
         let n_gains = law.spec().n_gains(n_devices, n_states);
         let last = runs.len() - 1;
-        let columns = (0..n_gains)
+        let columns: Vec<R> = (0..n_gains)
             .map(|column| {
                 R::from_fn(|lane| {
                     gains[batch.runs[runs[lane.min(last)]].candidate as usize * n_gains + column]
                 })
             })
             .collect();
+        let mut unknown = R::splat(0.0);
+        for &column in &columns {
+            unknown = R::select(column.equal(column), unknown, column);
+        }
         let largest: Vec<f64> = ranges.iter().map(|&[_, largest]| largest).collect();
         let curves = match (law.spec().wants_curve, &batch.curve) {
             (true, Some(model)) => {
@@ -58,6 +64,7 @@ impl<R: Lanes> Controller<R> {
             batch.observer.map_or(0, |observer| observer.accelerations.len() + observer.deformations.len());
         Self {
             columns,
+            unknown,
             curves,
             ground_reach: ground_reach(&building.devices, &building.influence),
             largest,
@@ -84,11 +91,25 @@ impl<R: Lanes> Controller<R> {
     }
 }
 
+/// Displacements and velocities as the law knows them: as the observer has estimated them, or as they are.
+#[inline(always)]
+fn known_state<'a, R>(
+    observer: Option<&Observer>,
+    estimate: &'a [R],
+    displacement: &'a [R],
+    velocity: &'a [R],
+) -> (&'a [R], &'a [R]) {
+    match observer {
+        Some(_) => estimate.split_at(displacement.len()),
+        None => (displacement, velocity),
+    }
+}
+
 /// The motion of the building and the forces in it, at a sample.
 pub(super) struct Sample<'a, R: Real> {
     pub(super) batch: &'a Batch<'a>,
     pub(super) streams: &'a [u64],
-    pub(super) sample: usize,
+    pub(super) number: usize,
     pub(super) displacement: &'a [R],
     pub(super) velocity: &'a [R],
     pub(super) acceleration: &'a [R],
@@ -120,10 +141,6 @@ impl<R: Lanes> Sample<'_, R> {
                 self.controller.acceleration[floor] =
                     self.sensed(Channel::Acceleration(floor), hardware.acceleration, value, before);
             }
-        } else {
-            let n = self.displacement.len();
-            self.controller.state[..n].copy_from_slice(self.displacement);
-            self.controller.state[n..].copy_from_slice(self.velocity);
         }
         for device in 0..self.force.len() {
             let value = building.devices.dot(device, self.displacement);
@@ -133,8 +150,9 @@ impl<R: Lanes> Sample<'_, R> {
             let before = self.controller.force[device];
             self.controller.force[device] =
                 self.sensed(Channel::Force(device), hardware.force, self.force[device], before);
-            let n = self.displacement.len();
-            self.controller.rate[device] = building.devices.dot(device, &self.controller.state[n..]);
+            let (_, velocity) =
+                known_state(observer, &self.controller.state, self.displacement, self.velocity);
+            self.controller.rate[device] = building.devices.dot(device, velocity);
         }
     }
 
@@ -143,7 +161,7 @@ impl<R: Lanes> Sample<'_, R> {
     fn sensed(&self, channel: Channel, sensor: Sensor, value: R, before: R) -> R {
         let mut said = value;
         if sensor.noise > 0.0 {
-            let (number, sample) = (channel.number(), self.sample as u64);
+            let (number, sample) = (channel.number(), self.number as u64);
             let noise = R::from_fn(|lane| normal(self.streams[lane], number, sample));
             said = noise.mul_add(R::splat(sensor.noise), said);
         }
@@ -159,7 +177,7 @@ impl<R: Lanes> Sample<'_, R> {
     fn broken(&self, channel: Channel, value: R, before: R) -> R {
         let mut said = value;
         for fault in &self.batch.hardware.faults {
-            if fault.channel == channel && (fault.start..fault.end).contains(&self.sample) {
+            if fault.channel == channel && (fault.start..fault.end).contains(&self.number) {
                 said = match fault.value {
                     Some(value) => R::splat(value),
                     None => before,
@@ -171,7 +189,7 @@ impl<R: Lanes> Sample<'_, R> {
 
     #[inline(always)]
     fn command(&mut self) {
-        let Batch { law, tables, hardware, ranges, building, .. } = *self.batch;
+        let Batch { law, tables, hardware, ranges, building, observer, .. } = *self.batch;
         let n_devices = self.force.len();
         let controller = &mut *self.controller;
         let gains = Gains {
@@ -181,8 +199,11 @@ impl<R: Lanes> Sample<'_, R> {
             n_devices,
             n_states: 2 * building.n,
         };
+        let (displacement, velocity) =
+            known_state(observer, &controller.state, self.displacement, self.velocity);
         let seen = Seen {
-            state: &controller.state,
+            displacement,
+            velocity,
             deformation: &controller.deformation,
             rate: &controller.rate,
             force: &controller.force,
@@ -194,18 +215,18 @@ impl<R: Lanes> Sample<'_, R> {
         };
         law.command(&gains, &seen, &mut controller.memory, &mut controller.raw);
         let furthest = R::splat(hardware.command_rate * hardware.sample_time);
-        let position = (self.sample % self.controller.depth) * n_devices;
-        let earlier = (self.sample.wrapping_sub(1) % self.controller.depth) * n_devices;
-        for device in 0..n_devices {
+        let position = (self.number % self.controller.depth) * n_devices;
+        let earlier = (self.number.wrapping_sub(1) % self.controller.depth) * n_devices;
+        for (device, &[smallest, largest]) in ranges.iter().enumerate() {
             let raw = self.controller.raw[device];
-            let known = raw.equal(raw);
+            let judged = raw + self.controller.unknown;
+            let known = judged.equal(judged);
             let lost = R::select(known, self.controller.at_a_loss, R::splat(1.0));
             self.controller.at_a_loss = lost;
-            let [smallest, largest] = ranges[device];
             let mut command =
                 within(R::select(known, raw, R::splat(0.0)), R::splat(smallest), R::splat(largest));
             let mut before = command;
-            if self.sample > 0 {
+            if self.number > 0 {
                 before = self.controller.sent[earlier + device];
                 if hardware.command_rate < f64::INFINITY {
                     command = within(command, before - furthest, before + furthest);
@@ -237,7 +258,7 @@ impl<R: Lanes> Sample<'_, R> {
             }
             let surprise = measured - expected;
             // A reading that is not a finite number is no reading.
-            let finite = (surprise - surprise).equal(R::splat(0.0));
+            let finite = surprise.abs().less(R::splat(f64::INFINITY));
             *innovation = R::select(finite, surprise, R::splat(0.0));
         }
         let n_measured = innovation.len();
@@ -247,7 +268,7 @@ impl<R: Lanes> Sample<'_, R> {
                 sum = x.mul_add(R::splat(a), sum);
             }
             for (&b, &f) in observer.input[row * n_devices..][..n_devices].iter().zip(force.iter()) {
-                let finite = (f - f).equal(R::splat(0.0));
+                let finite = f.abs().less(R::splat(f64::INFINITY));
                 sum = R::select(finite, f, R::splat(0.0)).mul_add(R::splat(b), sum);
             }
             for (&l, &y) in observer.gain[row * n_measured..][..n_measured].iter().zip(innovation.iter()) {

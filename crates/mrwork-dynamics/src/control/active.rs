@@ -24,7 +24,7 @@ impl ControlLaw for Active {
     #[inline(always)]
     fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
-            *command = -gains.of_state(0, device, seen.state);
+            *command = -gains.of_state(0, device, seen);
         }
     }
 }

@@ -37,7 +37,7 @@ impl ControlLaw for ClippedOptimal {
     #[inline(always)]
     fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
-            let wanted = -gains.of_state(0, device, seen.state);
+            let wanted = -gains.of_state(0, device, seen);
             *command = clipped(wanted, seen.force[device], R::splat(seen.largest[device]));
         }
     }
@@ -68,7 +68,7 @@ impl ControlLaw for ModifiedClippedOptimal {
     #[inline(always)]
     fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
-            let wanted = -gains.of_state(0, device, seen.state);
+            let wanted = -gains.of_state(0, device, seen);
             let share = (wanted.abs() / gains.of_device(1, device)).min(R::splat(1.0));
             *command = clipped(wanted, seen.force[device], share * R::splat(seen.largest[device]));
         }
@@ -98,7 +98,7 @@ impl ControlLaw for ProportionalClippedOptimal {
     #[inline(always)]
     fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
-            let wanted = -gains.of_state(0, device, seen.state);
+            let wanted = -gains.of_state(0, device, seen);
             let missing = (wanted - seen.force[device]).abs();
             let share = (missing / (R::splat(BAND) * gains.of_device(1, device))).min(R::splat(1.0));
             *command = clipped(wanted, seen.force[device], share * R::splat(seen.largest[device]));

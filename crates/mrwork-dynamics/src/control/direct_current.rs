@@ -3,7 +3,6 @@
 use super::clipped_optimal::GAIN;
 use super::lyapunov::WEIGHT;
 use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, if_known, where_positive, within};
-use crate::elementary::{Exponent, powf};
 use crate::lanes::Lanes;
 use crate::real::Real;
 
@@ -31,7 +30,7 @@ impl ControlLaw for LyapunovDirect {
     fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
         let zero = R::splat(0.0);
         for (device, command) in command.iter_mut().enumerate() {
-            let sigma = gains.of_state(0, device, seen.state);
+            let sigma = gains.of_state(0, device, seen);
             let [_, slope, bend] = seen.parabola(device);
             let largest = R::splat(seen.largest[device]);
             let at_largest = gain_of(sigma, slope, bend, largest);
@@ -69,7 +68,7 @@ impl ControlLaw for LyapunovDirectBangBang {
     #[inline(always)]
     fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
-            let sigma = gains.of_state(0, device, seen.state);
+            let sigma = gains.of_state(0, device, seen);
             let [_, slope, _] = seen.parabola(device);
             *command = where_positive(-sigma * slope, R::splat(seen.largest[device]));
         }
@@ -104,7 +103,7 @@ impl ControlLaw for ProportionalDirect {
     #[inline(always)]
     fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
-            let sigma = gains.of_state(0, device, seen.state);
+            let sigma = gains.of_state(0, device, seen);
             let [_, slope, _] = seen.parabola(device);
             *command = -gains.of_device(1, device) * sigma * slope;
         }
@@ -131,9 +130,8 @@ impl ControlLaw for InverseDirect {
     #[inline(always)]
     fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
         let (zero, two) = (R::splat(0.0), R::splat(2.0));
-        let root = Exponent::of(R::splat(0.5));
         for (device, command) in command.iter_mut().enumerate() {
-            let wanted = -gains.of_state(0, device, seen.state);
+            let wanted = -gains.of_state(0, device, seen);
             let [offset, slope, bend] = seen.parabola(device);
             let largest = R::splat(seen.largest[device]);
             let missing = offset - wanted;
@@ -141,7 +139,7 @@ impl ControlLaw for InverseDirect {
             let nearest = R::select(at_largest.abs().less(missing.abs()), largest, zero);
             // The root on the branch that starts at i = 0, in the form that a straight parabola leaves whole.
             let square = slope.mul_add(slope, R::splat(-4.0) * bend * missing);
-            let fall = slope + powf(square.abs(), &root).copysign(slope);
+            let fall = slope + square.abs().sqrt().copysign(slope);
             let other = if_inside(fall / (-two * bend), largest, nearest);
             let inverted = if_inside(-two * missing / fall, largest, other);
             *command = if_known(at_largest, R::select(square.less(zero), nearest, inverted));

@@ -59,7 +59,7 @@ pub(crate) struct ForceCurve<R: Real> {
     at: [Parameters<R>; 3],
     place: Place,
     largest: f64,
-    /// Whether x_s is the same at all three.
+    /// Whether `x_s` is the same at all three.
     one_side: bool,
 }
 

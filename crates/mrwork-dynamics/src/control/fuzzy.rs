@@ -1,6 +1,7 @@
 //! Fuzzy control: a rule base over deformation and velocity, tabulated.
 
 use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, within};
+use crate::error::DynamicsError;
 use crate::lanes::{Lanes, MOST_LANES};
 
 /// A table of command shares, interpolated.
@@ -43,6 +44,16 @@ impl ControlLaw for Fuzzy {
             let y = within(seen.rate[device] / gains.of_device(1, device), lower, upper);
             *command = interpolated(table, side, x, y) * R::splat(seen.largest[device]);
         }
+    }
+
+    fn check_tables(tables: &[Vec<f64>]) -> Result<(), DynamicsError> {
+        let found = tables[0].len();
+        let side = found.isqrt();
+        if side < 2 || side * side != found {
+            let expected = "the square of 2 or more";
+            return Err(DynamicsError::TableSize { law: "fuzzy", table: "shares", found, expected });
+        }
+        Ok(())
     }
 }
 

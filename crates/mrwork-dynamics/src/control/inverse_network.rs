@@ -3,6 +3,7 @@
 use super::clipped_optimal::GAIN;
 use super::{ControlLaw, Gains, LawSpec, Seen, within};
 use crate::elementary::tanh;
+use crate::error::DynamicsError;
 use crate::lanes::Lanes;
 
 /// One hidden layer of hyperbolic tangents.
@@ -34,7 +35,7 @@ impl ControlLaw for InverseNetwork {
         for (device, (command, before)) in
             command.iter_mut().zip(memory.chunks_exact_mut(SIGNALS)).enumerate()
         {
-            let wanted = -gains.of_state(0, device, seen.state);
+            let wanted = -gains.of_state(0, device, seen);
             let now = [seen.deformation[device], seen.rate[device], wanted];
             let mut sum = R::splat(output.iter().sum());
             for unit in layer.chunks_exact(n_inputs + 2) {
@@ -49,5 +50,22 @@ impl ControlLaw for InverseNetwork {
             before.copy_from_slice(&now);
             *command = sum;
         }
+    }
+
+    fn check_tables(tables: &[Vec<f64>]) -> Result<(), DynamicsError> {
+        let law = Self::SPEC.name;
+        let (layer, output, inputs) = (tables[0].len(), tables[1].len(), tables[2].len());
+        if inputs != SIGNALS && inputs != 2 * SIGNALS {
+            let expected = "3, or 6 with the sample before";
+            return Err(DynamicsError::TableSize { law, table: "reach", found: inputs, expected });
+        }
+        if layer == 0 || !layer.is_multiple_of(inputs + 2) {
+            let expected = "two more than `reach`, for each hidden unit";
+            return Err(DynamicsError::TableSize { law, table: "layer", found: layer, expected });
+        }
+        if output != 1 {
+            return Err(DynamicsError::TableSize { law, table: "output", found: output, expected: "1" });
+        }
+        Ok(())
     }
 }

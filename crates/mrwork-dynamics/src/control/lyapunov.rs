@@ -29,7 +29,7 @@ impl ControlLaw for Lyapunov {
     #[inline(always)]
     fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
-            let sigma = gains.of_state(0, device, seen.state);
+            let sigma = gains.of_state(0, device, seen);
             *command = where_positive(-sigma * seen.force[device], R::splat(seen.largest[device]));
         }
     }

@@ -21,6 +21,7 @@ pub(crate) use force_curve::ForceCurve;
 pub use force_curve::Place;
 
 use crate::building::SparseRows;
+use crate::error::DynamicsError;
 use crate::lanes::Lanes;
 use crate::real::Real;
 
@@ -99,8 +100,10 @@ impl LawSpec {
 
 /// What is known when a command is worked out.
 pub(crate) struct Seen<'a, R: Real> {
-    /// Displacements of the coordinates, then their velocities, as measured or estimated.
-    pub(crate) state: &'a [R],
+    /// Displacements of the coordinates, as measured or estimated.
+    pub(crate) displacement: &'a [R],
+    /// Their velocities.
+    pub(crate) velocity: &'a [R],
     /// Elongation of each device [m].
     pub(crate) deformation: &'a [R],
     /// Its rate [m/s].
@@ -146,11 +149,16 @@ impl<R: Real> Gains<'_, R> {
 
     /// The product of a state gain of a device with the state.
     #[inline(always)]
-    fn of_state(&self, gain: usize, device: usize, state: &[R]) -> R {
+    fn of_state(&self, gain: usize, device: usize, seen: &Seen<'_, R>) -> R {
         let start = self.start(gain) + device * self.n_states;
+        let weights = &self.columns[start..start + self.n_states];
+        let (of_displacement, of_velocity) = weights.split_at(seen.displacement.len());
         let mut sum = R::splat(0.0);
-        for (&weight, &value) in self.columns[start..start + self.n_states].iter().zip(state) {
-            sum = weight.mul_add(value, sum);
+        for (weight, value) in of_displacement.iter().zip(seen.displacement) {
+            sum = weight.mul_add(*value, sum);
+        }
+        for (weight, value) in of_velocity.iter().zip(seen.velocity) {
+            sum = weight.mul_add(*value, sum);
         }
         sum
     }
@@ -164,7 +172,14 @@ trait ControlLaw {
     const SPEC: LawSpec;
 
     /// Commands of all devices; what leaves the admitted range is cut off by the caller.
+    ///
+    /// Where what it needs is not a number the command is none either, so that the caller knows.
     fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, memory: &mut [R], command: &mut [R]);
+
+    /// Refuses tables of sizes that it cannot read.
+    fn check_tables(_: &[Vec<f64>]) -> Result<(), DynamicsError> {
+        Ok(())
+    }
 }
 
 macro_rules! laws {
@@ -189,6 +204,10 @@ macro_rules! laws {
                 self, gains: &Gains<'_, R>, seen: &Seen<'_, R>, memory: &mut [R], command: &mut [R],
             ) {
                 match self { $(Self::$law => $module::$law::command(gains, seen, memory, command),)+ }
+            }
+
+            pub(crate) fn check_tables(self, tables: &[Vec<f64>]) -> Result<(), DynamicsError> {
+                match self { $(Self::$law => $module::$law::check_tables(tables),)+ }
             }
         }
     };

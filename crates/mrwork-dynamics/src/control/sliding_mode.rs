@@ -2,7 +2,6 @@
 
 use super::clipped_optimal::{GAIN, clipped};
 use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, if_known, within};
-use crate::elementary::{Exponent, powf};
 use crate::lanes::Lanes;
 use crate::real::Real;
 
@@ -49,18 +48,19 @@ impl ControlLaw for SlidingMode {
     #[inline(always)]
     fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
-            let layer = saturated(gains.of_state(1, device, seen.state), gains.of_device(3, device));
-            let equivalent = gains.of_state(0, device, seen.state);
+            let layer = saturated(gains.of_state(1, device, seen), gains.of_device(3, device));
+            let equivalent = gains.of_state(0, device, seen);
             let wanted = gains.of_device(2, device).mul_add(layer, -equivalent);
             *command = clipped(wanted, seen.force[device], R::splat(seen.largest[device]));
         }
     }
 }
 
-/// `distance / boundary`, at most 1 in magnitude.
+/// `distance / boundary`, at most 1 in magnitude; the sign where there is no layer.
 #[inline(always)]
 fn saturated<R: Real>(distance: R, boundary: R) -> R {
-    within(distance / boundary, R::splat(-1.0), R::splat(1.0))
+    let width = within(boundary, R::splat(f64::MIN_POSITIVE), R::splat(f64::INFINITY));
+    within(distance / width, R::splat(-1.0), R::splat(1.0))
 }
 
 /// The switching force grows while the state is off the surface, and shrinks while it is near.
@@ -105,12 +105,12 @@ impl ControlLaw for AdaptiveSlidingMode {
     #[inline(always)]
     fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, memory: &mut [R], command: &mut [R]) {
         for (device, (command, switching)) in command.iter_mut().zip(memory).enumerate() {
-            let distance = gains.of_state(1, device, seen.state);
+            let distance = gains.of_state(1, device, seen);
             let boundary = gains.of_device(3, device);
             let growth = gains.of_device(2, device) * R::splat(seen.sample_time) * distance.abs();
             let change = R::select(boundary.less(distance.abs()), growth, -growth);
             *switching = within(*switching + change, gains.of_device(4, device), gains.of_device(5, device));
-            let equivalent = gains.of_state(0, device, seen.state);
+            let equivalent = gains.of_state(0, device, seen);
             let wanted = switching.mul_add(saturated(distance, boundary), -equivalent);
             *command = clipped(wanted, seen.force[device], R::splat(seen.largest[device]));
         }
@@ -164,18 +164,17 @@ impl ControlLaw for SuperTwisting {
 
     #[inline(always)]
     fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, memory: &mut [R], command: &mut [R]) {
-        let root = Exponent::of(R::splat(0.5));
         for (device, (command, integral)) in command.iter_mut().zip(memory).enumerate() {
-            let distance = gains.of_state(0, device, seen.state);
+            let distance = gains.of_state(0, device, seen);
             let side =
                 R::select(distance.equal(R::splat(0.0)), R::splat(0.0), R::splat(1.0).copysign(distance));
             let rise = gains.of_device(4, device) * R::splat(-seen.sample_time);
             *integral = rise.mul_add(side, *integral);
-            let reach = gains.of_device(3, device) * powf(distance.abs(), &root);
+            let reach = gains.of_device(3, device) * distance.abs().sqrt();
             let wanted = *integral - reach * side;
             let [f_0, _, f_max] = seen.curves[device].points(seen.deformation[device], seen.rate[device]);
             let push = gains.of_device(2, device);
-            let free = push.mul_add(f_0, gains.of_state(1, device, seen.state));
+            let free = push.mul_add(f_0, gains.of_state(1, device, seen));
             let slope = push * (f_max - f_0) * R::splat(1.0 / seen.largest[device]);
             // Where the current changes nothing, none is sent.
             let still = slope.equal(R::splat(0.0));

@@ -18,7 +18,7 @@ mod shear_thinning_modified_bouc_wen;
 mod static_hysteretic;
 mod viscous_dahl;
 
-use crate::block::Damper;
+use crate::any_damper::Damper;
 pub(crate) use static_hysteretic::StaticHysteretic;
 
 use crate::parameters::{FromSlice, ParamSpec};

@@ -163,6 +163,10 @@ impl Real for Avx512 {
         Self(unsafe { _mm512_fmadd_pd(self.0, factor.0, addend.0) })
     }
     #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(unsafe { _mm512_sqrt_pd(self.0) })
+    }
+    #[inline(always)]
     fn abs(self) -> Self {
         Self(unsafe { _mm512_abs_pd(self.0) })
     }
@@ -252,6 +256,10 @@ impl Real for Avx2 {
     #[inline(always)]
     fn mul_add(self, factor: Self, addend: Self) -> Self {
         Self(unsafe { _mm256_fmadd_pd(self.0, factor.0, addend.0) })
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self(unsafe { _mm256_sqrt_pd(self.0) })
     }
     #[inline(always)]
     fn abs(self) -> Self {

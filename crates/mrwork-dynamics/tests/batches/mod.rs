@@ -1,6 +1,6 @@
 //! Batches of candidates, their motion, and how they are run: what tests of simulations share.
 
-use mrwork_dynamics::block::Damper;
+use mrwork_dynamics::any_damper::Damper;
 use mrwork_dynamics::current_law::CurrentLaws;
 use mrwork_dynamics::dispatch::InstructionSet;
 use mrwork_dynamics::loading::LoadingHistory;

@@ -80,10 +80,12 @@ def value_table(results: StudyResults, motion: int) -> Table:
     columns: list[list[float]] = []
     for name, _, _, factor in _VALUES:
         numbers = [math.nan if each is None else each[name] * factor for each in found]
-        # A building without dampers has no force, stroke or command, rather than one of zero.
+        # A building without dampers has no force, stroke or command, rather than one of zero; other devices have a
+        # stroke alone.
         if not criterion(name).ratio:
+            without = ("uncontrolled",) if name == "peak_stroke" else ("uncontrolled", "baseline")
             numbers = [
-                math.nan if row.kind == "uncontrolled" else number
+                math.nan if row.kind in without else number
                 for row, number in zip(results.rows, numbers, strict=True)
             ]
         columns.append(numbers)

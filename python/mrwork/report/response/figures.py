@@ -26,7 +26,6 @@ def profile_figure(results: StudyResults, motion: int, quantity: str) -> Figure:
     drift = quantity.endswith("drift")
     names = results.storey_names if drift else results.floor_names
     factor, label = (1e3, "mm") if drift else (1.0, "m/s²")
-    rms = "RMS" if quantity.startswith("rms") else "Peak"
     with style.drawn_in_style():
         shown = results.finished(motion)
         key_lines = (len(shown) + 1) // 2
@@ -49,7 +48,7 @@ def profile_figure(results: StudyResults, motion: int, quantity: str) -> Figure:
                 label=results.rows[row].label,
             )
         axes.set_xlim(left=0.0)
-        axes.set_xlabel(f"{rms} {'drift' if drift else 'acceleration'} ({label})")
+        axes.set_xlabel(f"Peak {'drift' if drift else 'acceleration'} ({label})")
         _name_heights(axes, names)
         _key(axes)
     return figure

@@ -12,6 +12,7 @@ from mrwork.report.numbers import fixed
 from mrwork.report.response.criteria_tables import overview_table, ratio_table, value_table
 from mrwork.report.response.history_sections import Histories, device_section, history_section
 from mrwork.report.response.profile_sections import energy_section, motion_section, profile_section
+from mrwork.report.response.step_section import step_section
 from mrwork.response.results import OFF_BALANCE, StudyResults
 
 
@@ -48,6 +49,7 @@ def study_page(
         history_section(results, histories, motion, drawn),
         device_section(results, histories, motion, drawn),
         energy_section(results, motion),
+        step_section(results),
         motion_section(results),
     ]
     template = environment().from_string(resource("response.html.j2"))
@@ -107,7 +109,9 @@ def _headline(results: StudyResults) -> list[tuple[str, str, str]]:
 
 
 def _banner(results: StudyResults) -> str:
-    wanted = len(results.rows) * len(results.motions)
-    if len(results.runs) == wanted:
+    if results.complete:
         return ""
-    return f"This study was interrupted: {len(results.runs)} of {wanted} runs are done. Run it with --resume to go on."
+    return (
+        f"This study was interrupted: {results.done} of {results.wanted} runs are done. "
+        "Run it with --resume to go on."
+    )

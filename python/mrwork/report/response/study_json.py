@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+from collections.abc import Mapping
 from typing import Any
 
 from mrwork.closed_loop.criteria import criteria
@@ -21,11 +22,12 @@ def study_document(results: StudyResults) -> dict[str, Any]:
                 "kind": results.rows[row].kind,
                 "motion": results.motions[motion].name,
                 "outcome": run.outcome,
-                "criteria": _finite(results.criteria(row, motion) or {}),
+                "criteria": _finite(results.criteria(row, motion)),
                 "over_uncontrolled": _finite(results.ratios(row, motion, "uncontrolled")),
                 "over_passive_off": _finite(results.ratios(row, motion, "passive_off")),
                 "energy_error": _number(run.energy_error),
                 "steps": run.steps,
+                "step_check": _step_check(results, row, motion),
             }
         )
     return {
@@ -94,8 +96,24 @@ def profiles_csv(results: StudyResults) -> str:
     return target.getvalue()
 
 
-def _finite(numbers: dict[str, float]) -> dict[str, float | None]:
-    return {name: _number(value) for name, value in numbers.items()}
+def _step_check(results: StudyResults, row: int, motion: int) -> dict[str, Any] | None:
+    """The run again with half the step: how far each criterion has moved, over its value."""
+    half = (results.halved or {}).get((row, motion))
+    if half is None:
+        return None
+    changes = results.step_changes(row, motion)
+    return {
+        "outcome": half.outcome,
+        "steps": half.steps,
+        "largest": None if changes is None else _number(max(changes.values())),
+        "changes": _finite(changes),
+    }
+
+
+def _finite(numbers: Mapping[str, float] | None) -> dict[str, float | None]:
+    """Every criterion; `null` where a run has none or it is not finite."""
+    found = numbers or {}
+    return {entry.name: _number(found.get(entry.name, math.nan)) for entry in criteria()}
 
 
 def _number(value: float) -> float | None:

@@ -1,0 +1,104 @@
+//! What a batch must be before it is run: everything of one size with the building, nothing that is not there.
+
+use super::batch::{Batch, Run};
+use super::hardware::{Channel, Observer};
+use crate::building::Building;
+use crate::error::DynamicsError;
+
+impl Batch<'_> {
+    /// Refuses what does not fit together.
+    pub(super) fn check(&self) -> Result<(), DynamicsError> {
+        let (n_devices, n_states) = (self.places.len(), 2 * self.building.n);
+        let n_columns = self.laws.n_columns();
+        let spec = self.law.spec();
+        let n_gains = spec.n_gains(n_devices, n_states);
+        let sizes = [
+            ("devices", self.building.n_devices(), n_devices),
+            ("ranges", self.ranges.len(), n_devices),
+            ("tables", self.tables.len(), spec.tables.len()),
+        ];
+        for (name, found, expected) in sizes {
+            if found != expected {
+                return Err(DynamicsError::MatrixSize { name, found, expected });
+            }
+        }
+        if !self.theta.len().is_multiple_of((n_devices * n_columns).max(1)) {
+            let expected = n_devices * n_columns;
+            return Err(DynamicsError::MatrixSize { name: "theta", found: self.theta.len(), expected });
+        }
+        if n_gains > 0 && !self.gains.len().is_multiple_of(n_gains) {
+            return Err(DynamicsError::MatrixSize {
+                name: "gains",
+                found: self.gains.len(),
+                expected: n_gains,
+            });
+        }
+        self.law.check_tables(self.tables)?;
+        if spec.wants_curve && self.curve.is_none() {
+            return Err(DynamicsError::NoCurve(spec.name));
+        }
+        if let Some(device) =
+            self.ranges.iter().position(|&[from, to]| !(from <= to && (to - from).is_finite()))
+        {
+            return Err(DynamicsError::CommandRange(device));
+        }
+        if !(self.hardware.sample_time.is_finite() && self.hardware.sample_time > 0.0)
+            || self.hardware.steps == 0
+        {
+            return Err(DynamicsError::Step(self.hardware.sample_time));
+        }
+        let n_candidates = self.gains.len().checked_div(n_gains).unwrap_or(usize::MAX);
+        let n_draws = self.theta.len().checked_div(n_devices * n_columns).unwrap_or(1);
+        for (run, &Run { candidate, motion, draw, .. }) in self.runs.iter().enumerate() {
+            let asked = [
+                ("candidate", candidate as usize, n_candidates),
+                ("motion", motion as usize, self.motions.len()),
+                ("draw", draw as usize, n_draws),
+            ];
+            for (what, index, count) in asked {
+                if index >= count {
+                    return Err(DynamicsError::NoSuchEntry { run, what, index, count });
+                }
+            }
+        }
+        for fault in &self.hardware.faults {
+            let (index, count) = match fault.channel {
+                Channel::Acceleration(floor) => (floor, self.building.n_floors()),
+                Channel::Deformation(device) | Channel::Force(device) | Channel::Command(device) => {
+                    (device, n_devices)
+                }
+            };
+            if index >= count {
+                return Err(DynamicsError::NoSuchEntry { run: 0, what: "the faulty channel", index, count });
+            }
+        }
+        self.observer.map_or(Ok(()), |observer| observer.check(self.building, n_devices))
+    }
+}
+
+impl Observer {
+    fn check(&self, building: &Building, n_devices: usize) -> Result<(), DynamicsError> {
+        let n_states = 2 * building.n;
+        let n_measured = self.accelerations.len() + self.deformations.len();
+        let sizes = [
+            ("transition", self.transition.len(), n_states * n_states),
+            ("input", self.input.len(), n_states * n_devices),
+            ("gain", self.gain.len(), n_states * n_measured),
+            ("output", self.output.len(), n_measured * n_states),
+            ("direct", self.direct.len(), n_measured * n_devices),
+        ];
+        for (name, found, expected) in sizes {
+            if found != expected {
+                return Err(DynamicsError::MatrixSize { name, found, expected });
+            }
+        }
+        let measured = self.accelerations.iter().map(|&floor| ("floor", floor, building.n_floors()));
+        let measured = measured.chain(self.deformations.iter().map(|&device| ("device", device, n_devices)));
+        for (what, index, count) in measured {
+            if index >= count {
+                return Err(DynamicsError::NoSuchEntry { run: 0, what, index, count });
+            }
+        }
+        Ok(())
+    }
+}
