@@ -1,0 +1,168 @@
+"""Everything that the study measures, as nested dictionaries with text for keys."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from baselines import baselines
+from broken_hardware import cases
+from conditions import CONDITIONS, REFERENCE, scores_under
+from dyke_peaks import QUANTITIES, Row, causes, motion_of, rounding, rows
+from frame_runs import LARGEST_CURRENT, LEVELS, Bench, Figures, bench, figures, level_name
+from kept_settings import kept
+from mrwork.closed_loop.criteria import SCORE
+from mrwork.control.laws import ControlLaw, control_laws
+from sheet_frequencies import frequencies
+from tuning import Found, search
+
+Tell = Callable[[str], None]
+HERE = Path(__file__).parent
+SEED = 6
+TUNED_LAWS = tuple(spec.name for spec in control_laws() if spec.name not in ("passive", "active"))
+ACTIVE = ("active", "active_limited")
+"""The ideal force, without and with the limit of what the pair gives at its largest current."""
+QUICK_LAWS = ("clipped_optimal", "lyapunov_direct", "inverse_direct")
+
+
+def tune(over: Bench, tell: Tell) -> dict[str, Found]:
+    """Search the settings of every law, and of the ideal force with and without a limit."""
+    rng = np.random.default_rng(SEED)
+    found = {}
+    limit = figures(over, _constant([LARGEST_CURRENT])).peak_force[0]
+    for law in TUNED_LAWS:
+        tell(f"search: {law}")
+        found[law] = search(over, law, rng=rng)
+    found["active"] = search(over, "active", rng=rng)
+    found["active_limited"] = search(
+        over, "active", rng=rng, admitted=lambda tried: tried.peak_force <= limit
+    )
+    return found
+
+
+def five_storeys(over: Bench, tell: Tell, *, quick: bool) -> dict[str, dict[str, Any]]:
+    """By label, figures at each level: constant currents, laws, baselines."""
+    table: dict[str, dict[str, Any]] = {}
+    currents = np.linspace(0.0, LARGEST_CURRENT, 48)
+    constant = figures(over, _constant(currents))
+    best = constant.score.argmin(axis=0)
+    for label, places in {"i = 0": [0, 0], "best constant": best, "i_max": [-1, -1]}.items():
+        table[label] = {
+            level_name(level): _at(constant, int(places[number]), number)
+            | {"says": f"{currents[int(places[number])]:.3g} A"}
+            for number, level in enumerate(LEVELS)
+        }
+    for law, at_level in kept().items():
+        if quick and law not in QUICK_LAWS:
+            continue
+        tell(f"table: {law}")
+        found = scores_under(over, at_level, (REFERENCE,))[REFERENCE.name]
+        table[law] = {
+            level_name(level): _at(found[number], 0, number)
+            | {"says": f"{at_level[number].largest_current:g} A at most"}
+            for number, level in enumerate(LEVELS)
+        }
+    if not quick:
+        tell("table: baselines")
+        for each in baselines(over):
+            table[each.label] = {
+                level_name(level): _at(each.figures[number], 0, number) | {"says": each.says[number]}
+                for number, level in enumerate(LEVELS)
+            }
+    return table
+
+
+def loop_conditions(over: Bench, tell: Tell) -> dict[str, dict[str, Any]]:
+    """By law and condition, the score at each level; and the largest change of one ratio."""
+    names = [motion.name for motion in over.motions[: len(over.motions) // len(LEVELS)]]
+    table: dict[str, dict[str, Any]] = {}
+    for law, at_level in kept().items():
+        if law in ACTIVE:
+            continue
+        tell(f"conditions: {law}")
+        found = scores_under(over, at_level)
+        table[law] = {}
+        for condition in CONDITIONS:
+            entry: dict[str, Any] = {}
+            for number, level in enumerate(LEVELS):
+                ratios = found[condition.name][number].ratios[0, number]
+                change = np.abs(ratios - found[REFERENCE.name][number].ratios[0, number])
+                record, criterion = np.unravel_index(change.argmax(), change.shape)
+                entry[level_name(level)] = {
+                    "score": float(ratios.mean()),
+                    "largest_change": float(change.max()),
+                    "of": f"{SCORE[int(criterion)]}, {names[int(record)]}",
+                    "energy_error": float(found[condition.name][number].energy_error[0, number]),
+                }
+            table[law][condition.name] = entry
+    return table
+
+
+def found_by(*, quick: bool, records: Path, tell: Tell) -> dict[str, Any]:
+    """Everything, as nested dictionaries with text for keys."""
+    over = bench(records)
+    motion = motion_of(records)
+    tell("Dyke et al. 1996")
+    found: dict[str, Any] = {
+        "frequencies": {
+            each.building: {
+                "hertz": list(each.found),
+                "stated": {str(mode): value for mode, value in each.stated.items()},
+                "deviation": each.deviation,
+            }
+            for each in frequencies()
+        },
+        "dyke": {row.label: _peaks(row) for row in rows(motion)},
+        "dyke_causes": {row.label: _peaks(row) for row in causes(motion)},
+    }
+    low, high = rounding(motion, 6 if quick else 100)
+    found["dyke_rounding"] = {
+        name: {"least": float(least), "most": float(most)}
+        for name, least, most in zip(QUANTITIES, low, high, strict=False)
+    }
+    tell("faults")
+    found["faults"] = {
+        case.fault: {"outcome": case.outcome, "score": case.score}
+        for case in cases(records, kept()["clipped_optimal"][-1])
+    }
+    found["five_storeys"] = five_storeys(over, tell, quick=quick)
+    if not quick:
+        found["conditions"] = loop_conditions(over, tell)
+        tell("a million runs")
+        ran = subprocess.run(
+            [sys.executable, str(HERE / "million_runs.py")], check=True, capture_output=True, text=True
+        )
+        found["memory"] = json.loads(ran.stdout)
+    return found
+
+
+def _constant(currents: Any) -> ControlLaw:
+    return ControlLaw(name="passive", gains={"command": np.asarray(currents, dtype=np.float64)[:, None]})
+
+
+def _at(found: Figures, candidate: int, level: int) -> dict[str, Any]:
+    return {
+        "score": float(found.score[candidate, level]),
+        **{name: float(value) for name, value in zip(SCORE, found.parts[candidate, level], strict=True)},
+        "mean_current": float(found.mean_current[candidate, level]),
+        "peak_force": float(found.peak_force[candidate, level]),
+        "stroke": float(found.stroke[candidate, level]),
+        "energy_error": float(found.energy_error[candidate, level]),
+    }
+
+
+def _peaks(row: Row) -> dict[str, Any]:
+    names = QUANTITIES[: len(row.ours)]
+    return {
+        "ours": dict(zip(names, row.ours.tolist(), strict=True)),
+        "published": dict(zip(names, row.published.tolist(), strict=True)),
+        "deviation": dict(zip(names, row.deviations.tolist(), strict=True)),
+        "largest": float(np.abs(row.deviations).max()),
+        "energy_error": row.energy_error,
+    }

@@ -1,0 +1,60 @@
+"""A million runs of the three-storey frame with what is kept of them: peak memory of the process and time.
+
+python studies/chapter_6/million_runs.py [--candidates N] [--draws N]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import resource
+import time
+
+import numpy as np
+
+from mrwork.buildings.published import building
+from mrwork.closed_loop.devices import Device
+from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.simulate import simulate_loop
+from mrwork.control.laws import ControlLaw
+from mrwork.motions import synthetic_motion, trimmed
+from mrwork.spec import damper
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--candidates", type=int, default=1000)
+    parser.add_argument("--draws", type=int, default=1000)
+    options = parser.parse_args()
+    frame = building("dyke1996")
+    preset = damper("static_hysteretic").preset("kwok2006")
+    rng = np.random.default_rng(1)
+    draws = np.array(preset.theta) * np.exp(0.05 * rng.standard_normal((options.draws, len(preset.theta))))
+    device = Device(name="damper", spec=preset.spec, theta=draws, row=frame.storeys[0], largest_command=1.88)
+    law = ControlLaw(name="passive", gains={"command": np.linspace(0.0, 1.88, options.candidates)[:, None]})
+    motion = trimmed(synthetic_motion(rng=1), start=4.0, end=6.0)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    began = time.perf_counter()
+    responses = simulate_loop(
+        frame, [device], law, [motion], Hardware(sample_time=5e-3, step=5e-3), threads=1
+    )
+    seconds = time.perf_counter() - began
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    print(
+        json.dumps(
+            {
+                "runs": len(responses.outcome),
+                "finished": int((responses.outcome == 0).sum()),
+                # Linux counts in KiB.
+                "peak_mib": peak / 1024.0,
+                "before_mib": before / 1024.0,
+                "seconds": seconds,
+            }
+        )
+    )
+
+
+if __name__ == "__main__":
+    main()

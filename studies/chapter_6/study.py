@@ -1,0 +1,61 @@
+"""Chapter 6: buildings with MR dampers under earthquakes, every control law beside honest baselines.
+
+python studies/chapter_6/study.py [--tune] [--quick] [--json] [--out DIRECTORY]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from pathlib import Path
+
+from chapter_6_page import write_page
+from chapter_6_tables import text_of
+from departures import departures
+from frame_runs import bench
+from kept_settings import keep
+from loop_findings import found_by, tune
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+DATA = Path(os.environ.get("MRWORK_DATA", ROOT.parent / "shared" / "data"))
+RECORDS = DATA / "records"
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--tune", action="store_true", help="search the settings anew and write tuned.toml")
+    parser.add_argument("--quick", action="store_true", help="a few laws, no conditions, no million runs")
+    parser.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "chapter_6", help="where the page goes")
+    options = parser.parse_args()
+    if not RECORDS.is_dir():
+        parser.error(f"the records are not at {RECORDS}; point MRWORK_DATA at the data")
+    began = time.perf_counter()
+
+    def tell(doing: str) -> None:
+        print(f"{time.perf_counter() - began:6.0f} s  {doing}", file=sys.stderr, flush=True)
+
+    if options.tune:
+        keep(tune(bench(RECORDS), tell))
+    found = found_by(quick=options.quick, records=RECORDS, tell=tell)
+    found["seconds"] = time.perf_counter() - began
+    wrong = departures(found)
+    page = options.out / "report.html"
+    if not options.quick:
+        write_page(found, page)
+    if options.json:
+        print(json.dumps({**found, "departures": wrong}))
+    else:
+        print("\n".join(text_of(found)))
+        print("\n".join(wrong) or "Every figure is as expected.toml says.")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

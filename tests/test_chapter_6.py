@@ -1,0 +1,88 @@
+"""The study of chapter 6 in its quick form, on the measured records; and its arithmetic."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import departures
+import kept_settings
+from chapter_6_tables import tables
+from frame_runs import bench, figures
+from loop_findings import TUNED_LAWS, found_by
+from mrwork.control.laws import ControlLaw
+from tried_settings import about, grid
+from tuning import Found, Tuned, control_law_of
+
+RECORDS = Path(os.environ.get("MRWORK_DATA", "../shared/data")) / "records"
+measured = pytest.mark.skipif(
+    not (RECORDS / "el_centro_1940_ns.csv").is_file(),
+    reason=f"no measured records in {RECORDS}; set MRWORK_DATA",
+)
+
+
+@pytest.fixture(scope="module")
+def found() -> dict[str, Any]:
+    return {**found_by(quick=True, records=RECORDS, tell=lambda doing: None), "seconds": 0.0}
+
+
+@measured
+def test_the_quick_form_finds_what_is_expected(found: dict[str, Any]) -> None:
+    assert departures.departures(found) == []
+
+
+@measured
+def test_every_table_names_its_rows_and_fills_them(found: dict[str, Any]) -> None:
+    for table in tables(found):
+        assert {len(row) for row in table.rows} == {len(table.header)}
+        assert all(row[0] for row in table.rows), table.title
+
+
+def test_every_law_has_a_setting_for_both_levels() -> None:
+    kept = kept_settings.kept()
+    assert set(TUNED_LAWS) <= set(kept)
+    for at_level in kept.values():
+        for tuned in at_level:
+            if tuned.law != "inverse_network":
+                assert control_law_of(tuned).name == tuned.law
+
+
+@measured
+def test_no_command_scores_one_and_a_failed_run_infinity() -> None:
+    over = bench(RECORDS, names=("Hachinohe",), threads=1)
+    none = figures(over, ControlLaw(name="passive", gains={"command": [0.0]}))
+    np.testing.assert_array_equal(none.score, 1.0)
+    unstable = figures(over, ControlLaw(name="active", gains={"gain": np.full((1, 10), -1e9)}))
+    np.testing.assert_array_equal(unstable.score, np.inf)
+
+
+def test_settings_are_kept_as_they_were_found(tmp_path: Path) -> None:
+    at_level = (
+        Tuned(law="lyapunov", settings={"state_weight": (1.0, 2.5)}, largest_current=1.2),
+        Tuned(law="lyapunov", settings={}, largest_current=1.88),
+    )
+    found = Found(at_level=at_level, scores=(0.5, 0.6), both=at_level[0], both_score=(0.5, 0.7), tried=2)
+    kept_settings.keep({"lyapunov": found}, tmp_path / "tuned.toml")
+    assert kept_settings.kept(tmp_path / "tuned.toml") == {"lyapunov": at_level}
+
+
+def test_steps_about_settings_leave_the_network_as_it_is() -> None:
+    first = grid("inverse_network")[0]
+    for moved in about(first, 5, np.random.default_rng(1)):
+        assert moved["amplitude"] == first["amplitude"]
+        assert moved["control_weight"] != first["control_weight"]
+
+
+def test_what_was_not_measured_is_not_judged() -> None:
+    assert departures.departures({}) == []
+
+
+def test_a_figure_outside_is_named() -> None:
+    expected = {"a": {"b": {"value": 1.0, "tolerance": 0.1}}, "c": {"most": 1.0}, "d": "diverged"}
+    found = {"a": {"b": 1.2}, "c": 2.0, "d": "finished"}
+    sentences = list(departures.compared("", found, expected))
+    assert [sentence.partition(" is ")[0] for sentence in sentences] == ["a, b", "c", "d"]
