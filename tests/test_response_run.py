@@ -112,6 +112,8 @@ def test_the_ideal_force_does_not_depend_on_how_many_dampers_it_replaces(path: P
         study = read_study(path, lambda run: pytest.fail(f"{run} is not asked for"))
         run = ran(study, tmp_path / f"journal{number}").runs[3, 1]
         scores.append((run.peak_drift.max(), run.peak_force.max()))
+        # What it is told is a force, not a current.
+        assert run.rms_current.size == run.mean_current.size == 0
     assert scores[1] == pytest.approx(scores[0], rel=1e-9)
     assert scores[2] == pytest.approx(scores[0], rel=1e-9)
 

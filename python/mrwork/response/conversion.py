@@ -21,6 +21,9 @@ def result_of(responses: Responses, run: int, arrangement: Arrangement) -> RunRe
     others = [number for number in arrangement.strokes if number < responses.peak_drift.shape[1]]
     stroke = responses.peak_stroke[run] if arrangement.devices else responses.peak_drift[run, others]
     devices = slice(len(arrangement.devices))
+    # An ideal actuator is told a force, which is no current.
+    active = arrangement.law is not None and arrangement.law.name == "active"
+    driven = slice(0) if active else devices
     return RunResult(
         outcome=Outcome(int(responses.outcome[run])).name.lower(),
         peak_displacement=responses.peak_displacement[run, floors],
@@ -33,8 +36,8 @@ def result_of(responses: Responses, run: int, arrangement: Arrangement) -> RunRe
         rms_base_shear=np.asarray(responses.rms_base_shear[run]),
         peak_force=responses.peak_force[run, devices],
         peak_stroke=stroke,
-        mean_current=responses.mean_current[run, devices],
-        rms_current=responses.rms_current[run, devices],
+        mean_current=responses.mean_current[run, driven],
+        rms_current=responses.rms_current[run, driven],
         input_energy=float(responses.input_energy[run]),
         kinetic_energy=float(responses.kinetic_energy[run]),
         strain_energy=float(responses.strain_energy[run]),
