@@ -16,8 +16,8 @@ from mrwork.bench.models import ModelBenchmark, row_of
 from mrwork.bench.timing import AGREEMENT
 from mrwork.bench.twin_peer import TwinVariant, prepare, twins_of
 from mrwork.cli import main
+from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import MrworkError, SettingError, UnknownNameError
-from mrwork.spec import DamperSpec, damper, dampers
 
 # Eleven candidates fill no block; sixty samples are enough for every term of a rate to count.
 BATCH, SAMPLES = 11, 60
@@ -29,7 +29,7 @@ LAYOUTS = [
 ]
 
 
-@pytest.mark.parametrize("spec", dampers(), ids=lambda spec: spec.name)
+@pytest.mark.parametrize("spec", damper_models(), ids=lambda spec: spec.name)
 def test_one_step_per_sample_resolves_every_candidate(spec: DamperSpec) -> None:
     workload = model_workload(spec, BATCH, SAMPLES)
     misfit, outcome, substeps = workload.misfits(threads=1)

@@ -12,8 +12,8 @@ from mrwork.bench.refine import bench_refine, format_refine
 from mrwork.bench.refine_job import RefineJob, joint_job, reference_job
 from mrwork.cli import main
 from mrwork.errors import SettingError
-from mrwork.identification.descent import descend
-from mrwork.identification.descents import descend_all
+from mrwork.identification.levenberg_marquardt import descend
+from mrwork.identification.levenberg_marquardt_batch import descend_all
 
 EXTRA = "is not installed; pip install 'mrwork[bench]'"
 
@@ -47,7 +47,7 @@ def test_numba_has_our_residuals(job: RefineJob, block: int, fastmath: bool, for
 
 
 def test_both_engines_meet_in_one_minimum(job: RefineJob) -> None:
-    from mrwork.identification.refine import refine
+    from mrwork.identification.levenberg_marquardt_twin import refine
 
     start = job.starts[0]
     scipy = descend(job.objective, job.box, start, max_evaluations=100)

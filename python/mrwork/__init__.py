@@ -17,16 +17,16 @@ if TYPE_CHECKING:
     from mrwork.closed_loop.responses import Responses
     from mrwork.closed_loop.simulate import simulate_loop
     from mrwork.control.laws import ControlLaw
-    from mrwork.coordinates import Box
+    from mrwork.dampers.coordinates import Box
+    from mrwork.dampers.spec import DamperSpec, damper, damper_models
     from mrwork.errors import MrworkError
     from mrwork.identification.fit import Fit
     from mrwork.identification.identify import identify
     from mrwork.identification.warm_start import start_from
-    from mrwork.journal import Journal
     from mrwork.motions import GroundMotion, read_motion, read_motions, response_spectrum, synthetic_motion
     from mrwork.records import DamperTest, read_damper_test, read_damper_tests
     from mrwork.simulate import Loading, simulate_force
-    from mrwork.spec import DamperSpec, damper, dampers
+    from mrwork.store import Journal
     from mrwork.synthetic import synthetic_test
     from mrwork.uncertainty.bands.conformal import Calibration, calibrate
     from mrwork.uncertainty.bands.prediction import Prediction, predict_test
@@ -39,19 +39,19 @@ if TYPE_CHECKING:
     from mrwork.uncertainty.posterior.sample import sample_posterior
 
 _HOME = {
-    "Box": "mrwork.coordinates",
+    "Box": "mrwork.dampers.coordinates",
     "Building": "mrwork.buildings.building",
     "Calibration": "mrwork.uncertainty.bands.conformal",
     "Choice": "mrwork.uncertainty.choice.comparison",
     "ControlLaw": "mrwork.control.laws",
-    "DamperSpec": "mrwork.spec",
+    "DamperSpec": "mrwork.dampers.spec",
     "DamperTest": "mrwork.records",
     "Device": "mrwork.closed_loop.devices",
     "Draws": "mrwork.uncertainty.posterior.draws",
     "Fit": "mrwork.identification.fit",
     "GroundMotion": "mrwork.motions",
     "Hardware": "mrwork.closed_loop.hardware",
-    "Journal": "mrwork.journal",
+    "Journal": "mrwork.store",
     "Loading": "mrwork.simulate",
     "MrworkError": "mrwork.errors",
     "Prediction": "mrwork.uncertainty.bands.prediction",
@@ -59,8 +59,8 @@ _HOME = {
     "building": "mrwork.buildings.published",
     "calibrate": "mrwork.uncertainty.bands.conformal",
     "choose_model": "mrwork.uncertainty.choice.choose",
-    "damper": "mrwork.spec",
-    "dampers": "mrwork.spec",
+    "damper": "mrwork.dampers.spec",
+    "dampers": "mrwork.dampers.spec",
     "identifiability_of": "mrwork.uncertainty.identifiability.verdicts",
     "identify": "mrwork.identification.identify",
     "plan_next_test": "mrwork.uncertainty.planning.plan",

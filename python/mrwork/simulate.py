@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
+from mrwork.dampers.parameters import CommandUnit
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError, SimulationError
-from mrwork.parameters import CommandUnit
 from mrwork.records import DamperTest
-from mrwork.spec import DamperSpec
 
 
 class Outcome(IntEnum):

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrwork.dampers.spec import damper
 from mrwork.errors import UnknownNameError
 from mrwork.records import DamperTest, build_damper_test
 from mrwork.simulate import Loading, simulate_force
-from mrwork.spec import damper
 
 _DT = 1e-3
 _FORCE_NOISE_N = 8.0

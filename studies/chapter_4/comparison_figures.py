@@ -9,7 +9,7 @@ from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator, StrMethodF
 
 from decay import at_budget, evaluations_to
 from findings import QUANTILES, Comparison, Trial
-from mrwork.identification.judge import judge
+from mrwork.identification.free_run import judge
 from mrwork.report import style
 from mrwork.report.study_figure import SMALL, WIDE, blank, finish, finish_loop, tested_points
 from search_cells import Floats

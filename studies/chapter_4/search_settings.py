@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import mrwork as mr
-from mrwork.coordinates import Box
-from mrwork.identification.explore import search_box
+from mrwork.dampers.coordinates import Box
+from mrwork.identification.search_ranges import search_box
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, EliteRule, ParticleSwarm, StandardGA, StopRules
 from mrwork.search.loop import Optimiser

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 import mrwork as mr
 from damper_tests import SIDE_M, STATIC_LAWS, TestSet
+from mrwork.dampers.parameters import LawName
+from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.fit import Fit
-from mrwork.identification.judge import judge
-from mrwork.parameters import LawName
+from mrwork.identification.free_run import judge
 from mrwork.search import EfficientGA
-from mrwork.spec import DamperSpec
 
 Floats = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import mrwork as mr
-from mrwork.parameters import LawName
+from mrwork.dampers.parameters import LawName
+from mrwork.dampers.spec import DamperSpec
 from mrwork.records import AS_IT_IS, DamperTest, Observation, build_damper_test, detect_smoothing
 from mrwork.records.window import cut
-from mrwork.spec import DamperSpec
 
 Floats = NDArray[np.float64]
 

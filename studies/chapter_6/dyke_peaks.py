@@ -17,8 +17,8 @@ from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws import ControlLaw
 from mrwork.control.plant import plant_of
 from mrwork.control.published_regulators import published_regulator, regulator_as_published
+from mrwork.dampers.spec import damper
 from mrwork.motions import GroundMotion, read_motion, time_scaled
-from mrwork.spec import damper
 
 Floats = NDArray[np.float64]
 

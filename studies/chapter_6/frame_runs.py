@@ -17,8 +17,8 @@ from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import Responses
 from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws import ControlLaw
+from mrwork.dampers.spec import damper
 from mrwork.motions import GroundMotion, read_motion, scaled_to_peak, trimmed
-from mrwork.spec import damper
 
 Floats = NDArray[np.float64]
 

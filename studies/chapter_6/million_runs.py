@@ -17,8 +17,8 @@ from mrwork.closed_loop.devices import Device
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws import ControlLaw
+from mrwork.dampers.spec import damper
 from mrwork.motions import synthetic_motion, trimmed
-from mrwork.spec import damper
 
 
 def main() -> None:

@@ -12,9 +12,9 @@ from frame_runs import FRAME, LARGEST_CURRENT, LEVELS, Bench, Figures, figures, 
 from mrwork.closed_loop.devices import Device
 from mrwork.control.laws import ControlLaw, control_law
 from mrwork.errors import SettingError
-from mrwork.response.declared import Place, built
-from mrwork.response.law_designs import Design, Subject, designed
-from mrwork.response.law_settings import SETTINGS
+from mrwork.study.declared import Place, built
+from mrwork.study.law_designs import Design, Subject, designed
+from mrwork.study.law_settings import SETTINGS
 from tried_settings import CURRENTS, MANY_CURRENTS, NETWORK, Settings, about, grid
 
 _STEPS_ABOUT = 48

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from mrwork.dampers.spec import damper
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify
 from mrwork.records import DamperTest
-from mrwork.spec import damper
 from mrwork.uncertainty.bands.band import Band
 from mrwork.uncertainty.bands.conformal import calibrate
 from mrwork.uncertainty.bands.left_out import Fold, LeftOut, predict_left_out

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chisquare
 
-from mrwork.coordinates import Box
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.identification.identify import identify
 from mrwork.records import DamperTest, build_damper_test
 from mrwork.simulate import Loading, simulate_force
-from mrwork.spec import DamperSpec, damper
 from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.parametric import noise_band, simulate_draws
 from mrwork.uncertainty.noise import Noise, noise_model

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from any_model import twin_force
 from batch import PRESET, forces
 from mrwork._rust import LoadingHistory
+from mrwork.dampers.spec import damper
 from mrwork.simulate import simulate_forces
-from mrwork.spec import damper
 from mrwork.twins._base import simulate
 from record import random_record
 

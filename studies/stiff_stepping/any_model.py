@@ -11,7 +11,7 @@ from jax import Array
 
 from batch import motion_table
 from mrwork._rust import LoadingHistory
-from mrwork.spec import DamperSpec
+from mrwork.dampers.spec import DamperSpec
 from mrwork.twins._base import twin_of
 from steppers import ENDS, GAMMA_ROS2
 

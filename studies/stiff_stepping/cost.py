@@ -11,7 +11,7 @@ import numpy as np
 
 from batch import BLOCK, PRESET, kernel, motion_table, scaled
 from mrwork import _rust
-from mrwork.spec import damper
+from mrwork.dampers.spec import damper
 from record import random_record
 from steppers import TIMES, steppers
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from accuracy import TOLERANCE, derivative_error, model_errors, preset_error, scattered_errors
 from cost import core_nanoseconds, counted, nanoseconds
-from mrwork.spec import dampers
+from mrwork.dampers.spec import damper_models
 from steppers import TIMES
 
 HERE = Path(__file__).parent
@@ -63,7 +63,7 @@ def run() -> dict[str, Any]:
         for method, errors in scattered_errors(GENERAL, FACTORS, 256).items()
     }
     models: dict[str, dict[str, Any]] = {}
-    for spec in dampers():
+    for spec in damper_models():
         if spec.n_states > 0:
             models[spec.name] = {}
             for rate in RATES:

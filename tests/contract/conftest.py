@@ -6,12 +6,12 @@ import pytest
 from damper_samples import MOTIONS
 
 from mrwork import _rust
-from mrwork.spec import dampers
+from mrwork.dampers.spec import damper_models
 
 INSTRUCTION_SET = "MRWORK_INSTRUCTION_SET"
 
 
-@pytest.fixture(params=dampers(), ids=lambda spec: spec.name)
+@pytest.fixture(params=damper_models(), ids=lambda spec: spec.name)
 def spec(request):
     """Every registered damper model in turn."""
     return request.param

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import mrwork.twins._base  # noqa: F401  (sets double precision)
-from mrwork.coordinates import Box
+from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError
 
 

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from damper_samples import DT, sine
 
+from mrwork.dampers.presets import PUBLISHED_SETS
+from mrwork.dampers.spec import damper, damper_models
 from mrwork.errors import UnknownNameError
-from mrwork.presets import PUBLISHED_SETS
 from mrwork.simulate import Loading, simulate_force
-from mrwork.spec import damper, dampers
 from mrwork.twins._base import parameters_at
 
 
 def presets():
-    return [spec.preset(name) for spec in dampers() for name in spec.presets]
+    return [spec.preset(name) for spec in damper_models() for name in spec.presets]
 
 
 @pytest.fixture(params=presets(), ids=lambda preset: f"{preset.spec.name}-{preset.name}")
@@ -26,7 +26,7 @@ def preset(request):
 
 
 def test_every_published_set_belongs_to_a_model():
-    assert {entry.model for entry in PUBLISHED_SETS} <= {spec.name for spec in dampers()}
+    assert {entry.model for entry in PUBLISHED_SETS} <= {spec.name for spec in damper_models()}
     assert len(presets()) == len(PUBLISHED_SETS)
 
 

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 from damper_samples import noise, noise_free_test
 
-from mrwork.coordinates import Box
+from mrwork.dampers.coordinates import Box
+from mrwork.identification.levenberg_marquardt_twin import refine
 from mrwork.identification.objective import Objective
-from mrwork.identification.refine import refine
 from mrwork.identification.standard_error import jacobian
 
 # 0.3 s of motion in a wide band feel every parameter.

@@ -8,7 +8,7 @@ import re
 import numpy as np
 
 from mrwork import _rust
-from mrwork.spec import dampers
+from mrwork.dampers.spec import damper_models
 
 # SI units and their products; a new one is added here when a model needs it, not by a slip of the pen.
 UNITS = {"1", "m", "1/m", "m^-n", "s", "1/s", "m/s", "s/m", "N", "N/m", "N s/m"}
@@ -17,7 +17,7 @@ FLOPS_CEILING = 500
 
 
 def test_names_are_unique_identifiers():
-    names = [spec.name for spec in dampers()]
+    names = [spec.name for spec in damper_models()]
     assert len(set(names)) == len(names)
     assert all(name.isidentifier() and name == name.lower() for name in names)
 

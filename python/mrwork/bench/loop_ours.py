@@ -13,9 +13,9 @@ from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import Responses
 from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws import ControlLaw
+from mrwork.dampers.spec import damper
 from mrwork.errors import MrworkError
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.spec import damper
 
 
 def prepare(workload: LoopWorkload, threads: int) -> Callable[[], Floats]:

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_are
 
 from mrwork.buildings.published import building
+from mrwork.dampers.presets import PUBLISHED_SETS
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.synthetic import synthetic_motion
-from mrwork.presets import PUBLISHED_SETS
 from mrwork.twins.loop.ground import half_steps
 
 Floats = NDArray[np.float64]

@@ -15,8 +15,8 @@ from mrwork.bench.model_workload import SUBSTEPS, ModelWorkload, model_workload
 from mrwork.bench.processes import pin, tell
 from mrwork.bench.timing import TURN_SECONDS, Peer, V, fastest_variant, time_in_turns
 from mrwork.bench.workload import Run
+from mrwork.dampers.spec import damper
 from mrwork.errors import MrworkError
-from mrwork.spec import damper
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

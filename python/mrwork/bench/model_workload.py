@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from mrwork import _rust
 from mrwork.bench.workload import DT, N_TIME, displacement_record, measured_force
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import MrworkError
-from mrwork.spec import DamperSpec
 
 # Wide enough that no exponent is whole, which we would raise by products alone.
 SPREAD = 0.1

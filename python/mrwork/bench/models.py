@@ -9,8 +9,8 @@ from typing import Any
 from mrwork.bench.model_worker import ModelMeasurement
 from mrwork.bench.processes import cores_for, run_worker
 from mrwork.bench.workload import N_TIME
+from mrwork.dampers.spec import damper, damper_models
 from mrwork.errors import SettingError
-from mrwork.spec import damper, dampers
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +90,7 @@ def bench_models(
     MrworkError
         If a twin's misfits differ from ours or a process fails.
     """
-    names = [damper(name).name for name in models] or [spec.name for spec in dampers()]
+    names = [damper(name).name for name in models] or [spec.name for spec in damper_models()]
     if not threads or min(*threads, batch, rounds) < 1 or n_time < 4:
         raise SettingError("`batch`, `threads` and `rounds` must be 1 or more, `n_time` 4 or more")
     cores = cores_for(threads)

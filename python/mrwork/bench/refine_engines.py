@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.bench.refine_job import RefineJob
-from mrwork.identification.descent import descend
-from mrwork.identification.descents import descend_all
+from mrwork.identification.levenberg_marquardt import descend
+from mrwork.identification.levenberg_marquardt_batch import descend_all
 
 Array = NDArray[np.float64]
 _MOST = 100
@@ -55,7 +55,7 @@ def engines(job: RefineJob, *, twin: bool, peer: Callable[[Array], Array] | None
         return descend_all(objective, box, starts, max_iterations=_MOST).misfit
 
     def optimistix(starts: Array) -> Array:
-        from mrwork.identification.refine import refine
+        from mrwork.identification.levenberg_marquardt_twin import refine
 
         return np.array([refine(objective, box, start).misfit for start in starts])
 

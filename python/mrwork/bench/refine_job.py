@@ -13,17 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.bench.search_job import REFERENCE, data_folder, record
-from mrwork.coordinates import Box
-from mrwork.identification.descents import descend_all
-from mrwork.identification.explore import search_box
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.parameters import LawName
+from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.identification.levenberg_marquardt_batch import descend_all
 from mrwork.identification.objective import Objective
+from mrwork.identification.search_ranges import search_box
 from mrwork.identification.starts import LevelFit, joint_starts, levels_of
-from mrwork.parameters import LawName
 from mrwork.records import DamperTest, read_damper_tests, repair
 from mrwork.records.window import cut
 from mrwork.search.cube import latin_hypercube
 from mrwork.search.streams import Streams
-from mrwork.spec import DamperSpec, damper
 
 MODEL = "normalised_bouc_wen"
 LAWS: dict[str, LawName] = {"k_w": "cubic", "c": "linear"}

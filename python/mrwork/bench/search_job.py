@@ -17,13 +17,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.coordinates import Box
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import RecordError
-from mrwork.identification.explore import search_box
 from mrwork.identification.objective import Objective
+from mrwork.identification.search_ranges import search_box
 from mrwork.records import DamperTest, read_damper_test
 from mrwork.records.window import cut
-from mrwork.spec import DamperSpec, damper
 from mrwork.synthetic import synthetic_test
 
 MODEL = "non_symmetric_bouc_wen"

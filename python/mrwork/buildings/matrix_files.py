@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from mrwork.records.matlab import read_matlab_matrices
+from mrwork.records.formats.matlab import read_matlab_matrices
 
 Floats = NDArray[np.float64]
 

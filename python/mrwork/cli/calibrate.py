@@ -11,16 +11,16 @@ from typing import Any, get_args
 
 import numpy as np
 
-from mrwork.cli.dossier import renew_dossier
 from mrwork.cli.observe import add_observation, nuisances_of, observed
 from mrwork.cli.options import add_files, add_json, read_tests
 from mrwork.cli.progress import ProgressLine
+from mrwork.cli.run_page import renew_dossier
 from mrwork.errors import SettingError
-from mrwork.identification.again import identify_again
 from mrwork.identification.fit import Fit
+from mrwork.identification.refit import identify_again
 from mrwork.records import DamperTest
 from mrwork.report.calibration_json import write_calibration
-from mrwork.report.dossier.predictions import write_predictions
+from mrwork.report.fit.predictions import write_predictions
 from mrwork.report.folds import Folds
 from mrwork.report.reopen import reopen
 from mrwork.report.run_directory import CALIBRATION, read_fit

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.cli.options import add_json
-from mrwork.convert import (
+from mrwork.dampers.conversions import (
     OpenSeesBoucWen,
     bouc_wen_from_normalised,
     bouc_wen_from_opensees,
@@ -23,8 +23,8 @@ from mrwork.convert import (
     rescaled_bouc_wen,
     solver_remarks,
 )
+from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
-from mrwork.spec import damper
 
 Convention = Literal["spencer", "normalised", "opensees"]
 

@@ -10,12 +10,12 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrwork.dampers.spec import damper
 from mrwork.identification.fit import Fit
 from mrwork.identification.reading import Reading
 from mrwork.records import DamperTest
 from mrwork.report.reopen import READING
 from mrwork.report.run_directory import write_run
-from mrwork.spec import damper
 
 if TYPE_CHECKING:
     from mrwork.uncertainty.choice.verdict import Ranking
@@ -71,8 +71,8 @@ def write_identification(
         )
         return
     # Matplotlib is slow to load and needed for reports only.
-    from mrwork.report.dossier.page import comparisons_of, dossier_page
     from mrwork.report.figures import run_figures
+    from mrwork.report.fit.page import comparisons_of, dossier_page
 
     comparisons = comparisons_of(fit, tests)
     figures = run_figures(fit, comparisons)

@@ -23,6 +23,7 @@ from mrwork.cli.laws import command_unit, laws_of
 from mrwork.cli.observe import add_observation, nuisances_of, observed
 from mrwork.cli.options import add_files, add_json, parse_bounds, reading_of
 from mrwork.cli.progress import ProgressLine
+from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
 from mrwork.identification.fit import Engine
 from mrwork.identification.identify import IdentificationInterrupted, identify
@@ -32,7 +33,6 @@ from mrwork.records import DamperTest
 from mrwork.report.run_directory import check_destination, read_fit
 from mrwork.report.unfinished import begin_journal, discard_journal, is_copy, resume_journal
 from mrwork.search import EfficientGA
-from mrwork.spec import DamperSpec, damper
 
 
 def add_parser(verbs: Any) -> None:

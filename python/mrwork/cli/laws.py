@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
+from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.errors import SettingError
-from mrwork.parameters import CommandUnit, LawName
 from mrwork.records import DamperTest
 
 

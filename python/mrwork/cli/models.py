@@ -8,7 +8,7 @@ from dataclasses import asdict
 from typing import Any
 
 from mrwork.cli.options import add_json
-from mrwork.spec import DamperSpec, Preset, damper, dampers
+from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 
 
 def add_parser(verbs: Any) -> None:
@@ -23,10 +23,10 @@ def run(options: argparse.Namespace) -> int:
     """Print the list or the model."""
     if options.name is None:
         if options.json:
-            print(json.dumps({"models": [_as_dict(spec) for spec in dampers()]}))
+            print(json.dumps({"models": [_as_dict(spec) for spec in damper_models()]}))
             return 0
-        width = max(len(spec.name) for spec in dampers())
-        for spec in dampers():
+        width = max(len(spec.name) for spec in damper_models())
+        for spec in damper_models():
             print(f"{spec.name:<{width}}  {len(spec.parameters)} parameters  {spec.title}")
         return 0
     spec = damper(options.name)

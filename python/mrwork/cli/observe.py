@@ -9,8 +9,8 @@ from typing import get_args
 from mrwork.errors import SettingError
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.records import DamperTest, Observation
+from mrwork.records.detectors.smoothing import detect_smoothing
 from mrwork.records.motion import spectrum
-from mrwork.records.smoothing import detect_smoothing
 
 _FIELDS = {
     "average": "average_seconds",

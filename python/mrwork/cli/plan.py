@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.cli.dossier import renew_dossier
 from mrwork.cli.options import add_json
+from mrwork.cli.run_page import renew_dossier
+from mrwork.dampers.parameters import CommandUnit
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
-from mrwork.parameters import CommandUnit
 from mrwork.report.additions import add_to_run
 from mrwork.report.fit_json import json_document
 from mrwork.report.reopen import OpenedRun, reopen

@@ -11,7 +11,7 @@ import numpy as np
 
 from mrwork.cli.observe import add_observation, nuisances_of, observed
 from mrwork.cli.options import add_files, add_json, read_tests
-from mrwork.identification.judge import judge
+from mrwork.identification.free_run import judge
 from mrwork.report.calibration_json import read_calibration
 from mrwork.report.run_directory import read_fit
 from mrwork.uncertainty.bands.band import score

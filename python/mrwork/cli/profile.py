@@ -10,8 +10,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrwork.cli.dossier import renew_dossier
 from mrwork.cli.options import add_json
+from mrwork.cli.run_page import renew_dossier
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.verdict import Identifiability

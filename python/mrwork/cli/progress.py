@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from mrwork.identification.run import Progress
 
 if TYPE_CHECKING:
-    from mrwork.response.run import StudyProgress
+    from mrwork.study.run import StudyProgress
     from mrwork.uncertainty.choice.comparison import ChoiceProgress
     from mrwork.uncertainty.posterior.sample import SamplingProgress
 

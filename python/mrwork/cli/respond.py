@@ -17,14 +17,14 @@ from mrwork.cli.identified import note
 from mrwork.cli.options import add_json
 from mrwork.cli.progress import StudyLine
 from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
-from mrwork.journal import digest_of
+from mrwork.store import digest_of
 
 if TYPE_CHECKING:
-    from mrwork.journal import Journal
-    from mrwork.report.response.stored_histories import Histories
-    from mrwork.response.results import StudyResults
-    from mrwork.response.study import Study
-    from mrwork.spec import DamperSpec
+    from mrwork.dampers.spec import DamperSpec
+    from mrwork.report.study.stored_histories import Histories
+    from mrwork.store import Journal
+    from mrwork.study.results import StudyResults
+    from mrwork.study.study import Study
 
 
 def add_parser(verbs: Any) -> None:
@@ -70,11 +70,11 @@ def run(options: argparse.Namespace) -> int:
             f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
         )
     # SciPy and the simulation are slow to load.
-    from mrwork.report.response.stored_histories import Histories
     from mrwork.report.run_directory import check_destination
+    from mrwork.report.study.stored_histories import Histories
     from mrwork.report.unfinished import begin_journal, discard_journal, is_copy, resume_journal
-    from mrwork.response.reading import read_study
-    from mrwork.response.run import StudyInterrupted, run_study
+    from mrwork.study.reading import read_study
+    from mrwork.study.run import StudyInterrupted, run_study
 
     began = time.perf_counter()
     study = read_study(options.study, _identified, seed=options.seed)
@@ -117,10 +117,10 @@ def run(options: argparse.Namespace) -> int:
 
 def _asked_for(options: argparse.Namespace) -> str:
     if options.schema:
-        from mrwork.response.print_schema import schema_text
+        from mrwork.study.print_schema import schema_text
 
         return schema_text()
-    from mrwork.response.control_laws import laws_text
+    from mrwork.study.control_laws import laws_text
 
     return laws_text()
 
@@ -141,8 +141,8 @@ def _write(
     journal: Journal,
     seconds: float,
 ) -> None:
-    from mrwork.report.response.page import study_page
-    from mrwork.report.response.study_directory import write_study
+    from mrwork.report.study.page import study_page
+    from mrwork.report.study.study_directory import write_study
 
     command = shlex.join(["mrwork", *sys.argv[1:]])
     manifest = {
@@ -180,7 +180,7 @@ def _write(
 
 def _said(results: StudyResults, place: Path, *, as_json: bool) -> str:
     from mrwork.cli.respond_text import study_text
-    from mrwork.report.response.study_json import study_document
+    from mrwork.report.study.study_json import study_document
 
     if not as_json:
         return study_text(results, place)

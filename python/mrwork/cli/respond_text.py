@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
-from mrwork.response.results import OFF_BALANCE, Kind, StudyResults
-from mrwork.response.step_check import ON_OFF, step_changes
+from mrwork.study.results import OFF_BALANCE, Kind, StudyResults
+from mrwork.study.step_check import ON_OFF, step_changes
 
 _SHOWN = (
     ("peak_drift", "drift"),

@@ -10,9 +10,9 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrwork.cli.dossier import renew_dossier
 from mrwork.cli.options import add_json
 from mrwork.cli.progress import SamplingLine
+from mrwork.cli.run_page import renew_dossier
 from mrwork.errors import OutputError, SettingError
 from mrwork.report.reopen import reopen
 from mrwork.report.run_directory import CHAIN, DRAWS

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
-from mrwork.spec import DamperSpec
 
 Floats = NDArray[np.float64]
 

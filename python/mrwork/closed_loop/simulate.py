@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from mrwork import _rust
 from mrwork.buildings.building import Building
+from mrwork.closed_loop.core_arguments import curve_of, dampers_of, matrices_of
 from mrwork.closed_loop.devices import Device
-from mrwork.closed_loop.for_core import curve_of, dampers_of, matrices_of
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.observed import observer_arrays
 from mrwork.closed_loop.responses import History, Responses

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.parameters import CommandUnit
+from mrwork.dampers.parameters import CommandUnit
 from mrwork.simulate import Loading
 
 Floats = NDArray[np.float64]

@@ -11,9 +11,9 @@ from scipy.optimize import least_squares
 
 from mrwork.control.excitation import random_loading
 from mrwork.control.inverse_samples import N_SAMPLES, InverseSamples, known, network_inputs, samples_shown
+from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.simulate import Loading, simulate_force
-from mrwork.spec import DamperSpec, damper
 
 Floats = NDArray[np.float64]
 

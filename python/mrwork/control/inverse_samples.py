@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.simulate import Loading, simulate_force
-from mrwork.spec import DamperSpec
 
 Floats = NDArray[np.float64]
 

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.spec import DamperSpec
 
 Floats = NDArray[np.float64]
 Shape = Literal["device", "state"]

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import least_squares, lsq_linear
 
+from mrwork.dampers.parameters import LawName
+from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
-from mrwork.parameters import LawName
 from mrwork.simulate import Loading, simulate_force
-from mrwork.spec import DamperSpec, damper
 
 Floats = NDArray[np.float64]
 

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from mrwork.convert import (
+from mrwork.dampers.conversions import (
     bouc_wen_from_normalised,
     modified_bouc_wen_from_normalised,
     normalised_from_bouc_wen,
     normalised_from_modified_bouc_wen,
 )
-from mrwork.coordinates import Box
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
-from mrwork.spec import DamperSpec, damper
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,10 +8,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.coordinates import Box
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import Estimate
-from mrwork.spec import DamperSpec
 
 # Closer to a face of the box than this share of its width is on it.
 _ON_BOUND = 1e-4

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+from mrwork.dampers.parameters import CurrentLaws
+from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
 from mrwork.identification.verdict import Identifiability
-from mrwork.parameters import CurrentLaws
 from mrwork.records import AS_IT_IS, Observation
-from mrwork.spec import DamperSpec, damper
 
 FitStatus = Literal["converged", "not_converged", "interrupted", "stopped"]
 # Where the last descent runs: in lanes, with derivatives of dual numbers, or on the JAX twin.

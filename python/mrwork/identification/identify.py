@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.equivalent import identifiable_form
-from mrwork.identification.exploration import ExplorationInterrupted, explore
 from mrwork.identification.fit import Engine, Fit, FitStatus, SearchTrace
+from mrwork.identification.global_search import ExplorationInterrupted, explore
 from mrwork.identification.interruptible import interruptible
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import NuisanceName, offsets_left_to
@@ -21,13 +22,12 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.provenance import premises_of
 from mrwork.identification.run import Progress, Run, Stage, Unit
 from mrwork.identification.warm_start import Start, check_starts, with_starts
-from mrwork.journal import Journal
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA
-from mrwork.spec import DamperSpec, damper
+from mrwork.store import Journal
 
 if TYPE_CHECKING:
-    from mrwork.identification.descent import Descended
+    from mrwork.identification.levenberg_marquardt import Descended
     from mrwork.identification.polish import Polished
 
 

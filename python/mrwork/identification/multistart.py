@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.coordinates import Box
+from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError
-from mrwork.identification.descents import Minima, descend_all
+from mrwork.identification.levenberg_marquardt_batch import Minima, descend_all
 from mrwork.identification.objective import Objective
 from mrwork.search.cube import latin_hypercube
 from mrwork.search.streams import Streams

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.spec import DamperSpec
+from mrwork.dampers.spec import DamperSpec
 
 NuisanceName = Literal["offset", "level", "delay"]
 

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork import _rust
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.identification.nuisance import NuisanceName, without_nuisance
-from mrwork.journal import Journal, digest_of
 from mrwork.records import AS_IT_IS, DamperTest
 from mrwork.simulate import (
     Misfits,
@@ -21,7 +21,7 @@ from mrwork.simulate import (
     simulate_forces,
     simulate_misfits,
 )
-from mrwork.spec import DamperSpec
+from mrwork.store import Journal, digest_of
 
 # Rows whose residuals are held in memory at once where a misfit needs the whole history.
 _ROWS = 64

@@ -9,11 +9,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.identification.descent import Descended, descend
-from mrwork.identification.descents import descend_all
 from mrwork.identification.equivalent import Form
-from mrwork.identification.exploration import Exploration
 from mrwork.identification.fit import Engine
+from mrwork.identification.global_search import Exploration
+from mrwork.identification.levenberg_marquardt import Descended, descend
+from mrwork.identification.levenberg_marquardt_batch import descend_all
 from mrwork.identification.objective import Objective
 from mrwork.identification.screen import best_few
 from mrwork.identification.standard_error import jacobian, standard_errors
@@ -91,7 +91,7 @@ def _one_by_one(objective: Objective, form: Form, starts: NDArray[np.float64], o
 
 def _on_the_twin(objective: Objective, form: Form, starts: NDArray[np.float64], on_step: OnStep) -> Descended:
     # JAX is slow to load, and needed here only.
-    from mrwork.identification.refine import refine
+    from mrwork.identification.levenberg_marquardt_twin import refine
 
     refinements = (refine(objective, form.box, start, on_step=on_step) for start in starts)
     refined = min(refinements, key=lambda refined: refined.misfit)

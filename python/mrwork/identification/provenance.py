@@ -9,13 +9,13 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 
 from mrwork import _rust
+from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.fit import Engine, Provenance
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import NuisanceName
-from mrwork.journal import digest_of
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA
-from mrwork.spec import DamperSpec
+from mrwork.store import digest_of
 
 _PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
 

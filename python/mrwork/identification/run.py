@@ -10,15 +10,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.equivalent import Form
 from mrwork.identification.estimate import estimates_of
 from mrwork.identification.fit import Engine, ErrorNorms, Fit, FitStatus, SearchTrace
-from mrwork.identification.judge import judge
+from mrwork.identification.free_run import judge
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.objective import Objective
 from mrwork.identification.provenance import provenance_of
 from mrwork.search import EfficientGA
-from mrwork.spec import DamperSpec
 
 Stage = Literal["search", "screening", "refinement"]
 Unit = Literal["simulations", "%", "steps"]

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.coordinates import Box
-from mrwork.identification.descent import Descended, descend
+from mrwork.dampers.coordinates import Box
+from mrwork.identification.levenberg_marquardt import Descended, descend
 from mrwork.identification.multistart import distinct_minima
 from mrwork.identification.objective import Objective
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.coordinates import Box
+from mrwork.dampers.coordinates import Box
 from mrwork.identification.equivalent import Form
 from mrwork.identification.estimate import remark_of
 from mrwork.identification.linearisation import linearised

@@ -8,17 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.coordinates import Box
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.parameters import LawName
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
-from mrwork.identification.descent import Descended, descend
-from mrwork.identification.explore import search_box
+from mrwork.identification.levenberg_marquardt import Descended, descend
 from mrwork.identification.objective import Objective
-from mrwork.parameters import LawName
+from mrwork.identification.search_ranges import search_box
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, GAState, SearchResult, run_search
 from mrwork.search.loop import GenerationEvent
 from mrwork.simulate import loading_of
-from mrwork.spec import DamperSpec
 
 # Starts that are descended from at each command; how far, and how far the best of them.
 _STARTS = 12

@@ -9,12 +9,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.objective import Objective, weight_of
 from mrwork.records import AS_IT_IS
 from mrwork.simulate import loading_of
-from mrwork.spec import DamperSpec
 from mrwork.twins._base import simulate
 
 

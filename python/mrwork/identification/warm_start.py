@@ -8,12 +8,12 @@ from math import isfinite
 
 import numpy as np
 
+from mrwork.dampers.parameters import LawName
+from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import Form
-from mrwork.identification.exploration import Exploration
 from mrwork.identification.fit import Fit
-from mrwork.parameters import LawName
-from mrwork.spec import DamperSpec, damper
+from mrwork.identification.global_search import Exploration
 
 # Laws that a law becomes by adding coefficients that change nothing.
 _RAISED: Mapping[LawName, tuple[LawName, ...]] = {

@@ -11,15 +11,15 @@ from typing import Final
 import numpy as np
 
 from mrwork.errors import RecordError
-from mrwork.motions.at2 import PEER_AT2, refuse_false_at2
-from mrwork.motions.cosmos import COSMOS
-from mrwork.motions.esm import ESM
-from mrwork.motions.format import Format, Stated, refuse_absurd, refuse_needless
+from mrwork.motions.formats.at2 import PEER_AT2, refuse_false_at2
+from mrwork.motions.formats.cosmos import COSMOS
+from mrwork.motions.formats.esm import ESM
+from mrwork.motions.formats.format import Format, Stated, refuse_absurd, refuse_needless
+from mrwork.motions.formats.knet import K_NET
+from mrwork.motions.formats.lines import open_lines
+from mrwork.motions.formats.matrix import read_matrix_motion
+from mrwork.motions.formats.table import TABLE
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.motions.knet import K_NET
-from mrwork.motions.lines import open_lines
-from mrwork.motions.matrix import read_matrix_motion
-from mrwork.motions.table import TABLE
 from mrwork.records.files import check_is_file
 
 # Each knows its own by content; a table is what is left.

@@ -5,11 +5,11 @@ from __future__ import annotations
 from mrwork.records.build import build_damper_test
 from mrwork.records.columns import parse_column_option
 from mrwork.records.damper_test import DamperTest, Finding, Measured
-from mrwork.records.labels import mislabelled
+from mrwork.records.detectors.labels import mislabelled
+from mrwork.records.detectors.smoothing import Smoothing, detect_smoothing
 from mrwork.records.observation import AS_IT_IS, Observation
 from mrwork.records.read import read_damper_test, read_damper_tests
 from mrwork.records.repair import repair
-from mrwork.records.smoothing import Smoothing, detect_smoothing
 
 __all__ = [
     "AS_IT_IS",

@@ -13,10 +13,10 @@ from mrwork.errors import RecordError
 from mrwork.records import checks
 from mrwork.records.command import constant_command, motion_matches_name
 from mrwork.records.damper_test import DamperTest, Finding, frozen
-from mrwork.records.examine import examine
+from mrwork.records.detectors.examine import examine
+from mrwork.records.detectors.velocity import velocity_agrees
 from mrwork.records.motion import Smoother, spectrum
 from mrwork.records.sampling import Signals, check_time, complete_rows, uniform_step
-from mrwork.records.velocity import velocity_agrees
 from mrwork.records.window import settling_samples
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from mrwork.errors import RecordError
-from mrwork.records.delimited import open_delimited
+from mrwork.records.formats.delimited import open_delimited
 from mrwork.records.table import Table
 
 
@@ -25,11 +25,11 @@ def open_table(path: Path) -> Table:
             return open_delimited(path, source)
         if extension == ".mat":
             # scipy.io is only worth its import time when there is a .mat file.
-            from mrwork.records.matlab import open_matlab
+            from mrwork.records.formats.matlab import open_matlab
 
             return open_matlab(path, source)
         if extension in (".parquet", ".pq"):
-            from mrwork.records.parquet import open_parquet
+            from mrwork.records.formats.parquet import open_parquet
 
             return open_parquet(path, source)
     except OSError as error:

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 from mrwork.identification.fit import Fit
-from mrwork.journal import digest_of
 from mrwork.records import DamperTest
 from mrwork.report.additions import add_to_run
 from mrwork.report.fit_json import fit_from_json
 from mrwork.report.run_directory import FOLDS
+from mrwork.store import digest_of
 
 
 class Folds:

@@ -17,8 +17,8 @@ from mrwork.records.damper_test import DamperTest, Finding
 from mrwork.report import figures, numbers, style, tables
 from mrwork.report.comparison import Comparison
 from mrwork.report.cycles import zoom_window
-from mrwork.report.dossier.section import Absent, Panel, Section, panel
-from mrwork.report.dossier.waterfall import descents_in_words, waterfall_panel
+from mrwork.report.fit.section import Absent, Panel, Section, panel
+from mrwork.report.fit.waterfall import descents_in_words, waterfall_panel
 from mrwork.report.panels import POINTS_IN_LOOP, POINTS_IN_WINDOW
 from mrwork.report.style import DisplayUnit
 from mrwork.report.typeset import breakable, coded, equation_html, symbol
@@ -91,7 +91,7 @@ def identification_report(
         if comparison.test.synthetic
         for name in (comparison.test.path, comparison.test.name)
     }
-    template = environment().from_string(resource("identification.html.j2"))
+    template = environment().from_string(resource("fit.html.j2"))
     return template.render(
         styles=Markup(styles()),
         fit=fit,

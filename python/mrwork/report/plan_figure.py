@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
-from mrwork.parameters import CommandUnit
+from mrwork.dampers.parameters import CommandUnit
 from mrwork.report import style
 from mrwork.uncertainty.planning.plan import Gain, Plan
 

@@ -9,8 +9,8 @@ from filecmp import cmp
 from pathlib import Path
 
 from mrwork.errors import JournalError, OutputError
-from mrwork.journal import Journal
 from mrwork.report.run_directory import HISTORIES, JOURNAL, MODELS, real_place
+from mrwork.store import Journal
 
 _SUFFIX = ".part"
 _COPYING = "copying"

@@ -8,9 +8,9 @@ from contextlib import suppress
 from pathlib import Path
 
 from mrwork.errors import JournalError, OutputError
-from mrwork.journal import Journal
 from mrwork.report.run_directory import MODELS
 from mrwork.report.unfinished import part_of
+from mrwork.store import Journal
 
 _SUFFIX = ".jsonl"
 

@@ -16,13 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
-from mrwork.journal import Journal
 from mrwork.search.elite import EliteRule
 from mrwork.search.proposal import Proposal
 from mrwork.search.recorded import Generation, agree_on_search, recalled_generation, record_generation
 from mrwork.search.result import ReplicatedSearch, SearchResult, results_of
 from mrwork.search.state import SearchState
 from mrwork.search.stop_rules import StopRules
+from mrwork.store import Journal
 
 StateT = TypeVar("StateT", bound=SearchState)
 Objective = Callable[[NDArray[np.float64]], NDArray[np.float64]]

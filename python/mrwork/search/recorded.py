@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.journal import Journal, digest_of
-from mrwork.journal.plain import array_of, plain
 from mrwork.search.proposal import Proposal
 from mrwork.search.state import SearchState
+from mrwork.store import Journal, digest_of
+from mrwork.store.plain import array_of, plain
 
 _STEP = "generation"
 

@@ -10,9 +10,9 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
+from mrwork.dampers.parameters import CurrentLaws
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import UnknownNameError
-from mrwork.parameters import CurrentLaws
-from mrwork.spec import DamperSpec
 
 # The physics is double precision in Rust; a twin in single precision would not be one.
 jax.config.update("jax_enable_x64", True)  # type: ignore[no-untyped-call] # jax leaves it unannotated

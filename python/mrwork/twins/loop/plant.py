@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jax import Array
 from numpy.typing import ArrayLike
 
-from mrwork.spec import DamperSpec
+from mrwork.dampers.spec import DamperSpec
 from mrwork.twins._base import parameters_at, twin_of
 
 

@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SimulationError
 from mrwork.records import DamperTest
 from mrwork.simulate import Outcome, loading_of, simulate_forces
-from mrwork.spec import DamperSpec
 from mrwork.uncertainty.bands.band import Band
 from mrwork.uncertainty.noise import Noise
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.identification.judge import judge
+from mrwork.dampers.spec import DamperSpec
+from mrwork.identification.free_run import judge
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.records import DamperTest
 from mrwork.records.cycles import whole_cycles
-from mrwork.spec import DamperSpec
 
 # Of a cycle, to both sides: small errors in time show where the force changes over so much of it.
 _REACH = 0.02

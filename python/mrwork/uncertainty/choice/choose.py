@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 
+from mrwork.dampers.parameters import CommandUnit, LawName
+from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.run import Progress
-from mrwork.journal import Journal
-from mrwork.parameters import CommandUnit, LawName
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA
-from mrwork.spec import DamperSpec
+from mrwork.store import Journal
 from mrwork.uncertainty.bands.left_out import Fold, folds_of
 from mrwork.uncertainty.choice.comparison import Choice, ChoiceProgress, Course, JournalOf
 from mrwork.uncertainty.choice.families import ALL, Family, command_remark, families

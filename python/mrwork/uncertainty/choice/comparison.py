@@ -11,8 +11,8 @@ from typing import TypeVar
 from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.run import Progress
-from mrwork.journal import Journal
 from mrwork.records import DamperTest
+from mrwork.store import Journal
 from mrwork.uncertainty.autocorrelation import effective_samples
 from mrwork.uncertainty.bands.left_out import Fold
 from mrwork.uncertainty.choice.families import Family

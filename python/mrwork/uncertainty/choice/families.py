@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from mrwork.dampers.parameters import CommandUnit, LawName
+from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import identifiable_form
-from mrwork.parameters import CommandUnit, LawName
 from mrwork.records import DamperTest
-from mrwork.spec import DamperSpec, damper, dampers
 
 ALL = "all"
 
@@ -42,7 +42,7 @@ def families(
     """
     remarks: list[str] = []
     if isinstance(models, str) and models == ALL:
-        specs = list(dampers())
+        specs = list(damper_models())
         others = {spec.name: identifiable_form(spec, {}).spec.name for spec in specs}
         for name, form in others.items():
             if name != form:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.fit import Fit
 from mrwork.identification.objective import Objective
-from mrwork.journal import Journal, digest_of
 from mrwork.records import DamperTest
+from mrwork.store import Journal, digest_of
 from mrwork.uncertainty.autocorrelation import effective_samples
 from mrwork.uncertainty.choice.blocks import blocks_of, longest_memory
 from mrwork.uncertainty.choice.laplace import draw_about

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.coordinates import Box
+from mrwork.dampers.coordinates import Box
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
 from mrwork.uncertainty.identifiability.scale import Scale

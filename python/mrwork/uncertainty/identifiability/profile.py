@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.dampers.parameters import ParamSpec
 from mrwork.identification.verdict import VerdictName
-from mrwork.parameters import ParamSpec
 from mrwork.uncertainty.identifiability.curvature import Scaled
 from mrwork.uncertainty.identifiability.information import WEAK
 from mrwork.uncertainty.identifiability.walk import End, Place, signed_root

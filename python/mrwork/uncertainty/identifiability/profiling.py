@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.coordinates import Box
+from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.coordinates import Box
-from mrwork.identification.explore import search_box
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import DamperSpec
+from mrwork.identification.search_ranges import search_box
 from mrwork.records import DamperTest
-from mrwork.spec import DamperSpec
 
 # A value smaller than this share of a typical one is taken for zero.
 _NOTHING = 0.01

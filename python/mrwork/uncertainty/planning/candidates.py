@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
+from mrwork.dampers.parameters import CommandUnit
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
-from mrwork.parameters import CommandUnit
 from mrwork.records import DamperTest
 from mrwork.records.motion import spectrum
 from mrwork.simulate import Loading
-from mrwork.spec import DamperSpec
 
 # About what was tested: this much further either way, in so many steps; the velocity goes less far.
 _FURTHER = 2.0

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, SimulationError, UnknownNameError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
@@ -15,7 +16,6 @@ from mrwork.identification.nuisance import NuisanceName, without_nuisance
 from mrwork.identification.objective import Objective
 from mrwork.records import DamperTest
 from mrwork.simulate import Outcome, simulate_forces
-from mrwork.spec import DamperSpec
 from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
 from mrwork.uncertainty.identifiability.curvature import Scaled, curvature, linearise
 from mrwork.uncertainty.identifiability.scale import Scale, scaled_ranges

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
 from mrwork.identification.objective import Objective
 from mrwork.records import DamperTest
-from mrwork.spec import DamperSpec
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.prior import Prior
 from mrwork.uncertainty.posterior.sampling import Sampling

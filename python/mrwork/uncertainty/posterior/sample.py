@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
-from mrwork.spec import DamperSpec, damper
 from mrwork.uncertainty.posterior.chain_file import ChainFile
 from mrwork.uncertainty.posterior.diagnosis import Diagnosis, next_check
 from mrwork.uncertainty.posterior.draws import Draws

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork import _rust
-from mrwork.coordinates import Box
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.fit import Provenance
-from mrwork.journal import digest_of
-from mrwork.spec import DamperSpec
+from mrwork.store import digest_of
 from mrwork.uncertainty.posterior.diagnosis import (
     LARGEST_RHAT,
     Diagnosis,

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from mrwork.coordinates import Box
+from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import Form
 from mrwork.uncertainty.noise import Noise

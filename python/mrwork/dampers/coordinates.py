@@ -1,0 +1,151 @@
+"""The three coordinates of a parameter vector and the maps between them.
+
+`theta` is physical, `unit` runs over [0, 1]^n for search, `latent` over R^n for gradients. The maps are
+written once on the array API, so NumPy and JAX arrays both go through; the last axis is the parameter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from mrwork.dampers.spec import DamperSpec
+from mrwork.errors import SettingError
+
+# NumPy or JAX: both speak the array API, and no annotation covers the two without importing JAX.
+Array = Any
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Box:
+    """A range per parameter; `theta` has all parameters of the model, `unit` and `latent` the free ones.
+
+    A parameter is held fixed by equal bounds.
+    """
+
+    names: tuple[str, ...]
+    lower: tuple[float, ...]
+    upper: tuple[float, ...]
+    log: tuple[bool, ...]
+
+    @classmethod
+    def of(cls, spec: DamperSpec) -> Box:
+        """The admissible ranges of a model."""
+        return cls(
+            names=spec.names,
+            lower=tuple(parameter.lower for parameter in spec.parameters),
+            upper=tuple(parameter.upper for parameter in spec.parameters),
+            log=tuple(parameter.scale == "log" for parameter in spec.parameters),
+        )
+
+    @property
+    def free(self) -> tuple[int, ...]:
+        """Indices of the parameters that are not fixed."""
+        pairs = zip(self.lower, self.upper, strict=True)
+        return tuple(index for index, (lower, upper) in enumerate(pairs) if lower < upper)
+
+    def with_bounds(self, bounds: Mapping[str, tuple[float, float]]) -> Box:
+        """Return the box with some ranges replaced; equal bounds hold a parameter fixed.
+
+        Raises
+        ------
+        SettingError
+            Where a name is unknown, a bound is not finite, the two are reversed, or one lies outside
+            the admissible range.
+        """
+        lower, upper = list(self.lower), list(self.upper)
+        for name, (low, high) in bounds.items():
+            if name not in self.names:
+                raise SettingError(f"no parameter is called {name!r}; this model has {', '.join(self.names)}")
+            index = self.names.index(name)
+            if not (isfinite(low) and isfinite(high)):
+                raise SettingError(f"bounds of {name} are {low:g} and {high:g}; both must be finite numbers")
+            if low > high:
+                raise SettingError(
+                    f"bounds of {name} are reversed, {low:g} is above {high:g}; give the lower bound first"
+                )
+            if low < self.lower[index] or high > self.upper[index]:
+                raise SettingError(
+                    f"bounds of {name} run from {low:g} to {high:g}, the model admits "
+                    f"{self.lower[index]:g} to {self.upper[index]:g}; stay inside"
+                )
+            lower[index], upper[index] = low, high
+        return replace(self, lower=tuple(lower), upper=tuple(upper))
+
+    def _spread(self, xp: Any) -> tuple[Array, Array, Array]:
+        """Start, span and log mask of the free parameters, in the scale they are spread on."""
+        index = list(self.free)
+        log = np.array(self.log)[index]
+        lower, upper = np.array(self.lower)[index], np.array(self.upper)[index]
+        start = np.where(log, np.log(np.where(log, lower, 1.0)), lower)
+        end = np.where(log, np.log(np.where(log, upper, 1.0)), upper)
+        return xp.asarray(start), xp.asarray(end - start), xp.asarray(log)
+
+    def theta_from_unit(self, unit: Array) -> Array:
+        """Physical parameters, shape (..., n_params), from unit coordinates, shape (..., n_free)."""
+        xp = unit.__array_namespace__()
+        start, span, log = self._spread(xp)
+        spread = start + span * unit
+        value = xp.where(log, xp.exp(xp.where(log, spread, 0.0)), spread)
+        free = self.free
+        # Rounding in exp(log(...)) must not leave the box.
+        value = xp.clip(
+            value,
+            xp.asarray([self.lower[index] for index in free]),
+            xp.asarray([self.upper[index] for index in free]),
+        )
+        if len(free) == len(self.names):
+            return value
+        columns = [xp.full(unit.shape[:-1], lower) for lower in self.lower]
+        for place, index in enumerate(free):
+            columns[index] = value[..., place]
+        return xp.stack(columns, axis=-1)
+
+    def unit_from_theta(self, theta: Array) -> Array:
+        """Unit coordinates, shape (..., n_free), from physical parameters, shape (..., n_params)."""
+        xp = theta.__array_namespace__()
+        start, span, log = self._spread(xp)
+        value = theta[..., np.array(self.free, dtype=int)]
+        spread = xp.where(log, xp.log(xp.where(log, value, 1.0)), value)
+        return (spread - start) / span
+
+    def latent_from_unit(self, unit: Array) -> Array:
+        """Logit of the unit coordinates."""
+        xp = unit.__array_namespace__()
+        return xp.log(unit) - xp.log1p(-unit)
+
+    def unit_from_latent(self, latent: Array) -> Array:
+        """Logistic function of the latent coordinates."""
+        xp = latent.__array_namespace__()
+        return 0.5 * (1.0 + xp.tanh(0.5 * latent))
+
+    def theta_from_latent(self, latent: Array) -> Array:
+        """Physical parameters, shape (..., n_params), from latent coordinates, shape (..., n_free)."""
+        return self.theta_from_unit(self.unit_from_latent(latent))
+
+    def latent_from_theta(self, theta: Array) -> Array:
+        """Latent coordinates, shape (..., n_free), from physical parameters, shape (..., n_params)."""
+        return self.latent_from_unit(self.unit_from_theta(theta))
+
+    def inside(self, theta: Array) -> Array:
+        """Pull parameters off the faces of the box, where the latent coordinate is infinite."""
+        xp = theta.__array_namespace__()
+        return self.theta_from_unit(xp.clip(self.unit_from_theta(theta), 1e-6, 1.0 - 1e-6))
+
+    def log_slope(self, latent: Array) -> Array:
+        """Logarithm of d theta / d latent of each free parameter, shape (..., n_free)."""
+        xp = latent.__array_namespace__()
+        _, span, log = self._spread(xp)
+        theta = self.theta_from_latent(latent)[..., np.array(self.free, dtype=int)]
+        # d unit / d latent = unit (1 - unit), written so that neither factor underflows.
+        logistic = -xp.abs(latent) - 2.0 * xp.log1p(xp.exp(-xp.abs(latent)))
+        return logistic + xp.log(span) + xp.where(log, xp.log(xp.where(log, theta, 1.0)), 0.0)
+
+    def log_jacobian(self, latent: Array) -> Array:
+        """Logarithm of |d theta / d latent| of the free parameters together, shape (...)."""
+        xp = latent.__array_namespace__()
+        return xp.sum(self.log_slope(latent), axis=-1)

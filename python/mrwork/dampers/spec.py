@@ -1,0 +1,200 @@
+"""Damper models by name: what the Rust core says of each, as plain frozen data."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork import _rust
+from mrwork.dampers.parameters import (
+    CommandUnit,
+    CurrentLaws,
+    LawName,
+    ParamSpec,
+    coefficients,
+    law_equations,
+    laws_in_order,
+)
+from mrwork.dampers.presets import PUBLISHED_SETS, PublishedSet
+from mrwork.errors import SettingError, UnknownNameError
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DamperSpec:
+    """A damper model: equations, source, parameters in order. Declared in Rust, beside the equations.
+
+    A model with current laws has their coefficients for parameters, named `k_w.0`, `k_w.1`; `plain` has those of the
+    model itself.
+    """
+
+    name: str
+    title: str
+    equation: str
+    description: str
+    source: str
+    nominal_source: str
+    n_states: int
+    odd: bool
+    relaxes: bool
+    parameters: tuple[ParamSpec, ...]
+    plain: tuple[ParamSpec, ...]
+    current: CurrentLaws | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Parameter names, in order."""
+        return tuple(parameter.name for parameter in self.parameters)
+
+    @property
+    def nominal(self) -> NDArray[np.float64]:
+        """Typical parameter values, shape (n_params,)."""
+        return np.array([parameter.nominal for parameter in self.parameters])
+
+    def with_current_laws(
+        self, laws: Mapping[str, LawName], *, unit: CommandUnit = "A", lagged: bool = False
+    ) -> DamperSpec:
+        """Return the model with parameters that follow the command; those not named are constant.
+
+        Parameters
+        ----------
+        laws
+            Parameter name to the name of its law.
+        unit
+            What the command is measured in; a test in the other unit is refused.
+        lagged
+            Whether the command reaches the coil through a first-order lag, with its rate `eta` for a parameter.
+
+        Raises
+        ------
+        UnknownNameError
+            Where the model has no such parameter, or there is no such law.
+        SettingError
+            Where the model has current laws already.
+
+        Examples
+        --------
+        >>> import mrwork as mr
+        >>> model = mr.damper("dahl").with_current_laws({"k_w": "quadratic"})
+        >>> model.names
+        ('k_w.0', 'k_w.1', 'k_w.2', 'rho', 'f0')
+        """
+        if self.current is not None:
+            raise SettingError(
+                f"{self.name} has current laws already; give them to the plain model, all at once"
+            )
+        current = CurrentLaws(unit=unit, laws=laws_in_order(self.plain, laws, self.name), lagged=lagged)
+        return replace(
+            self,
+            equation="\n".join([self.equation, *law_equations(self.plain, current)]),
+            parameters=coefficients(self.plain, current),
+            current=current,
+        )
+
+    @property
+    def presets(self) -> tuple[str, ...]:
+        """Names of the model's published parameter sets."""
+        return tuple(entry.name for entry in PUBLISHED_SETS if entry.model == self.name)
+
+    def preset(self, name: str) -> Preset:
+        """Return a published parameter set of the model.
+
+        Raises
+        ------
+        UnknownNameError
+            Where the model has no such set; the message lists those it has.
+
+        Examples
+        --------
+        >>> import mrwork as mr
+        >>> prototype = mr.damper("modified_bouc_wen").preset("dyke1996")
+        >>> prototype.status, prototype.spec.current.unit, len(prototype.theta)
+        ('verified', 'V', 14)
+        """
+        for entry in PUBLISHED_SETS:
+            if (entry.model, entry.name) == (self.name, name):
+                return _preset(self, entry)
+        known = ", ".join(self.presets) or "none"
+        raise UnknownNameError(f"{self.name} has no published set called {name!r}; it has {known}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Preset:
+    """A published set ready to be simulated: the model with its current laws, and `theta` in its order.
+
+    `status` says whether the set was verified or is only published; see `PublishedSet`.
+    """
+
+    name: str
+    spec: DamperSpec
+    theta: tuple[float, ...]
+    source: str
+    status: Literal["verified", "published"]
+    largest_command: float | None
+    note: str
+
+
+def _preset(plain: DamperSpec, entry: PublishedSet) -> Preset:
+    degrees: tuple[LawName, ...] = ("constant", "linear", "quadratic", "cubic")
+    laws: dict[str, LawName] = {}
+    theta: list[float] = []
+    for name in plain.names:
+        value = entry.values[name]
+        coefficients = value if isinstance(value, tuple) else (value,)
+        laws[name] = degrees[len(coefficients) - 1]
+        theta += coefficients
+    spec = plain
+    if entry.unit is not None:
+        spec = plain.with_current_laws(laws, unit=entry.unit, lagged=entry.eta is not None)
+        theta += () if entry.eta is None else (entry.eta,)
+    return Preset(
+        name=entry.name,
+        spec=spec,
+        theta=tuple(theta),
+        source=entry.source,
+        status=entry.status,
+        largest_command=entry.largest_command,
+        note=entry.note,
+    )
+
+
+@cache
+def damper_models() -> tuple[DamperSpec, ...]:
+    """Every registered damper model."""
+    return tuple(
+        DamperSpec(
+            **(
+                entry
+                | dict.fromkeys(
+                    ("parameters", "plain"),
+                    tuple(ParamSpec(**parameter) for parameter in entry["parameters"]),
+                )
+            )
+        )
+        for entry in _rust.damper_specs()
+    )
+
+
+def damper(name: str) -> DamperSpec:
+    """Return the damper model called `name`.
+
+    Raises
+    ------
+    UnknownNameError
+        Where no model has that name; the message lists those that exist.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> mr.damper("normalised_bouc_wen").names
+    ('c', 'k', 'x0', 'k_w', 'rho', 'sigma', 'n')
+    """
+    for spec in damper_models():
+        if spec.name == name:
+            return spec
+    known = ", ".join(spec.name for spec in damper_models())
+    raise UnknownNameError(f"no damper model is called {name!r}; choose one of {known}")

@@ -1,0 +1,281 @@
+"""Where the last descents start: at what many descents or a genetic search found, of the model or at each command."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import DamperSpec
+from mrwork.errors import SimulationError
+from mrwork.identification.equivalent import Form
+from mrwork.identification.fit import SearchTrace
+from mrwork.identification.multistart import (
+    Found,
+    Multistart,
+    MultistartInterrupted,
+    distinct_minima,
+    search_starts,
+)
+from mrwork.identification.objective import Objective
+from mrwork.identification.search_ranges import search_box
+from mrwork.records.window import excerpt
+from mrwork.search import EfficientGA, GAState, SearchInterrupted, SearchResult, run_search
+from mrwork.search.loop import GenerationEvent
+
+# Of a plain model, and of a model whose starts are drawn through fits at each command.
+_STARTS = 16
+_JOINT_STARTS = 8
+# Coefficients may reach so many times the range that is searched.
+_MARGIN = 10.0
+
+# Called with the generation or iteration (0 outside a search), best and median misfit, and the share of the allowance
+# that is used up.
+OnSearch = Callable[[int, float, float, float], None]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exploration:
+    """Starts, shape (n_starts, n_params), best first, what they are screened against, and how they were found.
+
+    `form` has the box to descend in. Starts that are minima already (`descended`) need no screening.
+    """
+
+    objective: Objective
+    form: Form
+    starts: NDArray[np.float64]
+    trace: SearchTrace
+    descended: bool = False
+
+
+class ExplorationInterrupted(KeyboardInterrupt):
+    """Ctrl-C during an exploration; `theta` is the best so far, shape (n_params,)."""
+
+    def __init__(self, theta: NDArray[np.float64], trace: SearchTrace) -> None:
+        super().__init__("exploration interrupted")
+        self.theta = theta
+        self.trace = trace
+
+
+def explore(
+    objective: Objective, form: Form, search: Multistart | EfficientGA, *, rng: int, on_search: OnSearch
+) -> Exploration:
+    """Search the parameters of a plain model, or genetically those of the plain model at each command.
+
+    Raises
+    ------
+    SimulationError
+        Where no candidate could be simulated.
+    ExplorationInterrupted
+        On Ctrl-C, carrying the best so far.
+    """
+    if isinstance(search, Multistart):
+        return _descend_plain(objective, form, search, rng=rng, on_search=on_search)
+    if form.spec.current is None:
+        return _explore_plain(objective, form, search, rng=rng, on_search=on_search)
+    return _explore_levels(objective, form, search, rng=rng, on_search=on_search)
+
+
+def _descend_plain(
+    objective: Objective, form: Form, search: Multistart, *, rng: int, on_search: OnSearch
+) -> Exploration:
+    box = search_box(form.spec, form.box, objective.tests)
+
+    def on_iteration(found: Found, share: float) -> None:
+        # The first entry is that of the samples.
+        on_search(len(found.best) - 1, found.best[-1], found.median[-1], share)
+
+    try:
+        found = search_starts(
+            objective, form.box, box, search, rng=rng, mirrored=form.mirrored, on_iteration=on_iteration
+        )
+    except MultistartInterrupted as interrupt:
+        found = interrupt.found
+        if not len(found.theta):
+            raise
+        raise ExplorationInterrupted(found.theta[0], _course(found)) from interrupt
+    if not len(found.theta):
+        raise _nothing_found(form.spec, found.evaluations[-1])
+    return Exploration(
+        objective=objective,
+        form=form,
+        starts=distinct_minima(form.box, found.theta, found.misfit),
+        trace=_course(found),
+        descended=True,
+    )
+
+
+def _course(found: Found) -> SearchTrace:
+    return SearchTrace(
+        evaluations=found.evaluations,
+        best=found.best,
+        median=found.median,
+        stop_reason=found.stop_reason,
+        ends=tuple(found.misfit.tolist()),
+    )
+
+
+def _explore_plain(
+    objective: Objective, form: Form, search: EfficientGA, *, rng: int, on_search: OnSearch
+) -> Exploration:
+    box = search_box(form.spec, form.box, objective.tests)
+
+    def on_generation(event: GenerationEvent[GAState]) -> None:
+        share = event.generation / search.stop.max_generations
+        on_search(event.generation, event.best_misfit, event.median_misfit, share)
+
+    try:
+        found = run_search(
+            search,
+            lambda unit: objective(np.asarray(box.theta_from_unit(unit))),
+            rng=rng,
+            n_params=len(box.free),
+            on_generation=on_generation,
+            journal=objective.journal,
+        )
+    except SearchInterrupted as interrupt:
+        result = interrupt.result
+        if not np.isfinite(result.best_misfit):
+            raise
+        theta = np.asarray(box.theta_from_unit(result.best_unit))
+        raise ExplorationInterrupted(theta, _trace([result])) from interrupt
+    _check_found(form.spec, found)
+    starts = np.asarray(box.theta_from_unit(found.elite[:_STARTS]))
+    return Exploration(objective=objective, form=form, starts=starts, trace=_trace([found]))
+
+
+def _explore_levels(
+    objective: Objective, form: Form, search: EfficientGA, *, rng: int, on_search: OnSearch
+) -> Exploration:
+    # SciPy's optimisers are slow to load and needed from here on only.
+    from mrwork.dampers.spec import damper
+    from mrwork.identification.starts import (
+        LevelFit,
+        follow_level,
+        joint_starts,
+        law_box,
+        levels_of,
+        search_level,
+    )
+
+    excerpts = tuple(excerpt(test) for test in objective.tests)
+    plain = damper(form.spec.name)
+    box = Box.of(plain).with_bounds(
+        {
+            name: (form.box.lower[index], form.box.upper[index])
+            for index, name in enumerate(form.box.names)
+            if name in plain.names
+        }
+    )
+    levels = levels_of(form.spec, excerpts)
+    commands = sorted(levels)
+    fits: list[LevelFit] = []
+    searches: list[SearchResult[GAState]] = []
+
+    def at(command: float) -> Objective:
+        return Objective.of(
+            plain,
+            levels[command],
+            nuisances=objective.nuisances,
+            power=objective.power,
+            threads=objective.threads,
+            tally=objective.tally,
+            journal=objective.journal,
+        )
+
+    def on_generation(event: GenerationEvent[GAState]) -> None:
+        share = event.generation / search.stop.max_generations
+        on_search(event.generation, event.best_misfit, event.median_misfit, share / len(levels))
+
+    # The middle one is searched; from there each command starts at what its neighbour found.
+    middle = len(commands) // 2
+    try:
+        first = search_level(
+            at(commands[middle]), box, commands[middle], search=search, rng=rng, on_generation=on_generation
+        )
+        fits.append(first)
+        if first.search is not None:
+            searches.append(first.search)
+            _check_found(form.spec, first.search)
+        for outward in (commands[middle + 1 :], commands[:middle][::-1]):
+            neighbour, there = first, at(first.command)
+            for command in outward:
+                here = at(command)
+                neighbour, there = follow_level(here, box, command, neighbour, there), here
+                fits.append(neighbour)
+                best = float(here(neighbour.finds[:1])[0])
+                on_search(0, best, np.nan, len(fits) / len(levels))
+    except KeyboardInterrupt as interrupt:
+        if isinstance(interrupt, SearchInterrupted) and np.isfinite(interrupt.result.best_misfit):
+            searched = search_box(plain, box, levels[commands[middle]])
+            find = np.asarray(searched.theta_from_unit(interrupt.result.best_unit))
+            fits.append(LevelFit(command=commands[middle], finds=find[None], search=None))
+            searches.append(interrupt.result)
+        if not fits:
+            raise
+        theta = joint_starts(form.spec, fits, 1, rng=rng)[0]
+        raise ExplorationInterrupted(theta, _trace(searches)) from interrupt
+    fits.sort(key=lambda fit: fit.command)
+    joint = Objective.of(
+        form.spec,
+        excerpts,
+        nuisances=objective.nuisances,
+        power=objective.power,
+        threads=objective.threads,
+        tally=objective.tally,
+        journal=objective.journal,
+    )
+    starts = joint_starts(form.spec, fits, _JOINT_STARTS, rng=rng)
+    searched = search_box(plain, box, excerpts)
+    joint_form = replace(
+        form, box=_reached(form, law_box(form.spec, searched, np.array(commands), margin=_MARGIN))
+    )
+    return Exploration(
+        objective=joint,
+        form=joint_form,
+        starts=np.array([joint_form.box.inside(start) for start in starts]),
+        trace=_trace(searches),
+    )
+
+
+def _reached(form: Form, reach: Box) -> Box:
+    """The box of a form, with coefficients that the user left alone no wider than `reach`.
+
+    Over a range of 1e9 either way the logit, in which descents run, tells one useful value from another poorly.
+    """
+    whole = Box.of(form.spec)
+    narrowed = {}
+    for index, name in enumerate(whole.names):
+        own = (form.box.lower[index], form.box.upper[index])
+        if own == (whole.lower[index], whole.upper[index]):
+            narrowed[name] = (reach.lower[index], reach.upper[index])
+    return form.box.with_bounds(narrowed)
+
+
+def _trace(searches: list[SearchResult[GAState]]) -> SearchTrace:
+    """Traces one after the other; `evaluations` goes on counting."""
+    evaluations: list[int] = []
+    for search in searches:
+        before = evaluations[-1] if evaluations else 0
+        evaluations += [before + int(count) for count in search.trace.evaluations]
+    return SearchTrace(
+        evaluations=tuple(evaluations),
+        best=tuple(float(value) for search in searches for value in search.trace.best),
+        median=tuple(float(value) for search in searches for value in search.trace.median),
+        stop_reason=", ".join(dict.fromkeys(search.stop_reason for search in searches)),
+    )
+
+
+def _check_found(spec: DamperSpec, found: SearchResult[GAState]) -> None:
+    if len(found.elite) == 0:
+        raise _nothing_found(spec, found.evaluations)
+
+
+def _nothing_found(spec: DamperSpec, evaluations: int) -> SimulationError:
+    return SimulationError(
+        f"none of {evaluations} candidates of {spec.name} could be simulated on these tests; "
+        "check the units of the record, or narrow the bounds"
+    )

@@ -1,6 +1,0 @@
-"""The journal of a long run: what it has done so far, on the disk, so that it can be killed and go on."""
-
-from mrwork.journal.digest import digest_of
-from mrwork.journal.journal import Counters, Journal
-
-__all__ = ["Counters", "Journal", "digest_of"]

@@ -1,0 +1,1 @@
+"""Detectors: what a test may suffer from, one file each."""

@@ -1,0 +1,174 @@
+"""Delay of the force behind the displacement, from the corner that a reversal leaves in the force."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.records.cycles import turning_points
+from mrwork.records.damper_test import DamperTest, Finding, Measured
+from mrwork.records.detectors.smoothing import detect_smoothing
+from mrwork.records.motion import motion_of
+
+# All in periods of the dominant frequency.
+_LONGEST: Final = 0.05
+_STEP: Final = 0.001
+_BEFORE: Final = (0.05, 0.1)
+_FOLDED: Final = 0.25
+# How far the force falls from the branch before the turn, in half ranges, until the corner has been seen.
+_FALL: Final = 0.3
+_FEWEST: Final = 12
+_FEWEST_TURNS: Final = 2
+_ALIKE: Final = 0.1
+# Mean square of the corner's residual by that of a smooth curve of one parameter more: 0.1 to 0.7 on models
+# with hysteresis of their displacement, 0.9 to 1.1 where the force is a smooth function of the motion.
+_SHARPNESS: Final = 0.7
+# Root of the mean square by the half range of the force: what is left must be noise.
+_LARGEST_RESIDUAL: Final = 0.02
+_AGREEMENT: Final = 0.006
+_SIGNIFICANT: Final = 3.0
+# Half ranges by which the force has fallen when the motion turns, to be called early.
+_PASSED: Final = 1.0
+
+
+def force_delay(test: DamperTest) -> Measured | None:
+    """Time by which the force lags the displacement [s], or `None` where its turns have no corner to tell.
+
+    Where the motion turns, hysteresis leaves the branch it was on, at the very moment: the slope of the
+    force over time has a corner there. Folded over all turns, the force is fitted by
+
+        p(s) + q2 max(s - tau, 0)^2 + q3 max(s - tau, 0)^3,    p a parabola, s the time since the turn,
+
+    from a twentieth and from a tenth of a period before the corner, up to where it has fallen by 0.3 of its
+    half range. The tau of least residual is the delay, if both windows agree on it to 0.6 % of a period and no
+    smooth curve does as well. A damper whose force falls smoothly with the velocity has no such corner, and a
+    record averaged over time has lost it. A force that falls steeply with the velocity, before the turn, has
+    its corner early: a lag found there is too small, and a lead counts only if the force has passed the middle
+    when the motion turns. Compliance in series with the damper delays the corner as a slow channel does.
+    """
+    if detect_smoothing(test) is not None:
+        return None
+    motion = motion_of(test.displacement, test.dt)
+    period = 1.0 / motion.frequency
+    place, direction = turning_points(motion.displacement, motion.velocity)
+    # Turns of unlike sharpness have their corners spread differently, and do not fold into one.
+    sharp = np.abs(np.interp(place, np.arange(test.n_time), motion.acceleration))
+    if place.size < _FEWEST_TURNS or np.std(sharp) > _ALIKE * np.mean(sharp):
+        return None
+    branch = _folded(test.force, place, direction, period / test.dt)
+    if branch is None:
+        return None
+    corners = [_corner(*branch, before) for before in _BEFORE]
+    sharpness = float(np.mean([residual for _, residual in corners]))
+    delays = np.array([delay for delay, _ in corners])
+    if not (sharpness < _SHARPNESS and np.ptp(delays) <= _AGREEMENT):
+        return None
+    # The windows may agree on one and the same step of the search, and a corner lies anywhere between two samples.
+    between = test.dt / (np.sqrt(12.0) * period)
+    error = float(np.linalg.norm([np.ptp(delays) / 2.0, _STEP, between]))
+    delay = float(delays.mean())
+    time, force, _ = branch
+    if delay < -_SIGNIFICANT * error and np.interp(0.0, time, force) > -_PASSED:
+        return None
+    return Measured(value=delay * period, standard_error=error * period, unit="s")
+
+
+def delay_finding(test: DamperTest) -> tuple[Finding, ...]:
+    """Warn of a delay of more than three standard errors and half a sample."""
+    delay = force_delay(test)
+    if delay is None or delay.standard_error is None:
+        return ()
+    if abs(delay.value) < max(_SIGNIFICANT * delay.standard_error, 0.5 * test.dt):
+        return ()
+    lags = "lags" if delay.value > 0.0 else "leads"
+    message = (
+        f"the force {lags} the displacement by {1e3 * abs(delay.value):.3g} +- {1e3 * delay.standard_error:.2g} ms "
+        f"({abs(delay.value) / test.dt:.1f} samples), seen where the motion turns; --repair delay shifts it"
+    )
+    return (Finding(code="force_delay", severity="warning", message=message, measured=delay),)
+
+
+def _folded(
+    force: NDArray[np.float64],
+    place: NDArray[np.float64],
+    direction: NDArray[np.float64],
+    period: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
+    """Mean force about the turns: time [periods], force [half ranges, falling], and how many samples each is of."""
+    reach = _FOLDED * period
+    inside = (place - reach >= 0.0) & (place + reach <= force.size - 1.0)
+    place, direction = place[inside], direction[inside]
+    if place.size < _FEWEST_TURNS:
+        return None
+    offsets = np.arange(-int(reach), int(reach) + 1)
+    rows = np.round(place).astype(np.intp)[:, np.newaxis] + offsets
+    rows = np.clip(rows, 0, force.size - 1)
+    since = (rows - place[:, np.newaxis]) / period
+    lower, upper = np.percentile(force, [0.5, 99.5])
+    falling = direction[:, np.newaxis] * force[rows] / (0.5 * (upper - lower))
+    # Offset and stiffness lift the turns at one end of the stroke over those at the other.
+    ahead = (since <= -_BEFORE[0]) & (since > -_BEFORE[1])
+    if not ahead.any(axis=1).all():
+        return None
+    falling -= (np.sum(falling * ahead, axis=1) / ahead.sum(axis=1))[:, np.newaxis]
+    bins = np.floor(since / _STEP).astype(np.intp)
+    bins -= bins.min()
+    count = np.bincount(bins.ravel()).astype(np.float64)
+    kept = count > 0.0
+    mean_time = np.bincount(bins.ravel(), since.ravel())[kept] / count[kept]
+    mean_force = np.bincount(bins.ravel(), falling.ravel())[kept] / count[kept]
+    return mean_time, mean_force, count[kept]
+
+
+def _corner(
+    time: NDArray[np.float64], force: NDArray[np.float64], count: NDArray[np.float64], before: float
+) -> tuple[float, float]:
+    """Delay of the corner [periods], and its residual by that of a smooth curve."""
+    delays = np.arange(-_LONGEST, _LONGEST + 0.5 * _STEP, _STEP)
+    windows = [_until_fallen(time, force, count, delay, before) for delay in delays]
+    residual = np.full(delays.size, np.inf)
+    for trial, (delay, window) in enumerate(zip(delays, windows, strict=True)):
+        if np.count_nonzero(window) >= _FEWEST:
+            s = (time[window] - delay) / before
+            past = np.maximum(s, 0.0)
+            columns = np.stack([np.ones_like(s), s, s**2, past**2, past**3], axis=1)
+            residual[trial] = _mean_square(columns, force[window], count[window])
+    best = int(np.argmin(residual))
+    if not residual[best] < _LARGEST_RESIDUAL**2 or best in (0, delays.size - 1):
+        return float(delays[best]), np.inf
+    window = windows[best]
+    columns = np.vander((time[window] - delays[best]) / before, 6)
+    smooth = _mean_square(columns, force[window], count[window])
+    return float(delays[best]), float(residual[best] / smooth)
+
+
+def _until_fallen(
+    time: NDArray[np.float64],
+    force: NDArray[np.float64],
+    count: NDArray[np.float64],
+    delay: float,
+    before: float,
+) -> NDArray[np.bool_]:
+    """Samples from `before` the corner until the force has left its branch, a parabola, by the fall looked for."""
+    ahead = (time > delay - before) & (time <= delay)
+    if np.count_nonzero(ahead) < _FEWEST // 2:
+        return np.zeros_like(ahead)
+    weight = np.sqrt(count[ahead])[:, np.newaxis]
+    columns = np.vander(time - delay, 3)
+    branch = np.linalg.lstsq(columns[ahead] * weight, force[ahead] * weight[:, 0], rcond=None)[0]
+    fallen = (time > delay) & (np.abs(columns @ branch - force) > _FALL)
+    end = time[np.argmax(fallen)] if fallen.any() else time[-1]
+    return np.asarray((time > delay - before) & (time <= end))
+
+
+def _mean_square(
+    columns: NDArray[np.float64], force: NDArray[np.float64], count: NDArray[np.float64]
+) -> float:
+    """Mean square of the weighted least-squares residual."""
+    weight = np.sqrt(count)
+    weighted = columns * weight[:, np.newaxis]
+    coefficients = np.linalg.lstsq(weighted, force * weight, rcond=None)[0]
+    misfit = force * weight - weighted @ coefficients
+    return float(misfit @ misfit / count.sum())

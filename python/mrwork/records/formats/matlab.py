@@ -1,0 +1,237 @@
+"""Numeric vectors and matrices of MATLAB .mat files, versions 4 to 7.
+
+SciPy reads these files too, but a damaged type tag ends the whole process in its reader (1.17), and what a
+header claims is allocated before anyone looks whether the file can hold it. Here every length is checked.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import struct
+import zlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.errors import RecordError
+from mrwork.records.formats.matlab_sparse import DamagedError, sparse_version_4, sparse_version_5
+from mrwork.records.table import Table, VectorTable
+
+_HDF5: Final = b"\x89HDF"
+_LARGEST_VARIABLE: Final = 1 << 30
+
+# Version 4: the tens digit of the type number names the item, the last digit the kind of matrix.
+_V4_LAST_TYPE: Final = 4052
+_V4_ITEMS: Final = ("f8", "f4", "i4", "i2", "u2", "u1")
+
+# Version 5: tags of data elements, and the classes of matrices that hold numbers.
+_V5_HEADER: Final = 128
+_MATRIX: Final = 14
+_COMPRESSED: Final = 15
+_STRUCT: Final = 2
+_SPARSE: Final = 5
+_NUMERIC_CLASSES: Final = range(6, 16)
+_V5_ITEMS: Final[Mapping[int, str]] = {
+    1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8",
+}  # fmt: skip
+_COMPLEX_FLAG: Final = 0x0800
+
+Variables = dict[str, "NDArray[np.generic] | None"]
+
+
+def open_matlab(path: Path, source: str) -> Table:
+    """Open a .mat file: its numeric vectors, or those in the fields of its only struct, are the columns.
+
+    Raises
+    ------
+    RecordError
+        The file is of version 7.3, damaged, claims more data than it holds, or has no numeric vector.
+    """
+    data, variables = _variables(path, source)
+    columns = {
+        name: array.ravel()
+        for name, array in variables.items()
+        if array is not None and array.size == max(array.shape, default=0)
+    }
+    if not columns:
+        listed = ", ".join(f"'{name}'" for name in variables) or "nothing"
+        raise RecordError(
+            f"{source}: expected one numeric vector per quantity, found {listed}; "
+            "save each column as a variable of its own, such as t_s, displacement_m, force_n"
+        )
+    return VectorTable(source=source, sha256=hashlib.sha256(data).hexdigest(), vectors=columns)
+
+
+def read_matlab_matrices(path: Path, source: str) -> dict[str, NDArray[np.float64]]:
+    """Real matrices of a .mat file by name, each of two sides, sparse ones filled up; or those of its only struct.
+
+    Raises
+    ------
+    RecordError
+        The file is of version 7.3, damaged, or claims more data than it holds.
+    """
+    _, variables = _variables(path, source)
+    return {
+        name: array.astype(np.float64)
+        for name, array in variables.items()
+        if array is not None and array.ndim == 2 and array.size
+    }
+
+
+def _variables(path: Path, source: str) -> tuple[bytes, Variables]:
+    """Bytes of the file, and what its variables hold."""
+    data = path.read_bytes()
+    if not data:
+        raise RecordError(f"{source}: the file is empty; a .mat file was expected")
+    if data.startswith(_HDF5) or data[512:516] == _HDF5:
+        raise RecordError(
+            f"{source}: this is a version 7.3 .mat file, which is HDF5; save it with -v7 from MATLAB"
+        )
+    try:
+        # A version 4 file starts with a small integer, a version 5 file with text.
+        variables = _version_4(data) if 0 in data[:4] else _version_5(data)
+    except (DamagedError, struct.error, zlib.error) as error:
+        raise RecordError(
+            f"{source}: not a readable .mat file ({error}); it is cut off or damaged, save it again"
+        ) from error
+    return data, variables
+
+
+def _array(items: bytes, item: str, shape: tuple[int, ...]) -> NDArray[np.generic]:
+    """Return the items, which the format stores column by column."""
+    if min(shape, default=0) < 0 or len(items) != math.prod(shape) * np.dtype(item).itemsize:
+        sides = " x ".join(str(side) for side in shape)
+        raise DamagedError(f"a {sides} matrix has {len(items)} bytes of {item[1:]} items")
+    return np.frombuffer(items, dtype=item).reshape(shape, order="F")
+
+
+def _version_4(data: bytes) -> Variables:
+    order = "<" if 0 <= struct.unpack("<i", data[:4])[0] <= _V4_LAST_TYPE else ">"
+    variables: Variables = {}
+    position = 0
+    while position < len(data):
+        kind, n_rows, n_columns, is_complex, name_length = struct.unpack_from(f"{order}5i", data, position)
+        precision = kind // 10 % 10
+        if not 0 <= kind <= _V4_LAST_TYPE or precision >= len(_V4_ITEMS):
+            raise DamagedError(f"byte {position} starts no matrix")
+        if min(n_rows, n_columns, name_length) < 0:
+            raise DamagedError(f"byte {position} claims a negative size")
+        item = order + _V4_ITEMS[precision]
+        size = n_rows * n_columns * np.dtype(item).itemsize
+        start = position + 20 + name_length
+        position = start + size * (2 if is_complex else 1)
+        if position > len(data):
+            raise DamagedError(
+                f"the header claims a {n_rows} x {n_columns} matrix, but the file has only {len(data)} bytes"
+            )
+        name = data[start - name_length : start].rstrip(b"\0").decode("ascii", "replace")
+        variables[name] = None
+        if kind % 10 in (0, 2) and not is_complex:
+            stored = _array(data[start : start + size], item, (n_rows, n_columns))
+            variables[name] = stored if kind % 10 == 0 else sparse_version_4(stored, name)
+    return variables
+
+
+def _version_5(data: bytes) -> Variables:
+    endian = data[126:128]
+    if endian not in (b"IM", b"MI"):
+        raise DamagedError("the header has no byte-order mark")
+    order = "<" if endian == b"IM" else ">"
+    variables: Variables = {}
+    structs: dict[str, Variables] = {}
+    for kind, block in _elements(data[_V5_HEADER:], order):
+        if kind == _COMPRESSED:
+            kind, block = next(_elements(_unpacked(block, order), order))
+        if kind == _MATRIX:
+            name, content = _matrix(block, order)
+            if isinstance(content, dict):
+                structs[name] = content
+                variables[name] = None
+            else:
+                variables[name] = content
+    if len(variables) == 1 and structs:
+        (variables,) = structs.values()
+    return variables
+
+
+def _elements(block: bytes, order: str) -> Iterator[tuple[int, bytes]]:
+    """Tag and content of each data element of a version 5 block."""
+    position = 0
+    while position < len(block):
+        kind, size = struct.unpack_from(f"{order}2I", block, position)
+        start = position + 8
+        if kind >> 16:
+            # Up to four bytes of content share the eight of the tag.
+            kind, size, start = kind & 0xFFFF, kind >> 16, position + 4
+        if start + size > len(block):
+            raise DamagedError(f"an element claims {size} bytes where {len(block) - start} are left")
+        yield kind, block[start : start + size]
+        # Content is padded to eight bytes, but compressed content is not.
+        position = start + size if kind == _COMPRESSED else start + size + (-(start + size - position) % 8)
+
+
+def _unpacked(block: bytes, order: str) -> bytes:
+    unpacker = zlib.decompressobj()
+    tag = unpacker.decompress(block, 8)
+    size = struct.unpack(f"{order}2I", tag)[1]
+    if size > _LARGEST_VARIABLE:
+        raise DamagedError(f"a variable claims to unpack to {size} bytes")
+    return tag + unpacker.decompress(unpacker.unconsumed_tail, max(size, 1))
+
+
+def _matrix(block: bytes, order: str) -> tuple[str, NDArray[np.generic] | Variables | None]:
+    """Name and content of a matrix element; a single struct gives its fields, other kinds give `None`."""
+    elements = _elements(block, order)
+    parts = [next(elements, (0, b""))[1] for _ in range(3)]
+    flags = struct.unpack_from(f"{order}I", parts[0])[0]
+    shape = tuple(int(side) for side in _integers(parts[1], order))
+    name = parts[2].decode("ascii", "replace")
+    matrix_class = flags & 0xFF
+    if matrix_class == _STRUCT and shape == (1, 1):
+        return name, _fields(elements, order)
+    if flags & _COMPLEX_FLAG:
+        return name, None
+    if matrix_class == _SPARSE and len(shape) == 2:
+        rows, starts = (_integers(next(elements, (0, b""))[1], order) for _ in range(2))
+        values = _items(*next(elements, (0, b"")), order, name)
+        return name, sparse_version_5(rows, starts, values, (shape[0], shape[1]), name)
+    if matrix_class not in _NUMERIC_CLASSES:
+        return name, None
+    kind, block = next(elements, (0, b""))
+    return name, _items(kind, block, order, name, shape)
+
+
+def _items(
+    kind: int, items: bytes, order: str, name: str, shape: tuple[int, ...] | None = None
+) -> NDArray[np.generic]:
+    """Items of a data element, shaped as the matrix or all in a row."""
+    if kind not in _V5_ITEMS:
+        raise DamagedError(f"variable '{name}' has items of the unknown type {kind}")
+    item = order + _V5_ITEMS[kind]
+    return _array(items, item, (len(items) // np.dtype(item).itemsize,) if shape is None else shape)
+
+
+def _fields(elements: Iterator[tuple[int, bytes]], order: str) -> Variables:
+    length = next(iter(_integers(next(elements, (0, b""))[1], order)), 0)
+    names = next(elements, (0, b""))[1]
+    if length <= 0:
+        raise DamagedError("a struct has field names of no length")
+    fields: Variables = {}
+    for start in range(0, len(names), length):
+        name = names[start : start + length].partition(b"\0")[0].decode("ascii", "replace")
+        kind, block = next(elements, (0, b""))
+        if kind != _MATRIX:
+            raise DamagedError(f"field '{name}' holds no matrix")
+        content = _matrix(block, order)[1]
+        fields[name] = None if isinstance(content, dict) else content
+    return fields
+
+
+def _integers(block: bytes, order: str) -> NDArray[np.int32]:
+    if len(block) % 4:
+        raise DamagedError(f"{len(block)} bytes are no whole number of integers")
+    return np.frombuffer(block, dtype=f"{order}i4").astype(np.int32)

@@ -1,0 +1,209 @@
+"""Figures of bands: the prediction band light with dashed edges, the parameter band dark and full."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
+from numpy.typing import NDArray
+
+from mrwork.records.cycles import whole_cycles
+from mrwork.report import style
+from mrwork.report.cycles import even_samples
+from mrwork.report.fit.canvas import column_axes
+from mrwork.report.panels import finish, legend
+from mrwork.report.style import DisplayUnit
+from mrwork.uncertainty.bands.band import Band
+from mrwork.uncertainty.bands.prediction import Prediction
+
+Array = NDArray[np.float64]
+
+_POINTS = 130
+_BAND_POINTS = 260
+_ASPECT = 1.4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Banded:
+    """A test with the model's force and the bands about it, both over the samples that count; any may be missing."""
+
+    prediction: Prediction
+    predicted: Band | None = None
+    parameters: Band | None = None
+
+    @property
+    def data_label(self) -> str:
+        """What the data are called in a legend."""
+        return "synthetic" if self.prediction.test.synthetic else "measured"
+
+
+def time_figure(banded: Banded, unit: DisplayUnit) -> Figure:
+    """Force over one cycle from the middle of the record, with what bands there are."""
+    samples = middle_cycle(banded.prediction)
+    test = banded.prediction.test
+    time = test.time[test.counted][samples]
+    with style.drawn_in_style():
+        # Four entries want a second line.
+        figure, axes = column_axes(top=0.56)
+        _fill_over(axes, time, banded, samples, unit, np.zeros(time.size))
+        _draw_lines(axes, time, banded, samples, unit)
+        finish(axes, f"Force ({unit.symbol})")
+        axes.set_xlim(float(time[0]), float(time[-1]))
+        axes.set_xlabel("Time (s)")
+        legend(axes, columns=2)
+    return figure
+
+
+def error_figure(banded: Banded, unit: DisplayUnit) -> Figure:
+    """The same cycle and its bands less the model's force: what the force itself hides where bands are narrow."""
+    samples = middle_cycle(banded.prediction)
+    test = banded.prediction.test
+    time = test.time[test.counted][samples]
+    residual = banded.prediction.residual[samples]
+    ends = [end for band in (banded.predicted, banded.parameters) if band for end in (band.lower, band.upper)]
+    largest = max(
+        float(np.abs(end - banded.prediction.force).max()) for end in [*ends, banded.prediction.measured]
+    )
+    unit = style.residual_unit(largest, unit)
+    with style.drawn_in_style():
+        figure, axes = column_axes(top=0.56)
+        _fill_over(axes, time, banded, samples, unit, banded.prediction.force[samples])
+        drawn = _thin(time.size)
+        axes.plot(
+            time[drawn],
+            residual[drawn] * unit.factor,
+            color=style.INK,
+            linewidth=1.0,
+            label=banded.data_label,
+        )
+        finish(axes, f"Force less model ({unit.symbol})")
+        axes.set_xlim(float(time[0]), float(time[-1]))
+        axes.set_xlabel("Time (s)")
+        legend(axes, columns=2)
+    return figure
+
+
+def displacement_loop(banded: Banded, unit: DisplayUnit) -> Figure:
+    """Force over displacement, one cycle, with its prediction band."""
+    test = banded.prediction.test
+    x = test.displacement[test.counted] * style.MILLIMETRE.factor
+    return _loop(banded, unit, x, f"Displacement ({style.MILLIMETRE.symbol})")
+
+
+def velocity_loop(banded: Banded, unit: DisplayUnit) -> Figure:
+    """Force over velocity, one cycle, with its prediction band."""
+    scale = style.MILLIMETRE_PER_SECOND
+    test = banded.prediction.test
+    return _loop(banded, unit, test.velocity[test.counted] * scale.factor, f"Velocity ({scale.symbol})")
+
+
+def middle_cycle(prediction: Prediction) -> slice:
+    """The whole cycle in the middle of the samples that count; all of them where there is none."""
+    cycles = whole_cycles(prediction.test.displacement[prediction.test.counted])
+    if not cycles:
+        return slice(0, prediction.force.size)
+    chosen = cycles[len(cycles) // 2]
+    return slice(chosen.start, chosen.stop + 1)
+
+
+def _loop(banded: Banded, unit: DisplayUnit, abscissa: Array, label: str) -> Figure:
+    samples = middle_cycle(banded.prediction)
+    across = abscissa[samples]
+    with style.drawn_in_style():
+        figure, axes = column_axes()
+        axes.grid(True, axis="both")
+        if banded.predicted is not None:
+            _fill_loop(axes, across, banded.predicted, samples, unit)
+        _draw_lines(axes, across, banded, samples, unit)
+        finish(axes, f"Force ({unit.symbol})")
+        axes.set_xlabel(label)
+        legend(axes)
+    return figure
+
+
+def _fill_over(
+    axes: Axes, time: Array, banded: Banded, samples: slice, unit: DisplayUnit, origin: Array
+) -> None:
+    """Bands over time, less `origin` [N]."""
+    drawn = _thin(time.size)
+    if banded.predicted is not None:
+        lower, upper = (
+            (end[samples] - origin)[drawn] * unit.factor
+            for end in (banded.predicted.lower, banded.predicted.upper)
+        )
+        axes.fill_between(
+            time[drawn], lower, upper, color=style.BAND, linewidth=0, label=_named(banded.predicted)
+        )
+        for end in (lower, upper):
+            axes.plot(time[drawn], end, color=style.BAND_EDGE, linewidth=0.9, linestyle=(0, (4, 2.5)))
+    if banded.parameters is not None:
+        axes.fill_between(
+            time[drawn],
+            (banded.parameters.lower[samples] - origin)[drawn] * unit.factor,
+            (banded.parameters.upper[samples] - origin)[drawn] * unit.factor,
+            color=style.PARAMETER_BAND,
+            linewidth=0.8,
+            label=_named(banded.parameters),
+            zorder=2.1,
+        )
+
+
+def _fill_loop(axes: Axes, across: Array, band: Band, samples: slice, unit: DisplayUnit) -> None:
+    """A band that follows the loop: the area between each two samples, all of the same flat colour."""
+    drawn = _along(across, band.upper[samples])
+    lower, upper = (end[samples][drawn] * unit.factor for end in (band.lower, band.upper))
+    x = across[drawn]
+    # All run through in the same sense: areas that overlap with opposite ones would leave holes.
+    left = np.where(x[:-1] <= x[1:], np.arange(x.size - 1), np.arange(1, x.size))
+    right = np.where(x[:-1] <= x[1:], np.arange(1, x.size), np.arange(x.size - 1))
+    corners = [(left, lower), (right, lower), (right, upper), (left, upper), (left, lower)]
+    vertices = np.stack([np.stack([x[at], end[at]], axis=-1) for at, end in corners], axis=1)
+    codes = np.tile(
+        np.array([Path.MOVETO, Path.LINETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY], dtype=np.uint8),
+        len(left),
+    )
+    axes.add_patch(
+        PathPatch(
+            Path(vertices.reshape(-1, 2), codes),
+            facecolor=style.BAND,
+            edgecolor=style.BAND,
+            linewidth=0.6,
+            label=_named(band),
+        )
+    )
+
+
+def _draw_lines(axes: Axes, across: Array, banded: Banded, samples: slice, unit: DisplayUnit) -> None:
+    measured = banded.prediction.measured[samples] * unit.factor
+    model = banded.prediction.force[samples] * unit.factor
+    line = _along(across, model)
+    axes.plot(across[line], model[line], color=style.MODEL, linewidth=1.2, label="model", zorder=2.3)
+    drawn = even_samples(across, measured, _POINTS, aspect=_ASPECT)
+    axes.plot(
+        across[drawn],
+        measured[drawn],
+        linestyle="none",
+        marker="o",
+        markersize=2.6,
+        markerfacecolor=style.INK,
+        markeredgewidth=0,
+        label=banded.data_label,
+        zorder=2.2,
+    )
+
+
+def _along(across: Array, up: Array) -> NDArray[np.intp]:
+    """Samples at equal steps along a line, its end among them: a loop that lacks it does not close."""
+    return np.union1d(even_samples(across, up, _BAND_POINTS, aspect=_ASPECT), [across.size - 1])
+
+
+def _named(band: Band) -> str:
+    return f"{100 * band.level:.0f} % {'prediction' if band.kind == 'prediction' else 'parameters'}"
+
+
+def _thin(count: int) -> NDArray[np.intp]:
+    return np.unique(np.linspace(0, count - 1, min(count, _BAND_POINTS)).astype(np.intp))

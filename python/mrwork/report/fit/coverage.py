@@ -1,0 +1,183 @@
+"""The section on tests left out: how much of each lay inside the bands that the others gave it."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from mrwork.records import DamperTest
+from mrwork.report import numbers, style
+from mrwork.report.fit.canvas import column_axes
+from mrwork.report.fit.phrases import percent
+from mrwork.report.fit.section import Group, Section, Table, panel, table
+from mrwork.report.fit.stored_bands import StoredBands
+from mrwork.uncertainty.bands.coverage import LEVELS, LeftOutCoverage
+
+# The level that a sentence is about, and how far from it a coverage is still called right.
+JUDGED = 0.9
+_RIGHT = (0.8, 0.97)
+_FEW = 0.5
+# Tests whose coverage tells that of the next.
+_LEAST = 5
+_COLOURS = {0.5: style.DATA, 0.9: style.MODEL, 0.95: style.RESIDUAL}
+_ROW = 0.27
+# Width of a letter [in], on average.
+_LETTER = 0.082
+
+
+def coverage_section(bands: StoredBands) -> Section:
+    """Coverage, interval score and cycles of each test left out."""
+    rows = _by_test(bands)
+    groups: tuple[Group, ...]
+    if rows:
+        names = _names(bands)
+        figure = panel(
+            "coverage",
+            "Samples inside the bands",
+            coverage_figure(rows, names),
+            f"Share of the samples of each of {len(rows)} tests inside its bands at three levels",
+            "Each mark should lie at the dotted line of its colour.",
+        )
+        groups = (Group(prose=(_verdict(rows),), table=_table(rows, names), panels=(figure,)),)
+    else:
+        text = (
+            "One test alone cannot be left out of its own calibration, so nothing is known of the coverage. Give "
+            "`mrwork calibrate` more tests."
+        )
+        groups = (Group(prose=(text,)),)
+    return Section(anchor="left-out", title="Tests left out", summary=_summary(rows), groups=groups)
+
+
+def coverage_figure(rows: list[dict[float, LeftOutCoverage]], names: list[str]) -> Figure:
+    """One line per test, a mark per level."""
+    height = 0.34 + 0.5 + _ROW * len(rows) + 0.2
+    with style.drawn_in_style():
+        figure, axes = column_axes(left=min(_LETTER * max(map(len, names)) + 0.25, 2.6), height=height)
+        for level in LEVELS:
+            axes.axvline(100 * level, color=_COLOURS[level], linewidth=1.0, linestyle=(0, (1.2, 1.8)))
+            axes.plot(
+                [100 * row[level].samples.coverage for row in rows],
+                range(len(rows)),
+                linestyle="none",
+                marker="o",
+                markersize=5.5,
+                color=_COLOURS[level],
+                label=f"{100 * level:.0f} %",
+            )
+        axes.set_yticks(range(len(rows)), names)
+        axes.set_ylim(len(rows) - 0.4, -0.6)
+        axes.set_xlim(0, 102)
+        axes.set_xlabel("Samples inside (%)")
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3)
+    return figure
+
+
+def _by_test(bands: StoredBands) -> list[dict[float, LeftOutCoverage]]:
+    found: dict[str, dict[float, LeftOutCoverage]] = {}
+    for row in bands.coverage:
+        found.setdefault(row.test, {})[row.level] = row
+    return [row for row in found.values() if set(LEVELS) <= set(row)]
+
+
+def _names(bands: StoredBands) -> list[str]:
+    """Names without the folders they came from."""
+    known = {each.test.path or each.test.name: each.test for each in bands.predictions}
+    tests = list(dict.fromkeys(row.test for row in bands.coverage))
+    return [known[name].name if name in known else name for name in tests]
+
+
+def conditions_in_words(test: DamperTest) -> str:
+    """Command, amplitude and frequency of a test, as far as they are known."""
+    parts = [
+        (test.current, "A", 1.0),
+        (test.voltage, "V", 1.0),
+        (test.amplitude, "mm", 1e3),
+        (test.frequency, "Hz", 1.0),
+    ]
+    known = [
+        f"{numbers.shortest(value * factor)} {unit}" for value, unit, factor in parts if value is not None
+    ]
+    return f"{test.name} ({', '.join(known)})" if known else test.name
+
+
+def _summary(rows: list[dict[float, LeftOutCoverage]]) -> str:
+    if not rows:
+        return "Tests left out: one only, so the coverage of the bands is not known."
+    shares = [row[JUDGED].samples.coverage for row in rows]
+    return (
+        f"Tests left out: 90 % bands hold {percent(float(np.mean(shares)), 0)} % of the samples of {len(rows)} tests "
+        f"({percent(min(shares), 0)} to {percent(max(shares), 0)} %)."
+    )
+
+
+def _verdict(rows: list[dict[float, LeftOutCoverage]]) -> str:
+    shares = [row[JUDGED].samples.coverage for row in rows]
+    mean = float(np.mean(shares))
+    text = (
+        f"The band of each test is calibrated on the {_others(len(shares) - 1)} only. On average {percent(mean)} % "
+        f"of the samples lie inside the 90 % bands, from {percent(min(shares))} to "
+        f"{percent(max(shares))} %. "
+    )
+    if _RIGHT[0] <= mean <= _RIGHT[1]:
+        text += "So the bands hold about what they say, on tests like these."
+    elif mean < _RIGHT[0]:
+        text += (
+            "So the bands are too narrow: these tests differ more among each other than few tests can tell."
+        )
+    else:
+        text += "So the bands are wider than they need to be for tests like these."
+    low = [share for share in shares if share < _RIGHT[0]]
+    if low and mean >= _RIGHT[0]:
+        text += f" For {len(low)} of {len(shares)} tests they are too narrow all the same."
+    if len(shares) < _LEAST:
+        text += f" So few as {len(shares)} tests say little of the next."
+    cycles = [row[JUDGED].cycles_inside for row in rows if np.isfinite(row[JUDGED].cycles_inside)]
+    if cycles and min(cycles) < _FEW:
+        text += (
+            f" By the energy they dissipate {percent(float(np.mean(cycles)), 0)} % of the cycles lie inside; those "
+            "of one test are alike, so that of a test nearly all or nearly none do."
+        )
+    return text
+
+
+def _others(count: int) -> str:
+    return "other" if count == 1 else f"other {count}"
+
+
+def _table(rows: list[dict[float, LeftOutCoverage]], names: list[str]) -> Table:
+    cells = [_cells(row) for row in rows]
+    return table(
+        label="Coverage of tests left out",
+        columns=(
+            "Test",
+            *(f"In {100 * level:.0f} % band (%)" for level in LEVELS),
+            "Cycles in 90 % (%)",
+            "Width of 90 %",
+            "Interval score",
+        ),
+        rows=tuple((name, *_texts(values)) for name, values in zip(names, cells, strict=True)),
+        foot=("Mean", *_texts([_mean(values) for values in zip(*cells, strict=True)])),
+        note="Cycles are counted where their dissipated energy lies inside its own 90 % band. Width and interval "
+        "score are in standard deviations of the test's force; the score is the width plus twenty times the distance "
+        "of what lies outside, averaged: the lower the better.",
+    )
+
+
+def _cells(row: dict[float, LeftOutCoverage]) -> list[float]:
+    judged = row[JUDGED]
+    return [
+        *(row[level].samples.coverage for level in LEVELS),
+        judged.cycles_inside,
+        judged.samples.width,
+        judged.samples.interval_score,
+    ]
+
+
+def _texts(values: list[float]) -> list[str]:
+    *shares, width, score = values
+    return [*(percent(share) for share in shares), numbers.fixed(width, 3), numbers.fixed(score, 3)]
+
+
+def _mean(values: tuple[float, ...]) -> float:
+    known = [value for value in values if np.isfinite(value)]
+    return float(np.mean(known)) if known else float("nan")

@@ -1,0 +1,141 @@
+"""The page of a run: what its fit says by itself, and what each later verb has added."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from mrwork.identification.fit import Fit
+from mrwork.identification.free_run import judge
+from mrwork.records import DamperTest
+from mrwork.report.comparison import Comparison
+from mrwork.report.fit.bands import band_section
+from mrwork.report.fit.coverage import coverage_section
+from mrwork.report.fit.identifiability import identifiability_section
+from mrwork.report.fit.parameter_draws import parameter_draws
+from mrwork.report.fit.plan import plan_section
+from mrwork.report.fit.posterior import posterior_section
+from mrwork.report.fit.ranking import ranking_section
+from mrwork.report.fit.residuals import residual_section
+from mrwork.report.fit.section import Absent, Section
+from mrwork.report.fit.stored_bands import read_bands
+from mrwork.report.fit_json import Record, record_from_json
+from mrwork.report.html import identification_report
+from mrwork.report.run_directory import PLAN, PROFILES, RANKING
+from mrwork.report.stored_draws import read_draws
+from mrwork.uncertainty.choice.verdict import Ranking
+from mrwork.uncertainty.identifiability.profile import Profiles
+from mrwork.uncertainty.planning.plan_draws import Check
+
+_PROFILES = Absent(
+    title="Profiles",
+    command="mrwork profile RUN",
+    says="gives each parameter an interval by profile likelihood, which stays open where the data set no bound.",
+)
+_POSTERIOR = Absent(
+    title="Posterior",
+    command="mrwork sample RUN",
+    says="samples the parameters that the data allow: intervals, pairs that cannot be told apart.",
+)
+_BANDS = Absent(
+    title="Prediction bands",
+    command="mrwork calibrate RUN TESTS",
+    says="measures on tests that the fit has not seen how far its force is off, and draws bands from that; without "
+    "tests the run's own are left out in turn.",
+)
+
+
+_RANKING = Absent(
+    title="Choice of model",
+    command="mrwork identify TESTS --model all",
+    says="compares families of models by what their fits have not seen, in a run of its own.",
+)
+
+
+_PLAN = Absent(
+    title="Next test",
+    command="mrwork plan RUN",
+    says="ranks candidates for the next test by how much they would narrow a band.",
+)
+
+
+def comparisons_of(fit: Fit, tests: Sequence[DamperTest]) -> tuple[Comparison, ...]:
+    """The tests of a fit, each with the force that its model gives."""
+    theta = np.array(fit.theta)
+    return tuple(
+        Comparison(
+            test=test, model_force=judge(fit.spec, theta, test, nuisances=fit.nuisances)[0], quality=quality
+        )
+        for test, quality in zip(tests, fit.quality, strict=True)
+    )
+
+
+def dossier_page(
+    fit: Fit, comparisons: Sequence[Comparison], place: Path | None = None, *, ranking: Ranking | None = None
+) -> str:
+    """The page of a fit.
+
+    Parameters
+    ----------
+    place
+        The run directory whose additions are shown; without it none are.
+    ranking
+        Of the comparison that the fit came out of, where it is not in a run directory yet.
+
+    Raises
+    ------
+    RecordError
+        Where an addition is damaged.
+    """
+    sections: list[Section] = []
+    absent: list[Absent] = []
+    profiles = _stored(Profiles, place, PROFILES, name="profiles", verb="profile")
+    if fit.identifiability is not None:
+        sections.append(identifiability_section(fit, fit.identifiability, profiles))
+    if profiles is None:
+        absent.append(_PROFILES)
+    draws = None if place is None else read_draws(place, fit)
+    if draws is not None:
+        sections.append(posterior_section(fit, draws))
+    else:
+        absent.append(_POSTERIOR)
+    sections.append(residual_section(comparisons))
+    bands = None if place is None else read_bands(place)
+    if draws is not None or bands is not None:
+        tests = [comparison.test for comparison in comparisons]
+        section = band_section(fit, comparisons, parameter_draws(fit, tests, draws), bands)
+        sections += [] if section is None else [section]
+    if bands is not None:
+        sections.append(coverage_section(bands))
+    else:
+        absent.append(_BANDS)
+    ranking = ranking or _stored(Ranking, place, RANKING, name="ranking", verb="identify")
+    if ranking is not None:
+        sections.append(ranking_section(ranking))
+    else:
+        absent.append(_RANKING)
+    spec = fit.spec
+    plan = _stored(Check, place, PLAN, name="plan", verb="plan")
+    if plan is not None:
+        sections.append(plan_section(plan, None if spec.current is None else spec.current.unit))
+    else:
+        absent.append(_PLAN)
+    return identification_report(
+        fit,
+        comparisons,
+        model_title=spec.title,
+        equation=spec.equation,
+        source=spec.source,
+        sections=sections,
+        absent=absent,
+    )
+
+
+def _stored(kind: type[Record], place: Path | None, file: str, *, name: str, verb: str) -> Record | None:
+    """What a verb has left in a run directory, if it has."""
+    if place is None or not (place / file).is_file():
+        return None
+    text = (place / file).read_text(encoding="utf-8")
+    return record_from_json(kind, text, origin=str(place / file), name=name, verb=verb)

@@ -1,0 +1,136 @@
+"""Tables of a study: criteria of every row, and their ratios to the building without dampers and to i = 0."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from mrwork.closed_loop.criteria import criterion
+from mrwork.report.fit.section import Table
+from mrwork.report.numbers import fixed, significant
+from mrwork.study.results import Kind, StudyResults
+
+# Of each criterion: what it is called in a narrow column, the unit shown and the factor to it.
+_MILLIMETRE, _KILONEWTON = ("mm", 1e3), ("kN", 1e-3)
+_ACCELERATION = ("m/s²", 1.0)
+_VALUES = (
+    ("peak_drift", "drift", *_MILLIMETRE),
+    ("peak_acceleration", "acceleration", *_ACCELERATION),
+    ("peak_base_shear", "base shear", *_KILONEWTON),
+    ("rms_drift", "RMS drift", *_MILLIMETRE),
+    ("rms_acceleration", "RMS acc.", *_ACCELERATION),
+    ("peak_force", "force", *_KILONEWTON),
+    ("peak_stroke", "stroke", *_MILLIMETRE),
+    ("rms_current", "RMS", "", 1.0),
+)
+_RATIOS = ("peak_drift", "peak_acceleration", "peak_base_shear", "rms_drift", "rms_acceleration")
+_NARROW = {
+    "peak_drift": "drift",
+    "peak_acceleration": "acc.",
+    "peak_base_shear": "shear",
+    "rms_drift": "RMS drift",
+    "rms_acceleration": "RMS acc.",
+}
+_AGAINST: tuple[tuple[Kind, str], ...] = (("uncontrolled", "over no dampers"), ("passive_off", "over i = 0"))
+_DECIMALS = 3
+
+
+def overview_table(results: StudyResults) -> Table:
+    """The score, and each ratio as its mean over the motions."""
+    motions = range(len(results.motions))
+    rows = range(len(results.rows))
+
+    def mean(row: int, against: Kind, name: str) -> float:
+        return float(np.mean([results.ratios(row, motion, against)[name] for motion in motions]))
+
+    columns = [[results.score(row) for row in rows]]
+    for against, _ in _AGAINST:
+        columns += [[mean(row, against, name) for row in rows] for name in _RATIOS]
+    return _ratio_table(
+        results,
+        columns,
+        label="Score and mean ratios over all motions",
+        first=("score",),
+        note="The score is the mean over motions of peak and RMS drift and acceleration, each over its value at "
+        "i = 0; it is ours. Ratios are means over the motions. The best of each column is bold, the building without "
+        "dampers aside.",
+    )
+
+
+def ratio_table(results: StudyResults, motion: int) -> Table:
+    """The ratios under one motion."""
+    rows = range(len(results.rows))
+    columns = [
+        [results.ratios(row, motion, against)[name] for row in rows]
+        for against, _ in _AGAINST
+        for name in _RATIOS
+    ]
+    return _ratio_table(
+        results, columns, label=f"Ratios under {results.motions[motion].name}", first=(), note=""
+    )
+
+
+def value_table(results: StudyResults, motion: int) -> Table:
+    """The criteria themselves under one motion."""
+    unit = results.command_unit
+    found = [results.criteria(row, motion) for row in range(len(results.rows))]
+    cells: list[tuple[str, ...]] = []
+    columns: list[list[float]] = []
+    for name, _, _, factor in _VALUES:
+        numbers = [math.nan if each is None else each[name] * factor for each in found]
+        # A building without dampers has no force, stroke or command, rather than one of zero; other devices have a
+        # stroke alone.
+        if not criterion(name).ratio:
+            without = ("uncontrolled",) if name == "peak_stroke" else ("uncontrolled", "baseline")
+            numbers = [
+                math.nan if row.kind in without else number
+                for row, number in zip(results.rows, numbers, strict=True)
+            ]
+        columns.append(numbers)
+        cells.append(tuple(significant(number, 3) for number in numbers))
+    drive = f"RMS {'current' if unit == 'A' else 'voltage'} ({unit})"
+    heads = tuple(f"{head} ({shown})" if shown else drive for _, head, shown, _ in _VALUES)
+    return Table(
+        label=f"Criteria under {results.motions[motion].name}",
+        columns=("", *heads),
+        rows=tuple(
+            (row.label, *(column[number] for column in cells)) for number, row in enumerate(results.rows)
+        ),
+        strong=_best(results, columns[:5]),
+        note="Peaks unless said otherwise, of the worst floor, storey or damper.",
+    )
+
+
+def _ratio_table(
+    results: StudyResults,
+    columns: Sequence[Sequence[float]],
+    *,
+    label: str,
+    first: tuple[str, ...],
+    note: str,
+) -> Table:
+    cells = [[fixed(number, _DECIMALS) for number in column] for column in columns]
+    return Table(
+        label=label,
+        columns=("", *first, *(_NARROW[name] for _ in _AGAINST for name in _RATIOS)),
+        rows=tuple(
+            (row.label, *(column[number] for column in cells)) for number, row in enumerate(results.rows)
+        ),
+        over=(("", 1 + len(first)), *((heading, len(_RATIOS)) for _, heading in _AGAINST)),
+        strong=_best(results, columns),
+        note=note,
+    )
+
+
+def _best(results: StudyResults, columns: Sequence[Sequence[float]]) -> frozenset[tuple[int, int]]:
+    """The least of each column, and what is printed the same; no row is best of itself alone."""
+    candidates = [number for number, row in enumerate(results.rows) if row.kind != "uncontrolled"]
+    strong = set()
+    for place, column in enumerate(columns, start=1):
+        told = [column[number] for number in candidates if not math.isnan(column[number])]
+        if len(told) > 1:
+            least = significant(min(told), 3)
+            strong |= {(number, place) for number in candidates if significant(column[number], 3) == least}
+    return frozenset(strong)

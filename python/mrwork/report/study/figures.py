@@ -1,0 +1,116 @@
+"""Figures of a study over all its rows: storey profiles and where the energy went."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from mrwork.report import style
+from mrwork.report.fit.canvas import column_axes
+from mrwork.report.study.lines import strokes
+from mrwork.study.results import StudyResults
+
+_LEFT_OF_NAMES = 0.95
+_KEY_LINE = 0.178
+_KEY_FONT = 9.3
+_BAR = 0.30
+_TONES = {"damping": style.BAND_EDGE, "devices": style.MODEL, "left": style.RULE}
+
+
+def profile_figure(results: StudyResults, motion: int, quantity: str) -> Figure:
+    """Peak drift or peak acceleration over the height, a line for each row; `quantity` is the field of the run."""
+    drift = quantity.endswith("drift")
+    names = results.storey_names if drift else results.floor_names
+    factor, label = (1e3, "mm") if drift else (1.0, "m/s²")
+    with style.drawn_in_style():
+        shown = results.finished(motion)
+        key_lines = (len(shown) + 1) // 2
+        figure, axes = column_axes(
+            left=_LEFT_OF_NAMES,
+            top=0.12 + _KEY_LINE * key_lines,
+            height=2.1 + _KEY_LINE * key_lines + min(0.19 * len(names), 4.0),
+        )
+        heights = np.arange(1, len(names) + 1)
+        for row in shown:
+            stroke = strokes(results)[row]
+            axes.plot(
+                getattr(results.runs[row, motion], quantity) * factor,
+                heights,
+                color=stroke.colour,
+                linestyle=stroke.pattern,
+                linewidth=stroke.width,
+                marker="o",
+                markersize=3.2,
+                label=results.rows[row].label,
+            )
+        axes.set_xlim(left=0.0)
+        axes.set_xlabel(f"Peak {'drift' if drift else 'acceleration'} ({label})")
+        _name_heights(axes, names)
+        _key(axes)
+    return figure
+
+
+def energy_figure(results: StudyResults, motion: int) -> Figure:
+    """Where the energy that came in had gone by the end: a bar for each row."""
+    with style.drawn_in_style():
+        shown = results.finished(motion)
+        figure, axes = column_axes(left=2.05, top=0.42, height=0.95 + _BAR * len(shown))
+        largest = 0.0
+        for place, row in enumerate(reversed(shown)):
+            run = results.runs[row, motion]
+            start = 0.0
+            parts = (
+                ("devices", "Dampers", float(np.sum(run.device_energy))),
+                ("damping", "Structure", run.damping_energy),
+                ("left", "Still moving", run.kinetic_energy + run.strain_energy),
+            )
+            for name, label, amount in parts:
+                axes.barh(
+                    place,
+                    amount,
+                    left=start,
+                    height=0.62,
+                    color=_TONES[name],
+                    label=label if place == 0 else None,
+                )
+                start += amount
+            largest = max(largest, start)
+        axes.set_yticks(range(len(shown)), [_short(results.rows[row].label, 29) for row in reversed(shown)])
+        axes.set_xlim(0.0, 1.02 * largest or 1.0)
+        axes.set_xlabel("Energy (J)")
+        axes.grid(visible=False, axis="y")
+        axes.grid(visible=True, axis="x")
+        axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.2)
+    return figure
+
+
+def _name_heights(axes: Axes, names: Sequence[str]) -> None:
+    # With many floors every second, fifth or tenth is named.
+    step = next(step for step in (1, 2, 5, 10, 20) if len(names) <= 14 * step or step == 20)
+    places = [n for n in range(1, len(names) + 1) if step == 1 or n % step == 0]
+    axes.set_yticks(places, [_short(names[n - 1], 13) for n in places])
+    axes.set_ylim(0.6, len(names) + 0.4)
+
+
+def _key(axes: Axes) -> None:
+    handles, labels = axes.get_legend_handles_labels()
+    axes.legend(
+        handles,
+        [_short(label, 29) for label in labels],
+        loc="lower left",
+        bbox_to_anchor=(-0.16, 1.01, 1.16, 0.2),
+        mode="expand",
+        ncols=2,
+        borderpad=0.2,
+        labelspacing=0.22,
+        fontsize=_KEY_FONT,
+    )
+
+
+def _short(text: str, most: int) -> str:
+    return text if len(text) <= most else f"{text[: most - 1]}…"

@@ -1,0 +1,124 @@
+"""Figures of one run in time: drift, command, energies, and the loops of a damper."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from mrwork.report import style
+from mrwork.report.fit.canvas import column_axes, small_axes
+from mrwork.report.study.lines import Stroke, envelope, strong_part
+from mrwork.report.style import DisplayUnit
+from mrwork.study.run_result import History
+
+Floats = NDArray[np.float64]
+
+_BINS = 700
+_SMALL_BINS = 350
+_LOOP_SECONDS = 10.0
+_COMMAND_SECONDS = 4.0
+_LOOP_POINTS = 1500
+_HEIGHT = 2.5
+
+
+def drift_figure(history: History, reference: History | None, storey: int, stroke: Stroke) -> Figure:
+    """Drift of a storey against time; behind it that of the building without dampers."""
+    with style.drawn_in_style():
+        figure, axes = column_axes(height=_HEIGHT)
+        if reference is not None:
+            time, drift = envelope(reference.time, reference.drift[:, storey] * 1e3, _BINS)
+            axes.plot(time, drift, color=style.DATA, linewidth=0.7)
+        time, drift = envelope(history.time, history.drift[:, storey] * 1e3, _BINS)
+        axes.plot(time, drift, color=stroke.colour, linewidth=0.9)
+        _finish(axes, "Drift (mm)", "Time (s)")
+        _symmetric(axes)
+    return figure
+
+
+def ground_figure(history: History) -> Figure:
+    """Ground acceleration against time."""
+    with style.drawn_in_style():
+        figure, axes = column_axes(height=_HEIGHT)
+        time, ground = envelope(history.time, history.ground_acceleration, _BINS)
+        axes.plot(time, ground, color=style.INK, linewidth=0.8)
+        _finish(axes, "Ground acceleration (m/s²)", "Time (s)")
+        _symmetric(axes)
+    return figure
+
+
+def loop_figure(
+    history: History, device: int, unit: DisplayUnit, stroke: Stroke, *, over_velocity: bool
+) -> Figure:
+    """Force of a damper against its elongation or velocity, in the strong part of a motion."""
+    with style.drawn_in_style():
+        figure, axes = small_axes(labelled=True)
+        part = strong_part(history.time, history.force[:, device], _LOOP_SECONDS)
+        step = max(1, (part.stop - part.start) // _LOOP_POINTS)
+        drawn = slice(part.start, part.stop, step)
+        across = history.rate if over_velocity else history.deformation
+        axes.plot(
+            across[drawn, device] * 1e3,
+            history.force[drawn, device] * unit.factor,
+            color=stroke.colour,
+            linewidth=0.7,
+        )
+        axes.set_title(f"Force ({unit.symbol})", loc="left", pad=5)
+        axes.set_xlabel("Velocity (mm/s)" if over_velocity else "Elongation (mm)", labelpad=2)
+    return figure
+
+
+def command_figure(history: History, device: int, unit: str, largest: float, stroke: Stroke) -> Figure:
+    """What the coil of a damper gets against time, where its force is largest."""
+    with style.drawn_in_style():
+        figure, axes = small_axes(labelled=True)
+        part = strong_part(history.time, history.force[:, device], _COMMAND_SECONDS)
+        time, current = envelope(history.time[part], history.current[part, device], _SMALL_BINS)
+        axes.plot(time, current, color=stroke.colour, linewidth=0.7)
+        axes.set_ylim(-0.04 * largest, 1.06 * largest)
+        axes.set_yticks([0.0, largest / 2.0, largest], ["0", f"{largest / 2.0:.3g}", f"{largest:.3g}"])
+        axes.set_title(f"{'Current' if unit == 'A' else 'Voltage'} ({unit})", loc="left", pad=5)
+        axes.set_xlabel("Time (s)", labelpad=2)
+    return figure
+
+
+def energy_history_figure(history: History) -> Figure:
+    """Energy put in, and what it has become, summed up from the start and stacked."""
+    with style.drawn_in_style():
+        figure, axes = small_axes(labelled=True)
+        step = max(1, len(history.time) // _SMALL_BINS)
+        time = history.time[::step]
+        _, kinetic, strain, damping, devices = history.energy[::step].T
+        axes.stackplot(
+            time,
+            devices,
+            damping,
+            kinetic + strain,
+            colors=[style.MODEL, style.BAND_EDGE, style.RULE],
+            linewidth=0.0,
+        )
+        axes.plot(time, history.energy[::step, 0], color=style.INK, linewidth=0.9)
+        # An actuator may push energy in, so that what it takes up is below nothing.
+        axes.set_ylim(
+            0.0, 1.05 * max(float(history.energy[:, 0].max()), float((damping + devices).max()), 1e-9)
+        )
+        axes.margins(x=0.0)
+        axes.set_title("Energy (J)", loc="left", pad=5)
+        axes.set_xlabel("Time (s)", labelpad=2)
+    return figure
+
+
+def _finish(axes: Axes, ordinate: str, abscissa: str) -> None:
+    axes.set_title(ordinate, loc="left", pad=7)
+    axes.set_xlabel(abscissa)
+    axes.margins(x=0.0)
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]))
+    axes.yaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
+
+
+def _symmetric(axes: Axes) -> None:
+    lower, upper = axes.get_ylim()
+    largest = max(-lower, upper)
+    axes.set_ylim(-largest, largest)

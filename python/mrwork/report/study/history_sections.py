@@ -1,0 +1,118 @@
+"""Sections of a study in time, under one motion: drift, and for each damper its loops, current and energies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from mrwork.report import style
+from mrwork.report.fit.section import Group, Panel, Section, panel
+from mrwork.report.study.history_figures import (
+    command_figure,
+    drift_figure,
+    energy_history_figure,
+    ground_figure,
+    loop_figure,
+)
+from mrwork.report.study.lines import strokes
+from mrwork.study.results import StudyResults
+from mrwork.study.run_result import History
+
+Histories = Callable[[int, int], History | None]
+"""The history of a row under a motion, where it is kept."""
+
+
+def history_section(
+    results: StudyResults, histories: Histories, motion: int, drawn: Sequence[int]
+) -> Section | None:
+    """The drift of the storey that drifts most without dampers, against time, for each row that is drawn."""
+    base = results.row_of("uncontrolled")
+    reference = None if base is None else histories(base, motion)
+    rows = [row for row in drawn if row != base and histories(row, motion) is not None]
+    if not rows or reference is None:
+        return None
+    storey = int(np.abs(reference.drift).max(axis=0).argmax())
+    name, storey_name = results.motions[motion].name, results.storey_names[storey]
+    panels = [panel("ground", "The ground", ground_figure(reference), f"Ground acceleration of {name}")]
+    for row in rows:
+        history = histories(row, motion)
+        assert history is not None
+        panels.append(
+            panel(
+                f"drift-{row}",
+                results.rows[row].label,
+                drift_figure(history, reference, storey, strokes(results)[row]),
+                f"Drift of {storey_name} under {name}: {results.rows[row].label} before no dampers",
+            )
+        )
+    return Section(
+        anchor="histories",
+        title="Time histories",
+        summary=f"drift of {storey_name} under {name}.",
+        groups=(
+            Group(
+                title=f"Drift of {storey_name} under {name}",
+                synthetic=results.motions[motion].synthetic,
+                prose=("Grey: without dampers.",),
+                panels=tuple(panels),
+            ),
+        ),
+    )
+
+
+def device_section(
+    results: StudyResults, histories: Histories, motion: int, drawn: Sequence[int]
+) -> Section | None:
+    """Loops, current and energies of the first damper, for each row that is drawn and has one."""
+    name = results.motions[motion].name
+    shown = [
+        (row, history)
+        for row in drawn
+        if (history := histories(row, motion)) is not None and history.force.shape[1] > 0
+    ]
+    if not shown:
+        return None
+    peak = max(float(np.abs(history.force[:, 0]).max()) for _, history in shown)
+    largest = max(float(history.current[:, 0].max()) for _, history in shown) or 1.0
+    unit = style.force_unit(peak)
+    device = results.device_names[0]
+    groups = []
+    for row, history in shown:
+        label, stroke = results.rows[row].label, strokes(results)[row]
+        panels: list[Panel] = [
+            panel(
+                f"loop-{suffix}-{row}",
+                "",
+                loop_figure(history, 0, unit, stroke, over_velocity=suffix == "velocity"),
+                f"Force of {device} against {suffix} under {name}: {label}",
+            )
+            for suffix in ("elongation", "velocity")
+        ]
+        panels.append(
+            panel(
+                f"command-{row}",
+                "",
+                command_figure(history, 0, results.command_unit, largest, stroke),
+                f"What {device} is driven with under {name}: {label}",
+            )
+        )
+        panels.append(
+            panel(f"energy-{row}", "", energy_history_figure(history), f"Energies under {name}: {label}")
+        )
+        groups.append(Group(title=label, panels=tuple(panels), layout="small"))
+    return Section(
+        anchor="devices",
+        title=f"Damper under {name}",
+        summary=f"force loops, {'current' if results.command_unit == 'A' else 'voltage'} and energies of {device}.",
+        groups=(
+            Group(
+                prose=(
+                    f"{device[:1].upper()}{device[1:]}: loops in the ten seconds around its largest force, current in "
+                    "four of them. Energies of the whole motion, summed up: blue what the dampers took up, light blue "
+                    "the structure, grey what still moves; the line is what came in.",
+                )
+            ),
+            *groups,
+        ),
+    )

@@ -1,0 +1,128 @@
+"""Sections of a study that need no histories: storey profiles, energies, the motions themselves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from mrwork.report.fit.section import Group, Section, Table, panel
+from mrwork.report.numbers import fixed, significant
+from mrwork.report.study.figures import energy_figure, profile_figure
+from mrwork.study.results import StudyResults
+
+_QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceleration"))
+
+
+def profile_section(results: StudyResults, detailed: int) -> Section:
+    """Peak drift and acceleration over the height, under each motion; that drawn in detail comes first."""
+    order = [detailed, *(number for number in range(len(results.motions)) if number != detailed)]
+    groups = tuple(
+        Group(
+            title=results.motions[motion].name,
+            synthetic=results.motions[motion].synthetic,
+            panels=tuple(
+                panel(
+                    f"profile-{motion}-{quantity.replace('_', '-')}",
+                    title,
+                    profile_figure(results, motion, quantity),
+                    f"{title} of each storey or floor under {results.motions[motion].name}, for {len(results.rows)} "
+                    "arrangements",
+                )
+                for quantity, title in _QUANTITIES
+            ),
+        )
+        for motion in order
+        if results.finished(motion)
+    )
+    return Section(
+        anchor="profiles",
+        title="Storey profiles",
+        summary="peak drift and absolute acceleration over the height, for every arrangement.",
+        groups=groups,
+    )
+
+
+def energy_section(results: StudyResults, motion: int) -> Section | None:
+    """Where the energy went, and how well its balance holds."""
+    if not results.finished(motion):
+        return None
+    name = results.motions[motion].name
+    return Section(
+        anchor="energy",
+        title="Energy",
+        summary=_balance_in_words(results),
+        groups=(
+            Group(
+                title=name,
+                synthetic=results.motions[motion].synthetic,
+                panels=(
+                    panel(
+                        "energy",
+                        "Where the energy had gone by the end",
+                        energy_figure(results, motion),
+                        f"Energy dissipated by dampers and structure under {name}, for each arrangement",
+                    ),
+                ),
+            ),
+            Group(title="Balance", table=_balance_table(results)),
+        ),
+    )
+
+
+def motion_section(results: StudyResults) -> Section:
+    """The ground motions: peak, duration, where they come from and what was done to them."""
+    return Section(
+        anchor="motions",
+        title="Ground motions",
+        summary="",
+        groups=(
+            Group(
+                table=Table(
+                    label="Ground motions",
+                    columns=("", "peak (m/s²)", "duration (s)", "source", "changes"),
+                    rows=tuple(
+                        (
+                            motion.name,
+                            significant(motion.peak, 4),
+                            significant(motion.duration, 4),
+                            motion.source,
+                            "; ".join(motion.changes),
+                        )
+                        for motion in results.motions
+                    ),
+                    words=(3, 4),
+                )
+            ),
+        ),
+    )
+
+
+def _balance_table(results: StudyResults) -> Table:
+    rows = []
+    for number, row in enumerate(results.rows):
+        runs = [results.runs.get((number, motion)) for motion in range(len(results.motions))]
+        done = [run for run in runs if run is not None and run.finished]
+        if not done:
+            continue
+        spent = [float(np.sum(run.device_energy)) / run.input_energy for run in done]
+        rows.append(
+            (
+                row.label,
+                fixed(100.0 * float(np.mean(spent)), 1),
+                significant(max(run.energy_error for run in done), 2),
+                fixed(max(run.steps for run in done), 0),
+            )
+        )
+    return Table(
+        label="Balance of energy",
+        columns=("", "taken up by dampers (%)", "largest error of balance", "most steps per sample"),
+        rows=tuple(rows),
+        note="Input = kinetic + strain + structural damping + dampers, integrated with the same stages as the motion. "
+        "The error is what is missing, over the input; the worst of all motions.",
+    )
+
+
+def _balance_in_words(results: StudyResults) -> str:
+    errors = [run.energy_error for run in results.runs.values() if run.finished]
+    if not errors:
+        return "no run has finished."
+    return f"the balance holds to {significant(max(errors), 2)} of the input in all runs that finished."

@@ -1,0 +1,77 @@
+"""Lines of a journal: one JSON object each, with a checksum, so that damage is told from data."""
+
+from __future__ import annotations
+
+import json
+import zlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from mrwork.errors import JournalError
+from mrwork.store.plain import plain
+
+FORMAT = 1
+
+_SUM = ', "crc32": "'
+_END = '"}\n'
+_DIGITS = 8
+
+
+def line_of(entry: Mapping[str, object]) -> bytes:
+    """The line of an entry; its last key is the CRC-32 of all before it."""
+    text = json.dumps(plain(entry), allow_nan=False, ensure_ascii=False)[:-1]
+    return f"{text}{_SUM}{zlib.crc32(text.encode()):08x}{_END}".encode()
+
+
+def read_lines(content: bytes, path: Path) -> tuple[list[dict[str, Any]], int]:
+    """Entries of a journal, and how many bytes of it they take.
+
+    A process that dies tears the last line at most. A power cut may take the last few, for the disk is not waited
+    for after each. So a damaged end does not count; damage before a sound line is an error.
+
+    Raises
+    ------
+    JournalError
+        If the file is no journal, of another format, or damaged before its end.
+    """
+    lines = content.split(b"\n")
+    # Nothing follows the newline of a sound last line.
+    lines = [line + b"\n" for line in lines[:-1]] + ([lines[-1]] if lines[-1] else [])
+    entries = [_entry_of(line) for line in lines]
+    sound = 0
+    while sound < len(entries) and entries[sound] is not None:
+        sound += 1
+    if any(entry is not None for entry in entries[sound:]):
+        raise JournalError(
+            f"{path} is damaged in line {sound + 1}, with sound lines after it; run again without --resume"
+        )
+    if not sound and len(lines) > 1:
+        raise JournalError(
+            f"{path} is not a journal that this version can resume; run again without --resume"
+        )
+    kept = [entry for entry in entries[:sound] if entry is not None]
+    if kept and kept[0].get("format") != FORMAT:
+        raise JournalError(
+            f"{path} has format {kept[0].get('format')}, this version reads {FORMAT}; run again without --resume"
+        )
+    for number, entry in enumerate(kept, start=1):
+        if entry.get("line") != number:
+            raise JournalError(
+                f"{path} lacks a line before its line {number}, which says it is line {entry.get('line')}; "
+                "run again without --resume"
+            )
+    return kept, sum(len(line) for line in lines[:sound])
+
+
+def _entry_of(line: bytes) -> dict[str, Any] | None:
+    """The entry of a sound line; `None` where anything about it is wrong."""
+    try:
+        text = line.decode()
+    except UnicodeDecodeError:
+        return None
+    body, _, rest = text.rpartition(_SUM)
+    if rest != f"{zlib.crc32(body.encode()):08x}{_END}":
+        return None
+    entry: dict[str, Any] = json.loads(body + "}")
+    return entry

@@ -1,0 +1,185 @@
+"""Which damper a study means: a published set, an identified run, or parameters written into it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.dampers.parameters import CommandUnit, LawName
+from mrwork.dampers.spec import DamperSpec, damper, damper_models
+from mrwork.errors import RecordError
+from mrwork.study.declared import Place, suggestion
+from mrwork.study.schema import DamperTable
+
+Identified = Callable[[Path], tuple[DamperSpec, tuple[float, ...]]]
+"""The model and the parameters of the run in a folder."""
+
+_DEGREES: tuple[LawName, ...] = ("constant", "linear", "quadratic", "cubic")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChosenDamper:
+    """A model with current laws and its parameters; the command lies between 0 and `largest_command`.
+
+    That is 1 where nothing follows the command.
+    """
+
+    spec: DamperSpec
+    theta: NDArray[np.float64]
+    largest_command: float
+    source: str
+
+    @property
+    def follows(self) -> bool:
+        """Whether anything of it follows the command."""
+        current = self.spec.current
+        return current is not None and any(law != "constant" for law in current.laws)
+
+
+def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> ChosenDamper:
+    """The damper of a table; a run is looked for from `folder`.
+
+    Raises
+    ------
+    SettingError
+        Where the table names no damper or several, or parameters that the model does not have.
+    """
+    place = table.place
+    _refuse_two(table)
+    if table.preset is not None:
+        draft, largest, source = _of_preset(table, table.preset)
+    elif table.run is not None:
+        draft, largest, source = _of_run(table, folder / table.run, identified), None, f"run {table.run}"
+    else:
+        draft = _Draft(plain=_model(place, table.model), laws={}, values={}, unit=table.unit, lag=None)
+        largest, source = None, "parameters of the study"
+    draft = _changed(draft, table)
+    missing = [name for name in draft.plain.names if name not in draft.values]
+    if missing:
+        place.refuse(
+            f"{place.table} has no {', '.join(missing)} of {draft.plain.name}; add to its parameters"
+        )
+    follows = any(law != "constant" for law in draft.laws.values())
+    largest = table.largest_command if table.largest_command is not None else largest
+    if largest is None and follows:
+        place.refuse(
+            f"{place.table} has no largest_command; give the most that the driver gives [{draft.unit}]"
+        )
+    spec = draft.plain.with_current_laws(draft.laws, unit=draft.unit, lagged=draft.lag is not None)
+    numbers = [number for name in draft.plain.names for number in draft.values[name]]
+    theta = np.array([*numbers, *([] if draft.lag is None else [draft.lag])])
+    return ChosenDamper(spec=spec, theta=theta, largest_command=largest or 1.0, source=source)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Draft:
+    """A damper whose parameters may still change: by name its law and the coefficients of that."""
+
+    plain: DamperSpec
+    laws: Mapping[str, LawName]
+    values: Mapping[str, tuple[float, ...]]
+    unit: CommandUnit
+    lag: float | None
+
+
+def _refuse_two(table: DamperTable) -> None:
+    given = [name for name in ("preset", "run") if getattr(table, name) is not None]
+    if len(given) == 2:
+        table.place.refuse(f"{table.place.table} has a preset and a run; give one of them")
+    if not given and table.model is None:
+        table.place.refuse(
+            f"{table.place.table} names no damper; give a preset, a run, or a model with parameters"
+        )
+    if table.run is not None and table.model is not None:
+        table.place.within("model").refuse("the run says its model; leave model out")
+
+
+def _model(place: Place, name: str | None) -> DamperSpec:
+    if name is None:
+        place.refuse(f"{place.table} has no model")
+    known = [spec.name for spec in damper_models()]
+    if name not in known:
+        near = suggestion(name, known)
+        place.within("model").refuse(f"no damper model is called {name!r}{near}")
+    return damper(name)
+
+
+def _of_preset(table: DamperTable, name: str) -> tuple[_Draft, float | None, str]:
+    place = table.place
+    models = damper_models() if table.model is None else (_model(place, table.model),)
+    having = [spec for spec in models if name in spec.presets]
+    if not having:
+        known = sorted({preset for spec in models for preset in spec.presets})
+        near = suggestion(name, known, otherwise="there are" if table.model is None else f"{table.model} has")
+        place.within("preset").refuse(f"no published set is called {name!r}{near}")
+    if len(having) > 1:
+        several = " and ".join(spec.name for spec in having)
+        place.within("preset").refuse(f"{name!r} is a set of {several}; say which by model")
+    preset = having[0].preset(name)
+    draft = _draft(preset.spec, preset.theta)
+    return draft, preset.largest_command, f"{name}, {preset.status}: {preset.source}"
+
+
+def _of_run(table: DamperTable, run: Path, identified: Identified) -> _Draft:
+    try:
+        return _draft(*identified(run))
+    except RecordError as error:
+        table.place.within("run").refuse(str(error))
+
+
+def _draft(spec: DamperSpec, theta: tuple[float, ...]) -> _Draft:
+    by_name = dict(zip(spec.names, theta, strict=True))
+    current = spec.current
+    constant: LawName = "constant"
+    laws = tuple(constant for _ in spec.plain) if current is None else current.laws
+    return _Draft(
+        plain=damper(spec.name),
+        laws={parameter.name: law for parameter, law in zip(spec.plain, laws, strict=True)},
+        values={
+            parameter.name: tuple(
+                value for name, value in by_name.items() if name.partition(".")[0] == parameter.name
+            )
+            for parameter in spec.plain
+        },
+        unit="A" if current is None else current.unit,
+        lag=by_name["eta"] if current is not None and current.lagged else None,
+    )
+
+
+def _changed(draft: _Draft, table: DamperTable) -> _Draft:
+    """The draft with what the table gives in place of its own."""
+    laws, values = dict(draft.laws), dict(draft.values)
+    place = table.place.within("parameters")
+    for name, given in (table.parameters or {}).items():
+        _refuse_unknown(draft.plain, name, place)
+        coefficients = given if isinstance(given, tuple) else (given,)
+        values[name] = coefficients
+        if not 1 <= len(coefficients) <= len(_DEGREES):
+            place.within(name).refuse(
+                f"{name} has {len(coefficients)} coefficients; give 1 to {len(_DEGREES)}"
+            )
+        laws[name] = _DEGREES[len(coefficients) - 1]
+    place = table.place.within("laws")
+    for name, law in (table.laws or {}).items():
+        _refuse_unknown(draft.plain, name, place)
+        laws[name] = law
+        if name in values:
+            _refuse_count(draft.plain, name, law, len(values[name]), place)
+    lag = draft.lag if table.lag is None else table.lag
+    return _Draft(plain=draft.plain, laws=laws, values=values, unit=draft.unit, lag=lag)
+
+
+def _refuse_unknown(plain: DamperSpec, name: str, place: Place) -> None:
+    if name not in plain.names:
+        near = suggestion(name, plain.names, otherwise="it has")
+        place.within(name).refuse(f"{plain.name} has no parameter {name!r}{near}")
+
+
+def _refuse_count(plain: DamperSpec, name: str, law: LawName, count: int, place: Place) -> None:
+    wanted = len(plain.with_current_laws({name: law}).names) - len(plain.names) + 1
+    if wanted != count:
+        place.within(name).refuse(f"{name} with the law {law} takes {wanted} coefficients, {count} are given")

@@ -1,0 +1,217 @@
+"""Tables of a study, declared as dataclasses: what a key means stands beside it, and the reader goes by that.
+
+A field's annotation says what its value may be, `key` what it means and its unit. The schema that people read is
+printed from the same.
+"""
+
+from __future__ import annotations
+
+import math
+import types
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from difflib import get_close_matches
+from typing import Any, Literal, NoReturn, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+
+from mrwork.errors import MrworkError, SettingError
+from mrwork.study.lines import Path
+from mrwork.study.quantities import number_of
+
+T = TypeVar("T")
+
+_REQUIRED: Any = MISSING
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """Where a table stands in a document: messages name its file and line."""
+
+    origin: str
+    path: Path = ()
+    lines: Mapping[Path, int] = field(default_factory=dict)
+
+    def within(self, *keys: str | int) -> Place:
+        """The place of something inside."""
+        return Place(origin=self.origin, path=(*self.path, *keys), lines=self.lines)
+
+    def __str__(self) -> str:
+        line = next(
+            (self.lines[self.path[:n]] for n in range(len(self.path), 0, -1) if self.path[:n] in self.lines),
+            0,
+        )
+        return f"{self.origin}, line {line}" if line else self.origin
+
+    @property
+    def table(self) -> str:
+        """What messages call the table: [hardware], [[damper]]."""
+        keys = [str(part) for part in self.path if isinstance(part, str)]
+        if not keys:
+            return "the study"
+        return f"[[{'.'.join(keys)}]]" if isinstance(self.path[-1], int) else f"[{'.'.join(keys)}]"
+
+    def refuse(self, sentence: str) -> NoReturn:
+        """Raise a SettingError that begins with this place."""
+        raise SettingError(f"{self}: {sentence}")
+
+
+@contextmanager
+def said_at(place: Place) -> Iterator[None]:
+    """Begin what goes wrong inside with the place it comes from."""
+    try:
+        yield
+    except MrworkError as error:
+        text = str(error)
+        raise SettingError(text if text.startswith(f"{place.origin},") else f"{place}: {text}") from error
+
+
+def key(
+    says: str,
+    *,
+    unit: str = "",
+    default: Any = _REQUIRED,
+    least: float = -math.inf,
+    above: float = -math.inf,
+) -> Any:
+    """A key of a table.
+
+    Parameters
+    ----------
+    says
+        What it means.
+    unit
+        SI unit of a number; it may then also come as a text with another unit.
+    default
+        What it is where the document does not say; without one it must.
+    least, above
+        A number is no less than the one, and more than the other.
+    """
+    notes = {"says": says, "unit": unit, "least": least, "above": above}
+    return field(metadata=notes) if default is MISSING else field(default=default, metadata=notes)
+
+
+def built(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
+    """The dataclass `kind` from a table.
+
+    Raises
+    ------
+    SettingError
+        Where a key is unknown, missing, of another type or out of range; the message has the line.
+    """
+    known = {entry.name: entry for entry in fields(cast(Any, kind)) if entry.name != "place"}
+    for name in table:
+        if name not in known:
+            near = suggestion(name, list(known), otherwise="it has")
+            place.within(name).refuse(f"{place.table} has no key {name!r}{near}")
+    hints = get_type_hints(kind)
+    values: dict[str, Any] = {}
+    for name, entry in known.items():
+        if name in table:
+            values[name] = _value(hints[name], table[name], place.within(name), entry)
+        elif is_required(entry):
+            place.refuse(f"{place.table} has no {name}; give {described(entry)}")
+    if "place" in hints:
+        values["place"] = place
+    return kind(**values)
+
+
+def is_required(entry: Field[Any]) -> bool:
+    """Whether a document must say it."""
+    return entry.default is MISSING and entry.default_factory is MISSING
+
+
+def described(entry: Field[Any]) -> str:
+    """What a key means, and its unit."""
+    unit = entry.metadata["unit"]
+    return f"{entry.metadata['says']}{f' [{unit}]' if unit else ''}"
+
+
+def suggestion(name: object, known: Sequence[str], *, otherwise: str = "choose one of") -> str:
+    """What to say after an unknown name: ", did you mean storey", or where none is near all that there are."""
+    near = get_close_matches(name, known, n=1) if isinstance(name, str) else []
+    return f", did you mean {near[0]}" if near else f"; {otherwise} {', '.join(known) or 'none'}"
+
+
+def _value(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
+    origin, arguments = get_origin(kind), get_args(kind)
+    if origin in (Union, types.UnionType):
+        kinds = [each for each in arguments if each is not type(None)]
+        kind = next((each for each in kinds if _is_near(each, value)), kinds[0])
+        return _value(kind, value, place, entry)
+    if is_dataclass(kind):
+        if not isinstance(value, dict):
+            _refuse(place, value, f"a table [{place.path[-1]}]")
+        return built(cast(type, kind), value, place)
+    if origin is Literal:
+        if value not in arguments:
+            place.refuse(f"{place.path[-1]} is {value!r}{suggestion(value, arguments)}")
+        return value
+    if origin is tuple:
+        if not isinstance(value, list):
+            _refuse(place, value, "an array, as [1, 2]")
+        return tuple(
+            _value(arguments[0], each, place.within(number), entry) for number, each in enumerate(value)
+        )
+    if origin in (dict, Mapping):
+        if not isinstance(value, dict):
+            _refuse(place, value, "a table, as { name = 1 }")
+        return {
+            name: _value(arguments[1], each, place.within(name), entry) if arguments else each
+            for name, each in value.items()
+        }
+    return value if kind is Any else _plain(kind, value, place, entry)
+
+
+def _plain(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
+    unit = entry.metadata["unit"]
+    if kind is float and isinstance(value, str) and unit:
+        number = number_of(value, unit)
+        if isinstance(number, str):
+            place.refuse(f"{_name(place)} {number}")
+        value = number
+    if kind in (float, int):
+        whole = isinstance(value, int) or (isinstance(value, float) and kind is float)
+        if isinstance(value, bool) or not whole:
+            _refuse(place, value, f"a {'whole ' if kind is int else ''}number{f' [{unit}]' if unit else ''}")
+        return _ranged(kind(value), place, entry)
+    if not isinstance(value, kind):
+        _refuse(place, value, {str: "a text in quotes", bool: "true or false"}[kind])
+    return value
+
+
+def _ranged(value: float, place: Place, entry: Field[Any]) -> float:
+    least, above = entry.metadata["least"], entry.metadata["above"]
+    name = _name(place)
+    # An infinite rate is no limit, and a broken sensor may say nan; nothing else is not finite.
+    if (math.isnan(value) and name != "value") or (math.isinf(value) and entry.default != math.inf):
+        place.refuse(f"{name} is {value}; give a finite number")
+    if value < least:
+        place.refuse(f"{name} is {value:g}; it can be no less than {least:g}")
+    if value <= above:
+        place.refuse(f"{name} is {value:g}; it must be more than {above:g}")
+    return value
+
+
+def _is_near(kind: Any, value: Any) -> bool:
+    """Whether a value looks like one of that kind, so that its message is the one to give."""
+    origin = get_origin(kind)
+    if is_dataclass(kind) or origin in (dict, Mapping):
+        return isinstance(value, dict)
+    if origin is tuple:
+        return isinstance(value, list)
+    if origin is Literal:
+        return value in get_args(kind)
+    if kind is float:
+        return isinstance(value, int | float) and not isinstance(value, bool)
+    return isinstance(value, kind) and not (kind is int and isinstance(value, bool))
+
+
+def _refuse(place: Place, value: Any, wanted: str) -> NoReturn:
+    shown = "a table" if isinstance(value, dict) else "an array" if isinstance(value, list) else repr(value)
+    place.refuse(f"{_name(place)} is {shown}; give {wanted}")
+
+
+def _name(place: Place) -> str:
+    """What a message calls a value: the key, and which element of it."""
+    length = max(n for n, part in enumerate(place.path, start=1) if isinstance(part, str))
+    return str(place.path[length - 1]) + "".join(f"[{number}]" for number in place.path[length:])

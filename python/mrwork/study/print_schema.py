@@ -1,0 +1,111 @@
+"""The schema of a study as people read it, from the declarations that the reader goes by."""
+
+from __future__ import annotations
+
+import inspect
+import math
+import textwrap
+import types
+from collections.abc import Iterator, Mapping
+from dataclasses import Field, fields, is_dataclass
+from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hints
+
+from mrwork.buildings import from_file
+from mrwork.study.declared import is_required
+from mrwork.study.schema import StudyTable
+
+_WIDTH = 110
+_WORDS = {str: "text", float: "number", int: "whole number", bool: "true or false", Any: "any"}
+
+
+def schema_text() -> str:
+    """Every table with its keys, what they are, their units and defaults."""
+    blocks = []
+    for heading, kind in tables():
+        says = textwrap.wrap(
+            " ".join((kind.__doc__ or "").split()), width=_WIDTH, initial_indent="  ", subsequent_indent="  "
+        )
+        blocks.append("\n".join([heading or "at the top", *says, *key_lines(kind)]))
+        if kind is StudyTable:
+            blocks.append("\n".join(["[building]", *_building_lines()]))
+    return "\n\n".join(blocks)
+
+
+def _building_lines() -> list[str]:
+    """The keys of a building, as the module that reads them says them."""
+    lines = (inspect.getdoc(from_file) or "").splitlines()
+    rules = [number for number, line in enumerate(lines) if line.startswith("==")]
+    return [f"  {line}" for line in lines[rules[1] + 1 : rules[-1]]]
+
+
+def tables(kind: type = StudyTable, path: str = "") -> Iterator[tuple[str, type]]:
+    """Headings and declarations of all tables, outer ones first."""
+    yield path, kind
+    for entry, hint in _keys(kind):
+        inner, repeated = _inner(hint)
+        if inner is not None:
+            name = f"{path.strip('[]')}.{entry.name}" if path else entry.name
+            yield from tables(inner, f"[[{name}]]" if repeated else f"[{name}]")
+
+
+def _keys(kind: type) -> list[tuple[Field[Any], Any]]:
+    hints = get_type_hints(kind)
+    return [(entry, hints[entry.name]) for entry in fields(cast(Any, kind)) if entry.name != "place"]
+
+
+def _inner(hint: Any) -> tuple[type | None, bool]:
+    """The table that a key holds, and whether it may hold several."""
+    if is_dataclass(hint):
+        return cast(type, hint), False
+    for each in get_args(hint):
+        if is_dataclass(each):
+            return cast(type, each), get_origin(hint) is tuple
+    return None, False
+
+
+def key_lines(kind: type) -> list[str]:
+    """The keys of a table, what they are, their defaults and types."""
+    keys = _keys(kind)
+    if not keys:
+        return []
+    names = max(len(entry.name) for entry, _ in keys)
+    defaults = max(len(_default(entry)) for entry, _ in keys)
+    lines = []
+    for entry, hint in keys:
+        unit = entry.metadata["unit"]
+        says = f"{entry.metadata['says']} ({in_words(hint)}{f' [{unit}]' if unit else ''})"
+        head = f"  {entry.name:<{names}}  {_default(entry):<{defaults}}  "
+        lines += textwrap.wrap(
+            says, width=_WIDTH, initial_indent=head, subsequent_indent=" " * len(head), break_long_words=False
+        )
+    return lines
+
+
+def _default(entry: Field[Any]) -> str:
+    if is_required(entry):
+        return "required"
+    value = entry.default
+    if value is None or value in ("", ()) or is_dataclass(value):
+        return "-"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return "inf" if math.isinf(value) else f"{value:g}"
+    return str(value)
+
+
+def in_words(hint: Any) -> str:
+    """An annotation in words, as "text or number"."""
+    origin, arguments = get_origin(hint), get_args(hint)
+    if origin in (Union, types.UnionType):
+        return " or ".join(in_words(each) for each in arguments if each is not type(None))
+    if is_dataclass(hint):
+        return "table"
+    if origin is Literal:
+        return ", ".join(map(str, arguments))
+    if origin is tuple:
+        return "tables" if is_dataclass(arguments[0]) else f"array of {in_words(arguments[0])}s"
+    if origin in (dict, Mapping) or hint is Mapping:
+        inner = in_words(arguments[1])
+        return "table" if inner == "any" else f"table of {inner}"
+    return _WORDS[hint]

@@ -1,0 +1,144 @@
+"""A study file, read into what it stands for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from mrwork.buildings import Building
+from mrwork.buildings.from_file import building_from_table
+from mrwork.closed_loop.devices import Device
+from mrwork.errors import RecordError
+from mrwork.motions import GroundMotion
+from mrwork.study.arrangements import arrangements
+from mrwork.study.dampers import ChosenDamper, Identified
+from mrwork.study.declared import Place, built, said_at, suggestion
+from mrwork.study.equipment import equipped
+from mrwork.study.hardware import hardware_of
+from mrwork.study.lines import parse
+from mrwork.study.motions import motions_of
+from mrwork.study.schema import HardwareTable, ReportTable, StudyTable
+from mrwork.study.study import Study
+
+
+def read_study(path: str | Path, identified: Identified, *, seed: int = 0) -> Study:
+    """Read a study.
+
+    Parameters
+    ----------
+    path
+        The TOML file; other files that it names are looked for from its folder.
+    identified
+        Opens the run of an identified damper.
+    seed
+        Of noise and synthetic motions.
+
+    Raises
+    ------
+    RecordError
+        Where there is no such file, or it is no text.
+    SettingError
+        Where anything in it is wrong; the message has file and line.
+    """
+    path = Path(path)
+    table, place = _tables(path)
+    with said_at(place.within("building")):
+        bare = building_from_table(table.building, place.within("building"), folder=path.parent)
+    building, devices, chosen = equipped(bare, table.damper, path.parent, identified)
+    made = [
+        (motion, each.synthetic is not None)
+        for each in table.motion
+        for motion in motions_of(each, path.parent, seed)
+    ]
+    motions = tuple(motion for motion, _ in made)
+    if not motions:
+        place.refuse("the study has no motion; give a [[motion]]")
+    _refuse_same([motion.name for motion in motions], place.within("motion"), "motions", "name")
+    hardware = hardware_of(table.hardware, place.within("hardware"), seed)
+    compared = arrangements(table, bare, building, devices, path.parent, hardware.sample_time)
+    labels = [each.row.label for each in compared]
+    _refuse_same(labels, place.within("controller"), "arrangements", "label")
+    first = chosen[0].spec.current if chosen else None
+    detailed, drawn = _drawn(table.report, motions, labels, place)
+    return Study(
+        title=table.title or bare.name,
+        building=bare,
+        arrangements=compared,
+        motions=motions,
+        synthetic=tuple(number for number, (_, synthetic) in enumerate(made) if synthetic),
+        hardware=hardware,
+        device_names=tuple(device.name for device in devices),
+        command_unit="A" if first is None else first.unit,
+        facts=_facts(bare, devices, chosen, table.hardware),
+        detailed=detailed,
+        drawn=drawn,
+        histories={"detailed": (detailed,), "all": tuple(range(len(motions))), "none": ()}[
+            table.report.histories
+        ],
+    )
+
+
+def _tables(path: Path) -> tuple[StudyTable, Place]:
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise RecordError(
+            f"{path} cannot be read ({error.strerror}); give the TOML file of a study"
+        ) from error
+    except UnicodeDecodeError as error:
+        raise RecordError(f"{path}: byte {error.start} is not UTF-8 text; save the file as UTF-8") from error
+    document, lines = parse(text, str(path))
+    place = Place(origin=str(path), lines=lines)
+    return built(StudyTable, document, place), place
+
+
+def _refuse_same(names: Sequence[str], place: Place, what: str, key: str) -> None:
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            place.refuse(f"two {what} are called {name!r}; give one of them another {key}")
+        seen.add(name)
+
+
+def _drawn(
+    table: ReportTable, motions: Sequence[GroundMotion], labels: Sequence[str], place: Place
+) -> tuple[int, tuple[int, ...]]:
+    names = [motion.name for motion in motions]
+    where = place.within("report")
+    if table.motion is not None and table.motion not in names:
+        near = suggestion(table.motion, names)
+        where.within("motion").refuse(f"no motion is called {table.motion!r}{near}")
+    for label in table.controllers:
+        if label not in labels:
+            near = suggestion(label, labels)
+            where.within("controllers").refuse(f"nothing is called {label!r}{near}")
+    largest = int(np.argmax([motion.peak for motion in motions]))
+    detailed = largest if table.motion is None else names.index(table.motion)
+    wanted = [
+        number for number, label in enumerate(labels) if not table.controllers or label in table.controllers
+    ]
+    return detailed, tuple(wanted)
+
+
+def _facts(
+    bare: Building, devices: Sequence[Device], chosen: Sequence[ChosenDamper], hardware: HardwareTable
+) -> tuple[tuple[str, str], ...]:
+    frequencies = ", ".join(f"{frequency:.3g}" for frequency in bare.frequencies[:5])
+    source = f"; {bare.source} ({bare.status})" if bare.source else ""
+    facts = [("Building", f"{bare.name}, {frequencies} Hz{source}")]
+    for device, damper in zip(devices, chosen, strict=True):
+        count = f"{device.count} x " if device.count > 1 else ""
+        pair = ", a differential pair" if device.differential else ""
+        fixed = "" if damper.follows else ", which follows no command: all its parameters are constant"
+        facts.append((device.name[:1].upper() + device.name[1:], f"{count}{device.spec.title}{pair}{fixed}"))
+    facts += [("Parameters", text) for text in dict.fromkeys(damper.source for damper in chosen)]
+    facts.append(
+        (
+            "Loop",
+            f"a command every {1e3 * hardware.sample_time:g} ms, delay {1e3 * hardware.delay:g} ms, steps of "
+            f"{1e3 * hardware.step:g} ms, feedback of the {hardware.feedback}",
+        )
+    )
+    return tuple(facts)

@@ -1,0 +1,226 @@
+"""Run a study: every arrangement under every motion, each run once and journalled."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.closed_loop.criteria import STANDARD_GRAVITY, score, values
+from mrwork.closed_loop.devices import Device
+from mrwork.closed_loop.responses import Responses
+from mrwork.closed_loop.simulate import simulate_loop
+from mrwork.control.laws import ControlLaw
+from mrwork.dampers.spec import damper
+from mrwork.motions import GroundMotion
+from mrwork.store import Journal
+from mrwork.store.plain import plain, rebuilt
+from mrwork.study.control_laws import constant_command, constant_commands
+from mrwork.study.conversion import history_of, result_of, results_of
+from mrwork.study.fingerprint import digest_of_run, premises_of
+from mrwork.study.results import Key, StudyResults
+from mrwork.study.run_result import History, RunResult
+from mrwork.study.study import Arrangement, Study
+
+LEVELS = 21
+"""How many constant commands are tried for the best one, evenly from none to the largest."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyProgress:
+    """How far a study is: runs done and wanted, whose are next, time since its beginning [s]."""
+
+    done: int
+    wanted: int
+    label: str
+    seconds: float
+
+
+class StudyInterrupted(KeyboardInterrupt):
+    """The study was interrupted; `results` are those of the runs that are done."""
+
+    def __init__(self, results: StudyResults) -> None:
+        super().__init__("study interrupted")
+        self.results = results
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BestConstant:
+    """The constant command of the least score."""
+
+    command: float
+    score: float
+
+
+def run_study(
+    study: Study,
+    *,
+    journal: Journal,
+    kept: Callable[[int, int], bool] = lambda row, motion: True,
+    keep: Callable[[int, int, History], None] = lambda row, motion, history: None,
+    on_progress: Callable[[StudyProgress], None] = lambda progress: None,
+    check_step: bool = False,
+    threads: int = 0,
+) -> StudyResults:
+    """Run what the journal does not know yet.
+
+    Parameters
+    ----------
+    kept
+        Whether the history of a (row, motion) is kept already; one that is lost is simulated again.
+    keep
+        Takes the history of a (row, motion).
+    check_step
+        Run everything again with half the step, once all is done.
+
+    Raises
+    ------
+    StudyInterrupted
+        On Ctrl-C, with the runs that are done.
+    JournalError
+        Where the journal is of another study.
+    """
+    began = time.perf_counter()
+    journal.agree("study", premises_of(study))
+    arrangements = list(study.arrangements)
+    runs: dict[Key, RunResult] = {}
+    halved: dict[Key, RunResult] | None = {} if check_step else None
+
+    def results() -> StudyResults:
+        return results_of(study, tuple(each.row for each in arrangements), runs, halved)
+
+    def say(label: str) -> None:
+        so_far, seconds = results(), time.perf_counter() - began
+        on_progress(StudyProgress(done=so_far.done, wanted=so_far.wanted, label=label, seconds=seconds))
+
+    try:
+        for row, arrangement in enumerate(arrangements):
+            say(arrangement.row.label)
+            if arrangement.law is None:
+                arrangements[row] = _with_best_constant(study, arrangement, journal, threads)
+            fresh: set[int] = set()
+            for motion, result in _runs(study, arrangements[row], journal, fresh, threads):
+                runs[row, motion] = result
+            for motion in study.histories:
+                # What is beyond all numbers is no history to draw.
+                if not runs[row, motion].finished:
+                    continue
+                if motion in fresh or not kept(row, motion):
+                    keep(row, motion, _history(study, arrangements[row], motion, threads))
+        # After all others, so that a study can be resumed with the check that was begun without it.
+        if halved is not None:
+            for row, arrangement in enumerate(arrangements):
+                say(f"{arrangement.row.label}, half the step")
+                for motion, result in _runs(study, arrangement, journal, set(), threads, step_factor=2):
+                    halved[row, motion] = result
+    except KeyboardInterrupt:
+        raise StudyInterrupted(results()) from None
+    return results()
+
+
+def _runs(
+    study: Study,
+    arrangement: Arrangement,
+    journal: Journal,
+    fresh: set[int],
+    threads: int,
+    *,
+    step_factor: int = 1,
+) -> Iterator[tuple[int, RunResult]]:
+    """The run under each motion: recalled, or simulated with all that follow; `fresh` is told which."""
+    step = "run" if step_factor == 1 else "run with half the step"
+    simulated: dict[int, RunResult] = {}
+    for motion, ground in enumerate(study.motions):
+        inputs = digest_of_run(arrangement, ground)
+        recalled = journal.recall(step, inputs)
+        if recalled is not None:
+            yield motion, rebuilt(RunResult, recalled)
+            continue
+        if not simulated:
+            responses = simulated_by(
+                arrangement, study.motions[motion:], study, step_factor=step_factor, threads=threads
+            )
+            for run in range(len(study.motions) - motion):
+                simulated[motion + run] = result_of(responses, run, arrangement)
+        journal.record(step, inputs, plain(simulated[motion]))
+        fresh.add(motion)
+        yield motion, simulated[motion]
+
+
+def _history(study: Study, arrangement: Arrangement, motion: int, threads: int) -> History:
+    responses = simulated_by(
+        arrangement, study.motions[motion : motion + 1], study, histories=True, threads=threads
+    )
+    assert responses.histories is not None
+    return history_of(responses.histories[0], arrangement)
+
+
+def simulated_by(
+    arrangement: Arrangement,
+    motions: Sequence[GroundMotion],
+    study: Study,
+    *,
+    histories: bool = False,
+    step_factor: int = 1,
+    threads: int = 0,
+) -> Responses:
+    """The runs of an arrangement under these motions; one without devices has actuators that give no force."""
+    building, devices, law = arrangement.building, arrangement.devices, arrangement.law
+    assert law is not None
+    if not devices:
+        spec = damper("dahl")
+        row = building.storeys[0]
+        devices = (Device(name="none", spec=spec, theta=spec.nominal, row=row, largest_command=1.0),)
+        law = ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * building.n_coordinates))})
+    return simulate_loop(
+        building,
+        devices,
+        law,
+        motions,
+        study.hardware,
+        histories=histories,
+        step_factor=step_factor,
+        threads=threads,
+    )
+
+
+def _with_best_constant(
+    study: Study, arrangement: Arrangement, journal: Journal, threads: int
+) -> Arrangement:
+    """The arrangement with the constant command that has the least score over all motions."""
+    devices = arrangement.devices
+    weight = arrangement.building.total_mass * STANDARD_GRAVITY
+    motions = range(len(study.motions))
+
+    def search() -> BestConstant:
+        commands = np.linspace(0.0, min(device.largest_command for device in devices), LEVELS)
+        tried = replace(arrangement, law=constant_commands(devices, commands))
+        responses = simulated_by(tried, study.motions, study, threads=threads)
+        found = [
+            [_criteria(responses, level * len(motions) + motion, arrangement, weight) for motion in motions]
+            for level in range(LEVELS)
+        ]
+        # The first level is i = 0. A command under which a run failed has no score.
+        scores = [float(score(each, found[0])) for each in found]
+        best = int(np.nanargmin(scores))
+        return BestConstant(command=float(commands[best]), score=scores[best])
+
+    inputs = digest_of_run(arrangement, *study.motions)
+    best = journal.once("best_constant", inputs, BestConstant, search)
+    label = f"{arrangement.row.label}, {best.command:.3g} {study.command_unit}"
+    return replace(
+        arrangement,
+        row=replace(arrangement.row, label=label),
+        law=constant_command(devices, best.command),
+    )
+
+
+def _criteria(
+    responses: Responses, run: int, arrangement: Arrangement, weight: float
+) -> dict[str, NDArray[np.float64]]:
+    result = result_of(responses, run, arrangement)
+    found = values(result, weight=weight)
+    return found if result.finished else {name: np.array(np.nan) for name in found}

@@ -1,0 +1,112 @@
+"""`mrwork convert`: every pair of conventions, and every bad input one sentence and exit 2."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from mrwork.cli import main
+from mrwork.dampers.spec import damper
+
+SPENCER = ["c0=5000", "k0=2500", "alpha=88e3", "gamma=1e6", "beta=5e5", "A=120", "n=2"]
+
+
+@pytest.fixture
+def convert(capsys):
+    """Run the verb in this process: exit status, stdout, stderr."""
+
+    def run(*arguments: str) -> tuple[int, str, str]:
+        with pytest.raises(SystemExit) as left:
+            main(["convert", *arguments])
+        output = capsys.readouterr()
+        return int(left.value.code or 0), output.out, output.err
+
+    return run
+
+
+def parameters(result: tuple[int, str, str]) -> dict[str, float]:
+    status, stdout, stderr = result
+    assert (status, stderr) == (0, "")
+    return json.loads(stdout)["parameters"]
+
+
+def as_arguments(values: dict[str, float]) -> list[str]:
+    return [f"{name}={value!r}" for name, value in values.items()]
+
+
+def test_a_tour_of_the_conventions_ends_where_it_began(convert) -> None:
+    material = parameters(convert("spencer", *SPENCER, "--to", "opensees", "--json"))
+    normal = parameters(convert("opensees", *as_arguments(material), "--to", "normalised", "--json"))
+    back = parameters(convert("normalised", *as_arguments(normal), "--to", "spencer", "--json"))
+    given = dict(
+        zip(damper("bouc_wen").names, (5000.0, 2500.0, 0.0, 88e3, 1e6, 5e5, 120.0, 2.0), strict=True)
+    )
+    assert back == pytest.approx(given, rel=1e-12)
+
+
+def test_scale_chooses_a_without_a_change_of_force(convert) -> None:
+    rescaled = parameters(convert("spencer", *SPENCER, "--to", "spencer", "--scale", "1", "--json"))
+    assert rescaled["A"] == 1.0
+    assert rescaled["alpha"] == pytest.approx(88e3 * 120.0)
+    one, other = (
+        parameters(convert("spencer", *arguments, "--to", "normalised", "--json"))
+        for arguments in (SPENCER, as_arguments(rescaled))
+    )
+    assert one == pytest.approx(other, rel=1e-12)
+
+
+def test_opensees_is_printed_as_its_command_with_the_dashpot_beside_it(convert) -> None:
+    status, stdout, _ = convert("spencer", *SPENCER, "--to", "opensees")
+    assert status == 0
+    material, dashpot = (line.split() for line in stdout.splitlines() if line.startswith("uniaxialMaterial"))
+    assert material[1] == "BoucWen"
+    # Spencer's beta is OpenSees' gamma: the smaller of the two stands first.
+    assert float(material[6]) == pytest.approx(0.5 * float(material[7]))
+    assert dashpot[1] == "Viscous"
+    assert float(dashpot[3]) == 5000.0
+    assert "note: the factors" in stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["spencer", *SPENCER, "--to", "spencer"], ["already"]),
+        (["spencer", *SPENCER[1:-1], "--to", "normalised"], ["wants n"]),
+        (["spencer", *SPENCER, "n=3", "--to", "normalised"], ["twice"]),
+        (["spencer", *SPENCER, "ko=3", "--to", "normalised"], ["ko", "alpha"]),
+        (["spencer", *SPENCER, "x0", "--to", "normalised"], ["NAME=VALUE"]),
+        (["spencer", *SPENCER, "x0=nan", "--to", "normalised"], ["not a number"]),
+        (["spencer", *SPENCER, "x0=0.038", "--to", "opensees"], ["constant load"]),
+        (["spencer", *SPENCER, "--to", "normalised", "--scale", "3"], ["leave it out"]),
+        (["spencer", *SPENCER, "--to", "opensees", "--scale", "-3"], ["positive"]),
+        (["normalised", "k_w=1", "rho=0", "sigma=1", "n=1", "--to", "spencer"], ["rho", "positive"]),
+        (
+            ["opensees", "ko=1", "alpha=.1", "n=1", "gamma=-1", "beta=1", "Ao=1", "--to", "normalised"],
+            ["sum"],
+        ),
+        (
+            [
+                "opensees",
+                "ko=1",
+                "alpha=.1",
+                "n=1",
+                "gamma=1",
+                "beta=1",
+                "Ao=1",
+                "deltaA=1",
+                "--to",
+                "spencer",
+            ],
+            ["degrades"],
+        ),
+        (["opensees", "ko=1", "--to", "abaqus"], ["abaqus"]),
+    ],
+)
+def test_bad_input_is_one_sentence(convert, arguments: list[str], words: list[str]) -> None:
+    status, stdout, stderr = convert(*arguments)
+    assert status == 2
+    assert stdout == ""
+    assert len(stderr.strip().splitlines()) == 1
+    for word in words:
+        assert word in stderr

@@ -1,0 +1,105 @@
+"""`mrwork plan`: from a run directory to a ranking, a document and a map in it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray
+from command_line import printed
+
+from mrwork.cli import main
+from mrwork.report.reopen import reopen
+from mrwork.report.stored_draws import read_draws
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("plan") / "run"
+    arguments = ["identify", "synthetic:rd1005_1a", "--every", "4", "--model", "static_hysteretic"]
+    with pytest.raises(SystemExit) as ended:
+        main([*arguments, "--fix", "x_s=1e-4", "--quiet", "--out", str(place)])
+    assert ended.value.code == 0
+    return place
+
+
+def test_a_plan_names_the_best_test_first(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    lists = ("--amplitudes", "0.005,0.01,0.02", "--frequencies", "0.5,1,2")
+    text = printed(capsys, "plan", run, "--band", "c", *lists)
+    assert "Of 9 tests the one that narrows the band of c most: 20 mm, 2 Hz" in text
+    assert "rank correlation" in text
+    document = json.loads((run / "plan.json").read_text())
+    gains = [each["gain"] for each in document["plan"]["gains"]]
+    assert gains == sorted(gains, reverse=True)
+    assert document["plan"]["gains"][0]["candidate"] == {
+        "amplitude": 0.02, "frequency": 2.0, "command": None,
+    }  # fmt: skip
+    for suffix in ("svg", "png"):
+        assert (run / "figures" / f"plan.{suffix}").stat().st_size > 1000
+
+
+def test_json_is_one_object(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table = tmp_path / "tests.csv"
+    table.write_text("amplitude,frequency\n0.01,1\n0.02,1\n0.03,1\n")
+    arguments = ("plan", run, "--json", "--candidates", table, "--stroke", "0.05", "--targets", table)
+    document = json.loads(printed(capsys, *arguments))
+    assert len(document["plan"]["gains"]) == 2
+    assert document["plan"]["band"] == "force"
+    assert document["limits"] == {"stroke": 0.05, "peak_velocity": None}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--band", "stiffness"], "'stiffness'"),
+        (["--band", "x_s"], "x_s is fixed"),
+        (["--amplitudes", "0.01;0.02"], "commas"),
+        (["--amplitudes", "-0.01"], "positive"),
+        (["--currents", "1"], "without current laws"),
+        (["--stroke", "0"], "`stroke`"),
+        (["--candidates", "a.csv", "--frequencies", "1"], "one or the other"),
+        (["--seed", "-1"], "--seed"),
+    ],
+)
+def test_bad_input_is_one_sentence(
+    run: Path, arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    error = printed(capsys, "plan", run, *arguments, status=2)
+    assert len(error.strip().splitlines()) == 1
+    assert words in error
+
+
+def test_draws_of_the_posterior_are_used_where_there_are_some(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sampled = tmp_path / "sampled"
+    shutil.copytree(run, sampled)
+    opened = reopen(sampled)
+    rng = np.random.default_rng(3)
+    spread = np.array([each.standard_error or 0.0 for each in opened.fit.estimates])
+    chains = np.array(opened.fit.theta) + spread * rng.standard_normal((4, 150, spread.size))
+    columns = dict(zip(opened.fit.spec.names, np.moveaxis(chains, -1, 0), strict=True))
+    dataset = xarray.Dataset(
+        {name: (("chain", "draw"), values, {"units": "1"}) for name, values in columns.items()}
+    )
+    tree = xarray.DataTree.from_dict({"posterior": dataset})
+    tree.attrs = {
+        "noise": "iid",
+        "verdict": "Converged after 150 steps.",
+        "temper": 1.0,
+        "steps": 150,
+        "thinning": 1,
+    }
+    tree.to_netcdf(sampled / "posterior.nc", engine="h5netcdf")
+    found = read_draws(sampled, opened.fit)
+    assert found is not None
+    np.testing.assert_array_equal(found.theta(opened.fit.spec.names), chains.reshape(-1, spread.size))
+    lists = ("--amplitudes", "0.005,0.02", "--frequencies", "0.5,2")
+    text = printed(capsys, "plan", sampled, *lists)
+    assert "Draws of the posterior" in text
+    (sampled / "posterior.nc").write_text("no")
+    assert f"run `mrwork sample {sampled}` again" in printed(capsys, "plan", sampled, *lists, status=2)
+    assert read_draws(run, opened.fit) is None

@@ -1,0 +1,107 @@
+"""`mrwork profile`: from a run directory to a table, a document and a figure in it."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+from command_line import printed
+
+from mrwork.cli import main
+from mrwork.report.run_directory import read_fit
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("profile") / "run"
+    arguments = ["identify", "synthetic:rd1005_1a", "--every", "4", "--model", "static_hysteretic"]
+    with pytest.raises(SystemExit) as ended:
+        main([*arguments, "--quiet", "--out", str(place)])
+    assert ended.value.code == 0
+    return place
+
+
+def test_a_profile_says_what_the_data_settle(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = printed(capsys, "profile", run, "--quiet")
+    assert "count as" in text
+    (alpha,) = [line for line in text.splitlines() if line.strip().startswith("alpha ")]
+    assert alpha.endswith("identifiable")
+    (delta,) = [line for line in text.splitlines() if line.strip().startswith("delta ")]
+    assert "open" in delta
+    assert "weakly identifiable" in delta or "not identifiable" in delta
+    assert "delta/x_s is seen better" in text
+    document = json.loads((run / "profiles.json").read_text())
+    assert [each["name"] for each in document["profiles"]] == [
+        "c", "k", "alpha", "beta", "delta", "x_s", "f0",
+    ]  # fmt: skip
+    for suffix in ("svg", "png"):
+        assert (run / "figures" / f"profiles.{suffix}").stat().st_size > 1000
+
+
+def test_json_is_one_object_and_what_is_written(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    document = json.loads(printed(capsys, "profile", run, "--json", "--level", "0.5", "--parameter", "c"))
+    (c,) = document["profiles"]
+    assert c["lower"] < c["estimate"] < c["upper"]
+    written = json.loads((run / "profiles.json").read_text())
+    assert written["profiles"] == document["profiles"]
+    assert document["level"] == 0.5
+    assert document["status"] == "finished"
+    assert document["directions"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--parameter", "stiffness"], "'stiffness'"),
+        (["--level", "95"], "0.95"),
+        (["--threads", "-1"], "--threads"),
+    ],
+)
+def test_bad_input_is_one_sentence(
+    run: Path, arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    error = printed(capsys, "profile", run, *arguments, status=2)
+    assert len(error.strip().splitlines()) == 1
+    assert words in error
+
+
+def test_no_run_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "does not exist" in printed(capsys, "profile", tmp_path / "nothing", status=2)
+
+
+def test_identify_says_what_the_data_do_not_see(run: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    # Both forms of what `identify` prints are made from the fit that it writes.
+    stored = read_fit(run)
+    assert stored.identifiability is not None
+    doubtful = {each.name for each in stored.identifiability.verdicts if each.verdict != "identifiable"}
+    assert doubtful == {"delta", "x_s"}
+    text = printed(
+        capsys, "identify", "synthetic:spencer1997_fast", "--model", "bouc_wen", "--every", "2", "--quiet",
+        "--out", run.parent / "spencer",
+    )  # fmt: skip
+    assert "alpha, gamma, beta and A are not told apart" in text
+    assert "A was held to settle it" in text
+
+
+def test_an_earlier_fit_without_verdicts_is_read(run: Path, tmp_path: Path) -> None:
+    old = tmp_path / "old"
+    shutil.copytree(run, old)
+    document = json.loads((old / "fit.json").read_text())
+    del document["identifiability"]
+    (old / "fit.json").write_text(json.dumps(document))
+    assert read_fit(old).identifiability is None
+
+
+def test_profiles_do_not_outlive_their_fit(
+    run: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    again = tmp_path / "again"
+    shutil.copytree(run, again)
+    (again / "profiles.json").write_text("{}")
+    (again / "notes.txt").write_text("mine")
+    arguments = ["synthetic:rd1005_1a", "--every", "8", "--model", "static_hysteretic", "--quiet"]
+    printed(capsys, "identify", *arguments, "--out", again)
+    assert (again / "notes.txt").read_text() == "mine"
+    assert not (again / "profiles.json").exists()

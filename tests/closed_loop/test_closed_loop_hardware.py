@@ -1,0 +1,352 @@
+"""What stands between building and coil does what it says: delay, rate, sensors, faults, observer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg
+from law_formulas import Recorded, commands
+from loop_samples import (
+    LAG,
+    LARGEST,
+    devices,
+    five_storeys,
+    law_with_gains,
+    plant_with,
+    pushed,
+    rd1005,
+    still,
+    sweep,
+)
+
+import mrwork as mr
+from mrwork.buildings.building import Building
+from mrwork.closed_loop.devices import Device
+from mrwork.closed_loop.hardware import Fault, Hardware
+from mrwork.closed_loop.observed import loop_observer
+from mrwork.closed_loop.responses import History
+from mrwork.closed_loop.simulate import simulate_loop
+from mrwork.control.laws import ControlLaw
+from mrwork.errors import SettingError
+from mrwork.motions.ground_motion import GroundMotion
+from mrwork.simulate import Outcome
+
+Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+N_NOISE = 20_000
+
+
+def run_of(
+    loop: list[Device],
+    law: ControlLaw,
+    hardware: Hardware,
+    motion: GroundMotion | None = None,
+    building: Building | None = None,
+) -> History:
+    response = simulate_loop(
+        building or five_storeys(), loop, law, [motion or sweep(1.0)], hardware, histories=True
+    )
+    assert response.outcome[0] == Outcome.FINISHED
+    assert response.histories is not None
+    return response.histories[0]
+
+
+def onlookers(n: int = 2, *, lagged: bool = True) -> list[Device]:
+    """Dashpots that do not care for their command, so that nothing of it comes back to the building."""
+    spec = mr.damper("bingham").with_current_laws({"c0": "linear"}, lagged=lagged)
+    theta = [1e-3, 1e2, 2000.0, 0.0, 0.0, LAG][: 6 if lagged else 5]
+    rows = five_storeys().storeys
+    return [
+        Device(name=f"onlooker {i}", spec=spec, theta=theta, row=rows[i], largest_command=LARGEST)
+        for i in range(n)
+    ]
+
+
+def gauge(scale: float, n: int = 2, *, rate: float = 1e9) -> ControlLaw:
+    """A law whose command tells what it measured: half of the largest, and as much again at `scale` metres."""
+    gains = {"deformation_scale": np.full(n, scale), "rate_scale": np.full(n, rate)}
+    return ControlLaw(name="fuzzy", gains=gains, tables={"shares": [0.0, 0.0, 1.0, 1.0]})
+
+
+def read(command: Floats, scale: float) -> Floats:
+    """The deformation of which a gauge's command tells."""
+    return (2.0 * command / LARGEST - 1.0) * scale
+
+
+def test_a_command_arrives_after_the_delay_and_not_before() -> None:
+    loop, law = onlookers(lagged=False), gauge(0.02)
+    prompt = run_of(loop, law, Hardware())
+    np.testing.assert_array_equal(prompt.current, prompt.command)
+    for delay, samples in ((1e-3, 1), (1.5e-3, 2), (3e-3, 3), (7e-3, 7)):
+        late = run_of(loop, law, Hardware(delay=delay))
+        np.testing.assert_array_equal(late.command, prompt.command)
+        np.testing.assert_array_equal(late.current[samples:], prompt.command[:-samples])
+        np.testing.assert_array_equal(late.current[:samples], np.tile(prompt.command[0], (samples, 1)))
+
+
+@pytest.mark.parametrize("delay", [0.0, 5e-4, 1.5e-3, 2e-3])
+@pytest.mark.parametrize("factor", [1, 4])
+def test_the_coil_follows_the_command_by_its_lag_from_the_instant_it_arrives(
+    delay: float, factor: int
+) -> None:
+    response = simulate_loop(
+        five_storeys(),
+        onlookers(),
+        gauge(0.02),
+        [sweep(1.0)],
+        Hardware(delay=delay),
+        histories=True,
+        step_factor=factor,
+    )
+    assert response.histories is not None
+    run = response.histories[0]
+    current = run.command[0].copy()
+    whole, rest = divmod(round(delay / 5e-4), 2)
+    for k in range(len(run.time) - 1):
+        np.testing.assert_allclose(run.current[k], current, rtol=1e-12)
+        # In the first part of the sample the command before is still in force.
+        for late, duration in ((whole + 1, rest * 5e-4), (whole, (2 - rest) * 5e-4)):
+            held = run.command[max(k - late, 0)]
+            current = held + (current - held) * np.exp(-LAG * duration)
+
+
+def test_the_command_changes_no_faster_than_its_rate() -> None:
+    loop = devices(rd1005())
+    law = law_with_gains("clipped_optimal", plant_with(loop))
+    rate = 200.0
+    run = run_of(loop, law, Hardware(command_rate=rate))
+    raw = commands(Recorded.of(law, five_storeys(), loop, sweep(1.0), run, 1e-3))
+    expected = [raw[0]]
+    for wanted in raw[1:]:
+        expected.append(np.clip(wanted, expected[-1] - rate * 1e-3, expected[-1] + rate * 1e-3))
+    np.testing.assert_allclose(run.command, expected, atol=1e-12)
+    assert np.any(np.abs(np.array(expected) - raw) > 0.1)
+
+
+def noisy(hardware: Hardware, law: ControlLaw | None = None, scale: float = 0.01) -> Floats:
+    """Deformations that a building at rest seems to have, shape (n_time, n_devices)."""
+    law = law or gauge(scale)
+    return read(run_of(onlookers(), law, hardware, still(N_NOISE * 1e-3 + 5e-4)).command, scale)
+
+
+def test_noise_is_normal_and_white_and_of_the_stated_deviation() -> None:
+    seen = noisy(Hardware(deformation_noise=1e-3)) / 1e-3
+    assert len(seen) == N_NOISE
+    # Bounds of four standard errors; nothing is random but for the seed.
+    root = np.sqrt(N_NOISE)
+    assert np.all(np.abs(seen.mean(axis=0)) < 4.0 / root)
+    assert np.all(np.abs(seen.var(axis=0) - 1.0) < 4.0 * np.sqrt(2.0) / root)
+    assert np.all(np.abs(np.mean(seen**4, axis=0) - 3.0) < 4.0 * np.sqrt(96.0) / root)
+    for lag in (1, 2, 7):
+        assert np.all(np.abs(np.mean(seen[lag:] * seen[:-lag], axis=0)) < 4.0 / root)
+    assert abs(np.mean(seen[:, 0] * seen[:, 1])) < 4.0 / root
+
+
+def test_seeds_and_motions_have_noise_of_their_own_and_candidates_the_same() -> None:
+    def of(seed: int) -> Hardware:
+        return Hardware(deformation_noise=1e-3, seed=seed)
+
+    first, second = noisy(of(1)), noisy(of(2))
+    np.testing.assert_array_equal(first, noisy(of(1)))
+    assert abs(np.mean(first * second)) < 4e-6 / np.sqrt(first.size)
+    law = gauge(0.01)
+    three = replace(law, gains={name: np.tile(gain, (3, 1)) for name, gain in law.gains.items()})
+    batch = simulate_loop(five_storeys(), onlookers(), three, [still(0.5), still(0.5)], of(1), histories=True)
+    assert batch.histories is not None
+    seen = [read(run.command, 0.01) for run in batch.histories]
+    for candidate in (0, 1, 2):
+        np.testing.assert_array_equal(seen[2 * candidate], first[:500])
+        np.testing.assert_array_equal(seen[2 * candidate + 1], seen[1])
+    assert abs(np.mean(seen[0] * seen[1])) < 4e-6 / np.sqrt(seen[0].size)
+
+
+def test_noise_of_the_force_has_the_stated_deviation() -> None:
+    # A building that is pushed aside and has come to rest: the dashpots give no force, and a force is wanted. The
+    # command then falls in proportion to what is measured of it, wherever that is positive.
+    loop = onlookers(1)
+    loop[0] = replace(loop[0], count=20.0)
+    settled = 8000
+    K = np.zeros((1, 10))
+    K[0, :5] = -5000.0 / np.linalg.solve(five_storeys().stiffness, five_storeys().mass.sum(axis=1)) / 5.0
+    law = ControlLaw(name="proportional_clipped_optimal", gains={"gain": -K, "full_force": [100_000.0]})
+    hardware = Hardware(force_noise=300.0)
+    run = run_of(loop, law, hardware, pushed(1.0, settled * 1e-3 + N_NOISE * 1e-3))
+    command, force, wanted = run.command[settled:, 0], run.force[settled:, 0], (run.state @ K.T)[settled:, 0]
+    assert np.abs(force).max() < 1.0
+    np.testing.assert_allclose(wanted, 5000.0, rtol=1e-3)
+    on = command > 0.0
+    seen = (wanted - command / LARGEST * 10_000.0 - force)[on]
+    assert abs(on.mean() - 0.5) < 4.0 * 0.5 / np.sqrt(N_NOISE)
+    # The square of half a normal has the variance of the whole, and a fourth moment of three.
+    assert abs(np.mean(seen**2) / 300.0**2 - 1.0) < 4.0 * np.sqrt(2.0 / on.sum())
+
+
+def test_noise_of_accelerations_goes_through_the_observer() -> None:
+    loop, scale = onlookers(1), 0.05
+    hardware = Hardware(acceleration_noise=0.2, feedback="observer")
+    law = ControlLaw(
+        name="fuzzy",
+        gains={"deformation_scale": [1e9], "rate_scale": [scale]},
+        tables={"shares": [0.0, 1.0, 0.0, 1.0]},
+    )
+    seen = read(run_of(loop, law, hardware, still(N_NOISE * 1e-3)).command[:, 0], scale)
+    observer = loop_observer(five_storeys(), loop, hardware, range(5))
+    noise = np.diag([0.2**2] * 5 + [0.0])
+    covariance = scipy.linalg.solve_discrete_lyapunov(
+        observer.Ad - observer.gain @ observer.C, observer.gain @ noise @ observer.gain.T
+    )
+    row = np.concatenate([np.zeros(5), five_storeys().storeys[0]])
+    # The estimate is not white: a few hundred independent numbers.
+    np.testing.assert_allclose(np.std(seen), np.sqrt(row @ covariance @ row), rtol=0.1)
+
+
+def test_a_sensor_of_steps_reads_the_nearest_of_them() -> None:
+    resolution = 1e-4
+    run = run_of(onlookers(), gauge(0.02), Hardware(deformation_resolution=resolution))
+    seen = read(run.command, 0.02)
+    np.testing.assert_allclose(seen, np.round(run.deformation / resolution) * resolution, atol=1e-12)
+    assert len(np.unique(seen.round(9))) > 10
+
+
+def test_a_force_sensor_of_steps_reads_the_nearest_of_them() -> None:
+    loop = devices(rd1005())
+    law = law_with_gains("proportional_clipped_optimal", plant_with(loop))
+    run = run_of(loop, law, Hardware(force_resolution=50.0))
+    seen = Recorded.of(law, five_storeys(), loop, sweep(1.0), run, 1e-3)
+    stepped = replace(seen, force=50.0 * np.round(run.force / 50.0))
+    np.testing.assert_allclose(run.command, commands(stepped), atol=1e-9)
+    assert np.abs(commands(seen) - run.command).max() > 1e-3
+
+
+BROKEN = slice(200, 400)
+
+
+@pytest.mark.parametrize("value", ["hold", 0.0, 3e-3])
+def test_a_broken_sensor_of_deformation_reads_what_its_fault_says(value: float | str) -> None:
+    fault = Fault(channel="deformation", index=1, start=0.2, end=0.4, value=value)  # type: ignore[arg-type]
+    run = run_of(onlookers(), gauge(0.02), Hardware(faults=(fault,)))
+    expected = run.deformation.copy()
+    expected[BROKEN, 1] = expected[199, 1] if value == "hold" else value
+    np.testing.assert_allclose(read(run.command, 0.02), expected, atol=1e-12)
+
+
+def test_a_broken_sensor_of_force_reads_what_its_fault_says() -> None:
+    loop = devices(rd1005())
+    law = law_with_gains("clipped_optimal", plant_with(loop))
+    for value in ("hold", 0.0, -500.0):
+        fault = Fault(channel="force", index=0, start=0.2, end=0.4, value=value)  # type: ignore[arg-type]
+        run = run_of(loop, law, Hardware(faults=(fault,)))
+        seen = Recorded.of(law, five_storeys(), loop, sweep(1.0), run, 1e-3)
+        read_force = run.force.copy()
+        read_force[BROKEN, 0] = run.force[199, 0] if value == "hold" else value
+        np.testing.assert_array_equal(run.command, commands(replace(seen, force=read_force)))
+
+
+def test_a_stuck_current_stays_where_it_is_told() -> None:
+    loop = devices(rd1005())
+    law = law_with_gains("proportional_direct", plant_with(loop))
+    for value in ("hold", 0.0, 1.2):
+        fault = Fault(channel="command", index=0, start=0.2, end=0.4, value=value)  # type: ignore[arg-type]
+        run = run_of(loop, law, Hardware(faults=(fault,)))
+        expected = run.command[199, 0] if value == "hold" else value
+        np.testing.assert_array_equal(run.command[BROKEN, 0], expected)
+        assert np.ptp(run.command[BROKEN, 1]) > 0.1
+        assert np.ptp(run.command[400:, 0]) > 0.1
+
+
+def test_an_accelerometer_that_gives_no_number_is_left_out_by_the_observer() -> None:
+    loop = devices(rd1005())
+    law = law_with_gains("clipped_optimal", plant_with(loop))
+    fault = Fault(channel="acceleration", index=4, start=0.2, end=0.4, value=np.nan)
+    observing = Hardware(feedback="observer")
+    response = simulate_loop(five_storeys(), loop, law, [sweep(1.0)], replace(observing, faults=(fault,)))
+    whole = simulate_loop(five_storeys(), loop, law, [sweep(1.0)], observing)
+    assert response.outcome[0] == Outcome.FINISHED
+    assert np.isfinite(response.peak_drift).all()
+    assert np.any(response.peak_drift != whole.peak_drift)
+
+
+def test_the_observer_comes_to_the_state() -> None:
+    loop = devices(rd1005())
+    still_after = sweep(1.0)
+    rest = np.concatenate([still_after.acceleration, np.zeros(300)])
+    motion = replace(still_after, acceleration=rest)
+    plant = plant_with(loop)
+    K = law_with_gains("clipped_optimal", plant).gains["gain"]
+    # A weak ideal force, which tells what the law takes for the state and hardly moves the building.
+    law = ControlLaw(name="active", gains={"gain": 1e-3 * np.asarray(K)})
+    run = run_of(loop, law, Hardware(feedback="observer"), motion)
+    wanted = -run.state @ law.gains["gain"].T  # type: ignore[union-attr]
+    error = np.abs(run.command - wanted)
+    size = np.abs(wanted[2000:]).max(axis=0)
+    # An error of the shaking dies out in free vibration, down to that of forces held over a sample.
+    assert np.all(error[:1000].max(axis=0) > 3.0 * error[2000:].max(axis=0))
+    assert np.all(error[2000:].max(axis=0) < 0.02 * size)
+
+
+def test_fewer_accelerometers_see_less() -> None:
+    loop = devices(rd1005())
+    law = law_with_gains("clipped_optimal", plant_with(loop))
+    exact = run_of(loop, law, Hardware())
+
+    def error(floors: tuple[int, ...] | None) -> float:
+        run = run_of(loop, law, Hardware(feedback="observer", measured_floors=floors))
+        return float(np.mean(run.command != exact.command))
+
+    assert 0.0 < error(None) < error((4,))
+
+
+def test_a_floor_that_is_none_cannot_be_measured() -> None:
+    loop = devices(rd1005())
+    law = law_with_gains("clipped_optimal", plant_with(loop))
+    with pytest.raises(SettingError, match="5 floors, counted from 0"):
+        simulate_loop(
+            five_storeys(), loop, law, [sweep(0.1)], Hardware(feedback="observer", measured_floors=(5,))
+        )
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        ({"sample_time": 0.0}, "`sample_time` is 0.0; give a positive number"),
+        ({"sample_time": np.inf}, "`sample_time` is inf"),
+        ({"step": np.nan}, "`step` is nan"),
+        ({"command_rate": 0.0}, "`command_rate` is 0.0"),
+        ({"delay": 3e-4}, "not a whole number of integration steps"),
+        ({"delay": -1e-3}, "`delay` is -0.001 s"),
+        ({"delay": np.inf}, "`delay` is inf s"),
+        ({"delay": 1e9}, "1000000 samples of delay"),
+        ({"step": 1e-12}, "at most 10000 steps to a sample"),
+        ({"force_noise": -1.0}, "`force_noise` is -1.0"),
+        ({"deformation_resolution": np.nan}, "`deformation_resolution` is nan"),
+        ({"seed": -1}, "`seed` is -1"),
+        ({"seed": 2**32}, "give a whole number from 0 to"),
+    ],
+)
+def test_hardware_that_cannot_be_is_refused(settings: dict[str, float], sentence: str) -> None:
+    with pytest.raises(SettingError, match=sentence):
+        Hardware(**settings)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("settings", "sentence"),
+    [
+        ({"channel": "voltage"}, "a fault is in acceleration, deformation, force, command"),
+        ({"channel": "force", "index": -1}, "count from 0"),
+        ({"channel": "force", "start": 2.0, "end": 1.0}, "lasts from 2.0 s to 1.0 s"),
+        ({"channel": "force", "start": np.nan}, "lasts from nan s"),
+        ({"channel": "force", "value": "holt"}, 'give "hold" or a number'),
+    ],
+)
+def test_a_fault_that_cannot_be_is_refused(settings: dict[str, object], sentence: str) -> None:
+    with pytest.raises(SettingError, match=sentence):
+        Fault(**settings)  # type: ignore[arg-type]
+
+
+def test_a_fault_of_a_device_that_is_none_is_refused() -> None:
+    for channel, count in (("force", 2), ("acceleration", 5)):
+        fault = Fault(channel=channel, index=9)  # type: ignore[arg-type]
+        with pytest.raises(SettingError, match=f"faulty channel 9, there are {count}"):
+            run_of(onlookers(), gauge(0.02), Hardware(faults=(fault,)))

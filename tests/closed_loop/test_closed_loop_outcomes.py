@@ -1,0 +1,167 @@
+"""However a run ends, the end has a name, spares its neighbours and can be had at once by Ctrl-C."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from loop_samples import devices, five_storeys, friction, law_with_gains, plant_with, rd1005, still, sweep
+
+import mrwork as mr
+from mrwork.closed_loop.devices import Device
+from mrwork.closed_loop.hardware import Fault, Hardware
+from mrwork.closed_loop.simulate import simulate_loop
+from mrwork.control.laws import ControlLaw
+from mrwork.errors import RecordError, SettingError
+from mrwork.motions.ground_motion import GroundMotion
+from mrwork.simulate import Outcome
+
+PASSIVE = ControlLaw(name="passive", gains={"command": [1.0, 1.0]})
+ONE = ControlLaw(name="passive", gains={"command": [0.0]})
+
+
+def test_a_record_of_no_length_is_refused() -> None:
+    for samples in (0, 1):
+        with pytest.raises(RecordError, match=f"a record of {samples} samples; give two or more"):
+            GroundMotion(name="none", dt=0.01, acceleration=np.zeros(samples))
+    with pytest.raises(SettingError, match="no ground motion was given"):
+        simulate_loop(five_storeys(), devices(friction()), PASSIVE, [])
+
+
+def test_a_record_shorter_than_a_sample_is_one_sample() -> None:
+    response = simulate_loop(five_storeys(), devices(friction()), PASSIVE, [still(1e-5)], histories=True)
+    assert response.outcome[0] == Outcome.FINISHED
+    assert response.histories is not None
+    assert len(response.histories[0].time) == 1
+
+
+def test_a_record_of_too_many_samples_is_refused() -> None:
+    with pytest.raises(
+        SettingError, match=r"still lasts 1 s, which is more than 100000000 samples of 1e-09 s"
+    ):
+        simulate_loop(
+            five_storeys(), devices(friction()), PASSIVE, [still()], Hardware(sample_time=1e-9, step=1e-9)
+        )
+
+
+def test_a_mass_that_is_singular_is_refused() -> None:
+    building = five_storeys()
+    mass = building.mass.copy()
+    mass[2, 2] = 0.0
+    with pytest.raises(SettingError, match="mass"):
+        simulate_loop(replace(building, mass=mass), devices(friction()), PASSIVE, [still()])
+
+
+def test_an_unstable_gain_diverges_and_spares_its_neighbours() -> None:
+    loop = devices(rd1005())
+    law = law_with_gains("active", plant_with(loop))
+    gain = np.asarray(law.gains["gain"])
+    clean = simulate_loop(five_storeys(), loop, law, [sweep(0.5)])
+    mixed = simulate_loop(
+        five_storeys(), loop, replace(law, gains={"gain": np.stack([gain, -3e3 * gain, gain])}), [sweep(0.5)]
+    )
+    np.testing.assert_array_equal(mixed.outcome, [Outcome.FINISHED, Outcome.DIVERGED, Outcome.FINISHED])
+    assert np.isposinf(mixed.peak_drift[1]).all()
+    assert np.isposinf(mixed.energy_error[1])
+    for row in (0, 2):
+        np.testing.assert_array_equal(mixed.peak_drift[row], clean.peak_drift[0])
+
+
+def test_an_absurdly_stiff_damper_is_unresolved_and_not_simulated() -> None:
+    building = five_storeys()
+    spec = mr.damper("static_hysteretic")
+    theta = np.tile(spec.nominal, (3, 1))
+    theta[1, spec.names.index("c")] = 1e9
+    device = Device(name="stiff", spec=spec, theta=theta, row=building.storeys[0], largest_command=1.0)
+    response = simulate_loop(building, [device], ONE, [sweep(0.2)], histories=True)
+    np.testing.assert_array_equal(response.outcome, [Outcome.FINISHED, Outcome.UNRESOLVED, Outcome.FINISHED])
+    np.testing.assert_array_equal(response.steps > 0, [True, False, True])
+    assert np.isposinf(response.peak_drift[1]).all()
+    # A history of a run that was not made is none, not one of rest.
+    assert response.histories is not None
+    assert np.isposinf(response.histories[1].displacement).all()
+    assert np.isfinite(response.histories[2].displacement).all()
+
+
+def test_parameters_that_are_no_numbers_have_a_named_end() -> None:
+    spec, theta = rd1005()
+    for column in range(len(theta)):
+        for bad in (np.nan, np.inf, -np.inf, 1e300):
+            draws = np.tile(theta, (3, 1))
+            draws[1, column] = bad
+            response = simulate_loop(five_storeys(), devices((spec, draws)), PASSIVE, [sweep(0.1)])
+            assert response.outcome[[0, 2]].tolist() == [Outcome.FINISHED] * 2
+            finished = response.outcome[1] == Outcome.FINISHED
+            assert not (finished and np.isnan(bad))
+            assert np.isfinite(response.peak_drift[1]).all() == finished
+            assert not np.isnan(response.rms_acceleration).any()
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_coil_that_is_sent_no_number_diverges(value: float) -> None:
+    loop = devices(rd1005())
+    fault = Fault(channel="command", index=0, start=0.1, end=0.2, value=value)
+    response = simulate_loop(five_storeys(), loop, PASSIVE, [sweep(0.3)], Hardware(faults=(fault,)))
+    assert response.outcome[0] == Outcome.DIVERGED
+    assert np.isposinf(response.peak_drift).all()
+
+
+def test_every_outcome_has_a_remedy() -> None:
+    assert all(outcome.remedy.strip() for outcome in Outcome)
+
+
+def test_devices_that_do_not_go_together_are_refused() -> None:
+    building, law = five_storeys(), PASSIVE
+    loop = devices(rd1005())
+    other = devices(friction())[1]
+    with pytest.raises(SettingError, match="at least one device"):
+        simulate_loop(building, [], law, [still()])
+    with pytest.raises(SettingError, match="devices of one model"):
+        simulate_loop(building, [loop[0], other], law, [still()])
+    draws = np.tile(loop[0].draws, (2, 1)), np.tile(loop[0].draws, (3, 1))
+    with pytest.raises(SettingError, match="2, 3 draws"):
+        simulate_loop(
+            building,
+            [replace(device, theta=t) for device, t in zip(loop, draws, strict=True)],
+            law,
+            [still()],
+        )
+    for row in (np.zeros(5), np.ones(4), np.full(5, np.nan)):
+        with pytest.raises(SettingError, match=r"a row of `building\.storeys`"):
+            simulate_loop(building, [replace(device, row=row) for device in loop], law, [still()])
+
+
+@pytest.mark.parametrize("factor", [0, 65, 2**31])
+def test_a_step_factor_beyond_reason_is_refused(factor: int) -> None:
+    with pytest.raises(SettingError, match=f"step factor is {factor}, it must be from 1 to 64"):
+        simulate_loop(five_storeys(), devices(friction()), PASSIVE, [still()], step_factor=factor)
+
+
+def test_progress_counts_runs_up_to_all_of_them() -> None:
+    said: list[tuple[int, int]] = []
+    law = ControlLaw(name="passive", gains={"command": np.ones((5000, 2))})
+    simulate_loop(
+        five_storeys(),
+        devices(friction()),
+        law,
+        [still(2e-3)],
+        on_progress=lambda done, wanted: said.append((done, wanted)),
+    )
+    assert said[-1] == (5000, 5000)
+    assert len(said) > 1
+
+
+def test_ctrl_c_ends_a_long_batch() -> None:
+    # Work for many minutes: were the signal not looked for, the test would not come back.
+    law = ControlLaw(name="passive", gains={"command": np.ones((4000, 2))})
+    timer = threading.Timer(0.5, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            simulate_loop(five_storeys(), devices(rd1005()), law, [sweep(30.0)], step_factor=64)
+    finally:
+        timer.cancel()

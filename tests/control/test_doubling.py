@@ -1,0 +1,75 @@
+"""Doubling solves the Riccati equations that SciPy solves, and some that it does not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.linalg
+from control_samples import plant, shear_frame
+
+from mrwork.control.doubling import solve_continuous, solve_discrete
+from mrwork.control.lqr import regulator_of_outputs, regulator_of_state
+from mrwork.control.lyapunov import lyapunov_function
+from mrwork.control.observer import observer_of
+from mrwork.control.outputs import accelerations, drifts
+from mrwork.control.sliding import optimal_surface
+from mrwork.errors import SettingError
+
+
+@pytest.mark.parametrize("rng", range(5))
+def test_well_scaled_equations_agree_with_scipy(rng: int) -> None:
+    generator = np.random.default_rng(rng)
+    A, B = generator.standard_normal((6, 6)), generator.standard_normal((6, 2))
+    H = np.diag(generator.uniform(0.5, 2.0, 6))
+    for shift in (0.5, 2.0):
+        np.testing.assert_allclose(
+            solve_continuous(A, B @ B.T, H, shift),
+            scipy.linalg.solve_continuous_are(A, B, H, np.eye(2)),
+            rtol=1e-8,
+            atol=1e-9,
+        )
+    np.testing.assert_allclose(
+        solve_discrete(A, B @ B.T, H),
+        scipy.linalg.solve_discrete_are(A, B, H, np.eye(2)),
+        rtol=1e-8,
+        atol=1e-9,
+    )
+
+
+def test_a_state_that_nothing_holds_is_refused() -> None:
+    """It grows by itself, and no control reaches it."""
+    A, G = np.diag([0.5, 1.1]), np.diag([1.0, 0.0])
+    with pytest.raises(SettingError, match="no stabilising solution"):
+        solve_discrete(A, G, np.eye(2))
+
+
+@pytest.mark.parametrize("n_storeys", [1, 2, 8, 40])
+def test_every_design_is_found_for_low_and_tall_buildings(n_storeys: int) -> None:
+    """Sensors of a hundred-millionth of the ground's intensity among them, on which the pencil of SciPy fails at 8."""
+    for n_devices in {1, min(n_storeys, 4)}:
+        system = plant(n_devices, shear_frame(n_storeys))
+        undamped = np.linalg.eigvals(system.A).real.max()
+        for regulator in (
+            regulator_of_state(system, system.energy, 1e-9),
+            regulator_of_outputs(system, drifts(system), np.full(n_storeys, 1e6), 1e-13),
+            regulator_of_outputs(system, accelerations(system), np.ones(n_storeys), 1e-17),
+        ):
+            assert regulator.residual < 1e-9
+            assert regulator.poles.real.max() < 0.0
+        assert undamped < 0.0
+        lyapunov_function(system)
+        assert optimal_surface(system).poles.real.max() < 0.0
+        for noise in (0.02, 1e-8):
+            observer = observer_of(system, accelerations(system), 1e-3, noise_intensity=noise)
+            decay = np.linalg.solve(
+                system.scaling, (observer.Ad - observer.gain @ observer.C) @ system.scaling
+            )
+            assert np.abs(np.linalg.eigvals(decay)).max() < 1.0
+
+
+def test_a_regulator_beyond_double_precision_is_refused() -> None:
+    """The roof of forty storeys, from a device at the ground, for next to nothing."""
+    system = plant(1, shear_frame(40))
+    weights = np.append(np.zeros(39), 1.0)
+    with pytest.raises(SettingError, match="make the weights less extreme"):
+        regulator_of_outputs(system, accelerations(system), weights, 1e-22)

@@ -1,0 +1,162 @@
+"""A trained network finds the command for a force that the damper can give, and the end for one that it cannot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mrwork.control.excitation import random_loading
+from mrwork.control.inverse_network import InverseNetwork, train_inverse_network
+from mrwork.dampers.spec import damper
+from mrwork.errors import SettingError
+from mrwork.simulate import Loading, simulate_force
+
+RD1005 = damper("static_hysteretic").preset("kwok2006")
+PROTOTYPE = damper("modified_bouc_wen").preset("dyke1996")
+
+
+@pytest.fixture(scope="module", params=[0, 1])
+def network(request) -> InverseNetwork:
+    return train_inverse_network(
+        RD1005.spec,
+        RD1005.theta,
+        largest_command=1.88,
+        amplitude=0.01,
+        velocity=0.2,
+        sample_time=1e-3,
+        n_hidden=8,
+        n_previous=request.param,
+        rng=1,
+    )
+
+
+def inputs(network: InverseNetwork, loading: Loading, wanted: np.ndarray) -> np.ndarray:
+    now = np.column_stack([loading.displacement, loading.velocity, wanted])
+    before = np.vstack([now[:1], now[:-1]])
+    return np.hstack([now, before])[:, : len(network.names)]
+
+
+def motion(rng: int, dt: float = 1e-3) -> Loading:
+    return random_loading(
+        amplitude=0.01,
+        velocity=0.2,
+        largest_command=1.88,
+        command_unit="A",
+        dt=dt,
+        n_cycles=20,
+        rng=np.random.default_rng(rng),
+    )
+
+
+def fit(wanted: np.ndarray, given: np.ndarray) -> float:
+    return float(100.0 * (1.0 - np.linalg.norm(given - wanted) / np.linalg.norm(wanted - wanted.mean())))
+
+
+def forces(loading: Loading, command: np.ndarray | float) -> np.ndarray:
+    return simulate_force(RD1005.spec, RD1005.theta, replace(loading, command=command))
+
+
+def test_the_damper_gives_what_is_wanted_at_its_command(network: InverseNetwork) -> None:
+    """On another motion than those of training and judgement, and four times nearer than any constant command."""
+    loading = motion(77)
+    wanted = forces(loading, loading.command)
+    given = forces(loading, network.command(inputs(network, loading, wanted)))
+    assert fit(wanted, given) == pytest.approx(network.fit_percent, abs=4.0)
+    best_constant = max(fit(wanted, forces(loading, command)) for command in np.linspace(0.0, 1.88, 20))
+    assert 100.0 - fit(wanted, given) < (100.0 - best_constant) / 4.0
+
+
+def test_what_the_damper_cannot_give_is_answered_by_an_end(network: InverseNetwork) -> None:
+    loading = motion(78)
+    none, whole = forces(loading, 0.0), forces(loading, 1.88)
+    far = np.abs(whole - none) > 0.3 * np.abs(whole - none).max()
+    for times in (0.5, 3.0, 10.0):
+        beyond = times * (whole - none)
+        more = network.command(inputs(network, loading, whole + beyond))[far]
+        less = network.command(inputs(network, loading, none - beyond))[far]
+        # On average within 15 % of the range of the end: the few units of a test leave some corners round.
+        assert more.mean() > 0.85 * 1.88
+        assert less.mean() < 0.15 * 1.88
+
+
+def test_beyond_what_it_knows_it_answers_as_at_the_edge(network: InverseNetwork) -> None:
+    edge = network.input_scale * np.where(np.arange(len(network.names)) % 2, 1.0, -1.0)
+    np.testing.assert_array_equal(network.command(7.0 * edge), network.command(edge))
+
+
+def test_commands_stay_in_range(network: InverseNetwork) -> None:
+    wild = 100.0 * np.random.default_rng(14).standard_normal((500, len(network.names))) * network.input_scale
+    command = network.command(wild)
+    assert np.all((command >= 0.0) & (command <= 1.88))
+
+
+def test_weights_say_what_the_formula_says(network: InverseNetwork) -> None:
+    row = 0.3 * network.input_scale
+    total = network.b2
+    for hidden in range(len(network.w2)):
+        inner = network.b1[hidden]
+        for index in range(len(row)):
+            inner += network.W1[hidden, index] * 0.3
+        total += network.w2[hidden] * np.tanh(inner)
+    expected = 1.88 * min(max(total, 0.0), 1.0)
+    np.testing.assert_allclose(network.command(row), expected, atol=1e-9)
+
+
+def test_a_damper_with_a_lag_and_a_memory_is_inverted_at_its_coil() -> None:
+    """The prototype of Dyke et al.: a sixth of the force at most is missed, though the damper remembers."""
+    steps: list[tuple[int, float]] = []
+    network = train_inverse_network(
+        PROTOTYPE.spec,
+        PROTOTYPE.theta,
+        largest_command=2.25,
+        amplitude=0.005,
+        velocity=0.2,
+        sample_time=1e-3,
+        n_hidden=8,
+        on_step=lambda step, error: steps.append((step, error)),
+    )
+    assert network.fit_percent > 85.0
+    assert network.names[3] == "previous deformation"
+    assert [step for step, _ in steps] == list(range(1, len(steps) + 1))
+    assert steps[-1][1] < 0.2 * steps[0][1]
+
+
+def test_a_seed_gives_the_same_network() -> None:
+    def train(rng: int) -> InverseNetwork:
+        return train_inverse_network(
+            RD1005.spec,
+            RD1005.theta,
+            largest_command=1.88,
+            amplitude=0.01,
+            velocity=0.2,
+            sample_time=1e-3,
+            n_hidden=2,
+            n_previous=0,
+            rng=rng,
+        )
+
+    np.testing.assert_array_equal(train(5).W1, train(5).W1)
+    assert not np.array_equal(train(5).W1, train(6).W1)
+
+
+def test_settings_that_cannot_be_are_refused() -> None:
+    def call(spec=RD1005.spec, theta=RD1005.theta, **changed: object) -> None:
+        settings = {"largest_command": 1.88, "amplitude": 0.01, "velocity": 0.2, "sample_time": 1e-3}
+        train_inverse_network(spec, theta, **(settings | changed))
+
+    plain = damper("bouc_wen")
+    with pytest.raises(
+        SettingError, match="bouc_wen does not follow a command, so there is nothing to invert"
+    ):
+        call(spec=plain, theta=plain.nominal)
+    with pytest.raises(SettingError, match="`theta` has 2 values"):
+        call(theta=[1.0, 2.0])
+    with pytest.raises(SettingError, match="must be positive"):
+        call(velocity=-0.2)
+    with pytest.raises(SettingError, match="`n_previous` 2; give 1 or more, and 0 or 1"):
+        call(n_previous=2)
+    idle = damper("bingham").with_current_laws({"c0": "linear"})
+    with pytest.raises(SettingError, match="there is nothing to invert"):
+        call(spec=idle, theta=idle.nominal)

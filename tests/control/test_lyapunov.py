@@ -1,0 +1,61 @@
+"""A Lyapunov function falls at the rate that was asked for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.linalg
+from control_samples import five_storeys, in_units, plant, three_storeys
+
+from mrwork.control.lyapunov import lyapunov_function
+from mrwork.errors import SettingError
+
+
+@pytest.mark.parametrize("n_devices", [1, 3])
+def test_the_function_falls_as_stated(n_devices: int) -> None:
+    system = plant(n_devices, five_storeys())
+    function = lyapunov_function(system)
+    rng = np.random.default_rng(9)
+    for _ in range(5):
+        s, f = system.scaling @ rng.standard_normal(10), 100.0 * rng.standard_normal(n_devices)
+        slope = s @ function.P @ (system.A @ s + system.B @ f)
+        stated = -0.5 * s @ function.weight @ s + function.vectors @ s @ f
+        np.testing.assert_allclose(slope, stated, rtol=1e-8)
+    assert np.linalg.eigvalsh(system.scaling.T @ function.P @ system.scaling)[0] > 0.0
+
+
+def test_it_is_the_integral_of_its_weight() -> None:
+    """P = int e^A't Q_P e^At dt; the trapezoidal rule over 10 time constants of the slowest mode."""
+    system = plant()
+    T = system.scaling
+    A = np.linalg.solve(T, system.A @ T)
+    step = scipy.linalg.expm(A * 1e-3)
+    total, now = np.zeros((6, 6)), np.eye(6)
+    for _ in range(40_000):
+        total += 0.5e-3 * now.T @ now
+        now = step @ now
+        total += 0.5e-3 * now.T @ now
+    P = T.T @ lyapunov_function(system).P @ T
+    np.testing.assert_allclose(P, total, rtol=0.0, atol=2e-3 * np.abs(P).max())
+
+
+def test_without_a_weight_the_units_do_not_matter() -> None:
+    """sigma f is energy over time times time, so sigma is a length: in millimetres, it is 1000 times the number."""
+    system = plant()
+    other = in_units(system, metre=1e3, second=1.0, newton=1.0)
+    back = lyapunov_function(other).vectors * np.full(6, 1e3) / 1e3
+    np.testing.assert_allclose(back, lyapunov_function(system).vectors, rtol=1e-7, atol=1e-12)
+
+
+def test_a_building_without_damping_has_none() -> None:
+    building = replace(three_storeys(), damping=np.zeros((3, 3)))
+    with pytest.raises(SettingError, match="wants damping in every mode"):
+        lyapunov_function(plant(1, building))
+
+
+@pytest.mark.parametrize("weight", [np.eye(5), -np.eye(6), np.triu(np.ones((6, 6))), [np.nan] * 6])
+def test_a_weight_that_cannot_be_is_refused(weight: object) -> None:
+    with pytest.raises(SettingError, match="`weight`"):
+        lyapunov_function(plant(), weight)

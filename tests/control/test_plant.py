@@ -1,0 +1,123 @@
+"""The state space of a building with devices says what its equations of motion say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from control_samples import in_units, plant, three_storeys
+
+from mrwork.control.outputs import (
+    accelerations,
+    deformation_rates,
+    deformations,
+    displacements,
+    drifts,
+    stacked,
+    velocities,
+)
+from mrwork.control.plant import natural_frequencies, plant_of
+from mrwork.errors import SettingError, UnknownNameError
+
+RNG = np.random.default_rng(6)
+
+
+def test_the_rate_of_the_state_satisfies_the_equation_of_motion() -> None:
+    building = three_storeys()
+    system = plant(2)
+    s, f, a_g = RNG.standard_normal(6), RNG.standard_normal(2), 1.7
+    rate = system.A @ s + system.B @ f + system.E * a_g
+    np.testing.assert_array_equal(rate[:3], s[3:])
+    inertia = building.mass @ rate[3:] + building.damping @ s[3:] + building.stiffness @ s[:3]
+    acting = -building.storeys[:2].T @ f - building.mass @ building.influence * a_g
+    np.testing.assert_allclose(inertia, acting, rtol=1e-10)
+
+
+def test_a_force_along_the_elongation_takes_energy_out() -> None:
+    """dE/dt of an undamped building at rest but for the device is -f e q', to rounding."""
+    building = replace(three_storeys(), damping=np.zeros((3, 3)))
+    system = plant_of(building, building.storeys[1:2])
+    s = RNG.standard_normal(6) * [1e-3, 1e-3, 1e-3, 0.1, 0.1, 0.1]
+    force = np.array([300.0])
+    power = s @ system.energy @ (system.A @ s + system.B @ force)
+    np.testing.assert_allclose(power, -force[0] * (system.attachment @ s[3:])[0], rtol=1e-9)
+
+
+def test_scaled_state_counts_energy() -> None:
+    system = plant()
+    s = RNG.standard_normal(6)
+    z = np.linalg.solve(system.scaling, s)
+    np.testing.assert_allclose(z @ z, s @ system.energy @ s, rtol=1e-12)
+
+
+def test_frequencies_are_those_of_the_paper() -> None:
+    np.testing.assert_allclose(natural_frequencies(plant()) / (2.0 * np.pi), [5.46, 15.81, 23.64], atol=0.005)
+
+
+def test_a_building_without_a_restoring_force_is_scaled_too() -> None:
+    building = three_storeys()
+    loose = replace(building, stiffness=building.stiffness - np.diag([12.0e5 - 6.84e5, 0.0, 0.0]))
+    scaling = plant_of(loose, loose.storeys[:1]).scaling
+    assert np.linalg.matrix_rank(scaling) == 6
+
+
+def test_outputs_are_what_they_are_called() -> None:
+    building = three_storeys()
+    system = plant(2)
+    s, f, a_g = RNG.standard_normal(6), RNG.standard_normal(2), -0.4
+    q, rate = s[:3], s[3:]
+    second = (system.A @ s + system.B @ f + system.E * a_g)[3:]
+    expected = {
+        drifts: building.storeys @ q,
+        displacements: q,
+        velocities: rate,
+        accelerations: second + a_g,
+        deformations: building.storeys[:2] @ q,
+        deformation_rates: building.storeys[:2] @ rate,
+    }
+    for outputs_of, values in expected.items():
+        outputs = outputs_of(system)
+        np.testing.assert_allclose(
+            outputs.C @ s + outputs.D @ f + outputs.G * a_g, values, rtol=1e-9, atol=1e-9
+        )
+        assert len(outputs.names) == len(values)
+
+
+def test_floors_that_follow_the_ground_have_no_direct_term() -> None:
+    assert not accelerations(plant()).G.any()
+
+
+def test_outputs_are_selected_by_name() -> None:
+    both = stacked(accelerations(plant()), deformations(plant()))
+    chosen = both.select(["deformation device 1", "acceleration 3"])
+    np.testing.assert_array_equal(chosen.C, both.C[[3, 2]])
+    with pytest.raises(
+        UnknownNameError, match="no output is called 'acceleration 4'; choose from acceleration 1"
+    ):
+        both.select(["acceleration 4"])
+
+
+def test_other_units_are_the_same_building() -> None:
+    frequencies = natural_frequencies(in_units(plant(), metre=1e3, second=1e-2, newton=7.0))
+    np.testing.assert_allclose(frequencies * 1e-2, natural_frequencies(plant()), rtol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("attachment", "message"),
+    [
+        ([[1.0, 0.0]], r"has shape \(1, 2\), three storeys takes \(n_devices, 3\)"),
+        (np.zeros((0, 3)), "one row for each device"),
+        ([[0.0, 0.0, 0.0]], "is zero or not finite"),
+        ([[np.nan, 0.0, 0.0]], "is zero or not finite"),
+    ],
+)
+def test_an_attachment_that_cannot_be_is_refused(attachment: object, message: str) -> None:
+    with pytest.raises(SettingError, match=message):
+        plant_of(three_storeys(), attachment)
+
+
+def test_names_must_be_as_many_as_devices() -> None:
+    building = three_storeys()
+    with pytest.raises(SettingError, match="2 names were given for 1 devices"):
+        plant_of(building, building.storeys[:1], ["a", "b"])

@@ -1,0 +1,212 @@
+"""Equivalent forms of a model give equal forces, and a form that cannot exist is refused."""
+
+from __future__ import annotations
+
+from dataclasses import astuple, replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from mrwork.dampers.conversions import (
+    OpenSeesBoucWen,
+    bouc_wen_from_normalised,
+    bouc_wen_from_opensees,
+    convention_remarks,
+    normalised_from_bouc_wen,
+    opensees_from_bouc_wen,
+    require_bounded_loop,
+    rescaled_bouc_wen,
+    solver_remarks,
+)
+from mrwork.dampers.spec import damper
+from mrwork.errors import SettingError
+from mrwork.simulate import Loading, simulate_force, simulate_forces
+
+TIME = np.arange(0.0, 1.0, 1e-3)
+LOADING = Loading(dt=1e-3, displacement=0.01 * np.sin(2.0 * np.pi * 2.0 * TIME) * np.exp(-TIME))
+NOMINAL = damper("bouc_wen").nominal
+
+
+def normalised(count: int) -> np.ndarray:
+    """Random parameters c, k, x0, k_w, rho, sigma, n; sigma on both sides of 1/2 and of 1."""
+    rng = np.random.default_rng(7)
+    lower = np.array([1e2, -1e3, -0.05, 50.0, 50.0, 0.3, 1.0])
+    upper = np.array([1e4, 1e4, 0.05, 2e3, 2e3, 5.0, 4.0])
+    return lower + rng.random((count, 7)) * (upper - lower)
+
+
+def spencer(count: int) -> np.ndarray:
+    """Random parameters c0, k0, x0 = 0, alpha, gamma, beta, A, n that OpenSees can hold."""
+    theta = normalised(count)
+    theta[:, 1], theta[:, 2] = np.abs(theta[:, 1]), 0.0
+    scales = np.exp(np.random.default_rng(8).uniform(np.log(0.1), np.log(1e3), count))
+    return np.stack([bouc_wen_from_normalised(row, A=A) for row, A in zip(theta, scales, strict=True)])
+
+
+def test_there_and_back_is_the_identity() -> None:
+    theta = normalised(300)
+    back = normalised_from_bouc_wen(bouc_wen_from_normalised(theta, A=120.0))
+    np.testing.assert_allclose(back, theta, rtol=1e-11, atol=1e-14)
+    for row in spencer(300):
+        there = bouc_wen_from_normalised(normalised_from_bouc_wen(row), A=row[6])
+        # beta is a difference: its error is that of gamma + beta.
+        np.testing.assert_allclose(there, row, rtol=1e-11, atol=1e-12 * (row[4] + row[5]))
+
+
+def test_opensees_there_and_back_is_the_identity() -> None:
+    for row in spencer(300):
+        material, c0 = opensees_from_bouc_wen(row)
+        there = bouc_wen_from_opensees(material, c0=c0)
+        np.testing.assert_allclose(rescaled_bouc_wen(there, row[6]), row, rtol=1e-12)
+        again, _ = opensees_from_bouc_wen(there, Ao=material.Ao)
+        np.testing.assert_allclose(astuple(again), astuple(material), rtol=1e-13)
+
+
+def test_all_forms_give_the_same_force() -> None:
+    theta = normalised(200)
+    history = LOADING.history()
+    expected = simulate_forces(damper("normalised_bouc_wen"), theta, history).force
+    peak = np.abs(expected).max(axis=1, keepdims=True)
+    equal = bouc_wen_from_normalised(theta, A=35.0)
+    for form in (equal, rescaled_bouc_wen(equal, 0.2)):
+        force = simulate_forces(damper("bouc_wen"), form, history).force
+        assert np.max(np.abs(force - expected) / peak) < 1e-10
+
+
+def opensees_force(material: OpenSeesBoucWen, path: np.ndarray) -> np.ndarray:
+    """OpenSees' own equation, without time, at every point of a path that turns only at its points."""
+
+    def rate(_: float, z: np.ndarray, direction: float) -> np.ndarray:
+        psi = material.gamma + material.beta * np.sign(direction * z)
+        return material.Ao - np.abs(z) ** material.n * psi
+
+    states = [0.0]
+    turning = np.flatnonzero(np.diff(np.sign(np.diff(path)))) + 1
+    for first, last in pairwise([0, *turning, path.size - 1]):
+        leg = path[first : last + 1]
+        solved = solve_ivp(
+            rate,
+            (leg[0], leg[-1]),
+            states[-1:],
+            t_eval=leg[1:],
+            args=(np.sign(leg[-1] - leg[0]),),
+            method="DOP853",
+            rtol=1e-12,
+            atol=1e-14 * np.ptp(path),
+        )
+        states.extend(solved.y[0])
+    return material.alpha * material.ko * path + (1.0 - material.alpha) * material.ko * np.array(states)
+
+
+def test_the_opensees_material_gives_the_same_force() -> None:
+    # Quarter periods of 125 samples: the path turns on samples, so its points are known exactly, and no step of the
+    # simulation straddles the kink of |v|.
+    path = 0.01 * np.sin(2.0 * np.pi * 2.0 * TIME)
+    loading = Loading(dt=1e-3, displacement=path)
+    for row in spencer(40):
+        material, c0 = opensees_from_bouc_wen(row)
+        without_dashpot = np.append(0.0, row[1:])
+        force = simulate_force(damper("bouc_wen"), without_dashpot, loading, substep_factor=64)
+        expected = opensees_force(material, path[::5])
+        # Below n = 2 the law has a kink at z = 0 as well, which the steps of the simulation do straddle.
+        tolerance = 1e-10 if row[7] >= 2.0 else 2e-8
+        np.testing.assert_allclose(force[::5], expected, rtol=0.0, atol=tolerance * np.abs(expected).max())
+        assert c0 == row[0]
+
+
+def test_gamma_and_beta_change_places_in_opensees() -> None:
+    material, c0 = opensees_from_bouc_wen(np.array([7.0, 0.0, 0.0, 2.0, 0.8, -0.3, 1.0, 1.0]))
+    assert (material.gamma, material.beta, c0) == (-0.3, 0.8, 7.0)
+    assert (material.alpha, material.ko) == (0.0, 2.0)
+
+
+def test_with_ao_one_ko_is_the_initial_stiffness() -> None:
+    theta = replace_parameter(NOMINAL, "x0", 0.0)
+    material, _ = opensees_from_bouc_wen(theta)
+    k0, alpha, A = theta[1], theta[3], theta[6]
+    assert material.ko == pytest.approx(k0 + alpha * A, rel=1e-14)
+    assert material.alpha * material.ko == pytest.approx(k0, rel=1e-14)
+
+
+def test_the_nominal_sets_are_one_published_set() -> None:
+    np.testing.assert_allclose(
+        normalised_from_bouc_wen(NOMINAL), damper("normalised_bouc_wen").nominal, rtol=1e-14
+    )
+
+
+def replace_parameter(theta: np.ndarray, name: str, value: float) -> np.ndarray:
+    changed = theta.copy()
+    changed[damper("bouc_wen").names.index(name)] = value
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "word"),
+    [
+        ("x0", 0.038, "constant load"),
+        ("k0", -10.0, "ratio"),
+        ("alpha", -1.0, "ratio"),
+        ("A", 0.0, "positive"),
+        ("n", np.inf, "finite"),
+    ],
+)
+def test_what_opensees_cannot_hold_is_refused(name: str, value: float, word: str) -> None:
+    theta = replace_parameter(NOMINAL, "x0", 0.0)
+    opensees_from_bouc_wen(theta)
+    with pytest.raises(SettingError, match=word):
+        opensees_from_bouc_wen(replace_parameter(theta, name, value))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "word"),
+    [
+        ("deltaA", 0.1, "deltaA"),
+        ("deltaNu", 0.1, "degrades"),
+        ("deltaEta", -0.1, "degrades"),
+        ("alpha", 1.0, "ratio"),
+        ("alpha", -0.1, "ratio"),
+        ("ko", 0.0, "positive"),
+        ("gamma", np.nan, "finite"),
+    ],
+)
+def test_what_a_bouc_wen_cannot_hold_is_refused(name: str, value: float, word: str) -> None:
+    material = OpenSeesBoucWen(alpha=0.1, ko=1e4, n=1.0, gamma=0.2, beta=0.3, Ao=1.0)
+    bouc_wen_from_opensees(material)
+    with pytest.raises(SettingError, match=word):
+        bouc_wen_from_opensees(replace(material, **{name: value}))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "word"),
+    [
+        ("beta", -1e6, "sum"),
+        ("beta", -2e6, "sum"),
+        ("gamma", -1e5, "swap"),
+        ("A", -1.0, "A > 0"),
+        ("n", 0.5, "n >= 1"),
+    ],
+)
+def test_an_unbounded_loop_has_no_normalised_form(name: str, value: float, word: str) -> None:
+    require_bounded_loop(NOMINAL)
+    with pytest.raises(SettingError, match=word):
+        require_bounded_loop(replace_parameter(NOMINAL, name, value))
+
+
+def test_a_set_that_reads_both_ways_is_remarked() -> None:
+    assert convention_remarks(NOMINAL) == ()
+    assert convention_remarks(replace_parameter(NOMINAL, "beta", -5e5)) == ()
+    (remark,) = convention_remarks(replace_parameter(NOMINAL, "beta", 5e5))
+    assert "0.6667" in remark
+    assert "0.3333" in remark
+    swap, passive = convention_remarks(replace_parameter(NOMINAL, "gamma", 5e5))
+    assert "swapped" in swap
+    assert "not passive" in passive
+
+
+def test_a_z_too_small_for_the_tolerance_of_opensees_is_remarked() -> None:
+    material, _ = opensees_from_bouc_wen(replace_parameter(NOMINAL, "x0", 0.0))
+    # z_max is 7.7 mm / 120.
+    assert "1.5e-04" in solver_remarks(material)[0]
+    assert solver_remarks(replace(material, gamma=0.5, beta=0.5)) == ()

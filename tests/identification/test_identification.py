@@ -1,0 +1,249 @@
+"""Identification finds what generated the data, says how sure it is, and keeps what it has."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import damper, damper_models
+from mrwork.errors import RecordError, SettingError, SimulationError
+from mrwork.identification.equivalent import identifiable_form
+from mrwork.identification.fit import Fit
+from mrwork.identification.free_run import judge
+from mrwork.identification.identify import IdentificationInterrupted, identify
+from mrwork.identification.objective import Objective
+from mrwork.identification.quality import fit_quality
+from mrwork.identification.run import Progress
+from mrwork.identification.search_ranges import search_box
+from mrwork.identification.standard_error import covariance
+from mrwork.records import DamperTest
+from mrwork.search import EfficientGA, StopRules
+from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test
+
+SEARCH = EfficientGA(stop=StopRules(max_generations=60))
+
+
+@pytest.fixture(scope="module")
+def record() -> DamperTest:
+    return synthetic_test("spencer1997")
+
+
+@pytest.fixture(scope="module")
+def fit(record: DamperTest) -> Fit:
+    return identify("normalised_bouc_wen", record, search=SEARCH, rng=3)
+
+
+def test_published_parameters_are_recovered_within_their_standard_errors(fit: Fit) -> None:
+    truth = damper("normalised_bouc_wen").nominal
+    for estimate, true in zip(fit.estimates, truth, strict=True):
+        assert estimate.standard_error is not None
+        assert abs(estimate.value - true) < 5.0 * estimate.standard_error, estimate
+
+
+def test_the_residual_of_a_true_model_is_the_sensor_noise(fit: Fit) -> None:
+    # 8 N in the force; 0.5 mm/s in the velocity makes 2.5 N through the dashpot of 5000 N s/m.
+    assert fit.rmse_n == pytest.approx(np.hypot(8.0, 2.5), rel=0.05)
+    assert fit.fit_percent == pytest.approx(100.0 * (1.0 - fit.nrmse))
+
+
+def test_the_redundant_form_reaches_the_same_fit_and_names_what_it_held(record: DamperTest, fit: Fit) -> None:
+    spencer = identify("bouc_wen", record, search=SEARCH, rng=3)
+    assert spencer.fit_percent == pytest.approx(fit.fit_percent, abs=1e-6)
+    held = {estimate.name for estimate in spencer.estimates if estimate.remark == "fixed"}
+    assert held == {"A"}
+    assert all(estimate.standard_error for estimate in spencer.estimates if estimate.name != "A")
+
+
+def test_one_seed_repeats_and_threads_do_not_matter(record: DamperTest) -> None:
+    short = EfficientGA(stop=StopRules(max_generations=8, min_generations=1))
+    runs = [identify("static_hysteretic", record, search=short, rng=5, threads=n) for n in (1, 2, 1)]
+    assert len({(run.theta, run.trace.best) for run in runs}) == 1
+    other = identify("static_hysteretic", record, search=short, rng=6)
+    assert other.trace.best != runs[0].trace.best
+
+
+def test_several_tests_are_fitted_together(record: DamperTest) -> None:
+    both = identify("normalised_bouc_wen", [record, synthetic_test("spencer1997_slow")], search=SEARCH, rng=1)
+    assert [quality.fit_percent > 98.0 for quality in both.quality] == [True, True]
+
+
+def test_a_fixed_parameter_stays_and_a_bound_is_kept(record: DamperTest) -> None:
+    bounds = {"n": (2.0, 2.0), "rho": (100.0, 9000.0)}
+    bound = identify("normalised_bouc_wen", record, search=SEARCH, bounds=bounds, rng=1)
+    by_name = {estimate.name: estimate for estimate in bound.estimates}
+    assert by_name["n"].value == 2.0
+    assert by_name["n"].remark == "fixed"
+    assert by_name["rho"].remark == "at upper bound"
+    assert by_name["rho"].standard_error is None
+
+
+def test_bounds_of_a_redundant_parameter_are_refused() -> None:
+    with pytest.raises(SettingError, match="common scale"):
+        identifiable_form(damper("bouc_wen"), {"alpha": (1.0, 2.0)})
+
+
+@pytest.mark.parametrize(
+    ("bounds", "sentence"),
+    [
+        ({"rho": (2.0, 1.0)}, "reversed"),
+        ({"rhoo": (1.0, 2.0)}, "no parameter is called 'rhoo'"),
+        ({"n": (0.5, 2.0)}, "stay inside"),
+        ({"n": (1.0, float("inf"))}, "finite"),
+    ],
+)
+def test_impossible_bounds_are_named(
+    record: DamperTest, bounds: dict[str, tuple[float, float]], sentence: str
+) -> None:
+    with pytest.raises(SettingError, match=sentence):
+        identify("normalised_bouc_wen", record, bounds=bounds)
+
+
+def test_every_simulation_is_counted(fit: Fit) -> None:
+    # Sixteen screenings, each at least one residual and one Jacobian of two candidates per parameter.
+    assert fit.evaluations >= fit.trace.evaluations[-1] + 16 * (1 + 2 * 7)
+
+
+def test_nothing_to_identify_is_an_error(record: DamperTest) -> None:
+    spec = damper("static_hysteretic")
+    bounds = {name: (value, value) for name, value in zip(spec.names, spec.nominal, strict=True)}
+    with pytest.raises(SettingError, match="every parameter"):
+        identify(spec, record, bounds=bounds)
+
+
+def test_no_tests_is_an_error() -> None:
+    with pytest.raises(RecordError, match="no test"):
+        identify("bouc_wen", [])
+
+
+def test_stopping_early_returns_the_best_found_so_far(record: DamperTest) -> None:
+    seen: list[Progress] = []
+
+    def interrupt_in_the_third_generation(progress: Progress) -> None:
+        seen.append(progress)
+        if len(seen) == 3:
+            signal.raise_signal(signal.SIGINT)
+
+    with pytest.raises(IdentificationInterrupted) as stop:
+        identify("normalised_bouc_wen", record, rng=1, on_progress=interrupt_in_the_third_generation)
+    best = stop.value.fit
+    assert best.status == "interrupted"
+    assert best.fit_percent == pytest.approx(seen[-1].fit_percent, abs=1e-9)
+    assert all(estimate.standard_error is None for estimate in best.estimates)
+
+
+def test_an_interrupt_during_refinement_keeps_the_screened_best(record: DamperTest) -> None:
+    stages: list[str] = []
+
+    def interrupt_once_refining(progress: Progress) -> None:
+        if progress.stage == "refinement" and "refinement" not in stages:
+            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+        stages.append(progress.stage)
+
+    with pytest.raises(IdentificationInterrupted) as stop:
+        identify("normalised_bouc_wen", record, search=SEARCH, rng=1, on_progress=interrupt_once_refining)
+    assert stop.value.fit.fit_percent > 99.0
+
+
+def test_quality_of_a_perfect_model_is_perfect_and_of_the_mean_is_zero(record: DamperTest) -> None:
+    perfect = fit_quality(record, record.force, substeps=1)
+    assert perfect.fit_percent == 100.0
+    assert perfect.error_norms.time == perfect.error_norms.displacement == perfect.error_norms.velocity == 0.0
+    mean = np.full(record.n_time, record.force[record.counted].mean())
+    assert fit_quality(record, mean, substeps=1).fit_percent == pytest.approx(0.0, abs=1e-9)
+
+
+def test_more_substeps_change_nothing_that_can_be_seen(record: DamperTest, fit: Fit) -> None:
+    theta = np.array(fit.theta)
+    for name in ("spencer1997", "spencer1997_slow", "spencer1997_fast"):
+        test = synthetic_test(name)
+        coarse, fine = (judge(damper(fit.model), theta, test, substep_factor=factor)[1] for factor in (1, 4))
+        assert fine.substeps == 4 * coarse.substeps
+        assert fine.fit_percent == pytest.approx(coarse.fit_percent, abs=0.01)
+
+
+def test_a_test_too_stiff_to_resolve_is_named(record: DamperTest) -> None:
+    theta = damper("normalised_bouc_wen").nominal
+    theta[4] = 1e7
+    with pytest.raises(SimulationError, match="unresolved"):
+        judge(damper("normalised_bouc_wen"), theta, replace(record, dt=0.1))
+
+
+@pytest.mark.parametrize("spec", damper_models(), ids=lambda spec: spec.name)
+def test_the_search_box_lies_inside_the_bounds_and_scales_with_the_record(spec, record: DamperTest) -> None:
+    bounds = Box.of(spec)
+    box = search_box(spec, bounds, (record,))
+    assert all(np.array(box.lower) >= np.array(bounds.lower))
+    assert all(np.array(box.upper) <= np.array(bounds.upper))
+    scaled = search_box(spec, bounds, (replace(record, force=10.0 * record.force),))
+    for index, parameter in enumerate(spec.parameters):
+        ratio = 10.0 if parameter.unit.startswith("N") else 1.0
+        expected = min(ratio * box.upper[index], parameter.upper)
+        assert scaled.upper[index] == pytest.approx(expected), parameter.name
+
+
+def test_the_misfit_of_the_objective_is_the_norm_of_its_residuals(record: DamperTest) -> None:
+    objective = Objective.of(damper("static_hysteretic"), (record, synthetic_test("rd1005_1a")))
+    theta = np.tile(objective.spec.nominal, (3, 1)) * np.array([[1.0], [1.1], [0.7]])
+    norms = np.linalg.norm(objective.residuals(theta), axis=1)
+    np.testing.assert_allclose(objective(theta), norms, rtol=1e-12)
+
+
+def test_thresholds_spare_steps_and_change_no_misfit_below_them(record: DamperTest) -> None:
+    tests = (record, synthetic_test("rd1005_1a"), replace(record, force=0.9 * record.force))
+    objective = Objective.of(damper("normalised_bouc_wen"), tests, threads=1)
+    box = search_box(objective.spec, Box.of(objective.spec), tests)
+    rng = np.random.default_rng(5)
+    theta = np.asarray(box.theta_from_unit(rng.random((200, len(box.free)))))
+    full = objective(theta)
+    whole = objective.tally.steps
+    # Each row's own misfit, a hair above it, and the quantiles of all; twice, for the order of the tests may differ.
+    spread = np.quantile(full[np.isfinite(full)], rng.random(200))
+    for thresholds in (full, np.nextafter(full, np.inf), spread, spread):
+        before = (objective.tally.steps, objective.tally.spared)
+        limited = objective(theta, thresholds)
+        below = full < thresholds
+        np.testing.assert_array_equal(limited[below], full[below])
+        assert np.all(limited[~below] >= thresholds[~below])
+        done, spared = objective.tally.steps - before[0], objective.tally.spared - before[1]
+        assert 0 < done <= whole
+    # A threshold that is reached only at the very end spares nothing; the last ones are reached on the way.
+    assert done < 0.8 * whole
+    assert spared > 0.2 * whole
+
+
+def test_standard_errors_cover_the_truth_of_a_linear_model() -> None:
+    rng = np.random.default_rng(11)
+    design = rng.standard_normal((200, 3))
+    truth = np.array([1.0, -2.0, 0.5])
+    deviations = []
+    for _ in range(300):
+        data = design @ truth + 0.3 * rng.standard_normal(200)
+        estimate, *_ = np.linalg.lstsq(design, data)
+        residual = data - design @ estimate
+        errors = np.sqrt(np.diag(covariance(design, float(np.linalg.norm(residual)))))
+        deviations.append((estimate - truth) / errors)
+    # The deviations are Student-t with 197 degrees of freedom: unit variance but for 1 %.
+    assert np.std(deviations, axis=0) == pytest.approx(1.0, abs=0.15)
+
+
+def test_a_combination_that_the_data_do_not_see_has_no_standard_error() -> None:
+    rng = np.random.default_rng(2)
+    seen = rng.standard_normal((100, 2))
+    redundant = np.column_stack([seen[:, 0], 2.0 * seen[:, 0], seen[:, 1], np.zeros(100)])
+    errors = np.sqrt(np.diag(covariance(redundant, 1.0)))
+    assert np.isnan(errors[[0, 1, 3]]).all()
+    assert np.isfinite(errors[2])
+
+
+def test_synthetic_tests_repeat_bit_for_bit_and_say_what_they_are() -> None:
+    for name in SYNTHETIC_TESTS:
+        first, second = synthetic_test(name), synthetic_test(name)
+        assert first.force.tobytes() == second.force.tobytes()
+        assert first.sha256 == second.sha256
+        assert first.synthetic
+        assert "synthetic" in first.name

@@ -1,0 +1,145 @@
+"""Descents side by side: each on its own, all to the same minimum, and as many as it takes to trust it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mrwork.cli import main
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import damper
+from mrwork.errors import SettingError
+from mrwork.identification.equivalent import identifiable_form
+from mrwork.identification.identify import identify
+from mrwork.identification.levenberg_marquardt import descend
+from mrwork.identification.levenberg_marquardt_batch import descend_all
+from mrwork.identification.multistart import (
+    Found,
+    Multistart,
+    MultistartInterrupted,
+    distinct_minima,
+    search_starts,
+)
+from mrwork.identification.objective import Objective
+from mrwork.identification.search_ranges import search_box
+from mrwork.synthetic import synthetic_test
+
+TEST = synthetic_test("spencer1997_fast")
+FORM = identifiable_form(damper("normalised_bouc_wen"), {})
+SEARCHED = search_box(FORM.spec, FORM.box, (TEST,))
+
+
+def objective(threads: int = 1) -> Objective:
+    return Objective.of(FORM.spec, (TEST,), threads=threads)
+
+
+@pytest.fixture(scope="module")
+def starts() -> NDArray[np.float64]:
+    unit = np.random.default_rng(4).uniform(0.3, 0.7, (5, len(SEARCHED.free)))
+    return np.asarray(SEARCHED.theta_from_unit(unit))
+
+
+def test_a_descent_does_not_know_of_those_beside_it(starts: NDArray[np.float64]) -> None:
+    together = descend_all(objective(), FORM.box, starts, max_iterations=12)
+    for index, start in enumerate(starts):
+        alone = descend_all(objective(), FORM.box, start[None], max_iterations=12)
+        np.testing.assert_array_equal(together.theta[index], alone.theta[0])
+        assert together.misfit[index] == alone.misfit[0]
+
+
+def test_a_descent_never_ends_above_its_start_and_ends_where_another_method_does(
+    starts: NDArray[np.float64],
+) -> None:
+    minima = descend_all(objective(), FORM.box, starts, max_iterations=80)
+    assert np.all(minima.misfit <= objective()(starts))
+    best = int(np.argmin(minima.misfit))
+    assert minima.arrived[best]
+    there = descend(objective(), FORM.box, minima.theta[best], max_evaluations=60)
+    assert there.misfit == pytest.approx(minima.misfit[best], rel=1e-6)
+
+
+def test_starts_that_cannot_be_simulated_are_left_where_they_are(starts: NDArray[np.float64]) -> None:
+    stiff = starts.copy()
+    stiff[1, FORM.spec.names.index("rho")] = 0.9 * FORM.box.upper[FORM.spec.names.index("rho")]
+    assert not np.isfinite(objective()(stiff[1:2])[0])
+    minima = descend_all(objective(), FORM.box, stiff, max_iterations=5)
+    np.testing.assert_allclose(minima.theta[1], stiff[1], rtol=1e-9)
+    assert not minima.arrived[1]
+    assert np.isfinite(minima.misfit[[0, 2, 3, 4]]).all()
+
+
+def test_seeds_agree_on_the_minimum_and_threads_on_every_bit() -> None:
+    found = [search_starts(objective(), FORM.box, SEARCHED, Multistart(), rng=rng) for rng in range(4)]
+    least = min(each.misfit[0] for each in found)
+    for each in found:
+        assert each.misfit[0] == pytest.approx(least, rel=1e-4)
+        assert each.stop_reason == "found_again"
+        assert list(each.evaluations) == sorted(each.evaluations)
+        assert list(each.best) == sorted(each.best, reverse=True)
+    again = search_starts(objective(threads=2), FORM.box, SEARCHED, Multistart(), rng=0)
+    np.testing.assert_array_equal(again.theta, found[0].theta)
+    assert not np.array_equal(found[1].theta, found[0].theta)
+
+
+def test_rounds_go_on_until_the_best_minimum_is_found_again() -> None:
+    once = replace(Multistart(), starts=1, most_rounds=8, found=2)
+    found = search_starts(objective(), FORM.box, SEARCHED, once, rng=3)
+    assert 2 <= len(found.misfit) <= 8
+    if found.stop_reason == "found_again":
+        assert found.misfit[1] == pytest.approx(found.misfit[0], rel=once.closeness)
+
+
+def test_an_interrupt_keeps_the_best_so_far() -> None:
+    def stop(found: Found, share: float) -> None:
+        if len(found.best) == 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(MultistartInterrupted) as interrupt:
+        search_starts(objective(), FORM.box, SEARCHED, Multistart(), rng=0, on_iteration=stop)
+    found = interrupt.value.found
+    assert found.stop_reason == "interrupted"
+    assert objective()(found.theta[:1])[0] == found.misfit[0] == found.best[-1]
+
+
+def test_minima_that_lie_together_count_once() -> None:
+    box = Box.of(FORM.spec)
+    theta = np.asarray(box.theta_from_unit(np.full((3, len(box.free)), 0.5)))
+    theta[1] = np.asarray(box.theta_from_unit(np.full(len(box.free), 0.51)))
+    theta[2] = np.asarray(box.theta_from_unit(np.full(len(box.free), 0.6)))
+    np.testing.assert_array_equal(distinct_minima(box, theta, np.array([1.0, 1.001, 1.002])), theta[[0, 2]])
+    np.testing.assert_array_equal(distinct_minima(box, theta, np.array([1.0, 1.001, 1.02])), theta[:1])
+
+
+@pytest.mark.parametrize(
+    "setting", [{"starts": 0}, {"closeness": 0.0}, {"found": 0}, {"most_iterations": -1}]
+)
+def test_impossible_settings_are_named(setting: dict[str, float]) -> None:
+    with pytest.raises(SettingError, match=f"`{next(iter(setting))}`"):
+        Multistart(**setting)  # type: ignore[arg-type]
+
+
+def test_a_parameter_that_nothing_feels_stays_where_it_is() -> None:
+    # Without k the displacement at which it is free changes no force; alone it leaves a system of zeros.
+    nominal = dict(zip(FORM.spec.names, FORM.spec.nominal, strict=True)) | {"k": 0.0}
+    fixed = {name: (value, value) for name, value in nominal.items() if name != "x0"}
+    form = identifiable_form(damper("normalised_bouc_wen"), fixed)
+    start = np.array([list(nominal.values())])
+    minima = descend_all(objective(), form.box, start, max_iterations=9)
+    np.testing.assert_allclose(minima.theta, start, rtol=1e-9)
+    assert minima.misfit[0] == objective()(start)[0]
+
+
+def test_current_laws_are_not_searched_by_descents() -> None:
+    model = damper("normalised_bouc_wen").with_current_laws({"c": "linear"}, unit="A")
+    with pytest.raises(SettingError, match="EfficientGA"):
+        identify(model, TEST, search=Multistart())
+
+
+def test_settings_of_another_search_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(["identify", "synthetic:spencer1997", "--search", "multistart", "--population", "20"])
+    assert ended.value.code == 2
+    assert "--population" in capsys.readouterr().err

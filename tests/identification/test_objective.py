@@ -1,0 +1,122 @@
+"""The Jacobian of the residuals is exact, whatever lies between the simulated force and the record."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mrwork.dampers.spec import damper
+from mrwork.identification.linearisation import linearised
+from mrwork.identification.nuisance import NuisanceName
+from mrwork.identification.objective import Objective
+from mrwork.records import DamperTest, Observation
+from mrwork.records.window import cut
+from mrwork.simulate import Loading, simulate_force
+from mrwork.synthetic import synthetic_test
+
+SPEC = damper("normalised_bouc_wen")
+
+
+@pytest.fixture(scope="module")
+def test() -> DamperTest:
+    whole = synthetic_test("spencer1997")
+    return cut(whole, end=whole.start_time + 1200 * whole.dt)
+
+
+def rows(rng: int, n_rows: int = 3) -> np.ndarray:
+    return SPEC.nominal * np.exp(0.1 * np.random.default_rng(rng).standard_normal((n_rows, len(SPEC.names))))
+
+
+def assert_exact(objective: Objective, theta: np.ndarray) -> None:
+    """Central differences of 1e-6 leave 1e-9 of rounding, relative to the residuals, and about as much curvature."""
+    columns = range(theta.shape[1])
+    residuals, jacobian = linearised(objective, theta, columns)
+    # BLAS sums the same products in another order for other shapes.
+    np.testing.assert_allclose(residuals, objective.residuals(theta), rtol=0.0, atol=1e-12)
+    for own, row in zip(jacobian, theta, strict=True):
+        for column in columns:
+            step = np.zeros_like(row)
+            step[column] = 1e-6 * abs(row[column])
+            ahead, behind = objective.residuals(np.stack([row + step, row - step]))
+            quotient = (ahead - behind) / (2.0 * step[column])
+            error = np.linalg.norm(own[column] - quotient)
+            assert error <= 1e-5 * np.linalg.norm(quotient) + 1e-14 / step[column]
+
+
+def other(test: DamperTest) -> DamperTest:
+    """Another test of the same motion: half the force."""
+    return replace(test, name="other", force=0.5 * test.force + 30.0)
+
+
+@pytest.mark.parametrize("power", [2.0, 6.0])
+@pytest.mark.parametrize("nuisances", [(), ("offset",), ("level",), ("delay",), ("offset", "level", "delay")])
+@pytest.mark.parametrize("n_tests", [1, 2])
+def test_jacobian_is_the_difference_quotient(
+    test: DamperTest, nuisances: tuple[NuisanceName, ...], power: float, n_tests: int
+) -> None:
+    tests = (test, other(test))[:n_tests]
+    assert_exact(Objective.of(SPEC, tests, nuisances=nuisances, power=power), rows(1))
+
+
+def test_jacobian_goes_through_the_observation(test: DamperTest) -> None:
+    observed = replace(
+        test,
+        observation=Observation(
+            delay_seconds=1.3 * test.dt, lowpass_hz=40.0, average_seconds=5 * test.dt, gain=-0.9, offset=50.0
+        ),
+    )
+    assert_exact(Objective.of(SPEC, (observed,), nuisances=("offset",)), rows(2))
+
+
+def test_jacobian_of_current_laws_over_several_tests(test: DamperTest) -> None:
+    model = SPEC.with_current_laws({"k_w": "quadratic", "c": "linear"})
+    theta = model.nominal
+    theta[[model.names.index("k_w.1"), model.names.index("c.1")]] = 300.0, 200.0
+    tests = tuple(
+        replace(test, name=f"{current} A", current=current, force=(0.4 + current) * test.force)
+        for current in (0.0, 0.5, 1.0)
+    )
+    objective = Objective.of(model, tests)
+    columns = [model.names.index(name) for name in ("c.0", "c.1", "k_w.0", "k_w.1", "n")]
+    _, (jacobian,) = linearised(objective, theta[None], columns)
+    for own, column in zip(jacobian, columns, strict=True):
+        step = np.zeros_like(theta)
+        step[column] = 1e-6 * abs(theta[column])
+        ahead, behind = objective.residuals(np.stack([theta + step, theta - step]))
+        quotient = (ahead - behind) / (2.0 * step[column])
+        assert np.linalg.norm(own - quotient) <= 1e-5 * np.linalg.norm(quotient)
+
+
+def test_tests_side_by_side_give_the_bits_of_one_after_the_other(test: DamperTest) -> None:
+    tests = tuple(replace(test, name=str(index), force=(1.0 + index) * test.force) for index in range(5))
+    one = linearised(Objective.of(SPEC, tests, threads=1), rows(3), [0, 3])
+    for threads in (0, 3):
+        several = linearised(Objective.of(SPEC, tests, threads=threads), rows(3), [0, 3])
+        for left, right in zip(one, several, strict=True):
+            np.testing.assert_array_equal(left, right)
+
+
+def test_a_failed_row_has_residuals_of_one_and_no_slope(test: DamperTest) -> None:
+    theta = rows(4)
+    theta[1] = np.nan
+    objective = Objective.of(SPEC, (test,), nuisances=("offset",))
+    residuals, jacobian = linearised(objective, theta, [0, 1])
+    assert np.all(residuals[1] == 1.0)
+    assert np.all(jacobian[1] == 0.0)
+    clean = linearised(objective, theta[[0, 2]], [0, 1])
+    np.testing.assert_allclose(jacobian[[0, 2]], clean[1], rtol=1e-12)
+
+
+def test_an_empty_batch_has_empty_residuals(test: DamperTest) -> None:
+    residuals, jacobian = linearised(Objective.of(SPEC, (test,)), np.empty((0, 7)), [0, 1])
+    assert residuals.shape[0] == jacobian.shape[0] == 0
+    assert jacobian.shape[1] == 2
+
+
+def test_simulated_force_has_zero_residuals(test: DamperTest) -> None:
+    loading = Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
+    own = replace(test, force=simulate_force(SPEC, SPEC.nominal, loading))
+    residuals, _ = linearised(Objective.of(SPEC, (own,)), SPEC.nominal[None], [0])
+    assert np.all(residuals == 0.0)

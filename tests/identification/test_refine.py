@@ -1,0 +1,256 @@
+"""The twin and the lanes are two engines for one minimum; what was compiled for the twin is used again."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.errors import SettingError
+from mrwork.identification.equivalent import Form, identifiable_form
+from mrwork.identification.estimate import remark_of
+from mrwork.identification.identify import identify
+from mrwork.identification.levenberg_marquardt import descend
+from mrwork.identification.levenberg_marquardt_batch import descend_all
+from mrwork.identification.levenberg_marquardt_twin import refine
+from mrwork.identification.linearisation import linearised
+from mrwork.identification.nuisance import NuisanceName, offsets_left_to
+from mrwork.identification.objective import Objective
+from mrwork.identification.standard_error import jacobian, standard_errors
+from mrwork.identification.twin_residuals import TwinResiduals, arrays_of
+from mrwork.records import DamperTest, Observation
+from mrwork.simulate import Loading, simulate_force
+from mrwork.synthetic import synthetic_test
+
+LAWS = damper("static_hysteretic").with_current_laws({"alpha": "linear"}, unit="A")
+# Of the static model the switch of side is sharper than the data can tell.
+SHARP = {"x_s": (1e-4, 1e-4)}
+
+
+def record(
+    spec: DamperSpec, theta: np.ndarray, *, current: float | None = None, n_time: int = 900
+) -> DamperTest:
+    """A test in two tones, with noise of 2 % in the force."""
+    dt = 2e-3
+    phase = 4.0 * np.pi * dt * np.arange(n_time)
+    displacement = 0.01 * np.sin(phase) + 0.003 * np.sin(2.7 * phase)
+    velocity = 4.0 * np.pi * (0.01 * np.cos(phase) + 0.0081 * np.cos(2.7 * phase))
+    force = simulate_force(
+        spec,
+        theta,
+        Loading(dt=dt, displacement=displacement, velocity=velocity, command=current, command_unit="A"),
+    )
+    noise = 0.02 * force.std() * np.random.default_rng(3).standard_normal(n_time)
+    return replace(
+        synthetic_test("spencer1997"),
+        name=f"at {current} A",
+        dt=dt,
+        displacement=displacement,
+        velocity=velocity,
+        force=force + noise,
+        n_settle=100,
+        current=current,
+    )
+
+
+def near(form: Form, theta: np.ndarray) -> np.ndarray:
+    """A start some 10 % away, in the form that is identified."""
+    inner = np.asarray(form.forth(theta))
+    away = inner * np.exp(0.1 * np.random.default_rng(1).standard_normal(inner.size))
+    return np.asarray(form.box.inside(np.clip(away, form.box.lower, form.box.upper)))
+
+
+def joint_theta() -> np.ndarray:
+    """The nominal set, and half as much again of the hysteretic force per ampere."""
+    values = dict(zip(damper(LAWS.name).names, damper(LAWS.name).nominal, strict=True))
+    values |= {"alpha.0": values["alpha"], "alpha.1": 0.5 * values["alpha"]}
+    return np.array([values[name] for name in LAWS.names])
+
+
+def joint_tests() -> tuple[DamperTest, ...]:
+    """Two currents, one of the two tests shorter."""
+    theta = joint_theta()
+    return record(LAWS, theta, current=0.2), record(LAWS, theta, current=0.9, n_time=700)
+
+
+def assert_one_minimum(objective: Objective, form: Form, start: np.ndarray) -> None:
+    """All engines end at one misfit, and at parameters that differ by a small share of their standard errors."""
+    lanes = descend(objective, form.box, start, max_evaluations=100)
+    beside = descend_all(objective, form.box, start[None], max_iterations=100)
+    twin = refine(objective, form.box, start)
+    assert objective(start[None])[0] > 1.2 * lanes.misfit
+    assert lanes.converged
+    assert beside.arrived[0]
+    assert twin.converged
+    assert twin.misfit == pytest.approx(lanes.misfit, rel=1e-6)
+    assert beside.misfit[0] == pytest.approx(lanes.misfit, rel=1e-6)
+    errors = standard_errors(partial(jacobian, objective), form, lanes.theta, lanes.misfit)
+    known = np.isfinite(errors)
+    assert np.count_nonzero(known) >= len(form.box.free) - 1
+    for other in (twin.theta, beside.theta[0]):
+        off = np.asarray(form.back(other)) - np.asarray(form.back(lanes.theta))
+        # A misfit larger by 1e-6 of itself leaves sqrt(2 n 1e-6) standard errors open, 0.04 of one for 800 samples.
+        assert np.all(np.abs(off[known]) <= 0.05 * errors[known])
+
+
+@pytest.mark.parametrize("name", ["bouc_wen", "static_hysteretic", "dahl", "modified_bouc_wen"])
+def test_both_engines_end_in_one_minimum(name: str) -> None:
+    spec = damper(name)
+    form = identifiable_form(spec, SHARP if name == "static_hysteretic" else {})
+    objective = Objective.of(form.spec, (record(spec, spec.nominal),))
+    assert_one_minimum(objective, form, near(form, spec.nominal))
+
+
+def test_a_joint_fit_with_a_law_ends_in_one_minimum() -> None:
+    form = identifiable_form(LAWS, SHARP)
+    assert_one_minimum(Objective.of(LAWS, joint_tests()), form, near(form, joint_theta()))
+
+
+def test_both_engines_say_that_a_parameter_is_at_its_bound() -> None:
+    spec = damper("dahl")
+    index = spec.names.index("rho")
+    form = identifiable_form(spec, {"rho": (10.0, 0.5 * spec.nominal[index])})
+    objective = Objective.of(spec, (record(spec, spec.nominal),))
+    start = near(form, spec.nominal)
+    lanes = descend(objective, form.box, start, max_evaluations=100)
+    twin = refine(objective, form.box, start)
+    for theta in (lanes.theta, twin.theta):
+        remarks = [remark_of(form.box, each, float(theta[each])) for each in range(len(theta))]
+        assert [remark for remark in remarks if remark] == ["at upper bound"]
+        assert remarks[index] == "at upper bound"
+    assert twin.misfit == pytest.approx(lanes.misfit, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("nuisances", "power"), [((), 2.0), (("offset", "level", "delay"), 2.0), (("level",), 5.0)]
+)
+def test_residuals_of_the_twin_and_their_derivatives_are_those_of_the_lanes(
+    nuisances: tuple[NuisanceName, ...], power: float
+) -> None:
+    objective = Objective.of(LAWS, joint_tests(), nuisances=nuisances, power=power)
+    theta = joint_theta() * np.exp(0.1 * np.random.default_rng(2).standard_normal(len(LAWS.names)))
+    # No sample is close enough to mid-stroke to feel x_s, and f0 is an offset.
+    columns = identifiable_form(LAWS, SHARP | offsets_left_to(nuisances, LAWS)).box.free
+    (residuals,), (derivatives,) = linearised(objective, theta[None], columns)
+    twin, arrays = TwinResiduals.of(objective), arrays_of(objective, (1, 1))
+
+    def both(theta: jax.Array) -> tuple[jax.Array, jax.Array]:
+        return twin(theta, arrays), jax.jacfwd(lambda theta: twin(theta, arrays))(theta)
+
+    found, slope = jax.jit(both)(jnp.asarray(theta))
+    np.testing.assert_allclose(found, residuals, rtol=0.0, atol=1e-10)
+    scale = np.max(np.abs(derivatives), axis=1, keepdims=True)
+    np.testing.assert_allclose(
+        np.asarray(slope).T[list(columns)] / scale, derivatives / scale, rtol=0.0, atol=1e-7
+    )
+
+
+def test_an_observation_is_refused_on_the_twin_before_anything_is_searched() -> None:
+    test = replace(joint_tests()[0], observation=Observation(lowpass_hz=20.0))
+    with pytest.raises(
+        SettingError, match=r"low-passed at 20 Hz, which the twin cannot follow; leave the engine"
+    ):
+        identify(
+            "static_hysteretic", test, engine="twin", on_progress=lambda progress: pytest.fail("searched")
+        )
+
+
+def test_an_engine_that_does_not_exist_is_named() -> None:
+    with pytest.raises(SettingError, match="`engine` is 'jax'; choose one of lanes, twin"):
+        identify("static_hysteretic", joint_tests()[0], engine="jax")  # type: ignore[arg-type]
+
+
+def test_the_twin_can_be_asked_for_and_finds_the_same() -> None:
+    test = record(damper("static_hysteretic"), damper("static_hysteretic").nominal)
+    lanes, twin = (
+        identify("static_hysteretic", test, bounds=SHARP, engine=engine, rng=1)
+        for engine in ("lanes", "twin")
+    )
+    assert twin.provenance.settings["engine"] == "twin"
+    assert twin.nrmse == pytest.approx(lanes.nrmse, rel=1e-6)
+    for one, other in zip(lanes.estimates, twin.estimates, strict=True):
+        assert one.standard_error is None or abs(one.value - other.value) < 0.05 * one.standard_error
+
+
+# What was compiled, told by JAX itself.
+COMPILED = """
+import json
+from collections import Counter
+from dataclasses import replace
+import jax
+from mrwork.identification.objective import Objective
+from mrwork.identification.levenberg_marquardt_twin import refine
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import damper
+from mrwork.synthetic import synthetic_test
+
+told = Counter()
+jax.monitoring.register_event_listener(lambda name, **_: told.update([name.rpartition("/")[2]]))
+jax.monitoring.register_event_duration_secs_listener(lambda name, _, **__: told.update([name.rpartition("/")[2]]))
+spec = damper("dahl")
+test = synthetic_test("rd1005_1a")
+for factor in (1.0, 1.1):
+    other = replace(test, dt=factor * test.dt, force=factor * test.force)
+    refine(Objective.of(spec, (other,)), Box.of(spec), factor * spec.nominal)
+    print(json.dumps(told))
+    told.clear()
+"""
+
+
+def environment(**changed: str) -> dict[str, str]:
+    """That of this process without what would move the cache, and with what is given."""
+    own = {name: value for name, value in os.environ.items() if "COMPILATION_CACHE" not in name}
+    return own | changed
+
+
+def printed(program: str, settings: Mapping[str, str]) -> list[str]:
+    """Lines that a process prints, if it says nothing else."""
+    result = subprocess.run(
+        [sys.executable, "-W", "error", "-c", program],
+        env=environment(**settings),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (result.returncode, result.stderr) == (0, "")
+    return result.stdout.splitlines()
+
+
+def test_a_model_is_compiled_once_and_found_again_by_the_next_process(tmp_path: Path) -> None:
+    settings = {"XDG_CACHE_HOME": str(tmp_path), "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0"}
+    first, again = (json.loads(line) for line in printed(COMPILED, settings))
+    assert first["cache_misses"] > 0
+    # Other data, another start and another sampling step: nothing is compiled.
+    assert again == {}
+    kept = {path.name for path in tmp_path.rglob("*-cache")}
+    next_process, _ = (json.loads(line) for line in printed(COMPILED, settings))
+    assert next_process["cache_hits"] == next_process["compile_requests_use_cache"]
+    assert {path.name for path in tmp_path.rglob("*-cache")} == kept
+
+
+WHERE = (
+    "import jax; from mrwork.twins._compiled import keep_compiled; keep_compiled(); "
+    "print(jax.config.jax_compilation_cache_dir)"
+)
+
+
+def test_the_cache_can_be_left_off_and_one_that_is_set_is_respected(tmp_path: Path) -> None:
+    home = {"XDG_CACHE_HOME": str(tmp_path)}
+    (own,) = printed(WHERE, home)
+    assert Path(own).is_relative_to(tmp_path / "mrwork")
+    assert printed(WHERE, home | {"MRWORK_COMPILATION_CACHE": "off"}) == ["None"]
+    assert printed(WHERE, home | {"JAX_COMPILATION_CACHE_DIR": "elsewhere"}) == ["elsewhere"]
+    # A file where the folder would be: nothing is kept, and nothing said.
+    (tmp_path / "file").touch()
+    assert printed(WHERE, {"XDG_CACHE_HOME": str(tmp_path / "file")}) == ["None"]

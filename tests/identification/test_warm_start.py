@@ -1,0 +1,175 @@
+"""Starts that are given: an earlier fit is carried over to more laws and to kindred models, or refused by name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mrwork.dampers.parameters import LawName
+from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.errors import MrworkError, SettingError, UnknownNameError
+from mrwork.identification.equivalent import identifiable_form
+from mrwork.identification.fit import Fit
+from mrwork.identification.global_search import explore
+from mrwork.identification.identify import identify
+from mrwork.identification.objective import Objective
+from mrwork.identification.warm_start import start_from, with_starts
+from mrwork.records import DamperTest
+from mrwork.search import EfficientGA, StopRules
+from mrwork.simulate import Loading, simulate_force
+from mrwork.synthetic import synthetic_test
+
+# Too short to find anything by itself.
+BARELY = EfficientGA(population=8, stop=StopRules(max_generations=2))
+SHORT = EfficientGA(stop=StopRules(max_generations=30))
+BOUC_WEN = damper("normalised_bouc_wen")
+LAWS: dict[str, LawName] = {"k_w": "linear", "c": "linear"}
+
+
+def record(current: float, *, rng: int = 0) -> DamperTest:
+    """A sinusoidal test of a damper whose yield force is quadratic in the current, with noise in the force alone."""
+    spec = BOUC_WEN.with_current_laws({"k_w": "quadratic", "c": "linear"})
+    values = {
+        "c.0": 800.0,
+        "c.1": 1500.0,
+        "k": 900.0,
+        "x0": 0.003,
+        "k_w.0": 120.0,
+        "k_w.1": 900.0,
+        "k_w.2": -200.0,
+    }
+    theta = np.array(
+        [(values | {"rho": 1500.0, "sigma": 0.9, "n": 1.5}).get(name, 0.0) for name in spec.names]
+    )
+    dt = 2e-3
+    phase = 2.0 * np.pi * dt * np.arange(1250)
+    displacement, velocity = 0.01 * np.sin(phase), 0.02 * np.pi * np.cos(phase)
+    loading = Loading(dt=dt, displacement=displacement, velocity=velocity, command=current, command_unit="A")
+    force = simulate_force(spec, theta, loading)
+    return replace(
+        synthetic_test("rd1005_1a"),
+        name=f"{current:g} A",
+        dt=dt,
+        displacement=displacement,
+        velocity=velocity,
+        force=force + 5.0 * np.random.default_rng([rng, round(100 * current)]).standard_normal(force.size),
+        n_settle=200,
+        current=current,
+        voltage=None,
+    )
+
+
+@pytest.fixture(scope="module")
+def tests() -> tuple[DamperTest, ...]:
+    return tuple(record(current) for current in (0.0, 0.5, 1.0))
+
+
+@pytest.fixture(scope="module")
+def fit(tests: tuple[DamperTest, ...]) -> Fit:
+    return identify(BOUC_WEN.with_current_laws(LAWS), tests, search=SHORT, rng=1)
+
+
+def values(fit: Fit) -> dict[str, float]:
+    return dict(zip(fit.spec.names, fit.theta, strict=True))
+
+
+def test_a_raised_law_starts_where_the_lower_one_ended(fit: Fit) -> None:
+    raised = BOUC_WEN.with_current_laws(
+        {"k_w": "quadratic", "c": "cubic", "rho": "exponential", "n": "linear"}
+    )
+    start, was = start_from(fit, raised), values(fit)
+    assert set(start) == set(raised.names)
+    assert all(start[name] == was[name] for name in ("k_w.0", "k_w.1", "c.1", "k"))
+    phase = np.linspace(0.0, 20.0, 500)
+    loading = Loading(
+        dt=1e-3,
+        displacement=0.01 * np.sin(phase),
+        velocity=0.4 * np.cos(phase),
+        command=0.7,
+        command_unit="A",
+    )
+    then = simulate_force(fit.spec, np.array(fit.theta), loading)
+    now = simulate_force(raised, np.array([start[name] for name in raised.names]), loading)
+    # The polynomials are the same numbers; evaluating them to a higher degree may round elsewhere.
+    np.testing.assert_allclose(now, then, rtol=0, atol=1e-9 * np.ptp(then))
+
+
+def test_given_starts_stand_after_those_that_were_found(tests: tuple[DamperTest, ...], fit: Fit) -> None:
+    raised = BOUC_WEN.with_current_laws({"k_w": "quadratic", "c": "linear"})
+    form = identifiable_form(raised, {"n": (1.0, 1.2)})
+    explored = explore(Objective.of(raised, tests), form, BARELY, rng=1, on_search=lambda *_: None)
+    whole, part = start_from(fit, raised), {"k_w.2": -150.0, "n": 7.0}
+    joined = with_starts(explored, raised, [whole, part])
+    np.testing.assert_array_equal(joined.starts[:-2], explored.starts)
+    columns = dict(zip(raised.names, joined.starts[-2:].T, strict=True))
+    for name in ("k_w.0", "k_w.1", "c.0", "c.1", "rho"):
+        assert columns[name][0] == pytest.approx(whole[name], rel=1e-9)
+    assert columns["k_w.2"][1] == pytest.approx(-150.0, rel=1e-9)
+    assert columns["rho"][1] == pytest.approx(dict(zip(raised.names, explored.starts[0], strict=True))["rho"])
+    assert 1.2 - 1e-6 < columns["n"][1] < 1.2
+
+
+def test_a_fit_goes_on_from_where_it_started(tests: tuple[DamperTest, ...], fit: Fit) -> None:
+    raised = BOUC_WEN.with_current_laws({"k_w": "quadratic", "c": "linear"})
+    start = start_from(fit, raised)
+    again = identify(raised, tests, search=BARELY, starts=[start], rng=1)
+    assert again.nrmse < fit.nrmse
+    assert again.provenance.settings["starts"] == [start]
+
+
+def test_an_incomplete_start_is_completed_and_pulled_inside(tests: tuple[DamperTest, ...]) -> None:
+    start = {"sigma": 0.9, "n": 5.0, "k_w": 500.0}
+    found = identify(BOUC_WEN, tests[1], search=SHORT, bounds={"n": (1.0, 2.0)}, starts=[start], rng=1)
+    assert found.rmse_n == pytest.approx(5.0, rel=0.05)
+    assert 1.0 <= values(found)["n"] <= 2.0
+
+
+def test_a_kindred_model_shares_what_has_the_same_name_and_unit(fit: Fit) -> None:
+    modified = damper("normalised_modified_bouc_wen").with_current_laws({"k_w": "quadratic"})
+    start = start_from(fit, modified)
+    # c of the one is not c0 of the other; x0, k_w and the loop are the same.
+    assert set(start) == {"x0", "k_w.0", "k_w.1", "k_w.2", "rho", "sigma", "n"}
+    assert start["k_w.2"] == 0.0
+
+
+def test_a_redundant_form_takes_a_start_as_a_whole(tests: tuple[DamperTest, ...]) -> None:
+    spencer = identify("bouc_wen", tests[1], search=SHORT, rng=1)
+    start = start_from(spencer, damper("bouc_wen"))
+    again = identify("bouc_wen", tests[1], search=BARELY, starts=[start], rng=2)
+    assert again.nrmse == pytest.approx(spencer.nrmse, rel=1e-3)
+    with pytest.raises(SettingError, match=r"takes a start only as a whole; give c0, k0, .* too"):
+        identify("bouc_wen", tests[1], starts=[{"n": 2.0}])
+
+
+@pytest.mark.parametrize(
+    ("start", "error", "words"),
+    [
+        ({"stiffness": 1.0}, UnknownNameError, r"names 'stiffness'.* it has c, k, x0"),
+        ({"rho": float("nan")}, SettingError, "rho the value nan"),
+        ({"k_w.0": 1.0}, UnknownNameError, "names 'k_w.0'"),
+    ],
+)
+def test_an_unusable_start_is_named_before_anything_is_searched(
+    tests: tuple[DamperTest, ...], start: dict[str, float], error: type[MrworkError], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        identify(BOUC_WEN, tests[1], starts=[start], on_progress=lambda progress: pytest.fail("searched"))
+
+
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        (
+            BOUC_WEN.with_current_laws({"k_w": "exponential", "c": "linear"}),
+            "k_w is linear .* exponential in",
+        ),
+        (BOUC_WEN, "is linear in the earlier fit and constant"),
+        (BOUC_WEN.with_current_laws(LAWS, unit="V"), "laws of the earlier fit take A, .* V"),
+        (damper("hyperbolic_tangent_guo"), "shares no parameter with normalised_bouc_wen"),
+    ],
+)
+def test_a_fit_that_cannot_be_carried_over_says_why(fit: Fit, model: DamperSpec, words: str) -> None:
+    with pytest.raises(SettingError, match=words):
+        start_from(fit, model)

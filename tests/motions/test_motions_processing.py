@@ -1,0 +1,149 @@
+"""What is done to a motion is what it says, and it is told in `changes`."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from mrwork.errors import RecordError, SettingError
+from mrwork.motions import (
+    GroundMotion,
+    baseline_corrected,
+    resampled,
+    resampled_band_limited,
+    scaled,
+    scaled_to_peak,
+    synthetic_motion,
+    time_scaled,
+    trimmed,
+)
+from mrwork.motions.formats.uniform import motion_of_columns
+from mrwork.motions.pulses import sine
+
+MOTION = synthetic_motion(duration=5.0)
+
+
+def columns(time: np.ndarray, acceleration: np.ndarray) -> GroundMotion:
+    return motion_of_columns(time, acceleration, name="a", source="", where=lambda row: f"row {row}")
+
+
+def test_a_constant_acceleration_is_integrated_exactly() -> None:
+    motion = GroundMotion(name="a", dt=0.1, acceleration=np.full(21, 3.0))
+    assert_allclose(motion.velocity, 3.0 * motion.time, rtol=1e-13)
+    assert_allclose(motion.displacement, 1.5 * motion.time**2, rtol=1e-12)
+
+
+def test_a_straight_acceleration_is_integrated_exactly() -> None:
+    motion = GroundMotion(name="a", dt=0.1, acceleration=np.linspace(0.0, 4.0, 21))
+    assert_allclose(motion.velocity, motion.time**2, rtol=1e-12, atol=1e-14)
+    assert_allclose(motion.displacement, motion.time**3 / 3.0, rtol=1e-12, atol=1e-14)
+
+
+def test_scaling_is_told_and_changes_nothing_else() -> None:
+    twice = scaled(MOTION, -2.0)
+    assert_allclose(twice.acceleration, -2.0 * MOTION.acceleration, rtol=0)
+    assert twice.changes == ("acceleration x -2",)
+    small = scaled_to_peak(twice, 0.981)
+    assert small.peak == pytest.approx(0.981, rel=1e-14)
+    assert small.changes[1].endswith("to 0.981 m/s2")
+    assert_allclose(small.acceleration / small.peak, twice.acceleration / twice.peak, rtol=1e-12)
+
+
+def test_a_shorter_time_axis_divides_velocity_and_its_square_displacement() -> None:
+    fast = time_scaled(MOTION, 0.2)
+    assert fast.changes == ("time axis x 0.2",)
+    assert fast.duration == pytest.approx(0.2 * MOTION.duration)
+    assert_allclose(fast.velocity, 0.2 * MOTION.velocity, rtol=1e-10, atol=1e-12)
+    assert_allclose(fast.displacement, 0.04 * MOTION.displacement, rtol=1e-9, atol=1e-12)
+
+
+def test_a_cut_keeps_the_samples_of_both_bounds() -> None:
+    cut = trimmed(MOTION, start=1.0, end=3.0)
+    assert cut.n_time == 201
+    assert_allclose(cut.acceleration, MOTION.acceleration[100:301], rtol=0)
+    assert cut.changes == ("cut to 1 to 3 s",)
+    assert trimmed(MOTION, end=50.0) is MOTION
+
+
+@pytest.mark.parametrize("order", [0, 1, 3])
+def test_a_baseline_of_its_order_is_taken_out_whole(order: int) -> None:
+    clean = baseline_corrected(MOTION, order=order)
+    place = np.linspace(0.0, 1.0, MOTION.n_time)
+    drifting = GroundMotion(name="a", dt=MOTION.dt, acceleration=MOTION.acceleration + 0.3 * place**order)
+    assert_allclose(baseline_corrected(drifting, order=order).acceleration, clean.acceleration, atol=1e-12)
+    assert abs(clean.acceleration.mean()) < 1e-14
+    assert f"order {order}" in clean.changes[0]
+
+
+def test_a_finer_grid_is_the_same_motion() -> None:
+    fine = resampled(MOTION, MOTION.dt / 4)
+    assert_allclose(fine.acceleration[::4], MOTION.acceleration, atol=1e-12)
+    assert_allclose(fine.displacement[::4], MOTION.displacement, atol=1e-12)
+    assert fine.n_time == 4 * (MOTION.n_time - 1) + 1
+
+
+def test_a_coarser_grid_folds_back_unless_it_is_band_limited() -> None:
+    # 40 Hz cannot be held every 0.02 s: read off, it comes back at 10 Hz with its whole amplitude.
+    fast = sine(amplitude=1.0, frequency=40.0, cycles=400.0, dt=0.002)
+    inner = slice(100, 400)
+    assert np.abs(resampled(fast, 0.02).acceleration[inner]).max() > 0.9
+    assert np.abs(resampled_band_limited(fast, 0.02).acceleration[inner]).max() < 2e-3
+    slow = sine(amplitude=1.0, frequency=2.0, cycles=20.0, dt=0.002)
+    kept = resampled_band_limited(slow, 0.02)
+    assert_allclose(kept.acceleration[inner], np.sin(4.0 * np.pi * kept.time[inner]), atol=2e-3)
+    assert kept.n_time == 501
+    assert "limited to 25 Hz" in kept.changes[-1]
+
+
+def test_jitter_of_the_clock_moves_no_sample() -> None:
+    jitter = 1e-6 * np.random.default_rng(3).standard_normal(200)
+    motion = columns(0.01 * np.arange(200) + jitter, np.arange(200.0))
+    assert motion.dt == pytest.approx(0.01, rel=1e-4)
+    assert_allclose(motion.acceleration, np.arange(200.0), rtol=0)
+    assert motion.changes == ()
+
+
+def test_times_written_to_few_digits_are_one_step() -> None:
+    motion = columns(np.round(np.arange(301) / 60.0, 3), np.arange(301.0))
+    assert motion.dt == pytest.approx(1.0 / 60.0, rel=1e-3)
+    assert_allclose(motion.acceleration, np.arange(301.0), rtol=0)
+    assert "taken as uniform" in motion.changes[0]
+
+
+def test_steps_of_other_lengths_are_read_off_straight_lines() -> None:
+    time = np.delete(0.01 * np.arange(200), [50, 51, 120])
+    motion = columns(time, 7.0 * time)
+    assert motion.n_time == 200
+    assert_allclose(motion.acceleration, 0.07 * np.arange(200), atol=1e-12)
+    assert "2 steps differ, by up to +0.02 s" in motion.changes[0]
+
+
+def test_a_long_pause_at_the_end_is_padding_only_if_it_is_zero() -> None:
+    time = np.append(0.02 * np.arange(100), 600.0)
+    assert columns(time, np.append(np.ones(100), 0.0)).n_time == 100
+    with pytest.raises(RecordError, match="row 100: a gap of 598"):
+        columns(time, np.ones(101))
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda: scaled(MOTION, 0.0),
+        lambda: scaled(MOTION, np.nan),
+        lambda: scaled_to_peak(MOTION, -1.0),
+        lambda: scaled_to_peak(GroundMotion(name="a", dt=0.1, acceleration=np.zeros(9)), 1.0),
+        lambda: time_scaled(MOTION, 0.0),
+        lambda: trimmed(MOTION, start=9.0),
+        lambda: trimmed(MOTION, start=2.0, end=1.0),
+        lambda: trimmed(MOTION, end=np.nan, start=6.0),
+        lambda: baseline_corrected(MOTION, order=-1),
+        lambda: baseline_corrected(MOTION, order=11),
+        lambda: resampled(MOTION, 0.0),
+        lambda: resampled(MOTION, 6.0),
+        lambda: resampled_band_limited(MOTION, MOTION.dt * np.pi),
+    ],
+)
+def test_what_cannot_be_done_is_refused(change) -> None:
+    with pytest.raises(SettingError, match="ground motion"):
+        change()

@@ -1,0 +1,236 @@
+"""A ground motion is the same whatever the format of its file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from motion_files import (
+    DT,
+    N_TIME,
+    accelerations,
+    at2_lines,
+    cosmos_lines,
+    esm_lines,
+    knet_lines,
+    rows,
+    write_lines,
+)
+from numpy.testing import assert_allclose
+
+from mrwork.errors import RecordError, SettingError, UnitError
+from mrwork.motions import GroundMotion, read_motion, read_motions
+from mrwork.motions.units import FACTORS, STANDARD_GRAVITY, factor_of, unit_in
+
+A = accelerations()
+IN_G = A / STANDARD_GRAVITY
+IN_GAL = 100.0 * A
+
+
+def assert_is_the_motion(motion: GroundMotion, atol: float) -> None:
+    assert motion.dt == pytest.approx(DT, rel=1e-12)
+    assert motion.n_time == N_TIME
+    assert_allclose(motion.acceleration, A, atol=atol)
+
+
+@pytest.mark.parametrize(
+    "size",
+    [
+        f"NPTS=  {N_TIME}, DT= .01000 SEC",
+        f"NPTS=  {N_TIME}, DT= .0100",
+        f"npts= {N_TIME}, dt= 0.01",
+        f"{N_TIME}    0.0100    NPTS, DT",
+        f"NPTS=   {N_TIME}, DT=   .0100 SEC, HP= 0.1 Hz",
+    ],
+)
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r\r\n", "\r"])
+def test_every_header_of_at2_is_read(tmp_path: Path, size: str, end: str) -> None:
+    motion = read_motion(write_lines(tmp_path / "a.AT2", at2_lines(IN_G, size), end))
+    assert_is_the_motion(motion, 1e-6 * STANDARD_GRAVITY)
+    assert "EL CENTRO ARRAY #1" in motion.source
+
+
+def test_content_counts_before_extension(tmp_path: Path) -> None:
+    path = write_lines(tmp_path / "peer.csv", at2_lines(IN_G, f"NPTS= {N_TIME}, DT= .01 SEC"))
+    assert_is_the_motion(read_motion(path), 1e-5)
+
+
+def test_counts_of_knet_are_scaled_and_freed_of_their_offset(tmp_path: Path) -> None:
+    per_count = 3920.0 / 6182761.0 / 100.0
+    counts = np.round(A[:200] / per_count).astype(np.int64) + 8009
+    motion = read_motion(write_lines(tmp_path / "MYG0020601182325.NS", knet_lines(counts, "2")))
+    assert motion.dt == pytest.approx(0.01, rel=1e-12)
+    assert_allclose(motion.acceleration, A[:200] - A[:200].mean(), atol=per_count)
+    # The offset of the published example, 8009 counts, is 5.078 gal.
+    assert 8009 * 100.0 * per_count == pytest.approx(5.078, abs=5e-4)
+    assert "offset of the recorder" in motion.changes[0]
+
+
+def test_esm_is_read_in_its_unit(tmp_path: Path) -> None:
+    motion = read_motion(write_lines(tmp_path / "IT.AMT..HGE.D.ACC.ASC", esm_lines(IN_GAL)))
+    assert_is_the_motion(motion, 1e-8)
+    assert motion.source.startswith("CENTRAL_ITALY, 20160824, AMT, HGE")
+    old = [line for line in esm_lines(IN_GAL)[1:] if not line.startswith("measured_data.DATATYPE")]
+    assert_is_the_motion(read_motion(write_lines(tmp_path / "old.ASC", old)), 1e-8)
+
+
+@pytest.mark.parametrize(
+    ("unit", "factor", "series_format"),
+    [
+        ("cm/sec2(04)", 100.0, "(1E15.6)"),
+        ("cm/s^2 (4)", 100.0, "(10F8.3)"),
+        ("cm/s^2", 100.0, "(6F13.8)"),
+        ("g", 1.0 / STANDARD_GRAVITY, "(8F10.5)"),
+    ],
+)
+def test_cosmos_is_read_in_its_unit_and_format(
+    tmp_path: Path, unit: str, factor: float, series_format: str
+) -> None:
+    lines = cosmos_lines(factor * A, unit=unit, series_format=series_format)
+    assert_is_the_motion(read_motion(write_lines(tmp_path / "a.v2c", lines)), 1e-4)
+
+
+def test_cosmos_is_read_where_columns_touch(tmp_path: Path) -> None:
+    lines = cosmos_lines(IN_GAL - 1000.0, series_format="(8F10.4)")
+    assert " " not in lines[-3]
+    motion = read_motion(write_lines(tmp_path / "b.v2c", lines))
+    assert_allclose(motion.acceleration, A - 10.0, atol=1e-6)
+
+
+def test_the_recorder_s_step_of_cosmos_stands_in(tmp_path: Path) -> None:
+    lines = cosmos_lines(IN_GAL, step_ms=-999.0, recorder_step=DT)
+    assert_is_the_motion(read_motion(write_lines(tmp_path / "c.v1", lines)), 1e-6)
+
+
+def test_a_channel_of_cosmos_is_chosen_by_number(tmp_path: Path) -> None:
+    lines = [
+        *cosmos_lines(IN_GAL, title="Corrected velocity"),
+        *cosmos_lines(IN_GAL),
+        *cosmos_lines(2.0 * IN_GAL),
+    ]
+    path = write_lines(tmp_path / "three.v2", lines)
+    assert_is_the_motion(read_motion(path, channel=2), 1e-5)
+    assert read_motion(path, channel=3).peak == pytest.approx(2.0 * np.abs(A).max(), rel=1e-5)
+    for channel, said in ((None, "3 channels"), (4, "no channel 4"), (1, "'Corrected velocity'")):
+        with pytest.raises(RecordError, match=said):
+            read_motion(path, channel=channel)
+
+
+@pytest.mark.parametrize(
+    ("head", "delimiter", "factor"),
+    [
+        ("t_s,a_mps2", ",", 1.0),
+        ("Time (s);Acceleration (cm/s^2)", ";", 100.0),
+        ("time\tacc_g", "\t", 1.0 / STANDARD_GRAVITY),
+        ("t_ms,ground_accel_mm/s2", ",", 1000.0),
+        ("# t_s,a_gal", ",", 100.0),
+        ("time a_mps2", "  ", 1.0),
+        ("% record of a shaking table\nt_s a_mps2", " ", 1.0),
+    ],
+)
+def test_columns_are_known_by_their_names(tmp_path: Path, head: str, delimiter: str, factor: float) -> None:
+    scale = 1e3 if "t_ms" in head else 1.0
+    body = [f"{scale * DT * k:.6f}{delimiter}{factor * value:.12g}" for k, value in enumerate(A)]
+    for name in ("a.csv", "a.txt"):
+        assert_is_the_motion(read_motion(write_lines(tmp_path / name, [head, *body])), 1e-9)
+
+
+@pytest.mark.parametrize("delimiter", [",", " ", "\t", ";", "   "])
+def test_two_columns_without_names_need_a_unit(tmp_path: Path, delimiter: str) -> None:
+    body = [f"  {DT * k:.4f}{delimiter}{value:.12g}" for k, value in enumerate(IN_G)]
+    path = write_lines(tmp_path / "a.txt", ["# El Centro", *body])
+    assert_is_the_motion(read_motion(path, unit="g"), 1e-9)
+    with pytest.raises(UnitError, match="state it as `unit`"):
+        read_motion(path)
+    with pytest.raises(SettingError, match="runs as time does"):
+        read_motion(path, unit="g", dt=DT)
+
+
+def test_numbers_alone_need_unit_and_step(tmp_path: Path) -> None:
+    path = write_lines(tmp_path / "a.txt", rows(IN_G, "15.7E", 8))
+    assert_is_the_motion(read_motion(path, unit="g", dt=DT), 1e-5)
+    with pytest.raises(RecordError, match="line 1 holds 8 numbers"):
+        read_motion(path, unit="g")
+    with pytest.raises(UnitError):
+        read_motion(path, dt=DT)
+
+
+def test_a_column_is_chosen_where_several_may_be_it(tmp_path: Path) -> None:
+    body = [f"{DT * k:.4f},{value:.12g},{-value:.12g}" for k, value in enumerate(A)]
+    path = write_lines(tmp_path / "a.csv", ["t_s,EW (m/s2),NS (m/s2)", *body])
+    assert_is_the_motion(read_motion(path, column="ew (m/s2)"), 1e-9)
+    assert_allclose(read_motion(path, column="NS (m/s2)").acceleration, -A, atol=1e-9)
+    with pytest.raises(RecordError, match="no column is the acceleration"):
+        read_motion(path)
+
+
+def test_a_g_is_no_acceleration_in_g(tmp_path: Path) -> None:
+    body = [f"{DT * k:.4f},{value:.12g}" for k, value in enumerate(A)]
+    path = write_lines(tmp_path / "a.csv", ["t,a_g", *body])
+    with pytest.raises(UnitError, match="'a_g' does not say its unit"):
+        read_motion(path)
+    assert_is_the_motion(read_motion(path, unit="m/s2"), 1e-9)
+
+
+@pytest.mark.parametrize("version", ["4", "5"])
+@pytest.mark.parametrize("shape", ["rows", "columns", "vectors"])
+def test_mat_files_hold_rows_columns_or_vectors(tmp_path: Path, version: str, shape: str) -> None:
+    from scipy.io import savemat
+
+    time = DT * np.arange(N_TIME)
+    pair = np.array([time, A])
+    variables = {"rows": {"e": pair}, "columns": {"e": pair.T}, "vectors": {"t_s": time, "a_mps2": A}}[shape]
+    path = tmp_path / "a.mat"
+    savemat(path, variables, format=version)
+    assert_is_the_motion(read_motion(path, unit="m/s2"), 1e-12)
+
+
+def test_of_two_pairs_in_a_mat_file_one_is_named(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    time = DT * np.arange(N_TIME)
+    path = tmp_path / "a.mat"
+    savemat(path, {"ns_gal": [time, IN_GAL], "ew_gal": [time, -IN_GAL]}, format="4")
+    assert_is_the_motion(read_motion(path, column="ns_gal"), 1e-9)
+    with pytest.raises(RecordError, match="'ns_gal', 'ew_gal' may all"):
+        read_motion(path)
+
+
+def test_what_a_file_says_is_not_stated_again(tmp_path: Path) -> None:
+    peer = write_lines(tmp_path / "a.AT2", at2_lines(IN_G, f"NPTS= {N_TIME}, DT= .01 SEC"))
+    with pytest.raises(SettingError, match="a PEER AT2 record takes no `unit`"):
+        read_motion(peer, unit="g")
+    table = write_lines(tmp_path / "a.csv", ["t_s,a_mps2", "0,1", "0.01,2"])
+    for options in ({"unit": "g"}, {"dt": 0.01}, {"channel": 1}):
+        with pytest.raises(SettingError, match="leave"):
+            read_motion(table, **options)
+
+
+def test_several_are_read_in_the_order_of_their_names(tmp_path: Path) -> None:
+    for name in ("b", "a"):
+        write_lines(tmp_path / f"{name}.csv", ["t_s,a_mps2", "0,1", "0.01,2"])
+    assert [motion.name for motion in read_motions(tmp_path / "*.csv")] == ["a", "b"]
+    assert [motion.name for motion in read_motions([tmp_path / "b.csv"])] == ["b"]
+    for nothing in (tmp_path / "*.at2", []):
+        with pytest.raises(RecordError):
+            read_motions(nothing)
+
+
+def test_spellings_of_units_agree() -> None:
+    for spelling in (
+        "cm/s2",
+        "cm/s^2",
+        "cm/sec2",
+        "cm/sec/sec",
+        "cm/s/s",
+        "CM/S**2",
+        "cmps2",
+        "cm_s2",
+        "cm_s-2",
+    ):
+        assert factor_of(spelling) == FACTORS["cm/s2"], spelling
+    assert factor_of("cm/s") is None
+    assert factor_of("s2") is None
+    assert unit_in("a_m_per_s2") == "m_per_s2"
+    assert unit_in("a") is None

@@ -1,0 +1,180 @@
+"""Columns and file names say what they hold, or are asked to."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from record_files import clean_columns, codes, message, write_text
+
+from mrwork.errors import MrworkError, RecordError, SettingError, UnitError
+from mrwork.records import parse_column_option, read_damper_test
+from mrwork.records.nominal import nominal_from_name
+from mrwork.records.units import FACTORS, factor_to_si, measures
+
+
+def renamed(tmp_path: Path, old: str, *new: str) -> Path:
+    """The clean test with one column renamed, or written several times."""
+    columns = clean_columns()
+    samples = columns.pop(old)
+    return write_text(tmp_path / "rig.csv", {**columns, **dict.fromkeys(new, samples)})
+
+
+@pytest.mark.parametrize(
+    ("name", "error", "expected"),
+    [
+        ("force", UnitError, "'force' does not say its unit.*'force_N'.*--column force=force:N"),
+        ("F", UnitError, "'F' does not say its unit.*--column force=F:N"),
+        ("force_stone", UnitError, "unknown unit 'stone' .N, kN.*--column force=force_stone:N"),
+        ("force_mm", UnitError, "'mm' is a unit of displacement"),
+        ("cell 1", RecordError, "no column for the force among 't_s', .*'cell 1'"),
+    ],
+)
+def test_a_force_that_cannot_be_told_is_refused_with_the_remedy(
+    tmp_path: Path, name: str, error: type[MrworkError], expected: str
+) -> None:
+    with pytest.raises(error, match=expected):
+        read_damper_test(renamed(tmp_path, "force_n", name))
+
+
+@pytest.mark.parametrize("missing", ["t_s", "displacement_m", "force_n"])
+def test_time_displacement_and_force_are_needed(tmp_path: Path, missing: str) -> None:
+    with pytest.raises(RecordError, match="no column for the"):
+        read_damper_test(renamed(tmp_path, missing))
+
+
+def test_two_columns_for_one_quantity_are_both_named(tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match="'force_n' and 'Force_kN' both look like the force"):
+        read_damper_test(renamed(tmp_path, "force_n", "force_n", "Force_kN"))
+
+
+def test_a_mapping_goes_before_the_names(tmp_path: Path) -> None:
+    path = renamed(tmp_path, "force_n", "force_n", "F:cell 1")
+    test = read_damper_test(path, columns={"force": "F:cell 1:kN"})
+    np.testing.assert_allclose(test.force, 1e3 * clean_columns()["force_n"], rtol=1e-15)
+
+
+def test_a_mapping_settles_an_ambiguity(tmp_path: Path) -> None:
+    path = renamed(tmp_path, "force_n", "Force", "force_kN", "f_lbf")
+    with pytest.raises(RecordError, match="both look like"):
+        read_damper_test(path)
+    np.testing.assert_array_equal(
+        read_damper_test(path, columns={"force": "force:N"}).force, clean_columns()["force_n"]
+    )
+
+
+@pytest.mark.parametrize(
+    ("columns", "error", "expected"),
+    [
+        ({"force": "G:N"}, RecordError, "there is no column 'G'; the columns are 't_s'"),
+        ({"speed": "G:N"}, SettingError, "'speed' is not a quantity"),
+        ({"force": "force_n"}, SettingError, "expected COLUMN:UNIT"),
+        ({"force": "force_n:mm"}, UnitError, "'mm' is a unit of displacement"),
+    ],
+)
+def test_a_wrong_mapping_is_refused(
+    tmp_path: Path, columns: dict[str, str], error: type[MrworkError], expected: str
+) -> None:
+    with pytest.raises(error, match=expected):
+        read_damper_test(write_text(tmp_path / "rig.csv", clean_columns()), columns=columns)
+
+
+def test_a_column_option_is_split_once_checked() -> None:
+    assert parse_column_option("force=F:kN") == ("force", "F:kN")
+    assert parse_column_option("time= t : ms ") == ("time", "t : ms")
+
+
+@pytest.mark.parametrize(
+    ("option", "error", "expected"),
+    [
+        ("force", SettingError, "QUANTITY=COLUMN:UNIT"),
+        ("torque=F:N", SettingError, "use one of time, displacement"),
+        ("force=F", SettingError, "COLUMN:UNIT"),
+        ("force=:N", SettingError, "COLUMN:UNIT"),
+        ("force=F:furlong", UnitError, "N, kN, lbf"),
+    ],
+)
+def test_a_wrong_column_option_is_refused(option: str, error: type[MrworkError], expected: str) -> None:
+    with pytest.raises(error, match=expected):
+        parse_column_option(option)
+
+
+def test_v_is_velocity_or_voltage_by_its_unit(tmp_path: Path) -> None:
+    columns = clean_columns()
+    columns["v_mps"] = columns.pop("velocity_mps")
+    columns["v_V"] = np.full_like(columns["t_s"], 2.5)
+    test = read_damper_test(write_text(tmp_path / "rig.csv", columns))
+    assert test.voltage == 2.5
+    assert test.velocity_source == "measured"
+
+
+@pytest.mark.parametrize(("column", "scale"), [("current_A", 1.0), ("i_mA", 1e3), ("Current [mA]", 1e3)])
+def test_the_current_is_the_median_of_its_column(tmp_path: Path, column: str, scale: float) -> None:
+    columns = clean_columns()
+    rng = np.random.default_rng(5)
+    columns[column] = scale * (0.75 + 0.003 * rng.standard_normal(columns["t_s"].size))
+    test = read_damper_test(write_text(tmp_path / "rig.csv", columns))
+    assert test.current == pytest.approx(0.75, abs=1e-3)
+    assert codes(test) == []
+
+
+def test_every_unit_has_one_meaning() -> None:
+    for quantity, table in FACTORS.items():
+        for symbol, factor in table.items():
+            assert factor_to_si(symbol.upper(), quantity, context="") == factor
+            assert measures(symbol) == quantity
+    assert factor_to_si("\N{MICRO SIGN}m", "displacement", context="") == 1e-6
+
+
+def test_factors_follow_from_their_definitions() -> None:
+    # Inch, pound and standard gravity are exact by definition (NIST SP 811, appendix B.8).
+    pound_force = factor_to_si("lbf", "force", context="")
+    assert pound_force == pytest.approx(0.45359237 * 9.80665, rel=1e-16)
+    assert factor_to_si("kip", "force", context="") == 1000.0 * pound_force
+    assert (
+        factor_to_si("in/s", "velocity", context="")
+        == factor_to_si("in", "displacement", context="")
+        == 0.0254
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "amplitude", "frequency", "current", "voltage"),
+    [
+        ("10mm1Hz0x5A", 0.010, 1.0, 0.5, None),
+        ("25mm0x25Hz_0.75A", 0.025, 0.25, 0.75, None),
+        ("unfiltered_5mm3Hz_1.0A", 0.005, 3.0, 1.0, None),
+        ("2mm_5hz_0a", 0.002, 5.0, 0.0, None),
+        ("rig3-12.5mm2Hz2x25V", 0.0125, 2.0, None, 2.25),
+        ("10mm1Hz", 0.010, 1.0, None, None),
+        ("ensaio.A.1", None, None, None, None),
+        ("10mm", None, None, None, None),
+        ("10mm1HzA", None, None, None, None),
+    ],
+)
+def test_file_names_give_nominal_values(
+    name: str, amplitude: float | None, frequency: float | None, current: float | None, voltage: float | None
+) -> None:
+    nominal = nominal_from_name(name)
+    assert (nominal.amplitude, nominal.frequency) == (amplitude, frequency)
+    assert (nominal.current, nominal.voltage) == (current, voltage)
+
+
+def test_the_name_gives_the_current_where_no_column_does(tmp_path: Path) -> None:
+    test = read_damper_test(write_text(tmp_path / "10mm2Hz0x5A.csv", clean_columns()))
+    assert (test.amplitude, test.frequency, test.current) == (0.010, 2.0, 0.5)
+    assert codes(test) == []
+
+
+def test_a_column_wins_over_the_name_and_the_disagreement_is_told(tmp_path: Path) -> None:
+    columns = {**clean_columns(), "current_a": np.full(400, 1.0)}
+    test = read_damper_test(write_text(tmp_path / "10mm2Hz0x5A.csv", columns))
+    assert test.current == 1.0
+    assert "says a current of 0.5 A, the record 1 A" in message(test, "name_disagrees")
+
+
+@pytest.mark.parametrize(("name", "quantity"), [("25mm2Hz0A", "amplitude"), ("10mm3Hz0A", "frequency")])
+def test_a_motion_far_from_its_name_is_told(tmp_path: Path, name: str, quantity: str) -> None:
+    test = read_damper_test(write_text(tmp_path / f"{name}.csv", clean_columns()))
+    assert quantity in message(test, "name_disagrees")

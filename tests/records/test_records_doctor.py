@@ -1,0 +1,274 @@
+"""Each defect put into a clean record is found with its size; the clean record raises no alarm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mrwork.dampers.spec import damper
+from mrwork.records import DamperTest, Finding, build_damper_test, mislabelled
+from mrwork.records.cycles import whole_cycles
+from mrwork.records.detectors.breakaway import breakaway_overshoot
+from mrwork.records.detectors.clipping import clipped_share
+from mrwork.records.detectors.delay import delay_finding, force_delay
+from mrwork.records.detectors.drift import drift_finding, loop_drift
+from mrwork.records.detectors.examine import examine
+from mrwork.records.detectors.inertia import moving_mass
+from mrwork.simulate import Loading, simulate_force
+from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test
+
+# Models whose hysteresis follows the displacement have a corner at the turns; the other has none.
+CORNERED = ("bouc_wen", "normalised_bouc_wen")
+SMOOTH = "static_hysteretic"
+
+
+def simulated(
+    model: str,
+    *,
+    frequency: float = 2.0,
+    amplitude: float = 0.01,
+    cycles: int = 8,
+    scale: NDArray[np.float64] | float = 1.0,
+    rng: int = 0,
+) -> DamperTest:
+    """A sinusoidal test of a model at its nominal parameters, with 0.3 % noise."""
+    spec = damper(model)
+    dt = 1.0 / (500.0 * frequency)
+    time = dt * np.arange(round(cycles / frequency / dt))
+    omega = 2.0 * np.pi * frequency
+    displacement = amplitude * np.sin(omega * time)
+    velocity = amplitude * omega * np.cos(omega * time)
+    exact = simulate_force(spec, spec.nominal, Loading(dt=dt, displacement=displacement, velocity=velocity))
+    noise = np.random.default_rng(rng)
+    force = scale * exact
+    return build_damper_test(
+        name=model,
+        time=time,
+        displacement=displacement + 3e-4 * amplitude * noise.standard_normal(time.size),
+        velocity=velocity + 3e-3 * amplitude * omega * noise.standard_normal(time.size),
+        force=force + 3e-3 * np.std(exact) * noise.standard_normal(time.size),
+    )
+
+
+def late(test: DamperTest, delay: float) -> DamperTest:
+    return replace(test, force=np.interp(test.time - delay, test.time, test.force))
+
+
+@pytest.mark.parametrize("name", SYNTHETIC_TESTS)
+def test_records_as_the_sensors_gave_them_raise_no_alarm(name: str) -> None:
+    assert examine(synthetic_test(name)) == ()
+
+
+@pytest.mark.parametrize("model", [*CORNERED, SMOOTH])
+@pytest.mark.parametrize("frequency", [0.5, 2.0, 5.0])
+def test_simulated_records_raise_no_alarm(model: str, frequency: float) -> None:
+    assert examine(simulated(model, frequency=frequency)) == ()
+
+
+@pytest.mark.parametrize("model", CORNERED)
+@pytest.mark.parametrize("frequency", [1.0, 4.0])
+@pytest.mark.parametrize("share", [0.006, 0.015, 0.03])
+def test_a_delay_of_the_force_is_found(model: str, frequency: float, share: float) -> None:
+    delay = share / frequency
+    test = late(simulated(model, frequency=frequency), delay)
+    found = force_delay(test)
+    assert found is not None
+    assert found.standard_error is not None
+    # 0.1 % of a period is the step of the search and so the least standard error; the bound is three of them.
+    assert abs(found.value - delay) < 3.0 * found.standard_error
+    assert found.standard_error < 4e-3 / frequency
+    (finding,) = delay_finding(test)
+    assert "lags" in finding.message
+
+
+def test_a_force_that_comes_early_is_told_as_a_lead() -> None:
+    (finding,) = delay_finding(late(simulated("normalised_bouc_wen"), -0.015))
+    assert "leads" in finding.message
+    assert finding.measured is not None
+    assert finding.measured.value == pytest.approx(-0.015, abs=1.5e-3)
+
+
+@pytest.mark.parametrize("delay", [-0.01, 0.0, 0.005])
+def test_a_force_without_corners_tells_no_delay(delay: float) -> None:
+    assert force_delay(late(simulated(SMOOTH, frequency=1.0), delay)) is None
+
+
+def test_a_smoothed_record_tells_no_delay() -> None:
+    test = late(simulated("bouc_wen"), 0.01)
+    window = np.full(25, 1.0 / 25.0)
+    smoothed = replace(
+        test,
+        displacement=np.convolve(test.displacement, window, mode="valid"),
+        velocity=np.convolve(test.velocity, window, mode="valid"),
+        force=np.convolve(test.force, window, mode="valid"),
+    )
+    assert force_delay(smoothed) is None
+
+
+@pytest.mark.parametrize("model", [*CORNERED, SMOOTH])
+@pytest.mark.parametrize("share", [0.5, 1.0])
+def test_a_mass_is_bounded_from_below(model: str, share: float) -> None:
+    # In phase with the acceleration a damper has its springs and its hysteresis, against the mass; no more than that
+    # may be missing from the estimate.
+    frequency, amplitude = 4.0, 0.01
+    test = simulated(model, frequency=frequency, amplitude=amplitude)
+    acceleration = -((2.0 * np.pi * frequency) ** 2) * test.displacement
+    inertia = acceleration / np.abs(acceleration).max()
+    mass = share * 0.5 * np.ptp(test.force) / (amplitude * (2.0 * np.pi * frequency) ** 2)
+    elastic = -float(test.force @ acceleration / (acceleration @ acceleration))
+    loaded = replace(test, force=test.force + share * 0.5 * np.ptp(test.force) * inertia)
+    found = moving_mass(loaded)
+    assert found is not None
+    # The 1 % is for cycles that are not whole to the sample, and for the first, from rest.
+    assert found.value == pytest.approx(mass - elastic, rel=0.02)
+    assert 0.0 < found.value < mass
+
+
+def test_a_force_that_sticks_at_rest_is_measured() -> None:
+    time = 0.005 * np.arange(1200)
+    moving = np.maximum(time - 1.0, 0.0)
+    displacement = 0.01 * np.sin(2.0 * np.pi * moving)
+    velocity = np.where(moving > 0.0, 0.02 * np.pi * np.cos(2.0 * np.pi * moving), 0.0)
+    force = 300.0 * np.tanh(velocity / 0.002) + 400.0 * velocity
+    peak = 150.0 * np.exp(-(((moving - 0.005) / 0.004) ** 2)) * (moving > 0.0)
+    noise = 2.0 * np.random.default_rng(5).standard_normal(time.size)
+
+    def built(extra: NDArray[np.float64]) -> DamperTest:
+        return build_damper_test(
+            name="rest", time=time, displacement=displacement, force=force + extra + noise
+        )
+
+    found = breakaway_overshoot(built(peak))
+    assert found is not None
+    # Noise of 2 N: at its largest among 1200 samples, 7 N, and twice on the peak itself; 1 N of mean over the travel.
+    assert found.value == pytest.approx(150.0, abs=12.0)
+    assert "breakaway" in _codes(built(peak).findings)
+    assert "breakaway" not in _codes(built(np.zeros_like(time)).findings)
+
+
+@pytest.mark.parametrize("limit", [0.6, 0.9, 0.97])
+def test_a_channel_that_ran_out_of_range_is_told(limit: float) -> None:
+    sine = np.sin(2.0 * np.pi * np.arange(2000) / 400.0) + 1e-4 * np.random.default_rng(2).standard_normal(
+        2000
+    )
+    cut = np.clip(sine, -1.0, limit)
+    # Of a cycle, the part above the limit.
+    assert clipped_share(cut) == pytest.approx(np.arccos(limit) / np.pi, abs=0.01)
+
+
+@pytest.mark.parametrize("digit", [1e-5, 1e-3, 1e-2, 0.05])
+def test_rounding_is_not_clipping(digit: float) -> None:
+    sine = np.sin(2.0 * np.pi * np.arange(2000) / 400.0)
+    assert clipped_share(digit * np.round(sine / digit)) == 0.0
+
+
+def test_friction_with_noise_is_not_clipping() -> None:
+    sine = np.sin(2.0 * np.pi * np.arange(2000) / 400.0)
+    force = 300.0 * np.tanh(20.0 * sine) + np.random.default_rng(4).standard_normal(2000)
+    assert clipped_share(3.0 * np.round(force / 3.0)) == 0.0
+
+
+@pytest.mark.parametrize("change", [-0.2, -0.05, 0.08])
+def test_a_drift_of_the_loop_is_measured(change: float) -> None:
+    scale = (1.0 + change) ** (np.arange(12 * 500) / (12 * 500))
+    test = simulated("normalised_bouc_wen", cycles=12, scale=scale)
+    found = loop_drift(test)
+    assert found is not None
+    n_cycles = len(whole_cycles(test.displacement))
+    expected = (1.0 + change) ** ((n_cycles - 1) / 12.0) - 1.0
+    # Noise of 0.3 % averages to 1e-4 in a cycle of 500 samples; the mean over the travel of a drifting force is
+    # not quite its offset.
+    assert found.value == pytest.approx(expected, abs=0.003)
+    assert len(drift_finding(test)) == 1
+
+
+def test_a_chirp_is_no_drift() -> None:
+    time = 0.002 * np.arange(6000)
+    phase = 2.0 * np.pi * (0.5 * time + 0.1 * time**2)
+    velocity = 0.01 * np.cos(phase) * np.gradient(phase, time)
+    test = build_damper_test(
+        name="chirp",
+        time=time,
+        displacement=0.01 * np.sin(phase),
+        velocity=velocity,
+        force=300.0 * np.tanh(velocity / 0.01) + 2000.0 * velocity,
+    )
+    assert loop_drift(test) is None
+
+
+def test_a_stroke_that_decays_is_no_drift() -> None:
+    time = 0.002 * np.arange(6000)
+    envelope = 0.01 * np.exp(-0.04 * time)
+    displacement = envelope * np.sin(4.0 * np.pi * time)
+    velocity = np.gradient(displacement, time)
+    noise = np.random.default_rng(8).standard_normal(time.size)
+    test = build_damper_test(
+        name="decay",
+        time=time,
+        displacement=displacement,
+        force=300.0 * np.tanh(velocity / 0.01) + 2000.0 * velocity + noise,
+    )
+    assert "loop_drift" not in _codes(test.findings)
+
+
+@pytest.mark.parametrize(
+    ("course", "word"),
+    [
+        (lambda t: t, "ramps"),
+        (lambda t: 1.0 - t, "ramps"),
+        (lambda t: np.where(t > 0.4, 1.0, 0.0), "switches"),
+        (lambda t: 0.5 + 0.5 * np.sin(20.0 * t), "varies"),
+    ],
+)
+def test_a_command_that_is_not_constant_is_told_by_its_course(
+    course: Callable[[NDArray[np.float64]], NDArray[np.float64]], word: str
+) -> None:
+    test = synthetic_test("rd1005_1a")
+    current = course(np.linspace(0.0, 1.0, test.n_time))
+    built = build_damper_test(
+        name="rig", time=test.time, displacement=test.displacement, force=test.force, current=current
+    )
+    (finding,) = [finding for finding in built.findings if finding.code == "command_varies"]
+    assert finding.message.startswith(f"the current {word} between")
+    assert finding.measured is not None
+    assert finding.measured.value == pytest.approx(1.0, abs=0.03)
+
+
+def _set_of_tests() -> list[DamperTest]:
+    """Three currents, five motions each: the force grows with the current and a little with the velocity."""
+    tests = []
+    for current, level in ((0.0, 0.3), (0.5, 1.0), (1.0, 1.8)):
+        for frequency, amplitude in ((0.5, 0.02), (1.0, 0.01), (2.0, 0.01), (3.0, 0.005), (5.0, 0.002)):
+            test = simulated(SMOOTH, frequency=frequency, amplitude=amplitude, cycles=4, scale=level)
+            tests.append(replace(test, name=f"{current:g}A{frequency:g}Hz", current=current))
+    return tests
+
+
+def test_a_set_with_right_labels_raises_no_alarm() -> None:
+    assert mislabelled(_set_of_tests()) == ()
+
+
+@pytest.mark.parametrize(("wrong", "label"), [(7, 1.0), (12, 0.5), (3, 0.5)])
+def test_a_wrong_label_in_a_set_is_named(wrong: int, label: float) -> None:
+    tests = _set_of_tests()
+    right = tests[wrong].current
+    tests[wrong] = replace(tests[wrong], current=label)
+    (finding,) = mislabelled(tests)
+    assert finding.message.startswith(f"{tests[wrong].name}: ")
+    assert f"the other tests at {label:.3g} A" in finding.message
+    assert finding.measured is not None
+    assert right is not None
+    assert np.sign(finding.measured.value) == np.sign(right - label)
+
+
+def test_too_few_tests_of_a_command_are_not_judged() -> None:
+    tests = _set_of_tests()[4:6]
+    assert mislabelled(tests) == ()
+
+
+def _codes(findings: tuple[Finding, ...]) -> list[str]:
+    return [finding.code for finding in findings]

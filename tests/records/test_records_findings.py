@@ -1,0 +1,275 @@
+"""The checks speak when something is wrong, repair what they safely can, and are silent otherwise."""
+
+from __future__ import annotations
+
+import re
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from numpy.typing import NDArray
+from record_files import AMPLITUDE, DT, FREQUENCY, Columns, clean_columns, codes, message
+
+from mrwork.records import DamperTest, build_damper_test
+
+OMEGA = 2.0 * np.pi * FREQUENCY
+
+
+def built(columns: Columns, current: NDArray[np.float64] | None = None) -> DamperTest:
+    return build_damper_test(
+        name="rig",
+        time=columns["t_s"],
+        displacement=columns["displacement_m"],
+        velocity=columns.get("velocity_mps"),
+        force=columns["force_n"],
+        current=current,
+    )
+
+
+def severity(test: DamperTest, code: str) -> str:
+    (found,) = [finding.severity for finding in test.findings if finding.code == code]
+    return found
+
+
+def without_velocity() -> Columns:
+    columns = clean_columns()
+    del columns["velocity_mps"]
+    return columns
+
+
+def test_incomplete_rows_at_the_ends_are_dropped_with_a_note() -> None:
+    columns = clean_columns()
+    columns["velocity_mps"][:2] = np.nan
+    columns["force_n"][-3:] = np.nan
+    test = built(columns)
+    assert "2 at the start, 3 at the end" in message(test, "nan_rows_dropped")
+    np.testing.assert_array_equal(test.force, columns["force_n"][2:-3])
+    assert test.start_time == columns["t_s"][2]
+
+
+def test_jitter_is_resampled_onto_the_true_motion() -> None:
+    rng = np.random.default_rng(11)
+    time = DT * np.arange(400) + 0.2 * DT * rng.uniform(-1.0, 1.0, 400)
+    displacement = AMPLITUDE * np.sin(OMEGA * time)
+    force = 500.0 * AMPLITUDE * OMEGA * np.cos(OMEGA * time)
+    test = built({"t_s": time, "displacement_m": displacement, "force_n": force})
+    assert "cubic spline" in message(test, "resampled")
+    assert severity(test, "resampled") == "note"
+    # A cubic spline errs by 5/384 h^4 of the fourth derivative, h the longest step, and more at the ends.
+    bound = 20.0 * 5.0 / 384.0 * (OMEGA * np.diff(time).max()) ** 4 * AMPLITUDE
+    assert np.max(np.abs(test.displacement - AMPLITUDE * np.sin(OMEGA * test.time))) < bound
+    assert (test.time[0], test.time[-1]) == (time[0], pytest.approx(time[-1], abs=1e-12))
+
+
+def test_times_written_with_few_digits_are_taken_as_uniform() -> None:
+    columns = without_velocity()
+    columns["t_s"] = np.round(np.arange(400) / 1024.0, 4)
+    test = built(columns)
+    assert "0.1 ms" in message(test, "time_rounded")
+    assert test.dt == pytest.approx(1.0 / 1024.0, rel=0.1 / 399.0)
+    np.testing.assert_array_equal(test.force, columns["force_n"])
+
+
+def test_a_uniform_clock_that_started_long_ago_is_uniform() -> None:
+    # At 1.7e9 s doubles are 2.4e-7 s apart, which is 0.24 % of this step of 0.1 ms.
+    columns = clean_columns()
+    columns["t_s"] = columns["t_s"] / 50.0 + 1.7e9
+    columns["velocity_mps"] = columns["velocity_mps"] * 50.0
+    assert codes(built(columns)) == []
+
+
+def test_a_gap_is_bridged_with_a_warning_that_says_where() -> None:
+    kept = np.r_[0:100, 160:400]
+    test = built({name: samples[kept] for name, samples in without_velocity().items()})
+    assert "0.305 s after 0.495 s (61 steps)" in message(test, "gaps")
+    assert severity(test, "gaps") == "warning"
+    assert "PCHIP" in message(test, "resampled")
+    assert test.n_time == 400
+    force = clean_columns()["force_n"]
+    assert np.abs(test.force).max() <= np.abs(force).max()
+    np.testing.assert_allclose(test.force[:100], force[:100], rtol=1e-9)
+
+
+@settings(derandomize=True, max_examples=30)
+@given(offset=st.floats(-1e4, 1e4), stiffness=st.floats(-2e4, 2e4), rest=st.integers(0, 400))
+def test_force_of_either_sign_is_the_same_test_and_one_note(
+    offset: float, stiffness: float, rest: int
+) -> None:
+    columns = {
+        name: np.concatenate([np.full(rest, samples[0]), samples])
+        for name, samples in without_velocity().items()
+    }
+    columns["t_s"] = DT * np.arange(400 + rest)
+    columns["force_n"] = columns["force_n"] + offset + stiffness * columns["displacement_m"]
+    right = built(columns)
+    wrong = built({**columns, "force_n": -columns["force_n"]})
+    np.testing.assert_array_equal(wrong.force, right.force)
+    assert "force_sign_flipped" not in codes(right)
+    assert [code for code in codes(wrong) if code != "force_sign_flipped"] == codes(right)
+    assert severity(wrong, "force_sign_flipped") == "note"
+    assert np.sum(wrong.force * wrong.velocity) > 0.0
+
+
+def test_a_force_that_dissipates_nothing_keeps_its_sign_with_a_warning() -> None:
+    columns = without_velocity()
+    columns["force_n"] = -1e5 * columns["displacement_m"]
+    test = built(columns)
+    assert severity(test, "force_sign_unclear") == "warning"
+    np.testing.assert_array_equal(test.force, columns["force_n"])
+
+
+@pytest.mark.parametrize("offset", [-130.0, 40.0, 500.0])
+def test_a_static_offset_is_measured(offset: float) -> None:
+    columns = clean_columns()
+    columns["force_n"] = columns["force_n"] + offset
+    test = built(columns)
+    assert f"{offset:+.3g} N" in message(test, "force_offset")
+    np.testing.assert_array_equal(test.force, columns["force_n"])
+
+
+def test_a_force_held_at_rest_is_no_offset() -> None:
+    rest = 400
+    columns = {name: np.concatenate([np.full(rest, s[0]), s]) for name, s in without_velocity().items()}
+    columns["t_s"] = DT * np.arange(400 + rest)
+    columns["force_n"][:rest] = 200.0
+    assert codes(built(columns)) == ["velocity_derived", "rest_before_motion"]
+
+
+def test_a_peak_at_one_end_of_the_stroke_is_no_offset() -> None:
+    columns = clean_columns()
+    columns["force_n"][columns["displacement_m"] > 0.97 * AMPLITUDE] += 300.0
+    assert codes(built(columns)) == []
+
+
+@pytest.mark.parametrize(("n_rest", "told"), [(200, True), (30, True), (15, False), (0, False)])
+def test_rest_before_the_motion_is_noted_from_a_quarter_period_on(n_rest: int, told: bool) -> None:
+    columns = {name: np.concatenate([np.full(n_rest, s[0]), s]) for name, s in without_velocity().items()}
+    columns["t_s"] = DT * np.arange(400 + n_rest)
+    test = built(columns)
+    assert ("rest_before_motion" in codes(test)) == told
+    if told:
+        assert f"first {DT * (n_rest + 1):.2f} s" in message(test, "rest_before_motion")
+
+
+def test_starting_at_the_crest_is_no_rest() -> None:
+    columns = without_velocity()
+    shift = round(0.25 / FREQUENCY / DT)
+    rolled = {name: np.roll(samples, -shift) for name, samples in columns.items() if name != "t_s"}
+    assert codes(built({"t_s": columns["t_s"], **rolled})) == ["velocity_derived"]
+
+
+def test_a_missing_velocity_is_derived_accurately() -> None:
+    test = built(without_velocity())
+    assert test.velocity_source == "derived"
+    assert "11 samples (55 ms)" in message(test, "velocity_derived")
+    exact = clean_columns()["velocity_mps"]
+    inside = slice(6, -6)
+    # The window is chosen for a bias of 1e-4 at the band's edge.
+    assert np.max(np.abs(test.velocity - exact)[inside]) < 1e-4 * np.abs(exact).max()
+
+
+def test_deriving_beats_differences_on_noisy_displacement() -> None:
+    columns = without_velocity()
+    rng = np.random.default_rng(3)
+    columns["displacement_m"] = columns["displacement_m"] + 2e-5 * rng.standard_normal(400)
+    exact = clean_columns()["velocity_mps"]
+    error = np.std(built(columns).velocity - exact)
+    # White noise comes through an 11-sample cubic filter at 0.34 times what central differences let through.
+    assert error < 0.4 * np.std(np.gradient(columns["displacement_m"], DT) - exact)
+
+
+def test_a_velocity_of_opposite_sign_is_turned_with_a_note() -> None:
+    columns = clean_columns()
+    columns["velocity_mps"] = -columns["velocity_mps"]
+    test = built(columns)
+    assert codes(test) == ["velocity_sign_flipped"]
+    np.testing.assert_array_equal(test.velocity, clean_columns()["velocity_mps"])
+
+
+@pytest.mark.parametrize("factor", [1000.0, 0.001, -1000.0, 0.0254])
+def test_a_velocity_in_another_unit_is_told_by_its_factor(factor: float) -> None:
+    columns = clean_columns()
+    columns["velocity_mps"] = factor * columns["velocity_mps"]
+    test = built(columns)
+    assert f"is {factor:.4g} times" in message(test, "velocity_inconsistent")
+    assert severity(test, "velocity_inconsistent") == "warning"
+
+
+@pytest.mark.parametrize(("late", "code"), [(0.5, "velocity_late"), (-2.0, "velocity_inconsistent")])
+def test_a_shifted_velocity_is_told_by_its_delay(late: float, code: str) -> None:
+    columns = clean_columns()
+    columns["velocity_mps"] = AMPLITUDE * OMEGA * np.cos(OMEGA * (columns["t_s"] - late * DT))
+    test = built(columns)
+    assert codes(test) == [code]
+    told = re.search(r"(lags|leads) .* \(([\d.]+) samples\)", message(test, code))
+    assert told is not None
+    assert told[1] == ("lags" if late > 0.0 else "leads")
+    assert float(told[2]) == pytest.approx(abs(late), rel=0.02)
+
+
+def test_backward_differences_are_recognised() -> None:
+    columns = clean_columns()
+    columns["velocity_mps"] = np.diff(columns["displacement_m"], prepend=-AMPLITUDE * np.sin(OMEGA * DT)) / DT
+    assert "backward differences" in message(built(columns), "velocity_late")
+
+
+@pytest.mark.parametrize(("late", "expected"), [(0.5, ["velocity_late"]), (0.25, []), (1.0, [])])
+def test_a_phase_too_small_to_matter_is_told_only_of_backward_differences(
+    late: float, expected: list[str]
+) -> None:
+    columns = clean_columns()
+    omega = 0.015 / DT
+    columns["displacement_m"] = AMPLITUDE * np.sin(omega * columns["t_s"])
+    columns["velocity_mps"] = AMPLITUDE * omega * np.cos(omega * (columns["t_s"] - late * DT))
+    assert [code for code in codes(built(columns)) if code.startswith("velocity")] == expected
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.05, 0.2])
+def test_noise_alone_does_not_make_a_velocity_inconsistent(noise: float) -> None:
+    columns = clean_columns()
+    rng = np.random.default_rng(23)
+    spread = noise * np.std(columns["velocity_mps"])
+    columns["velocity_mps"] = columns["velocity_mps"] + spread * rng.standard_normal(400)
+    assert codes(built(columns)) == []
+
+
+def test_noise_alone_never_passes_for_a_velocity() -> None:
+    for seed in range(20):
+        columns = clean_columns()
+        columns["velocity_mps"] = np.random.default_rng(seed).standard_normal(400)
+        assert codes(built(columns)) == ["velocity_inconsistent"]
+
+
+@pytest.mark.parametrize("kind", ["noise", "zero", "another test"])
+def test_a_velocity_of_something_else_is_told(kind: str) -> None:
+    columns = clean_columns()
+    rng = np.random.default_rng(29)
+    columns["velocity_mps"] = {
+        "noise": 0.1 * rng.standard_normal(400),
+        "zero": np.zeros(400),
+        "another test": 0.1 * np.cos(1.7 * OMEGA * columns["t_s"]),
+    }[kind]
+    assert "both columns belong to this test" in message(built(columns), "velocity_inconsistent")
+
+
+def test_a_command_that_varies_is_told_and_its_median_taken() -> None:
+    columns = clean_columns()
+    current = np.where(columns["t_s"] > 0.5, 1.0, 0.0)
+    test = built(columns, current=current)
+    assert test.current == 1.0
+    assert "between 0 and 1 A" in message(test, "command_varies")
+    assert severity(test, "command_varies") == "warning"
+
+
+def test_a_command_given_in_some_rows_only_is_still_known() -> None:
+    current = np.full(400, np.nan)
+    current[0] = 0.5
+    test = built(clean_columns(), current=current)
+    assert test.current == 0.5
+    assert codes(test) == []
+
+
+def test_too_few_samples_per_cycle_are_told() -> None:
+    test = built({name: samples[::10] for name, samples in clean_columns().items()})
+    assert "10.0 samples per cycle of 2 Hz" in message(test, "few_samples_per_cycle")

@@ -1,0 +1,280 @@
+"""The same test reads the same from every format, delimiter and unit."""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from pathlib import Path
+
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from record_files import AMPLITUDE, DT, FREQUENCY, N_TIME, clean_columns, codes, write_text
+from scipy.io import savemat
+
+from mrwork.errors import MrworkError
+from mrwork.records import DamperTest, build_damper_test, read_damper_test, read_damper_tests
+
+
+def assert_is_the_clean_test(test: DamperTest, rtol: float = 1e-15) -> None:
+    columns = clean_columns()
+    np.testing.assert_allclose(test.time, columns["t_s"], rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(test.displacement, columns["displacement_m"], rtol=rtol, atol=1e-17)
+    np.testing.assert_allclose(test.velocity, columns["velocity_mps"], rtol=rtol, atol=1e-17)
+    np.testing.assert_allclose(test.force, columns["force_n"], rtol=rtol)
+    assert test.velocity_source == "measured"
+    assert test.dt == pytest.approx(DT)
+
+
+def test_a_clean_file_gives_its_arrays_and_no_finding(tmp_path: Path) -> None:
+    path = write_text(tmp_path / "rig 3.csv", clean_columns())
+    test = read_damper_test(path)
+    assert_is_the_clean_test(test, rtol=0.0)
+    assert test.findings == ()
+    assert (test.name, test.path) == ("rig 3", str(path))
+    assert test.sha256 == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert (test.current, test.voltage, test.amplitude, test.frequency) == (None, None, None, None)
+    assert not test.synthetic
+
+
+def test_the_arrays_of_a_test_cannot_be_changed(tmp_path: Path) -> None:
+    test = read_damper_test(write_text(tmp_path / "rig.csv", clean_columns()))
+    with pytest.raises(ValueError, match="read-only"):
+        test.force[0] = 0.0
+
+
+@pytest.mark.parametrize(
+    ("suffix", "delimiter"), [(".csv", ","), (".csv", ";"), (".csv", "\t"), (".tsv", "\t"), (".CSV", ",")]
+)
+def test_delimiters_are_understood(tmp_path: Path, suffix: str, delimiter: str) -> None:
+    assert_is_the_clean_test(
+        read_damper_test(write_text(tmp_path / f"rig{suffix}", clean_columns(), delimiter))
+    )
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        pytest.param("t_s,", "\N{ZERO WIDTH NO-BREAK SPACE}t_s,", id="byte order mark"),
+        pytest.param("t_s,", "# rig 3, oil at 25 C\n#\n\nt_s,", id="comments on top"),
+        pytest.param("t_s,", "# t_s,", id="header as a comment"),
+        pytest.param("\n", "\r\n", id="CR LF"),
+        pytest.param("\n", "\r", id="CR"),
+        pytest.param("\n", "\n\n", id="blank lines"),
+        pytest.param("\n", " \n  \n", id="blanks"),
+        pytest.param("e-05,", "E-05,", id="capital exponent"),
+        pytest.param("\n", ",\n", id="trailing delimiter"),
+        pytest.param(",", " , ", id="blanks around delimiters"),
+        pytest.param("displacement_m", '"Displacement (m)"', id="quoted name"),
+    ],
+)
+def test_harmless_variants_of_text_do_not_matter(tmp_path: Path, before: str, after: str) -> None:
+    path = write_text(tmp_path / "rig.csv", clean_columns())
+    path.write_bytes(path.read_text().replace(before, after).encode())
+    assert_is_the_clean_test(read_damper_test(path), rtol=0.0)
+
+
+def test_remarks_behind_rows_do_not_matter(tmp_path: Path) -> None:
+    path = write_text(tmp_path / "rig.csv", clean_columns())
+    header, *rows = path.read_text().splitlines()
+    path.write_text("\n".join([header, *(f"{row} # seen" for row in rows)]))
+    assert_is_the_clean_test(read_damper_test(path), rtol=0.0)
+
+
+def test_text_in_a_column_that_is_not_asked_for_does_not_matter(tmp_path: Path) -> None:
+    path = write_text(tmp_path / "rig.csv", clean_columns())
+    header, *rows = path.read_text().splitlines()
+    path.write_text("\n".join([f"remark,{header}", *(f"ok,{row}" for row in rows)]))
+    assert_is_the_clean_test(read_damper_test(path), rtol=0.0)
+
+
+@settings(derandomize=True, max_examples=20)
+@given(order=st.permutations(list(clean_columns())))
+def test_the_order_of_columns_does_not_matter(
+    tmp_path_factory: pytest.TempPathFactory, order: list[str]
+) -> None:
+    columns = clean_columns()
+    path = tmp_path_factory.mktemp("order") / "rig.csv"
+    assert_is_the_clean_test(read_damper_test(write_text(path, {name: columns[name] for name in order})), 0.0)
+
+
+UNITS = {
+    "t_s": {"t_ms": 1e3, "Time (s)": 1.0, "time_us": 1e6, "time_min": 1.0 / 60.0},
+    "displacement_m": {"disp_mm": 1e3, "x_cm": 1e2, "Stroke [um]": 1e6, "displacement_in": 1.0 / 0.0254},
+    "velocity_mps": {
+        "velocity_mm_s": 1e3,
+        "v_m_s": 1.0,
+        "Velocity, cm/s": 1e2,
+        "v_mmps": 1e3,
+        "vel_m/s": 1.0,
+    },
+    "force_n": {"force_kN": 1e-3, "F_LBF": 1.0 / 4.4482216152605, "Force [kgf]": 1.0 / 9.80665, "f_n": 1.0},
+}
+
+
+@pytest.mark.parametrize(
+    ("column", "other", "factor"),
+    [(column, other, factor) for column, others in UNITS.items() for other, factor in others.items()],
+)
+def test_units_do_not_matter(tmp_path: Path, column: str, other: str, factor: float) -> None:
+    columns = {
+        other if name == column else name: samples * (factor if name == column else 1.0)
+        for name, samples in clean_columns().items()
+    }
+    test = read_damper_test(write_text(tmp_path / "rig.csv", columns, ";"))
+    # One multiplication each way: three roundings.
+    assert_is_the_clean_test(test, rtol=4e-16)
+    assert test.findings == ()
+
+
+@pytest.mark.parametrize(
+    ("version", "compressed", "in_struct"),
+    [("4", False, False), ("5", False, False), ("5", True, False), ("5", False, True), ("5", True, True)],
+)
+def test_mat_files_read_like_text(tmp_path: Path, version: str, compressed: bool, in_struct: bool) -> None:
+    path = tmp_path / "rig.mat"
+    content: dict[str, object] = {**clean_columns(), "current_a": 0.5}
+    savemat(path, {"rig": content} if in_struct else content, format=version, do_compression=compressed)
+    test = read_damper_test(path)
+    assert_is_the_clean_test(test, rtol=0.0)
+    assert test.current == 0.5
+
+
+def test_mat_files_of_big_endian_machines_read_like_text(tmp_path: Path) -> None:
+    # SciPy writes only the machine's own order, so these bytes follow the format's description.
+    old, new = b"", b"MATLAB 5.0 MAT-file".ljust(124) + b"\x01\x00MI"
+    for name, samples in clean_columns().items():
+        items, label = samples.astype(">f8").tobytes(), name.encode()
+        old += struct.pack(">5i", 1000, samples.size, 1, 0, len(label) + 1) + label + b"\0" + items
+        flags = struct.pack(">4I", 6, 8, 6, 0)
+        shape = struct.pack(">2I2i", 5, 8, samples.size, 1)
+        named = struct.pack(">2I", 1, len(label)) + label + bytes(-len(label) % 8)
+        body = flags + shape + named + struct.pack(">2I", 9, len(items)) + items
+        new += struct.pack(">2I", 14, len(body)) + body
+    for content in (old, new):
+        path = tmp_path / "rig.mat"
+        path.write_bytes(content)
+        assert_is_the_clean_test(read_damper_test(path), rtol=0.0)
+
+
+def test_mat_vectors_may_be_columns_integers_and_single_precision(tmp_path: Path) -> None:
+    columns = clean_columns()
+    path = tmp_path / "rig.mat"
+    content = {
+        "t_ms": np.arange(N_TIME, dtype=np.uint16)[:, np.newaxis] * 5,
+        "displacement_m": columns["displacement_m"].astype(np.float32),
+        "force_n": np.round(columns["force_n"]).astype(np.int32),
+        "note": "not a column",
+        "gains": np.eye(3),
+        "mixed": np.array([1, "a"], dtype=object),
+    }
+    savemat(path, content)
+    test = read_damper_test(path)
+    np.testing.assert_array_equal(test.force, np.round(columns["force_n"]))
+    np.testing.assert_array_equal(test.displacement, columns["displacement_m"].astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        ({"data": np.ones((400, 3))}, "one numeric vector per quantity, found 'data'"),
+        ({**clean_columns(), "force_n": np.ones(7)}, "'force_n' has 7"),
+        ({**clean_columns(), "force_n": 1j * np.ones(400)}, "no column for the force"),
+    ],
+)
+def test_mat_variables_that_are_no_columns_are_told(
+    tmp_path: Path, content: dict[str, object], expected: str
+) -> None:
+    path = tmp_path / "rig.mat"
+    savemat(path, content)
+    with pytest.raises(MrworkError, match=expected):
+        read_damper_test(path)
+
+
+@pytest.mark.parametrize(("version", "compressed"), [("4", False), ("5", False), ("5", True)])
+def test_a_damaged_mat_file_reads_or_is_refused_but_never_ends_python(
+    tmp_path: Path, version: str, compressed: bool
+) -> None:
+    path = tmp_path / "rig.mat"
+    savemat(path, clean_columns(), format=version, do_compression=compressed)
+    intact = path.read_bytes()
+    rng = np.random.default_rng(7)
+    n_refused = 0
+    for _ in range(200):
+        damaged = bytearray(intact)
+        for place in rng.integers(0, 400, size=3):
+            damaged[place] = rng.integers(0, 256)
+        path.write_bytes(bytes(damaged[: rng.integers(len(damaged) // 2, 2 * len(damaged))]))
+        try:
+            read_damper_test(path)
+        except MrworkError:
+            n_refused += 1
+    assert n_refused > 0
+
+
+def test_parquet_reads_like_text(tmp_path: Path) -> None:
+    pyarrow = pytest.importorskip("pyarrow", reason="reading Parquet needs pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    path = tmp_path / "rig.parquet"
+    parquet.write_table(pyarrow.table(clean_columns()), path)
+    assert_is_the_clean_test(read_damper_test(path), rtol=0.0)
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(MrworkError, match="not a readable Parquet file"):
+        read_damper_test(path)
+    parquet.write_table(pyarrow.table({**clean_columns(), "force_n": ["1"] * N_TIME}), path)
+    with pytest.raises(MrworkError, match="'force_n' holds object values"):
+        read_damper_test(path)
+
+
+def test_without_pyarrow_the_remedy_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
+    path = tmp_path / "rig.parquet"
+    path.write_bytes(b"PAR1")
+    with pytest.raises(MrworkError, match=r"pip install 'mrwork\[parquet\]'"):
+        read_damper_test(path)
+
+
+def test_a_pattern_reads_its_files_in_name_order(tmp_path: Path) -> None:
+    for name in ("b.csv", "a.csv", "c[1].csv"):
+        write_text(tmp_path / name, clean_columns())
+    assert [test.name for test in read_damper_tests(str(tmp_path / "*.csv"))] == ["a", "b", "c[1]"]
+    assert [test.name for test in read_damper_tests(tmp_path / "c[1].csv")] == ["c[1]"]
+    given_order = [tmp_path / "b.csv", tmp_path / "a.csv"]
+    assert [test.name for test in read_damper_tests(given_order)] == ["b", "a"]
+
+
+def test_arrays_give_the_same_test_as_a_file() -> None:
+    columns = clean_columns()
+    test = build_damper_test(
+        name="sine",
+        time=columns["t_s"],
+        displacement=columns["displacement_m"],
+        velocity=columns["velocity_mps"],
+        force=columns["force_n"],
+        current=0.5,
+        amplitude=AMPLITUDE,
+        frequency=FREQUENCY,
+        synthetic=True,
+    )
+    assert_is_the_clean_test(test, rtol=0.0)
+    assert codes(test) == []
+    assert (test.path, test.synthetic, test.current) == ("", True, 0.5)
+
+
+def test_the_hash_of_arrays_depends_on_every_value() -> None:
+    columns = clean_columns()
+
+    def digest(force_change: float, current: float) -> str:
+        force = columns["force_n"].copy()
+        force[-1] += force_change
+        return build_damper_test(
+            name="sine",
+            time=columns["t_s"],
+            displacement=columns["displacement_m"],
+            force=force,
+            current=current,
+        ).sha256
+
+    assert digest(0.0, 0.5) == digest(0.0, 0.5)
+    assert len({digest(0.0, 0.5), digest(1e-9, 0.5), digest(0.0, 0.6)}) == 3

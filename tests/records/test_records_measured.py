@@ -1,0 +1,100 @@
+"""Measured records: all are read, their known faults are found, and clean ones raise no alarm."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import measured_data
+import numpy as np
+import pytest
+from record_files import codes
+
+from mrwork.records import DamperTest, build_damper_test, mislabelled, read_damper_tests
+from mrwork.records.detectors.smoothing import detect_smoothing
+
+DATA = measured_data.DATA / "dampers"
+
+pytestmark = pytest.mark.skipif(
+    not DATA.is_dir(), reason=f"measured damper records are not at {DATA} (set MRWORK_DATA)"
+)
+
+
+@pytest.fixture(scope="module")
+def utfsm() -> tuple[DamperTest, ...]:
+    return read_damper_tests(DATA / "utfsm" / "*.csv")
+
+
+@pytest.fixture(scope="module")
+def labcontrol() -> tuple[DamperTest, ...]:
+    return read_damper_tests(DATA / "labcontrol" / "*.csv")
+
+
+def test_each_finding_is_where_its_cause_is(utfsm: tuple[DamperTest, ...]) -> None:
+    assert len(utfsm) >= 45
+    names = {test.name for test in utfsm}
+    told = {
+        code: {test.name for test in utfsm if code in codes(test)}
+        for code in ("velocity_late", "moving_average", "loop_drift")
+    }
+    # The smoothed files hold backward differences; at 25 mm, 0.1 Hz half a sample is lost in the noise.
+    smoothed = {name for name in names if not name.startswith("unfiltered")}
+    assert told["velocity_late"] == {name for name in smoothed if not name.startswith("25mm0x1Hz")}
+    assert told["moving_average"] == smoothed
+    # Without current the force is small, and settles in the first cycles, in the smoothed files and in their twins.
+    assert all("0A" in name for name in told["loop_drift"])
+    assert {code for test in utfsm for code in codes(test)} == set(told)
+
+
+def test_labels_of_one_set_are_right_and_two_of_the_other_wrong(
+    utfsm: tuple[DamperTest, ...], labcontrol: tuple[DamperTest, ...]
+) -> None:
+    assert mislabelled(utfsm) == ()
+    named = {finding.message.partition(": ")[0] for finding in mislabelled(labcontrol)}
+    # At the label of 0.87 V these two dissipate a quarter more than the other eight, which agree within 10 %.
+    assert {Path(name).stem for name in named} == {"ensaio9.2", "ensaio10.2"}
+
+
+def test_commands_of_columns_and_names_agree(utfsm: tuple[DamperTest, ...]) -> None:
+    assert {test.current for test in utfsm} == {0.0, 0.25, 0.5, 0.75, 1.0}
+    assert {test.frequency for test in utfsm} == {0.1, 0.25, 0.5, 1.0, 3.0, 5.0}
+
+
+def test_the_static_offset_of_a_gas_filled_damper_is_found(labcontrol: tuple[DamperTest, ...]) -> None:
+    # Five files of this set were zeroed before they were published; their mean force is within 6 N of zero.
+    zeroed = {test.name for test in labcontrol if abs(np.mean(test.force)) < 10.0}
+    assert {test.name for test in labcontrol if "force_offset" not in codes(test)} == zeroed
+    assert len(zeroed) < len(labcontrol) / 5
+
+
+def test_rest_before_the_motion_is_found(labcontrol: tuple[DamperTest, ...]) -> None:
+    for test in labcontrol:
+        first_second = test.displacement[: round(1.0 / test.dt)]
+        at_rest = np.ptp(first_second) < 0.01 * np.ptp(test.displacement)
+        if at_rest:
+            assert "rest_before_motion" in codes(test), test.name
+
+
+def test_deriving_the_velocity_agrees_with_the_measured_one(labcontrol: tuple[DamperTest, ...]) -> None:
+    for test in labcontrol:
+        derived = build_damper_test(
+            name=test.name, time=test.time, displacement=test.displacement, force=test.force
+        )
+        # The rig's own derivative is smoothed over a few samples of 10 ms; that is what the bound allows for.
+        assert np.std(derived.velocity - test.velocity) < 0.06 * np.std(test.velocity), test.name
+
+
+def test_the_authors_moving_average_over_a_tenth_of_a_period_is_found(utfsm: tuple[DamperTest, ...]) -> None:
+    for test in utfsm:
+        found = detect_smoothing(test)
+        if test.name.startswith("unfiltered"):
+            assert found is None, test.name
+            continue
+        assert found is not None, test.name
+        assert test.frequency is not None
+        # To the sample below: 33 ms is what a tenth of a period of 3 Hz comes to.
+        assert found.window_seconds == pytest.approx(0.1 / test.frequency, abs=test.dt), test.name
+        assert found.channels == ("force", "displacement"), test.name
+
+
+def test_no_moving_average_is_seen_where_none_is_known(labcontrol: tuple[DamperTest, ...]) -> None:
+    assert [test.name for test in labcontrol if detect_smoothing(test)] == []

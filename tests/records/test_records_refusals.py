@@ -1,0 +1,215 @@
+"""What cannot be a record is refused by one sentence that names the file, the place and the remedy."""
+
+from __future__ import annotations
+
+import gzip
+import struct
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from record_files import clean_columns, write_text
+
+from mrwork.errors import RecordError
+from mrwork.records import build_damper_test, read_damper_test, read_damper_tests
+
+HEADER = "t_s,displacement_m,force_n"
+
+
+def lines_of_a_clean_file() -> list[str]:
+    columns = clean_columns()
+    rows = zip(columns["t_s"], columns["displacement_m"], columns["force_n"], strict=True)
+    return [HEADER, *(",".join(f"{cell:.12g}" for cell in row) for row in rows)]
+
+
+def refusal(path: Path) -> str:
+    with pytest.raises(RecordError) as caught:
+        read_damper_test(path)
+    sentence = str(caught.value)
+    assert str(path) in sentence
+    assert "\n" not in sentence
+    return sentence
+
+
+def refusal_of(tmp_path: Path, content: str | bytes, name: str = "rig.csv") -> str:
+    path = tmp_path / name
+    path.write_bytes(content.encode() if isinstance(content, str) else content)
+    return refusal(path)
+
+
+def with_line(number: int, text: str) -> str:
+    """A clean file whose line `number`, counted from 1 as an editor does, is replaced."""
+    lines = lines_of_a_clean_file()
+    lines[number - 1] = text
+    return "\n".join(lines)
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        pytest.param("", "empty", id="empty file"),
+        pytest.param(" \n\n", "empty", id="blank file"),
+        pytest.param("# only\n# comments\n", "no header", id="comments only"),
+        pytest.param(HEADER, "no data line", id="header only"),
+        pytest.param(HEADER + "\n\n# end\n", "no data line", id="header and comment only"),
+        pytest.param("\n".join(lines_of_a_clean_file()[:2]), "has 1 complete sample", id="one sample"),
+        pytest.param("\n".join(lines_of_a_clean_file()[:10]), "at least 10", id="nine samples"),
+        pytest.param("\n".join(lines_of_a_clean_file()[1:]), "add a header line", id="no header"),
+        pytest.param("a" * 70_000, "longer than 64 KiB", id="absurd header"),
+        pytest.param("t_s," * 1_000_000, "longer than 64 KiB", id="megabytes of header"),
+        pytest.param(b"\x89PNG\r\n\x1a\n" + bytes(100), "binary", id="image"),
+        pytest.param(gzip.compress(b"t_s,force_n\n"), "binary", id="compressed"),
+        pytest.param(HEADER.encode("utf-16"), "UTF-16", id="UTF-16"),
+        pytest.param("t_s,displacement_µm,force_n\n".encode("latin-1"), "byte 17", id="Latin-1"),
+    ],
+)
+def test_a_file_that_is_no_table_is_refused(tmp_path: Path, content: str | bytes, expected: str) -> None:
+    assert expected in refusal_of(tmp_path, content)
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        pytest.param("0.075,abc,3", "column 'displacement_m' holds 'abc'", id="text"),
+        pytest.param("0.075,1_0,3", "column 'displacement_m' holds '1_0'", id="underscore"),
+        pytest.param("0.075,,3", "no value for displacement;", id="empty cell"),
+        pytest.param("nan,nan,nan", "no value for time, displacement, force", id="NaN row"),
+        pytest.param(",,", "no value for time, displacement, force", id="blank row"),
+        pytest.param("0.075,inf,3", "the displacement is inf", id="infinite"),
+        pytest.param("0.075,1,1e300", "the force is 1e+300", id="absurd"),
+        pytest.param("0.075,0.001", "2 fields where the header names 3", id="short row"),
+        pytest.param("0,075,0,001,3,1", "decimal commas", id="decimal commas"),
+        pytest.param('0.075,"0,001",3', "decimal comma", id="quoted decimal comma"),
+        pytest.param("0.03,0.001,3", "time runs backwards, from 0.07 s to 0.03 s", id="time backwards"),
+        pytest.param("0.07,0.001,3", "time 0.07 s repeats", id="time repeated"),
+    ],
+)
+def test_a_wrong_row_is_named_by_its_line(tmp_path: Path, line: str, expected: str) -> None:
+    sentence = refusal_of(tmp_path, with_line(17, line))
+    assert "line 17" in sentence
+    assert expected in sentence
+
+
+def test_lines_are_counted_as_an_editor_counts_them(tmp_path: Path) -> None:
+    commented = "# rig 3\n\n" + with_line(17, "0.03,0.001,3").replace("\n", "\r\n")
+    assert "line 19" in refusal_of(tmp_path, commented)
+
+
+@pytest.mark.parametrize("wrong", ["0.03,0.001,3", "0.075,,3"])
+def test_incomplete_rows_dropped_at_the_start_still_count_as_lines(tmp_path: Path, wrong: str) -> None:
+    lines = with_line(17, wrong).split("\n")
+    lines[1] = lines[2] = ",,"
+    assert "line 17" in refusal_of(tmp_path, "\n".join(lines))
+
+
+def test_decimal_commas_throughout_are_not_taken_for_columns(tmp_path: Path) -> None:
+    rows = [f"0,{row:03d},0,001,{row},5" for row in range(1, 40)]
+    assert "decimal commas" in refusal_of(tmp_path, "\n".join([HEADER, *rows]))
+    semicolons = [f"0,{row:03d};0,001;{row},5" for row in range(1, 40)]
+    sentence = refusal_of(tmp_path, "\n".join([HEADER.replace(",", ";"), *semicolons]))
+    assert "line 2, column 't_s' holds '0,001' with a decimal comma" in sentence
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "expected"),
+    [
+        ("force_n", 0.0, "force is zero throughout"),
+        ("force_n", 12.5, "force is constant at 12.5 N"),
+        ("displacement_m", 0.02, "displacement is constant at 0.02 m"),
+        ("velocity_mps", np.nan, "velocity has no value"),
+        ("current_a", np.nan, "current has no value"),
+    ],
+)
+def test_a_dead_channel_is_refused(tmp_path: Path, column: str, value: float, expected: str) -> None:
+    columns = clean_columns()
+    columns[column] = np.full_like(columns["t_s"], value)
+    assert expected in refusal(write_text(tmp_path / "rig.csv", columns))
+
+
+def test_a_last_point_at_ten_minutes_is_not_filled_with_interpolation(tmp_path: Path) -> None:
+    columns = clean_columns()
+    columns["t_s"][-1] = 600.0
+    assert "cut out one continuous part" in refusal(write_text(tmp_path / "rig.csv", columns))
+
+
+def test_time_in_an_impossible_unit_is_refused(tmp_path: Path) -> None:
+    columns = clean_columns()
+    columns["t_s"] = 1e-9 * columns["t_s"]
+    assert "check the unit of the time" in refusal(write_text(tmp_path / "rig.csv", columns))
+
+
+def test_paths_that_are_no_records_are_refused(tmp_path: Path) -> None:
+    folder = tmp_path / "tests.csv"
+    folder.mkdir()
+    assert "directory" in refusal(folder)
+    assert "no such file" in refusal(tmp_path / "absent.csv")
+    assert "'.xlsx'" in refusal_of(tmp_path, "x", name="rig.xlsx")
+    assert "no extension" in refusal_of(tmp_path, "x", name="rig")
+
+
+def test_an_empty_selection_of_files_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match="no file matches"):
+        read_damper_tests(str(tmp_path / "*.csv"))
+    with pytest.raises(RecordError, match="at least one file"):
+        read_damper_tests([])
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("shape", [(2**31 - 1, 2**31 - 1), (1, 2**28), (-5, 1)])
+def test_a_mat_header_is_believed_only_as_far_as_the_file_reaches(
+    tmp_path: Path, order: str, shape: tuple[int, int]
+) -> None:
+    kind = 0 if order == "<" else 1000
+    header = struct.pack(f"{order}5i", kind, *shape, 0, 4) + b"t_s\0"
+    sentence = refusal_of(tmp_path, header + bytes(200), name="rig.mat")
+    assert "claims a " in sentence
+    assert "damaged" in sentence
+
+
+def test_a_compressed_variable_is_not_unpacked_without_bound(tmp_path: Path) -> None:
+    block = zlib.compress(struct.pack("<2I", 14, 2**31) + bytes(1000))
+    content = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM" + struct.pack("<2I", 15, len(block)) + block
+    assert "claims to unpack to 2147483648 bytes" in refusal_of(tmp_path, content, name="rig.mat")
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [
+        pytest.param(b"", "empty", id="empty"),
+        pytest.param(b"abc", "not a readable .mat file", id="three bytes"),
+        pytest.param(HEADER.encode() * 10, "not a readable .mat file", id="text"),
+        pytest.param(b"\x89HDF\r\n\x1a\n" + bytes(600), "save it with -v7", id="HDF5"),
+        pytest.param(b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF", "save it with -v7", id="version 7.3"),
+    ],
+)
+def test_a_wrong_mat_file_is_refused(tmp_path: Path, content: bytes, expected: str) -> None:
+    assert expected in refusal_of(tmp_path, content, name="rig.mat")
+
+
+def test_arrays_are_refused_by_sample_number() -> None:
+    columns = clean_columns()
+    columns["t_s"][7] = columns["t_s"][6]
+    with pytest.raises(RecordError, match=r"^rig: sample 8: the time 0\.03 s repeats"):
+        build_damper_test(
+            name="rig",
+            time=columns["t_s"],
+            displacement=columns["displacement_m"],
+            force=columns["force_n"],
+        )
+
+
+@pytest.mark.parametrize(
+    ("force", "expected"),
+    [
+        (np.ones(3), "has 3 samples where the time has 400"),
+        (np.ones((400, 2)), "shape"),
+        (["1", "b"], "real numbers"),
+    ],
+)
+def test_arrays_that_do_not_belong_together_are_refused(force: object, expected: str) -> None:
+    columns = clean_columns()
+    with pytest.raises(RecordError, match=expected):
+        build_damper_test(
+            name="rig", time=columns["t_s"], displacement=columns["displacement_m"], force=np.asarray(force)
+        )

@@ -1,0 +1,84 @@
+"""A moving average is found with its window; records that passed none raise no alarm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from record_files import clean_columns
+
+from mrwork.records import build_damper_test
+from mrwork.records.detectors.smoothing import averaged_over, detect_smoothing
+from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test
+
+
+def averaged(samples: NDArray[np.float64], n_window: int) -> NDArray[np.float64]:
+    return np.convolve(samples, np.full(n_window, 1.0 / n_window), mode="valid")
+
+
+@pytest.mark.parametrize("name", SYNTHETIC_TESTS)
+@pytest.mark.parametrize("n_window", [4, 7, 20, 50, 90])
+def test_the_window_of_a_moving_average_is_found_to_the_sample(name: str, n_window: int) -> None:
+    test = synthetic_test(name)
+    smoothed = replace(
+        test,
+        displacement=averaged(test.displacement, n_window),
+        velocity=test.velocity[n_window - 1 :],
+        force=averaged(test.force, n_window),
+    )
+    found = detect_smoothing(smoothed)
+    assert found is not None
+    assert found.window_seconds == n_window * test.dt
+    assert found.channels == ("force", "displacement")
+
+
+def test_rounding_after_the_average_does_not_hide_it() -> None:
+    test = synthetic_test("spencer1997")
+    force = 0.05 * np.round(averaged(test.force, 40) / 0.05)
+    assert averaged_over(force) == 40
+
+
+def test_only_the_channel_that_was_averaged_is_named() -> None:
+    test = synthetic_test("rd1005_1a")
+    found = detect_smoothing(replace(test, force=averaged(np.pad(test.force, (15, 15), mode="wrap"), 31)))
+    assert found is not None
+    assert found.channels == ("force",)
+
+
+@pytest.mark.parametrize("name", SYNTHETIC_TESTS)
+def test_records_as_the_sensors_gave_them_raise_no_alarm(name: str) -> None:
+    assert detect_smoothing(synthetic_test(name)) is None
+
+
+def test_a_record_without_noise_raises_no_alarm() -> None:
+    columns = clean_columns()
+    test = build_damper_test(
+        name="clean",
+        time=columns["t_s"],
+        displacement=columns["displacement_m"],
+        force=columns["force_n"],
+    )
+    assert detect_smoothing(test) is None
+
+
+@pytest.mark.parametrize("n_time", [300, 2000, 9000])
+@pytest.mark.parametrize("colour", ["white", "red", "low-pass", "square wave"])
+def test_noise_of_any_colour_raises_no_alarm(colour: str, n_time: int) -> None:
+    from scipy.signal import butter, lfilter
+
+    rng = np.random.default_rng(n_time)
+    for _ in range(10):
+        white = rng.standard_normal(n_time)
+        samples = {
+            "white": white,
+            "red": np.cumsum(white),
+            "low-pass": lfilter(*butter(4, 0.3), white) + 1e-5 * rng.standard_normal(n_time),
+            "square wave": np.tanh(5.0 * np.sin(0.11 * np.arange(n_time))) + 0.01 * white,
+        }[colour]
+        assert averaged_over(samples) is None
+
+
+def test_a_record_too_short_to_tell_is_left_alone() -> None:
+    assert averaged_over(np.random.default_rng(0).standard_normal(12)) is None

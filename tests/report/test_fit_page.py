@@ -1,0 +1,214 @@
+"""The dossier: each section from its file, renewed by the verb that writes it, readable in a browser."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import headless_browser
+import numpy as np
+import pytest
+from report_samples import comparison, fit
+from test_report import Page
+
+from mrwork.cli import main
+from mrwork.errors import RecordError
+from mrwork.report.fit.page import dossier_page
+from mrwork.report.fit.predictions import read_predictions, write_predictions
+from mrwork.report.fit.rewrite_page import write_dossier
+from mrwork.report.fit.waterfall import waterfall_panel
+from mrwork.report.run_directory import read_fit
+from mrwork.uncertainty.bands.prediction import Prediction
+
+READING = ["--every", "5"]
+LEFT_OUT = ["synthetic:spencer1997_slow", "synthetic:spencer1997_fast"]
+# Text below this is hard to read on a telephone [px].
+READABLE = 8.5
+
+
+def run_verb(*arguments: str | Path) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main([*map(str, arguments), "--json", "--quiet"])
+    assert ended.value.code == 0
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run as `identify` leaves it."""
+    place = tmp_path_factory.mktemp("dossier") / "plain"
+    run_verb("identify", "synthetic:spencer1997", "--model", "viscous_dahl", *READING, "--out", place)
+    return place
+
+
+@pytest.fixture(scope="module")
+def whole(plain: Path) -> Path:
+    """The same with all that later verbs add."""
+    place = plain.with_name("whole")
+    shutil.copytree(plain, place)
+    run_verb("profile", place)
+    run_verb("sample", place, "--steps", "60", "--walkers", "16")
+    run_verb("calibrate", place, *LEFT_OUT, *READING)
+    run_verb("plan", place, "--amplitudes", "0.005,0.02", "--frequencies", "1,3")
+    return place
+
+
+def anchors(place: Path) -> list[str]:
+    page = Page((place / "report.html").read_text())
+    return [
+        attributes["id"] or "" for tag, attributes in page.elements if tag == "section" and "id" in attributes
+    ]
+
+
+def test_identify_writes_what_the_fit_says_by_itself_and_names_the_rest(plain: Path) -> None:
+    assert anchors(plain) == ["test-1", "identifiability", "residuals", "absent"]
+    text = (plain / "report.html").read_text()
+    for command in ("mrwork profile RUN", "mrwork sample RUN", "mrwork calibrate RUN TESTS"):
+        assert f"<code>{command}</code>" in text
+    assert "Where the descents ended" in text
+
+
+def test_every_verb_adds_its_section(whole: Path) -> None:
+    expected = [
+        "test-1",
+        "identifiability",
+        "posterior",
+        "residuals",
+        "bands",
+        "left-out",
+        "next-test",
+        "absent",
+    ]
+    assert anchors(whole) == expected
+    text = (whole / "report.html").read_text()
+    assert "Profile likelihood" in text
+    for command in ("mrwork profile RUN", "mrwork sample RUN", "mrwork calibrate RUN TESTS"):
+        assert f"<code>{command}</code>" not in text
+
+
+def test_the_page_is_well_formed_and_small_and_its_links_lead_somewhere(whole: Path) -> None:
+    text = (whole / "report.html").read_text()
+    page = Page(text)
+    identifiers = page.values("id")
+    assert len(identifiers) == len(set(identifiers))
+    linked = [target for target in page.values("href") + page.values("xlink:href") if target[:5] != "data:"]
+    targets = {target[1:] for target in linked}
+    targets |= set(re.findall(r"url\(#([^)]*)\)", text)) | set(page.values("aria-labelledby"))
+    assert targets <= set(identifiers)
+    assert len(text.encode()) < 2_000_000
+
+
+def test_coverage_is_printed_beside_the_band_as_it_was_measured(whole: Path) -> None:
+    page = Page((whole / "report.html").read_text())
+    shown = page.text_in("figcaption").replace("\N{NO-BREAK SPACE}", " ")
+    rows = json.loads((whole / "calibration.json").read_text())["coverage"]
+    for row in (row for row in rows if row["level"] == 0.9):
+        assert f"Inside the 90 % band: {100 * row['samples']['coverage']:.1f} % of the samples" in shown
+
+
+def test_bands_say_on_which_excitations_they_are_calibrated(whole: Path) -> None:
+    text = Page((whole / "report.html").read_text()).text_in("p")
+    assert "calibrated on 2 tests the fit has not seen" in text
+    assert "spencer1997_slow (25 mm, 0.5 Hz)" in text
+
+
+def test_a_page_written_again_is_the_same(whole: Path) -> None:
+    before = (whole / "report.html").read_bytes()
+    write_dossier(whole)
+    assert (whole / "report.html").read_bytes() == before
+
+
+def test_a_damaged_addition_is_named_and_leaves_the_page(whole: Path, tmp_path: Path) -> None:
+    place = tmp_path / "run"
+    shutil.copytree(whole, place)
+    before = (place / "report.html").read_bytes()
+    (place / "profiles.json").write_text('{"model": 3}')
+    with pytest.raises(RecordError, match=r"profiles\.json is not a profiles.*run `mrwork profile` again"):
+        write_dossier(place)
+    assert (place / "report.html").read_bytes() == before
+
+
+def test_the_ends_of_the_descents_are_kept_with_the_fit(plain: Path) -> None:
+    found = read_fit(plain)
+    ends = np.array(found.trace.ends)
+    assert ends.size >= 8
+    assert np.all(np.diff(ends) >= 0.0)
+    assert ends[0] == pytest.approx(found.trace.best[-1])
+
+
+def test_a_fit_without_descents_has_no_waterfall() -> None:
+    described = fit(comparison())
+    assert waterfall_panel(described) is None
+    one = replace(described, trace=replace(described.trace, ends=(0.1, 0.1, 0.4)))
+    found = waterfall_panel(one)
+    assert found is not None
+    assert "2 of 3 descents ended at the least misfit" in found.note
+
+
+def test_predictions_come_back_as_they_were_but_for_rounding(tmp_path: Path) -> None:
+    made = comparison(n_time=400)
+    write_predictions(tmp_path, [Prediction(test=made.test, model_force=made.model_force)])
+    (read,) = read_predictions(tmp_path)
+    assert (read.test.name, read.test.dt, read.test.current) == (made.test.name, made.test.dt, 0.5)
+    np.testing.assert_allclose(read.model_force, made.model_force, rtol=1e-6, atol=1e-4)
+    np.testing.assert_allclose(read.test.force, made.test.force, rtol=1e-6)
+    (tmp_path / "predictions.npz").write_bytes(b"PK nothing")
+    with pytest.raises(RecordError, match=r"predictions\.npz is damaged"):
+        read_predictions(tmp_path)
+
+
+def test_names_from_files_cannot_write_markup_into_sections() -> None:
+    hostile = '<script>alert("1")</script>'
+    made = comparison(hostile)
+    with pytest.raises(StopIteration):
+        next(tag for tag, _ in Page(dossier_page(fit(made), [made])).elements if tag == "script")
+
+
+@pytest.fixture(scope="module")
+def tab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[headless_browser.Browser]:
+    program = headless_browser.executable()
+    if program is None:
+        pytest.skip(f"no browser: none of {', '.join(headless_browser.NAMES)} is on the path")
+    with headless_browser.browser(program, tmp_path_factory.mktemp("profile")) as opened:
+        yield opened
+
+
+_FIGURES = """
+[...document.querySelectorAll('figure svg')].map(e => e.getBoundingClientRect()).map(r => [r.width, r.height])
+"""
+# The size on screen of every piece of text, SVG included: its font size times the scale of its drawing.
+_TEXT = """
+[...document.querySelectorAll('body *')].filter(e => [...e.childNodes].some(n => n.nodeType === 3 && n.data.trim()))
+  .filter(e => e.tagName !== 'title' && e.tagName !== 'STYLE')
+  .map(e => {
+    const size = parseFloat(getComputedStyle(e).fontSize)
+    const matrix = e.getScreenCTM ? e.getScreenCTM() : null
+    return [matrix ? size * Math.hypot(matrix.a, matrix.b) : size, e.textContent.trim().slice(0, 30)]
+  })
+  .filter(pair => pair[0] < %g)
+"""
+_WIDE = "[document.documentElement.scrollWidth, window.innerWidth]"
+
+
+@pytest.mark.parametrize("width", [1100, 390])
+def test_a_browser_shows_all_figures_and_complains_of_nothing(
+    tab: headless_browser.Browser, whole: Path, width: int
+) -> None:
+    tab.open(whole / "report.html", width=width)
+    assert tab.complaints == []
+    sizes = tab.ask(_FIGURES)
+    page = Page((whole / "report.html").read_text())
+    assert len(sizes) == sum(tag == "svg" for tag, _ in page.elements)
+    assert all(across > 100 and high > 60 for across, high in sizes)
+
+
+def test_on_a_telephone_nothing_runs_off_the_side_and_all_can_be_read(
+    tab: headless_browser.Browser, whole: Path
+) -> None:
+    tab.open(whole / "report.html", width=390)
+    across, window = tab.ask(_WIDE)
+    assert across <= window == 390
+    assert tab.ask(_TEXT % READABLE) == []

@@ -1,0 +1,242 @@
+"""The figures: true to the data, legible, and without effects on the rest of the program."""
+
+from __future__ import annotations
+
+import math
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from itertools import combinations
+
+import matplotlib
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from report_samples import comparison, fit, quality
+
+from mrwork.identification.fit import SearchTrace
+from mrwork.report import figures, style
+from mrwork.report.comparison import Comparison
+from mrwork.report.cycles import even_samples, scattered_samples, zoom_window
+from mrwork.report.svg import svg_bytes
+
+
+def visible_texts(figure: Figure) -> list[Text]:
+    """The texts that appear: matplotlib also keeps labels for ticks beyond the ends of an axis."""
+    figure.draw_without_rendering()
+    beyond = set()
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            low, high = sorted(axis.get_view_interval())
+            slack = 1e-9 * (high - low)
+            for tick in axis.get_major_ticks():
+                if not low - slack <= tick.get_loc() <= high + slack:
+                    beyond |= {tick.label1, tick.label2}
+    texts = figure.findobj(Text)
+    return [text for text in texts if text.get_visible() and text.get_text().strip() and text not in beyond]
+
+
+def with_model(tested: Comparison, scale: float) -> Comparison:
+    model = scale * tested.model_force
+    return replace(tested, model_force=model, quality=quality(tested.test, model))
+
+
+def perfect(residual: float) -> Comparison:
+    tested = comparison()
+    wave = residual * np.sin(np.arange(tested.test.n_time))
+    return replace(tested, model_force=tested.test.force - wave)
+
+
+def two_samples() -> Comparison:
+    whole = comparison()
+    pair = slice(0, 2)
+    test = replace(
+        whole.test,
+        displacement=whole.test.displacement[pair],
+        velocity=whole.test.velocity[pair],
+        force=whole.test.force[pair],
+    )
+    return replace(whole, test=test, model_force=whole.model_force[pair])
+
+
+CASES = {
+    "ordinary": comparison(),
+    "large force": comparison(peak_force=987_654.0),
+    "tiny stroke": comparison(amplitude=2.3e-6, peak_force=0.004),
+    "huge stroke": comparison(amplitude=1.7),
+    "late and long": comparison(n_time=15_000, duration=9_000.0),
+    "diverged model": with_model(comparison(), float("nan")),
+    "model far off": with_model(comparison(), 40.0),
+    "perfect model": perfect(1e-7),
+    "exact model": perfect(0.0),
+    "two samples": two_samples(),
+}
+
+
+@pytest.mark.parametrize("tested", CASES.values(), ids=CASES.keys())
+def test_labels_stay_inside_the_figure_and_off_each_other(tested: Comparison) -> None:
+    with style.drawn_in_style():
+        for figure in (figures.force_history(tested), figures.hysteresis_loops(tested)):
+            assert_labels_apart(figure)
+
+
+@pytest.mark.parametrize(
+    ("best", "refined"),
+    [
+        ((2.0, 0.9, 0.07), 0.061),
+        ((0.0712, 0.0711, 0.071), 0.0709),
+        ((math.inf, 4e5, 3e-4), 1e-5),
+        ((0.5,), None),
+        ((), math.inf),
+    ],
+)
+def test_convergence_is_drawn_for_any_trace(best: tuple[float, ...], refined: float | None) -> None:
+    trace = SearchTrace(
+        evaluations=tuple(10**6 * (1 + i) for i in range(len(best))),
+        best=best,
+        median=tuple(math.inf for _ in best),
+        stop_reason="",
+    )
+    figure = figures.convergence(trace, refined)
+    with style.drawn_in_style():
+        assert_labels_apart(figure)
+    axes = figure.axes[0]
+    low, high = axes.get_ylim()
+    assert 0 < low < high < math.inf
+    assert sum(low <= tick <= high for tick in axes.get_yticks()) >= 2
+
+
+def assert_labels_apart(figure: Figure) -> None:
+    visible = visible_texts(figure)
+    boxes = [(text.get_text(), text.get_window_extent()) for text in visible]
+    assert len(boxes) > 4
+    for text, box in boxes:
+        assert box.x0 >= 0, text
+        assert box.y0 >= 0, text
+        assert box.x1 <= figure.bbox.width, text
+        assert box.y1 <= figure.bbox.height, text
+    for (first, one), (second, other) in combinations(boxes, 2):
+        assert not one.overlaps(other), (first, second)
+    for axes in figure.axes:
+        outside = [text for text in visible if text not in axes.texts]
+        assert not any(text.get_window_extent().overlaps(axes.get_window_extent()) for text in outside)
+
+
+def test_figures_of_synthetic_data_say_so() -> None:
+    made_up = comparison("spencer1997", synthetic=True)
+    for figure in (figures.force_history(made_up), figures.hysteresis_loops(made_up)):
+        words = {text.get_text() for text in visible_texts(figure)}
+        assert "spencer1997 (synthetic)" in words
+        assert "measured" not in words
+
+
+def test_the_same_figure_is_the_same_file() -> None:
+    tested = comparison()
+    assert svg_bytes(figures.force_history(tested)) == svg_bytes(figures.force_history(tested))
+
+
+def test_a_search_without_refinement_shows_no_refined_misfit() -> None:
+    described = fit(comparison())
+    assert "refined" in {text.get_text() for text in visible_texts(figures.search_figure(described))}
+    raw = figures.search_figure(replace(described, refinement_steps=0))
+    assert "refined" not in {text.get_text() for text in visible_texts(raw)}
+
+
+def test_residual_and_force_share_their_time_axis() -> None:
+    axes = figures.force_history(comparison()).axes
+    assert len(axes) == 4
+    for lower, upper in (axes[:2], axes[2:]):
+        assert lower.get_shared_x_axes().joined(lower, upper)
+        assert lower.get_xlim() == upper.get_xlim()
+
+
+def test_figures_leave_the_settings_of_the_caller_alone() -> None:
+    before = dict(matplotlib.rcParams)
+    for figure in figures.run_figures(fit(comparison()), [comparison()]).values():
+        svg_bytes(figure)
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_the_report_never_loads_pyplot_and_a_run_is_read_without_matplotlib() -> None:
+    def loaded_by(module: str) -> str:
+        return subprocess.run(
+            [sys.executable, "-c", f"import sys, {module}; print(*sorted(sys.modules))"],
+            capture_output=True,
+            text=True,
+            check=True,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+        ).stdout
+
+    assert "matplotlib.pyplot" not in loaded_by("mrwork.report.html")
+    assert "matplotlib" not in loaded_by("mrwork.report.run_directory")
+
+
+def test_the_model_line_is_whole_and_the_points_lie_on_the_record() -> None:
+    tested = comparison(n_time=9000)
+    for axes, across in zip(
+        figures.hysteresis_loops(tested).axes,
+        (1e3 * tested.test.displacement, 1e3 * tested.test.velocity),
+        strict=True,
+    ):
+        points, line = axes.get_lines()[:2]
+        assert np.array_equal(line.get_xydata(), np.column_stack([across, tested.model_force]))
+        recorded = set(zip(across.tolist(), tested.test.force.tolist(), strict=True))
+        drawn = [tuple(point) for point in np.asarray(points.get_xydata()).tolist()]
+        assert set(drawn) <= recorded
+        assert 300 < len(drawn) <= 600
+
+
+@given(cycles=st.integers(1, 40), noise=st.floats(0.0, 0.05), rng=st.integers(0, 10))
+def test_the_window_holds_whole_cycles_and_noise_makes_none(cycles: int, noise: float, rng: int) -> None:
+    period = 100
+    phase = 2 * np.pi * np.arange(cycles * period) / period
+    stroke = np.sin(phase + 0.3) + noise * np.random.default_rng(rng).normal(size=phase.size)
+    window = zoom_window(stroke)
+    assert 0 <= window.start < window.stop <= stroke.size
+    if cycles < 3:
+        return
+    assert 1 <= window.n_cycles <= 3
+    assert window.stop - 1 - window.start == pytest.approx(window.n_cycles * period, abs=12)
+    assert window.n_cycles <= cycles / 2 + 0.5
+
+
+@pytest.mark.parametrize("stroke", [[0.0], [0.0, 0.0], [0.0, 1.0], [3.0] * 50, list(range(50))])
+def test_a_record_without_cycles_shows_its_middle(stroke: list[float]) -> None:
+    window = zoom_window(np.asarray(stroke))
+    assert window.first_cycle is None
+    assert 0 <= window.start < window.stop <= len(stroke)
+
+
+@given(n_time=st.integers(2, 3000), wanted=st.integers(50, 700), cycles=st.integers(1, 30))
+def test_drawn_samples_follow_the_curve_without_bare_stretches(n_time: int, wanted: int, cycles: int) -> None:
+    angle = 2 * np.pi * cycles * np.linspace(0, 1, n_time)
+    across, up = np.cos(angle), np.tanh(8 * np.sin(angle))
+    for drawn in (even_samples(across, up, wanted, aspect=1.0), scattered_samples(across, up, wanted)):
+        assert drawn.size <= max(wanted, 1)
+        assert np.all(np.diff(drawn) > 0)
+        if n_time <= wanted:
+            assert drawn.size == n_time
+            continue
+        steps = np.hypot(np.diff(across), np.diff(up)) / 2
+        along = np.concatenate(([0.0], np.cumsum(steps)))
+        # Two steps, for a jittered place may lie at either end of its own, and one sample on each side.
+        assert np.diff(along[drawn]).max() <= 2 * along[-1] / wanted + 2 * steps.max()
+
+
+def test_the_figure_of_a_repair_holds_both_loops_whole() -> None:
+    whole = comparison()
+    raised = replace(whole.test, force=whole.test.force + 300.0)
+    (axes,) = figures.repair_panel(whole.test, raised, style.FORCES[1]).axes
+    before, after = (np.asarray(line.get_ydata()) for line in axes.get_lines()[:2])
+    np.testing.assert_allclose(before, raised.force)
+    np.testing.assert_allclose(after, whole.test.force)
+    low, high = axes.get_ylim()
+    assert low < after.min() < before.max() < high
+    repaired = replace(whole, test=replace(whole.test, original=raised))
+    assert set(figures.run_figures(fit(repaired), [repaired])) - set(
+        figures.run_figures(fit(whole), [whole])
+    ) == {"repair"}

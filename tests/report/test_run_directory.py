@@ -1,0 +1,386 @@
+"""A run directory is written whole or not at all, and reads back as the same fit."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import resource
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from matplotlib.figure import Figure
+from report_samples import comparison, fit
+
+from mrwork.errors import OutputError, RecordError
+from mrwork.identification.fit import Fit
+from mrwork.report.figures import run_figures
+from mrwork.report.run_directory import check_destination, read_fit, write_run
+
+FIT = fit(comparison())
+# What is in a journal does not matter to the run directory: any file will do.
+STEPS = Path(__file__)
+
+
+def write(place: Path, described: Fit = FIT, *, report_html: str = "<p>report</p>") -> Path:
+    """A run with a small figure."""
+    return write_run(
+        place,
+        fit=described,
+        report_html=report_html,
+        figures={"small": Figure(figsize=(1, 1))},
+        manifest={"command": "identify"},
+        journal=STEPS,
+    )
+
+
+def contents(folder: Path) -> dict[str, bytes | None]:
+    """Every path below `folder`, hidden ones too, with the bytes of the files."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None
+        for path in sorted(folder.rglob("*"))
+    }
+
+
+def test_a_run_holds_everything_and_reads_back_as_the_same_fit(tmp_path: Path) -> None:
+    described = fit(comparison(), comparison("second", synthetic=True))
+    figures = run_figures(described, [comparison(), comparison("second", synthetic=True)])
+    place = tmp_path / "out" / "run"
+    assert (
+        write_run(
+            place,
+            fit=described,
+            report_html="<p>ü</p>",
+            figures=figures,
+            manifest={"a": 1},
+            journal=STEPS,
+        )
+        == place
+    )
+    assert sorted(path.name for path in place.iterdir()) == [
+        "figures",
+        "fit.json",
+        "journal.jsonl",
+        "manifest.json",
+        "report.html",
+    ]
+    assert sorted(path.name for path in (place / "figures").iterdir()) == sorted(
+        f"{name}.{kind}"
+        for name in (
+            "convergence",
+            "01_10mm1Hz0x5A_force_history",
+            "01_10mm1Hz0x5A_hysteresis_loops",
+            "02_second_force_history",
+            "02_second_hysteresis_loops",
+        )
+        for kind in ("png", "svg")
+    )
+    assert (place / "report.html").read_text(encoding="utf-8") == "<p>ü</p>"
+    assert all(path.stat().st_size > 1000 for path in (place / "figures").iterdir())
+    assert read_fit(place) == described
+    assert [path.name for path in place.parent.iterdir()] == ["run"]
+
+
+def test_numbers_that_are_not_finite_are_null_in_every_file_and_come_back(tmp_path: Path) -> None:
+    free = replace(FIT.estimates[0], lower=-math.inf, upper=math.inf)
+    described = replace(FIT, estimates=(free, *FIT.estimates[1:]), seconds=math.nan)
+    assert math.isinf(described.trace.median[0])
+    place = write_run(
+        tmp_path / "run",
+        fit=described,
+        report_html="",
+        figures={},
+        manifest={"misfit": math.inf, "inner": [math.nan], "path": Path("a")},
+        journal=STEPS,
+    )
+
+    def strictly(text: str) -> Any:
+        return json.loads(text, parse_constant=lambda constant: pytest.fail(f"{constant} is not JSON"))
+
+    assert strictly((place / "manifest.json").read_text()) == {"misfit": None, "inner": [None], "path": "a"}
+    strictly((place / "fit.json").read_text())
+    again = read_fit(place)
+    assert again.estimates == described.estimates
+    assert again.trace == described.trace
+    assert math.isnan(again.seconds)
+
+
+def test_a_second_run_replaces_the_first_but_keeps_what_a_person_added(tmp_path: Path) -> None:
+    place = write_run(
+        tmp_path / "run",
+        fit=FIT,
+        report_html="first",
+        figures={"stale": Figure(figsize=(1, 1))},
+        manifest={},
+        journal=STEPS,
+    )
+    (place / "notes.txt").write_text("oil was warm")
+    (place / "photos").mkdir()
+    (place / "photos" / "rig.txt").write_text("a photo")
+    write(place, report_html="second")
+    assert (place / "report.html").read_text() == "second"
+    assert sorted(path.name for path in (place / "figures").iterdir()) == ["small.png", "small.svg"]
+    assert (place / "notes.txt").read_text() == "oil was warm"
+    assert (place / "photos" / "rig.txt").read_text() == "a photo"
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+def test_documents_of_a_comparison_go_with_the_run_that_replaces_it(tmp_path: Path) -> None:
+    place = tmp_path / "run"
+    documents = {"ranking.json": {"chosen": "dahl", "elpd": math.nan}, "models/dahl/fit.json": FIT.as_dict()}
+    write_run(
+        place,
+        fit=FIT,
+        report_html="",
+        figures={},
+        manifest={},
+        journal=STEPS,
+        documents=documents,
+        flush=False,
+    )
+    assert json.loads((place / "ranking.json").read_text()) == {"chosen": "dahl", "elpd": None}
+    assert json.loads((place / "models" / "dahl" / "fit.json").read_text())["model"] == FIT.model
+    write(place)
+    assert not (place / "ranking.json").exists()
+    assert not (place / "models").exists()
+
+
+def test_an_empty_folder_and_a_link_may_be_written_to(tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    assert read_fit(write(tmp_path / "empty")) == FIT
+    link = tmp_path / "latest"
+    link.symlink_to(tmp_path / "empty")
+    write(link, report_html="through the link")
+    assert link.is_symlink()
+    assert (tmp_path / "empty" / "report.html").read_text() == "through the link"
+
+
+def test_others_may_read_a_run_as_far_as_the_umask_allows(tmp_path: Path) -> None:
+    earlier = os.umask(0o022)
+    try:
+        place = write(tmp_path / "run")
+    finally:
+        os.umask(earlier)
+    assert place.stat().st_mode & 0o777 == 0o755
+    assert (place / "fit.json").stat().st_mode & 0o777 == 0o644
+
+
+@pytest.mark.parametrize("action", [write, check_destination])
+def test_files_of_others_are_refused_and_left_alone(tmp_path: Path, action: Any) -> None:
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "thesis.tex").write_text("mine too")
+    before = contents(tmp_path)
+    with pytest.raises(OutputError, match="file is a file, a run needs a folder"):
+        action(tmp_path / "file")
+    with pytest.raises(OutputError, match=r"holds files but no manifest\.json"):
+        action(tmp_path / "folder")
+    with pytest.raises(OutputError, match="cannot write the run to"):
+        action(tmp_path / "file" / "run")
+    assert contents(tmp_path) == before
+
+
+def test_a_destination_is_checked_without_leaving_anything_there(tmp_path: Path) -> None:
+    check_destination(tmp_path / "run")
+    write(tmp_path / "run")
+    before = contents(tmp_path)
+    check_destination(tmp_path / "run")
+    assert contents(tmp_path) == before
+
+
+def test_an_interrupt_while_writing_leaves_the_earlier_run(tmp_path: Path) -> None:
+    write(tmp_path / "run")
+    before = contents(tmp_path)
+
+    class Pressed(Figure):
+        def savefig(self, *_: Any, **__: Any) -> None:
+            raise KeyboardInterrupt
+
+    figures = {"small": Pressed(figsize=(1, 1))}
+    with pytest.raises(KeyboardInterrupt):
+        write_run(tmp_path / "run", fit=FIT, report_html="", figures=figures, manifest={}, journal=STEPS)
+    assert contents(tmp_path) == before
+
+
+# What follows needs limits and failures that only another process can bear. Each script writes a second
+# run, with a report of `size` bytes, over the first and prints what became of it.
+SCRIPT = """
+import errno, os, resource, sys
+from pathlib import Path
+from report_samples import comparison, fit
+from mrwork.report.run_directory import write_run
+
+place, size, failure = Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3]
+failures = {"OSError": OSError(errno.EIO, "Input/output error"), "KeyboardInterrupt": KeyboardInterrupt()}
+
+def fail_the_first_rename_into_place(event, arguments):
+    if event == "os.rename" and Path(arguments[1]) == place and failures:
+        raise failures.pop(failure)
+
+if failure.isdigit():
+    resource.setrlimit(resource.RLIMIT_FSIZE, (int(failure), int(failure)))
+elif failure:
+    failures = {failure: failures[failure]}
+    sys.addaudithook(fail_the_first_rename_into_place)
+try:
+    write_run(place, fit=fit(comparison()), report_html="x" * size, figures={}, manifest={}, journal=os.devnull)
+except (OSError, KeyboardInterrupt) as reason:
+    print(f"{type(reason).__name__}: {reason}")
+else:
+    print("written")
+"""
+
+
+def run_script(place: Path, *, size: int, failure: str = "") -> str:
+    finished = subprocess.run(
+        [sys.executable, "-c", SCRIPT, str(place), str(size), failure],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
+    )
+    assert finished.returncode == 0, finished.stderr
+    return finished.stdout.strip()
+
+
+@pytest.mark.parametrize("failure", ["OSError", "KeyboardInterrupt"])
+def test_a_rename_that_fails_half_way_brings_the_earlier_run_back(tmp_path: Path, failure: str) -> None:
+    write(tmp_path / "run")
+    before = contents(tmp_path)
+    said = run_script(tmp_path / "run", size=10, failure=failure)
+    assert said.startswith({"OSError": "OutputError: cannot write"}.get(failure, failure))
+    assert contents(tmp_path) == before
+
+
+def test_a_file_too_large_for_the_limit_leaves_the_earlier_run(tmp_path: Path) -> None:
+    if resource.getrlimit(resource.RLIMIT_FSIZE)[1] != resource.RLIM_INFINITY:
+        pytest.skip("the file size is already limited here")
+    write(tmp_path / "run")
+    before = contents(tmp_path)
+    said = run_script(tmp_path / "run", size=200_000, failure="100000")
+    assert said.startswith(f"OutputError: cannot write the run to {tmp_path / 'run'}: the disk is full; ")
+    assert "\n" not in said
+    assert contents(tmp_path) == before
+    assert run_script(tmp_path / "run", size=50_000, failure="100000") == "written"
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A real file system of 300 kB."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mounted = shutil.which("mount") and subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=300k", "none", str(place)], capture_output=True, check=False
+    )
+    if not mounted or mounted.returncode != 0:
+        pytest.skip("no small disk: mounting a tmpfs is not allowed here")
+    try:
+        yield place
+    finally:
+        subprocess.run(["umount", str(place)], check=True)
+
+
+def test_a_full_disk_leaves_the_earlier_run(small_disk: Path) -> None:
+    write(small_disk / "run")
+    before = contents(small_disk)
+    said = run_script(small_disk / "run", size=400_000)
+    assert said.startswith(f"OutputError: cannot write the run to {small_disk / 'run'}: the disk is full; ")
+    assert contents(small_disk) == before
+    assert read_fit(small_disk / "run") == FIT
+    assert run_script(small_disk / "run", size=50_000) == "written"
+
+
+def test_a_swap_that_fails_leaves_the_earlier_run(small_disk: Path) -> None:
+    # The root of a mounted disk cannot be renamed: everything is written before that shows.
+    write(small_disk / "run")
+    for entry in (small_disk / "run").iterdir():
+        entry.rename(small_disk / entry.name)
+    (small_disk / "run").rmdir()
+    before = contents(small_disk.parent)
+    with pytest.raises(OutputError, match="cannot write the run to"):
+        write(small_disk)
+    assert contents(small_disk.parent) == before
+    assert read_fit(small_disk) == FIT
+
+
+def test_a_folder_that_may_not_be_written_to_is_named() -> None:
+    with tempfile.TemporaryDirectory() as made:
+        locked = Path(made)
+        locked.chmod(0o555)
+        user = os.geteuid()
+        if user == 0:
+            # Root may write anywhere; nobody may not.
+            os.seteuid(65534)
+        try:
+            for action in (write, check_destination):
+                with pytest.raises(OutputError) as caught:
+                    action(locked / "run")
+                assert str(caught.value).startswith(
+                    f"cannot write the run to {locked / 'run'}: Permission denied;"
+                )
+        finally:
+            os.seteuid(user)
+        assert contents(locked) == {}
+        locked.chmod(0o755)
+
+
+def damaged(change: Any) -> str:
+    document = json.loads(json.dumps(replace(FIT, trace=replace(FIT.trace, median=())).as_dict()))
+    change(document)
+    return json.dumps(document)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (None, "cannot be read"),
+        (b"", "is not JSON"),
+        (b'{"model": "bouc_', "is not JSON"),
+        (b"\xff\xfe\x00", "is not UTF-8"),
+        (b"[]", r"`fit` should be an object, it is \[\]"),
+        (b"{}", "`fit` lacks model, estimates"),
+        (damaged(lambda fit: fit.update(status="fine")).encode(), "`fit.status` should be 'converged' or"),
+        (damaged(lambda fit: fit.update(evaluations=1.5)).encode(), "`fit.evaluations` should be an integer"),
+        (
+            damaged(lambda fit: fit.update(evaluations=True)).encode(),
+            "`fit.evaluations` should be an integer",
+        ),
+        (
+            damaged(lambda fit: fit["estimates"][2].update(value="big")).encode(),
+            r"`fit\.estimates\[2\]\.value` should be a number, it is 'big'",
+        ),
+        (damaged(lambda fit: fit["error_norms"].pop("time")).encode(), "`fit.error_norms` lacks time"),
+        (
+            damaged(lambda fit: fit["provenance"]["inputs"].update(a=1)).encode(),
+            "inputs.a` should be a string",
+        ),
+    ],
+)
+def test_a_damaged_fit_is_refused_with_the_place_named(
+    tmp_path: Path, content: bytes | None, message: str
+) -> None:
+    place = write(tmp_path / "run")
+    (place / "fit.json").unlink()
+    if content is not None:
+        (place / "fit.json").write_bytes(content)
+    with pytest.raises(RecordError, match=message) as caught:
+        read_fit(place)
+    assert str(place / "fit.json") in str(caught.value)
+
+
+def test_what_is_not_a_run_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("x")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(RecordError, match="does not exist"):
+        read_fit(tmp_path / "nothing")
+    with pytest.raises(RecordError, match="is a file"):
+        read_fit(tmp_path / "file")
+    with pytest.raises(RecordError, match=r"is not a run directory, it has no manifest\.json"):
+        read_fit(tmp_path / "folder")

@@ -1,0 +1,115 @@
+"""The page of a study: what stands on it, and that a browser shows it without complaint."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import headless_browser
+import numpy as np
+import pytest
+import study_samples
+
+from mrwork.report.study.criteria_tables import overview_table, ratio_table, value_table
+from mrwork.report.study.lines import envelope, strokes
+from mrwork.report.study.page import study_page
+
+
+def page_of(**changes: object) -> str:
+    results = replace(study_samples.results(), **changes)  # type: ignore[arg-type]
+    return study_page(results, study_samples.histories, motion=1, drawn=range(5))
+
+
+@pytest.fixture(scope="module")
+def page() -> str:
+    return page_of()
+
+
+def test_every_row_motion_and_warning_stands_on_the_page(page: str) -> None:
+    for row in study_samples.ROWS:
+        assert row.label.replace("<", "&lt;").replace(">", "&gt;") in page
+    for motion in study_samples.MOTIONS:
+        assert motion.name in page
+    assert "3.0e-04 of what was turned over" in page
+    assert "halve the step" in page
+    whole = study_samples.results().runs
+    calm = {key: run for key, run in whole.items() if key != (3, 1)}
+    assert "halve the step" not in page_of(runs=calm)
+    assert "<1 A>" not in page
+
+
+def test_the_page_needs_nothing_from_elsewhere_and_its_names_are_unique(page: str) -> None:
+    assert not re.search(r'(src|href)="(https?:)?//', page)
+    names = re.findall(r'\bid="([^"]+)"', page)
+    assert len(names) == len(set(names))
+
+
+def test_the_best_of_each_column_is_bold_and_the_reference_never_is() -> None:
+    results = study_samples.results()
+    for table in (overview_table(results), ratio_table(results, 0)):
+        # Each row of the samples swings less than those before it.
+        assert {row for row, _ in table.strong} == {4}
+        assert {column for _, column in table.strong} == set(range(1, len(table.columns)))
+        assert sum(span for _, span in table.over) == len(table.columns)
+
+
+def test_a_building_without_dampers_shows_no_force() -> None:
+    table = value_table(study_samples.results(), 0)
+    assert table.rows[0][table.columns.index("force (kN)")] == "–"
+    assert table.rows[1][table.columns.index("force (kN)")] != "–"
+    # Isolators are no dampers with a command.
+    assert table.rows[2][table.columns.index("force (kN)")] == "–"
+
+
+def test_a_check_of_the_step_has_its_table(page: str) -> None:
+    results = study_samples.results()
+    moved = replace(results.runs[4, 1], rms_current=1.25 * results.runs[4, 1].rms_current)
+    checked = page_of(halved={**results.runs, (4, 1): moved})
+    assert 'id="step"' not in page
+    assert "no criterion by more than 0.25 of its value, that of Lyapunov" in checked
+    assert "On/off laws at a coarse step move most" in checked
+
+
+def test_an_interrupted_study_says_how_far_it_came() -> None:
+    results = study_samples.results()
+    page = page_of(runs={key: run for key, run in results.runs.items() if key[1] == 0})
+    assert "5 of 10 runs are done" in page
+
+
+def test_thinning_keeps_the_peaks() -> None:
+    rng = np.random.default_rng(1)
+    signal = rng.normal(size=10_007)
+    time = np.arange(10_007.0)
+    thin_time, thin = envelope(time, signal, 300)
+    assert thin.max() == signal.max()
+    assert thin.min() == signal.min()
+    assert (np.diff(thin_time) >= 0.0).all()
+    assert len(thin) < 1000
+
+
+def test_no_two_rows_are_drawn_alike() -> None:
+    rows = study_samples.ROWS[:2] + study_samples.ROWS[3:4] * 20
+    drawn = strokes(replace(study_samples.results(), rows=rows))
+    assert len(set(drawn)) == len(rows)
+
+
+@pytest.fixture(scope="module")
+def tab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[headless_browser.Browser]:
+    program = headless_browser.executable()
+    if program is None:
+        pytest.skip(f"no browser: none of {', '.join(headless_browser.NAMES)} is on the path")
+    with headless_browser.browser(program, tmp_path_factory.mktemp("profile")) as opened:
+        yield opened
+
+
+@pytest.mark.parametrize("width", [1100, 390])
+def test_the_page_fits_its_window_without_complaint(
+    tab: headless_browser.Browser, tmp_path: Path, width: int
+) -> None:
+    path = tmp_path / "report.html"
+    path.write_text(page_of(halved=study_samples.results().runs))
+    tab.open(path, width=width)
+    assert tab.ask("document.documentElement.scrollWidth") <= width
+    assert tab.complaints == []

@@ -1,0 +1,159 @@
+"""Loops that the tests of the closed loop share: buildings with devices, motions, and every law with its numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+import mrwork as mr
+from mrwork.buildings.building import Building
+from mrwork.buildings.published import building
+from mrwork.closed_loop.devices import Device
+from mrwork.control.fuzzy import fuzzy_table
+from mrwork.control.laws import ControlLaw, control_law
+from mrwork.control.lqr import regulator_of_state
+from mrwork.control.lyapunov import lyapunov_function
+from mrwork.control.plant import Plant, plant_of
+from mrwork.control.sliding import optimal_surface, sliding_gains
+from mrwork.dampers.presets import PUBLISHED_SETS
+from mrwork.dampers.spec import DamperSpec
+from mrwork.motions.ground_motion import GroundMotion
+
+Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+LARGEST = 1.88
+LAG = 190.0
+
+
+def five_storeys() -> Building:
+    """The five storeys of UTS."""
+    return building("uts")
+
+
+@cache
+def rd1005(*, lagged: bool = True) -> tuple[DamperSpec, Floats]:
+    """The static model of an RD-1005-3 by its published set, behind the lag of its driver."""
+    (published,) = (entry for entry in PUBLISHED_SETS if entry.name == "kwok2006")
+    preset = mr.damper("static_hysteretic").preset("kwok2006")
+    current = preset.spec.current
+    assert current is not None
+    laws = dict(zip(published.values, current.laws, strict=True))
+    spec = mr.damper("static_hysteretic").with_current_laws(laws, lagged=lagged)
+    return spec, np.array([*preset.theta, LAG] if lagged else preset.theta)
+
+
+@cache
+def friction() -> tuple[DamperSpec, Floats]:
+    """A smooth friction and a dashpot, both by the command: force and rate have one sign at every instant."""
+    spec = mr.damper("bingham").with_current_laws({"f_c": "linear", "c0": "linear"}, lagged=True)
+    # f_c and c0 by the current, v_s, f0, eta.
+    return spec, np.array([20.0, 300.0, 0.02, 200.0, 500.0, 0.0, LAG])
+
+
+def devices(
+    model: tuple[DamperSpec, Floats], *, of: Building | None = None, second: bool = True
+) -> list[Device]:
+    """A differential pair across the lowest storey, and two dampers side by side across the next."""
+    rows = (of or five_storeys()).storeys
+    spec, theta = model
+    pair = Device(
+        name="pair", spec=spec, theta=theta, row=rows[0], largest_command=LARGEST, differential=True
+    )
+    return [pair, replace(pair, name="two", row=rows[1], differential=False, count=2.0)][: 1 + second]
+
+
+def sweep(duration: float = 2.0, *, peak: float = 2.0, dt: float = 0.01) -> GroundMotion:
+    """A sinusoid that sweeps from 1 to 8 Hz, under a half sine: from rest to rest."""
+    time = dt * np.arange(round(duration / dt) + 1)
+    phase = 2.0 * np.pi * (1.0 + 3.5 * time / duration) * time
+    return GroundMotion(
+        name="sweep", dt=dt, acceleration=peak * np.sin(np.pi * time / duration) * np.sin(phase)
+    )
+
+
+def still(duration: float = 1.0) -> GroundMotion:
+    """No motion."""
+    return GroundMotion(name="still", dt=duration, acceleration=np.zeros(2))
+
+
+def pushed(acceleration: float, duration: float) -> GroundMotion:
+    """A constant acceleration from the first instant."""
+    return GroundMotion(name="pushed", dt=duration, acceleration=np.full(2, acceleration))
+
+
+def law_with_gains(name: str, plant: Plant, *, strength: float = 1.0) -> ControlLaw:
+    """A law of the registry with reasonable numbers for a building with these devices.
+
+    What makes the law act more is multiplied by `strength`; what scales a signal is not.
+    """
+    each = np.ones(plant.n_devices)
+    K = strength * regulator_of_state(plant, plant.energy, 1e-6).gain
+    weight = strength * lyapunov_function(plant).vectors
+    surface = optimal_surface(plant)
+    sliding = sliding_gains(surface, peak_acceleration=2.0, largest_force=1500.0)
+    scale = {"deformation_scale": 2e-3 * each, "rate_scale": 0.05 * each}
+    gains: dict[str, dict[str, Floats]] = {
+        "passive": {"command": strength * each},
+        "clipped_optimal": {"gain": K},
+        "modified_clipped_optimal": {"gain": K, "full_force": 1000.0 * each},
+        "proportional_clipped_optimal": {"gain": K, "full_force": 1000.0 * each},
+        "lyapunov": {"weight": weight},
+        "decentralised_bang_bang": {},
+        "maximum_energy_dissipation": {},
+        "modulated_homogeneous_friction": {"slope": strength * 2e5 * each},
+        "sliding_mode": {
+            "gain": strength * surface.drift,
+            "surface": -strength * surface.S,
+            "switching": strength * sliding.switching,
+            "boundary": sliding.boundary,
+        },
+        "adaptive_sliding_mode": {
+            "gain": strength * surface.drift,
+            "surface": -strength * surface.S,
+            "adaptation": strength * sliding.adaptation,
+            "boundary": sliding.boundary,
+            "floor": strength * sliding.floor,
+            "ceiling": strength * sliding.ceiling,
+        },
+        "super_twisting": {
+            "surface": strength * surface.S,
+            "drift": strength * surface.drift,
+            "push": strength * each,
+            "root_gain": strength * sliding.proportional,
+            "integral_gain": strength * sliding.integral,
+        },
+        "fuzzy": scale,
+        "lyapunov_direct": {"weight": weight},
+        "lyapunov_direct_bang_bang": {"weight": weight},
+        "proportional_direct": {"weight": weight, "slope": 5.0 * each},
+        "inverse_direct": {"gain": K},
+        "inverse_network": {"gain": K},
+        "active": {"gain": K},
+    }
+    tables: dict[str, dict[str, Floats]] = {
+        "fuzzy": {"shares": strength * _shares()},
+        "inverse_network": _network(strength),
+    }
+    curve = rd1005() if control_law(name).wants_curve else None
+    return ControlLaw(name=name, gains=gains[name], tables=tables.get(name, {}), curve=curve)
+
+
+@cache
+def _shares() -> Floats:
+    return fuzzy_table(deformation_scale=2e-3, rate_scale=0.05).share.ravel()
+
+
+def _network(strength: float) -> dict[str, Floats]:
+    """A network of three units that has learned nothing, in the scale of the devices here."""
+    rng = np.random.default_rng(6)
+    reach = np.tile([2e-3, 0.05, 1000.0], 2)
+    layer = np.hstack([rng.normal(size=(3, 1)), rng.normal(size=(3, 6)) / reach, rng.normal(size=(3, 1))])
+    layer[:, -1] *= strength
+    return {"layer": layer, "output": np.array([0.5 * strength]), "reach": reach}
+
+
+def plant_with(loop: list[Device], of: Building | None = None) -> Plant:
+    """The linear system on which laws for these devices are designed."""
+    return plant_of(of or five_storeys(), [device.row for device in loop])

@@ -1,0 +1,9 @@
+"""Where the measured records are, which stay outside the project, and the mark of tests that use them."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+DATA = Path(os.environ.get("MRWORK_DATA", ROOT.parent / "shared" / "data"))

@@ -1,0 +1,46 @@
+"""A small problem to sample: a Bingham-like loop of 150 samples with white noise, fitted."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from mrwork.dampers.spec import damper
+from mrwork.identification.fit import Fit
+from mrwork.identification.identify import identify
+from mrwork.records import DamperTest, build_damper_test
+from mrwork.simulate import Loading, simulate_force
+from mrwork.uncertainty.noise import noise_model
+from mrwork.uncertainty.posterior.prepare import prepared
+from mrwork.uncertainty.posterior.sampling import Sampling
+
+MODEL = "viscous_dahl"
+NOISE_N = 20.0
+
+
+@cache
+def small_test(rng: int = 5, n_time: int = 150) -> DamperTest:
+    time = 2.0 / n_time * np.arange(n_time)
+    x, v = 0.01 * np.sin(2.0 * np.pi * time), 0.02 * np.pi * np.cos(2.0 * np.pi * time)
+    spec = damper(MODEL)
+    force = simulate_force(spec, spec.nominal, Loading(dt=time[1], displacement=x, velocity=v))
+    force = force + NOISE_N * np.random.default_rng(rng).standard_normal(n_time)
+    return build_damper_test(name="small", time=time, displacement=x, velocity=v, force=force)
+
+
+@cache
+def small_fit() -> Fit:
+    return identify(MODEL, small_test(), rng=1)
+
+
+def small_sampling(noise: str = "iid", **settings: object) -> Sampling:
+    plain: dict[str, object] = {
+        "noise": noise_model(noise).name,
+        "priors": {},
+        "tempering": 1.0,
+        "walkers": 32,
+        "rng": 0,
+        "threads": 1,
+    }
+    return prepared(damper(MODEL), (small_test(),), small_fit(), **(plain | settings))  # type: ignore[arg-type]

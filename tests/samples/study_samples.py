@@ -1,0 +1,120 @@
+"""Runs of a study in closed form: a building of three storeys that swings in its first mode, less with each law."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from mrwork.study.results import Motion, Row, StudyResults
+from mrwork.study.run_result import History, RunResult
+
+SHAPE = np.array([0.4, 0.75, 1.0])
+ROWS = (
+    Row(label="uncontrolled", kind="uncontrolled"),
+    Row(label="i = 0", kind="passive_off"),
+    Row(label="Isolation", kind="baseline"),
+    Row(label="Clipped-optimal", kind="controller"),
+    Row(label="Lyapunov <1 A>", kind="controller"),
+)
+MOTIONS = (
+    Motion(name="El Centro", peak=3.4, duration=8.0, source="el_centro.csv", changes=("time axis x 0.2",)),
+    Motion(name="filtered noise", peak=1.0, duration=8.0, synthetic=True),
+)
+
+
+def history(amplitude: float, n_devices: int) -> History:
+    """A swing that grows and decays."""
+    time = np.arange(0.0, 8.0, 0.004)
+    swing = amplitude * np.sin(12.0 * time) * np.exp(-(((time - 3.0) / 1.5) ** 2))
+    displacement = swing[:, None] * SHAPE
+    drift = np.diff(displacement, axis=1, prepend=0.0)
+    deformation = np.repeat(drift[:, :1], n_devices, axis=1)
+    velocity = np.gradient(deformation, time, axis=0)
+    force = 5e4 * velocity + 2e5 * deformation
+    into = np.cumsum(np.abs(swing))
+    return History(
+        time=time,
+        ground_acceleration=swing[::-1].copy(),
+        displacement=displacement,
+        acceleration=-144.0 * displacement,
+        drift=drift,
+        deformation=deformation,
+        rate=velocity,
+        force=force,
+        command=(force * velocity > 0.0) * 1.0,
+        current=(force * velocity > 0.0) * 1.0,
+        energy=np.stack([into, 0.1 * into, 0.1 * into, 0.3 * into, 0.5 * into], axis=1),
+    )
+
+
+def run(amplitude: float, n_devices: int) -> RunResult:
+    """What is kept of that swing."""
+    found = history(amplitude, n_devices)
+
+    def peak(signal: np.ndarray) -> np.ndarray:
+        return np.asarray(np.abs(signal).max(axis=0))
+
+    def rms(signal: np.ndarray) -> np.ndarray:
+        return np.asarray(np.sqrt((signal**2).mean(axis=0)))
+
+    shear = found.acceleration.sum(axis=1) * 1e3
+    return RunResult(
+        outcome="finished",
+        peak_displacement=peak(found.displacement),
+        rms_displacement=rms(found.displacement),
+        peak_drift=peak(found.drift),
+        rms_drift=rms(found.drift),
+        peak_acceleration=peak(found.acceleration),
+        rms_acceleration=rms(found.acceleration),
+        peak_base_shear=peak(shear),
+        rms_base_shear=rms(shear),
+        peak_force=peak(found.force),
+        peak_stroke=peak(found.deformation),
+        mean_current=found.command.mean(axis=0),
+        rms_current=rms(found.command),
+        input_energy=float(found.energy[-1, 0]),
+        kinetic_energy=float(found.energy[-1, 1]),
+        strain_energy=float(found.energy[-1, 2]),
+        damping_energy=float(found.energy[-1, 3]),
+        device_energy=np.full(n_devices, 0.5 * found.energy[-1, 0] / max(n_devices, 1)),
+        energy_error=1e-9,
+        steps=2,
+    )
+
+
+def amplitude(row: int, motion: int) -> float:
+    """Of the top floor [m]."""
+    return 0.05 * (1.0 - 0.15 * row) * (1.0 + motion)
+
+
+def devices(row: int) -> int:
+    """How many a row has."""
+    return 0 if ROWS[row].kind in ("uncontrolled", "baseline") else 2
+
+
+def results() -> StudyResults:
+    """A whole study; the fourth row's second run chatters."""
+    runs = {
+        (row, motion): run(amplitude(row, motion), devices(row))
+        for row in range(len(ROWS))
+        for motion in range(len(MOTIONS))
+    }
+    runs[3, 1] = replace(runs[3, 1], energy_error=3e-4)
+    return StudyResults(
+        title="Three storeys & a law",
+        rows=ROWS,
+        motions=MOTIONS,
+        runs=runs,
+        floor_names=("floor 1", "floor 2", "roof"),
+        storey_names=("storey 1", "storey 2", "storey 3"),
+        device_names=("damper 1", "damper 1, opposed"),
+        command_unit="A",
+        mass=3e3,
+        facts=(("Building", "three storeys"),),
+    )
+
+
+def histories(row: int, motion: int) -> History:
+    """The history of a run."""
+    return history(amplitude(row, motion), devices(row))

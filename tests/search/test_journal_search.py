@@ -1,0 +1,120 @@
+"""A search that was cut off anywhere goes on from its journal to the bits of the uninterrupted one."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from search_problems import half_failing, optimiser_named, sphere
+
+from mrwork.errors import JournalError
+from mrwork.search import AbortableObjective, EfficientGA, StopRules, arrays_of, run_replicates
+from mrwork.search.registry import OPTIMISERS, PEERS
+from mrwork.store import Journal
+
+REPLICATES = (0, 3)
+
+
+def shortened(name):
+    """An optimiser with seven generations at most."""
+    optimiser = optimiser_named(name)
+    return replace(optimiser, stop=replace(optimiser.stop, max_generations=7, target=None))
+
+
+def searched(optimiser, journal, *, rng=5, objective=half_failing, replicates=REPLICATES):
+    """Result of a search, and how many candidates were simulated for it."""
+    simulated = []
+
+    def counted(unit):
+        simulated.append(len(unit))
+        return objective(unit)
+
+    try:
+        run = run_replicates(optimiser, counted, rng=rng, n_params=3, replicates=replicates, journal=journal)
+    finally:
+        if journal is not None:
+            journal.close()
+    return run, sum(simulated)
+
+
+def bits(run):
+    """Course, population and misfits of a search: all that its optimiser told."""
+    state = run.state
+    arrays = arrays_of(state.course) | {"population": state.population, "misfit": state.misfit}
+    return {name: array.tobytes() for name, array in arrays.items()}
+
+
+@pytest.mark.parametrize("name", [*OPTIMISERS, *PEERS])
+def test_every_optimiser_goes_on_from_any_generation(name, tmp_path):
+    optimiser, path = shortened(name), tmp_path / "journal.jsonl"
+    without, n_simulated = searched(optimiser, None)
+    whole, _ = searched(optimiser, Journal(path))
+    assert bits(whole) == bits(without)
+    lines = path.read_bytes().splitlines(keepends=True)
+    assert len(lines) == 1 + 7
+    for kept in range(len(lines) + 1):
+        path.write_bytes(b"".join(lines[:kept]))
+        resumed, n_again = searched(optimiser, Journal(path, resume=True))
+        assert bits(resumed) == bits(whole)
+        assert [result.stop_reason for result in resumed.results] == [
+            result.stop_reason for result in whole.results
+        ]
+        done = max(kept - 1, 0)
+        trace = whole.state.course.trace.evaluations.sum(axis=0)
+        assert n_again == n_simulated - (trace[done - 1] if done else 0)
+
+
+def test_thresholds_leave_the_same_journal(tmp_path):
+    optimiser = shortened("differential_evolution")
+
+    def abandoned(unit, thresholds):
+        misfit = sphere(unit)
+        return np.where(misfit >= thresholds, np.inf, misfit)
+
+    journals = []
+    for name, objective in (("whole", sphere), ("abandoned", AbortableObjective(misfits=abandoned))):
+        journal = Journal(tmp_path / name)
+        run_replicates(optimiser, objective, rng=1, n_params=3, replicates=REPLICATES, journal=journal)
+        journal.close()
+        journals.append([json.loads(line) for line in (tmp_path / name).read_text().splitlines()[1:]])
+    for whole, other in zip(*journals, strict=True):
+        assert whole["inputs"] == other["inputs"]
+        assert whole["result"]["search_seconds"] > 0.0
+        assert whole["result"] | {"search_seconds": 0} == other["result"] | {"search_seconds": 0}
+
+
+@pytest.mark.parametrize(
+    ("changed", "sentence"),
+    [
+        ({"rng": 6}, "another search: seed is 5 there and 6 here"),
+        ({"replicates": (0, 4)}, r"replicates\.2 is 3 there and 4 here"),
+    ],
+)
+def test_another_search_is_refused_by_name(tmp_path, changed, sentence):
+    path = tmp_path / "journal.jsonl"
+    searched(shortened("efficient_ga"), Journal(path))
+    with pytest.raises(JournalError, match=sentence):
+        searched(shortened("efficient_ga"), Journal(path, resume=True), **changed)
+
+
+def test_other_settings_are_refused_by_name(tmp_path):
+    path = tmp_path / "journal.jsonl"
+    searched(shortened("efficient_ga"), Journal(path))
+    with pytest.raises(JournalError, match=r"settings\.population is 60 there and 61 here"):
+        searched(replace(shortened("efficient_ga"), population=61), Journal(path, resume=True))
+    with pytest.raises(JournalError, match="optimiser is EfficientGA there and StandardGA here"):
+        searched(shortened("standard_ga"), Journal(path, resume=True))
+
+
+def test_a_limit_of_time_ends_a_resumed_search_where_it_ended_it_before(tmp_path):
+    path = tmp_path / "journal.jsonl"
+    optimiser = EfficientGA(
+        stop=StopRules(min_generations=10**6, max_generations=10**6, max_seconds=0.05), population=10
+    )
+    whole, _ = searched(optimiser, Journal(path))
+    assert whole.results[0].stop_reason == "max_seconds"
+    resumed, n_again = searched(optimiser, Journal(path, resume=True))
+    assert (bits(resumed), n_again) == (bits(whole), 0)
+    assert resumed.results[0].stop_reason == "max_seconds"

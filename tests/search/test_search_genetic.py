@@ -1,0 +1,218 @@
+"""The two genetic algorithms: what the efficient one saves, and what each does to its chromosomes."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from search_problems import (
+    all_failing,
+    flat,
+    generations_of,
+    half_failing,
+    ripples,
+    rosenbrock,
+    sphere,
+    states,
+)
+
+from mrwork.errors import SettingError
+from mrwork.search import Ceiling, EfficientGA, StandardGA, StopRules, run_replicates, run_search
+from mrwork.search.efficient_genetic import _crossover, _fitness
+from mrwork.search.standard_genetic import _roulette
+
+
+def only_capped(most):
+    """Settings whose only stop is the cap on generations, to look at the algorithm alone."""
+    return EfficientGA(stop=StopRules(min_generations=10**9, max_generations=most))
+
+
+# The efficient algorithm
+
+
+@pytest.mark.parametrize("optimiser", [EfficientGA(), StandardGA()])
+def test_no_chromosome_that_is_known_is_simulated_again(optimiser):
+    for before, proposal, after in itertools.islice(
+        generations_of(optimiser, half_failing, n_params=3, rng=4, most=40), 1, None
+    ):
+        known = {row.tobytes() for row in before.population[0]}
+        asked = [row.tobytes() for row in proposal.unit]
+        assert not known.intersection(asked)
+        assert after.course.evaluations[0] - before.course.evaluations[0] == len(asked)
+        changed = {row.tobytes() for row in after.population[0]} - known
+        assert changed - {before.course.best_unit[0].tobytes()} == set(asked)
+
+
+@pytest.mark.parametrize("optimiser", [EfficientGA(), StandardGA()])
+def test_known_misfits_belong_to_their_chromosomes(optimiser):
+    for state in states(optimiser, half_failing, n_params=3, rng=9, generations=40)[1:]:
+        assert np.allclose(state.misfit[0], half_failing(state.population[0]), rtol=1e-12, atol=0.0)
+
+
+def test_mutation_spread_is_that_of_the_initial_population():
+    state = EfficientGA().start(5, rng=1)
+    assert np.array_equal(state.mutation_spread, state.population.std(axis=1))
+    # One point per stratum: the spread of a uniform density to within the size of a stratum.
+    assert np.allclose(state.mutation_spread, 1.0 / math.sqrt(12.0), atol=1.0 / 60)
+
+
+@pytest.mark.parametrize("rng", range(5))
+def test_fewer_simulations_than_population_times_generations(rng):
+    state = states(only_capped(100), sphere, n_params=4, rng=rng, generations=100)[-1]
+    full = 60 * 100
+    # Crossover alone leaves (1 - e^-2)/2 = 43 % as they are; mutation and elitism move that a little.
+    assert full / 3 < state.course.evaluations[0] < 2 * full / 3 + 60
+
+
+@pytest.mark.parametrize("optimiser", [EfficientGA(elite_share=0.1), StandardGA()])
+@pytest.mark.parametrize("rng", range(5))
+def test_best_chromosome_survives(optimiser, rng):
+    for state in states(optimiser, sphere, n_params=3, rng=rng, generations=30)[1:]:
+        assert np.any(np.all(state.population == state.course.best_unit[:, None], axis=2))
+        assert state.misfit.min() == state.course.best_misfit[0]
+
+
+def test_copies_of_the_best_do_not_crowd_the_population_out():
+    state = states(only_capped(200), flat, n_params=3, rng=0, generations=200)[-1]
+    copies = np.count_nonzero(np.all(state.population == state.course.best_unit[:, None], axis=2))
+    # The best, this generation's copy and no heap of old ones, although no generation improved.
+    assert copies <= 2
+
+
+@given(st.lists(st.floats(0.0, 1e300) | st.just(math.inf), min_size=4, max_size=20))
+def test_fitness_is_one_for_the_best_alone_where_any_succeed_and_zero_for_failures(misfits):
+    misfit = np.array(misfits)
+    population = np.arange(misfit.size, dtype=float)[:, None]
+    fitness = _fitness(population[None], misfit[None])[0]
+    assert np.all((fitness >= 0.0) & (fitness <= 1.0))
+    assert np.all(fitness[np.isinf(misfit)] == 0.0)
+    assert (fitness[np.argmin(misfit)] == 1.0) == np.isfinite(misfit).any()
+    finite = np.isfinite(misfit)
+    order = np.argsort(misfit[finite], kind="stable")
+    assert np.all(np.diff(fitness[finite][order][1:]) <= 0.0)
+
+
+def crossed_one_by_one(population, misfit, share, pairs):
+    """The definition: pair after pair, each from where those before it left the two."""
+    population = population.copy()
+    for first, second in pairs.T:
+        better, worse = sorted((first, second), key=lambda index: (misfit[index], index))
+        if np.isfinite(misfit[better]):
+            population[worse] += share * (population[better] - population[worse])
+    return population
+
+
+@pytest.mark.parametrize("rng", range(20))
+def test_pairs_that_cross_at_once_end_as_those_that_cross_one_by_one(rng):
+    draw = np.random.default_rng(rng)
+    population, misfit, share = draw.random((3, 12, 2)), draw.random((3, 12)), draw.random(3)
+    misfit[draw.random(misfit.shape) < 0.3] = np.inf
+    first = draw.integers(12, size=(3, 40))
+    pairs = np.stack([first, (first + draw.integers(1, 12, size=first.shape)) % 12], axis=1)
+    crossed = _crossover(population, misfit, share, pairs)
+    for row in range(3):
+        one_by_one = crossed_one_by_one(population[row], misfit[row], share[row], pairs[row])
+        assert np.array_equal(crossed[row], one_by_one)
+
+
+@pytest.mark.parametrize("rng", range(5))
+@pytest.mark.parametrize(
+    ("objective", "n_params", "optimum", "tolerance"),
+    # Mutation never shrinks, so the search is coarse by design and a local refinement goes on from there.
+    # Along the floor of the curved valley the misfit hardly changes: 4e-4 at a distance of 0.01.
+    [(sphere, 4, 0.3, 0.001), (rosenbrock, 2, 0.75, 0.05)],
+)
+def test_minimum_is_found(objective, n_params, optimum, tolerance, rng):
+    result = run_search(only_capped(300), objective, rng=rng, n_params=n_params)
+    assert np.abs(result.best_unit - optimum).max() < tolerance
+
+
+def test_least_of_many_minima_is_mostly_the_best_and_nearly_always_among_the_elite():
+    runs = [run_search(only_capped(300), ripples, rng=rng, n_params=4) for rng in range(10)]
+    best = sum(np.abs(run.best_unit - 0.4).max() < 0.03 for run in runs)
+    # The neighbouring minima lie 0.25 away: a start within 0.1 is in the right basin.
+    elite = sum(np.abs(run.elite - 0.4).max(axis=1).min() < 0.1 for run in runs)
+    assert best >= 7
+    assert elite >= 9
+
+
+def test_search_mostly_beats_pure_chance_at_equal_cost():
+    # One run may end in a neighbouring minimum, 0.97.
+    run = run_replicates(only_capped(100), ripples, rng=0, n_params=4, replicates=range(9))
+    chance = [
+        ripples(np.random.default_rng(result.replicate).random((result.evaluations, 4))).min()
+        for result in run.results
+    ]
+    assert np.median([result.best_misfit for result in run.results]) < 0.1 * np.median(chance)
+
+
+def test_a_single_success_among_failures_is_kept():
+    optimiser = EfficientGA()
+    start = optimiser.start(2, rng=0)
+    proposal = optimiser.ask(start)
+    state = optimiser.tell(start, proposal, np.where(np.arange(60) == 7, 1.0, np.inf))
+    assert np.array_equal(state.course.best_unit[0], start.population[0, 7])
+    proposal = optimiser.ask(state)
+    after = optimiser.tell(state, proposal, all_failing(proposal.unit))
+    assert np.array_equal(after.course.best_unit[0], start.population[0, 7])
+    assert after.misfit.min() == 1.0
+
+
+@pytest.mark.parametrize(
+    "optimiser", [EfficientGA(ceiling=Ceiling(absolute=0.5)), StandardGA(ceiling=Ceiling(absolute=0.5))]
+)
+def test_a_misfit_at_the_ceiling_is_a_failure(optimiser):
+    for _, proposal, after in generations_of(optimiser, sphere, n_params=3, rng=0, most=10):
+        assert np.all(proposal.threshold <= 0.5)
+        assert np.all((after.misfit < 0.5) | np.isinf(after.misfit))
+
+
+def test_a_ceiling_over_the_median_follows_it():
+    optimiser = EfficientGA(ceiling=Ceiling(over_median=2.0))
+    for before, proposal, _ in generations_of(optimiser, sphere, n_params=3, rng=0, most=10):
+        median = math.inf if before.course.is_first else before.course.trace.median[0, -1]
+        assert np.all(proposal.threshold == 2.0 * median)
+
+
+# The standard algorithm
+
+
+def test_roulette_draws_in_proportion_to_fitness():
+    fitness = np.array([[0.0, 1.0, 3.0, 0.0], [0.0, 0.0, 0.0, 0.0]])
+    drawn = _roulette(fitness, np.random.default_rng(0).random((2, 40_000)))
+    share = [np.bincount(row, minlength=4) / row.size for row in drawn]
+    # Five standard deviations of a binomial share of one half.
+    assert np.allclose(share, [[0.0, 0.25, 0.75, 0.0], [0.25] * 4], atol=5 * 0.5 / math.sqrt(40_000))
+
+
+def test_without_crossover_and_mutation_nothing_new_is_simulated():
+    optimiser = StandardGA(crossover_probability=0.0, mutation_probability=0.0)
+    state = states(optimiser, sphere, n_params=3, rng=0, generations=5)[-1]
+    assert state.course.evaluations[0] == 60
+
+
+@pytest.mark.parametrize("population", [7, 8])
+def test_an_odd_population_keeps_its_size(population):
+    run = states(replace(StandardGA(), population=population), sphere, n_params=3, rng=0, generations=3)
+    assert all(state.population.shape == (1, population, 3) for state in run)
+
+
+@pytest.mark.parametrize(
+    ("optimiser", "setting"),
+    [
+        (EfficientGA(), {"elite_share": 1.5}),
+        (Ceiling(), {"absolute": -1.0}),
+        (Ceiling(), {"over_median": 0.9}),
+        (StandardGA(), {"crossover_probability": 1.1}),
+        (StandardGA(), {"mutation_probability": -0.1}),
+        (StandardGA(), {"mutation_deviation": math.nan}),
+    ],
+)
+def test_settings_out_of_range_are_refused_by_name(optimiser, setting):
+    with pytest.raises(SettingError, match=f"`{next(iter(setting))}`"):
+        replace(optimiser, **setting)

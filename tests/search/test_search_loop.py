@@ -1,0 +1,240 @@
+"""The loop: events, callbacks, rules that end a search, interrupts, going on."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import pickle
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from search_problems import flat, half_failing, sphere, with_floor
+
+from mrwork.errors import SettingError
+from mrwork.search import (
+    EfficientGA,
+    EliteRule,
+    SearchInterrupted,
+    StopRules,
+    arrays_of,
+    run_replicates,
+    run_search,
+)
+from mrwork.search.termination import hypothesis_test
+
+
+def only_capped(most):
+    """Settings whose only stop is the cap on generations."""
+    return EfficientGA(stop=StopRules(min_generations=10**9, max_generations=most))
+
+
+def assert_same_bits(one, other):
+    for (name, array), (_, of_other) in zip(arrays_of(one).items(), arrays_of(other).items(), strict=True):
+        assert array.tobytes() == of_other.tobytes(), name
+
+
+# Rules
+
+
+@pytest.mark.parametrize(
+    ("reason", "rules", "objective"),
+    [
+        ("hypothesis_test", StopRules(), sphere),
+        ("hypothesis_test", StopRules(floor_share=1.0), with_floor),
+        ("stall", StopRules(), with_floor),
+        ("stall", StopRules(), flat),
+        ("stall", StopRules(confidence=None), flat),
+        ("target", StopRules(target=0.01), sphere),
+        ("max_generations", StopRules(max_generations=10), sphere),
+        ("max_evaluations", StopRules(max_evaluations=500), sphere),
+        ("max_seconds", StopRules(max_seconds=0.0), sphere),
+        # Long enough for crossover alone to draw half the population onto the best.
+        ("spread", StopRules(confidence=None, stall_generations=None, max_generations=2000), with_floor),
+    ],
+)
+def test_every_rule_is_reached_and_named(reason, rules, objective):
+    result = run_search(EfficientGA(stop=rules), objective, rng=0, n_params=3)
+    assert result.stop_reason == reason
+    if reason != "max_seconds":
+        assert result.state.course.stop_reasons == (reason,)
+
+
+def test_each_replicate_says_which_rule_ended_it():
+    rules = StopRules(target=1e-3, max_generations=7)
+    run = run_replicates(EfficientGA(stop=rules), sphere, rng=0, n_params=3, replicates=range(12))
+    assert {result.stop_reason for result in run.results} == {"target", "max_generations"}
+    for result in run.results:
+        assert (result.best_misfit <= 1e-3) == (result.stop_reason == "target")
+        assert len(result.trace.best) == result.generations
+        assert result.trace.evaluations[-1] == result.evaluations
+
+
+def test_time_is_no_part_of_the_state():
+    optimiser = only_capped(8)
+    ended = run_search(
+        replace(optimiser, stop=replace(optimiser.stop, max_seconds=0.0)), sphere, rng=0, n_params=3
+    )
+    assert ended.state.course.running.size == 1
+    whole = run_search(optimiser, sphere, rng=0, n_params=3)
+    assert_same_bits(run_search(optimiser, sphere, rng=0, n_params=3, state=ended.state).state, whole.state)
+
+
+def test_literal_test_never_stops_on_a_model_error_floor_and_the_floored_one_does():
+    trace = run_search(only_capped(300), with_floor, rng=0, n_params=3).trace.best
+    assert not hypothesis_test(trace)
+    assert hypothesis_test(trace, floor=trace[-1])
+
+
+@pytest.mark.parametrize("rng", range(3))
+def test_nothing_but_caps_and_target_stops_before_the_least_generations(rng):
+    optimiser = EfficientGA(population=30, stop=StopRules(min_generations=25))
+    assert run_search(optimiser, sphere, rng=rng, n_params=2).generations >= 25
+
+
+@pytest.mark.parametrize(
+    "setting",
+    [
+        {"target": -1.0},
+        {"max_generations": 0},
+        {"max_evaluations": 0},
+        {"spread_tolerance": 2.0},
+        {"confidence": 1.0},
+        {"confidence": 0.0},
+        {"floor_share": math.nan},
+        {"stall_generations": 0},
+        {"stall_tolerance": -1e-3},
+        {"min_generations": 0},
+        {"max_seconds": -1.0},
+    ],
+)
+def test_rules_out_of_range_are_refused_by_name(setting):
+    with pytest.raises(SettingError, match=f"`{next(iter(setting))}`"):
+        StopRules(**setting)
+
+
+def test_a_cap_below_the_first_generation_is_refused():
+    with pytest.raises(SettingError, match="first generation alone takes 60"):
+        run_search(EfficientGA(stop=StopRules(max_evaluations=59)), sphere, rng=0, n_params=3)
+
+
+# Events
+
+
+def test_callback_returning_none_or_false_goes_on():
+    answers = iter([None, False, True])
+    result = run_search(EfficientGA(), sphere, rng=0, n_params=2, on_generation=lambda event: next(answers))
+    assert (result.generations, result.stop_reason) == (3, "callback")
+
+
+def test_a_rule_that_ended_a_replicate_goes_before_the_callback():
+    run = run_replicates(
+        EfficientGA(stop=StopRules(target=0.005)),
+        sphere,
+        rng=0,
+        n_params=3,
+        replicates=range(6),
+        on_generation=lambda event: event.n_running < 4,
+    )
+    reasons = [result.stop_reason for result in run.results]
+    assert set(reasons) == {"target", "callback"}
+    assert reasons.count("callback") < 4
+
+
+def test_events_report_what_the_result_holds():
+    events = []
+    result = run_search(EfficientGA(), half_failing, rng=2, n_params=3, on_generation=events.append)
+    assert [event.generation for event in events] == list(range(1, result.generations + 1))
+    assert [event.evaluations for event in events] == list(result.trace.evaluations)
+    assert [event.best_misfit for event in events] == list(result.trace.best)
+    assert [event.median_misfit for event in events] == list(result.trace.median)
+    assert np.all(np.diff([event.seconds for event in events]) >= 0.0)
+    assert [event.n_running for event in events[-2:]] == [1, 0]
+    assert np.array_equal(events[-1].best_unit, result.best_unit)
+    assert sum(event.misfit.size for event in events) == result.evaluations
+
+
+def test_one_call_a_generation_serves_all_replicates():
+    calls = []
+
+    def counted(unit):
+        calls.append(len(unit))
+        return sphere(unit)
+
+    run = run_replicates(only_capped(5), counted, rng=0, n_params=3, replicates=range(9))
+    assert len(calls) == 5
+    assert sum(calls) == sum(result.evaluations for result in run.results)
+    assert run.best.best_misfit == min(result.best_misfit for result in run.results)
+
+
+# Going on
+
+
+@pytest.mark.parametrize("stop", [1, 2, 13, 39])
+def test_resumed_run_equals_uninterrupted_bit_for_bit(stop):
+    optimiser = only_capped(40)
+    whole = run_search(optimiser, half_failing, rng=3, n_params=4)
+    part = run_search(
+        optimiser, half_failing, rng=3, n_params=4, on_generation=lambda event: event.generation == stop
+    )
+    assert (part.stop_reason, part.generations) == ("callback", stop)
+    stored = pickle.loads(pickle.dumps(part.state))
+    resumed = run_search(optimiser, half_failing, rng=3, n_params=4, state=stored)
+    assert_same_bits(whole.state, resumed.state)
+    assert resumed.stop_reason == whole.stop_reason == "max_generations"
+
+
+def test_resuming_another_search_is_refused():
+    state = EfficientGA().start(3, rng=5)
+    with pytest.raises(SettingError, match="rng=5 and n_params=3"):
+        run_search(EfficientGA(), sphere, rng=6, n_params=3, state=state)
+    with pytest.raises(SettingError, match="rng=5 and n_params=3"):
+        run_search(EfficientGA(), sphere, rng=5, n_params=4, state=state)
+    with pytest.raises(SettingError, match=r"replicates \[0\]"):
+        run_replicates(EfficientGA(), sphere, rng=5, n_params=3, replicates=[1], state=state)
+
+
+def interrupted_after(completed, calls):
+    """Sphere, until Ctrl-C comes in the generation after so many."""
+    count = itertools.count()
+
+    def objective(unit):
+        if next(count) == completed:
+            raise KeyboardInterrupt
+        calls.append(unit)
+        return sphere(unit)
+
+    return objective
+
+
+@pytest.mark.parametrize("completed", [0, 5])
+def test_interrupt_carries_what_the_completed_generations_found(completed):
+    calls = []
+    with pytest.raises(SearchInterrupted) as caught:
+        run_search(EfficientGA(), interrupted_after(completed, calls), rng=0, n_params=3)
+    result = caught.value.result
+    assert isinstance(caught.value, KeyboardInterrupt)
+    assert (result.stop_reason, result.generations) == ("interrupted", completed)
+    assert result.best_misfit == min((sphere(unit).min() for unit in calls), default=math.inf)
+    assert result.evaluations == sum(len(unit) for unit in calls)
+
+
+def test_interrupted_search_goes_on_as_if_it_never_was():
+    optimiser = only_capped(20)
+    settings = {"rng": 0, "n_params": 3, "replicates": [0, 3]}
+    whole = run_replicates(optimiser, sphere, **settings)
+    with pytest.raises(SearchInterrupted) as caught:
+        run_replicates(optimiser, interrupted_after(7, []), **settings)
+    resumed = run_replicates(optimiser, sphere, **settings, state=caught.value.run.state)
+    assert_same_bits(whole.state, resumed.state)
+
+
+def test_the_elite_is_led_by_the_best():
+    optimiser = EfficientGA(elite=EliteRule(count=5, distance=0.15))
+    result = run_search(optimiser, with_floor, rng=1, n_params=2)
+    assert np.array_equal(result.elite[0], result.best_unit)
+    assert np.all(np.diff(result.elite_misfit) >= 0.0)
+    assert np.allclose(with_floor(result.elite), result.elite_misfit, rtol=1e-12)
+    gap = np.abs(result.elite[:, None] - result.elite[None]).max(axis=2)
+    assert len(result.elite) == 5
+    assert np.all(gap[~np.eye(5, dtype=bool)] >= 0.15)

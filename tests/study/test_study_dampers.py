@@ -1,0 +1,93 @@
+"""Which damper a study means."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.errors import RecordError, SettingError
+from mrwork.study.dampers import ChosenDamper, chosen_damper
+from mrwork.study.declared import Place, built
+from mrwork.study.lines import parse
+from mrwork.study.schema import DamperTable
+
+
+def identified(run: Path) -> tuple[DamperSpec, tuple[float, ...]]:
+    if run.name != "run":
+        raise RecordError(f"{run} does not exist; give the run directory")
+    preset = damper("bouc_wen").preset("jansen2000")
+    return preset.spec, preset.theta
+
+
+def chosen(text: str) -> ChosenDamper:
+    document, lines = parse(f"storey = 1\n{text}", "study.toml")
+    table = built(DamperTable, document, Place(origin="study.toml", lines=lines))
+    return chosen_damper(table, Path("place"), identified)
+
+
+@pytest.mark.parametrize(
+    ("model", "name"),
+    [("static_hysteretic", "kwok2006"), ("modified_bouc_wen", "dyke1996"), ("bouc_wen", "yoshida2004")],
+)
+def test_a_preset_is_that_of_its_model(model: str, name: str) -> None:
+    preset = damper(model).preset(name)
+    found = chosen(f'preset = "{name}"')
+    assert found.spec == preset.spec
+    assert found.theta.tolist() == list(preset.theta)
+    assert found.largest_command == preset.largest_command
+
+
+def test_a_parameter_of_a_preset_is_changed_and_no_other() -> None:
+    preset = damper("modified_bouc_wen").preset("dyke1996")
+    found = chosen('preset = "dyke1996"\nparameters = { x0 = 0.0 }\nlargest_command = 1.5')
+    differs = np.flatnonzero(found.theta != np.array(preset.theta))
+    assert [preset.spec.names[index] for index in differs] == ["x0"]
+    assert found.largest_command == 1.5
+
+
+def test_a_damper_written_out_is_the_same_as_its_preset() -> None:
+    preset = damper("bouc_wen").preset("jansen2000")
+    found = chosen(
+        'model = "bouc_wen"\nunit = "V"\nlag = 190.0\nlargest_command = 5.0\n'
+        "parameters = { c0 = [0.64, 0.52], k0 = 0, x0 = 0, alpha = [866, 886], "
+        "gamma = 3e6, beta = 3e6, A = 120, n = 2 }"
+    )
+    assert found.spec == preset.spec
+    assert found.theta.tolist() == list(preset.theta)
+
+
+def test_a_law_that_is_no_polynomial_is_named() -> None:
+    found = chosen('preset = "kwok2006"\nparameters = { c = [100, 10, -0.9] }\nlaws = { c = "exponential" }')
+    assert found.spec.current is not None
+    assert found.spec.current.laws[0] == "exponential"
+
+
+def test_an_identified_run_is_taken_with_its_laws() -> None:
+    found = chosen('run = "run"\nlargest_command = 5.0')
+    assert found.spec == damper("bouc_wen").preset("jansen2000").spec
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "names no damper; give a preset, a run, or a model with parameters"),
+        ('preset = "kwok2005"', r"line 2: no published set is called 'kwok2005', did you mean kwok2006"),
+        ('preset = "spencer1997"', r"'spencer1997' is a set of bingham and bouc_wen; say which by model"),
+        ('preset = "kwok2006"\nrun = "run"', "has a preset and a run; give one of them"),
+        ('preset = "kwok2006"\nparameters = { cc = 1 }', r"line 3: static_hysteretic has no parameter 'cc'"),
+        (
+            'preset = "kwok2006"\nlaws = { c = "exponential" }',
+            r"line 3: c with the law exponential takes 3 coefficients, 2 are given",
+        ),
+        ('model = "dahll"', r"line 2: no damper model is called 'dahll', did you mean dahl"),
+        ('model = "dahl"\nparameters = { k_w = [1, 2] }', r"has no rho, f0 of dahl; add to its parameters"),
+        ('model = "dahl"\nparameters = { k_w = [1, 2], rho = 1, f0 = 0 }', "has no largest_command"),
+        ('run = "gone"\nlargest_command = 1', r"line 2: place/gone does not exist"),
+    ],
+)
+def test_a_mistake_is_one_sentence_with_its_line(text: str, message: str) -> None:
+    with pytest.raises(SettingError, match=message):
+        chosen(text)

@@ -1,0 +1,145 @@
+"""Control laws of a study: from settings to finished numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mrwork.buildings.published import building
+from mrwork.closed_loop.devices import Device
+from mrwork.control.laws import ControlLaw, control_laws
+from mrwork.control.lqr import regulator_of_outputs
+from mrwork.control.outputs import accelerations
+from mrwork.control.published_regulators import published_regulator, regulator_as_published
+from mrwork.dampers.spec import damper
+from mrwork.errors import SettingError
+from mrwork.study.control_laws import laws_text
+from mrwork.study.declared import Place, built
+from mrwork.study.design_problem import Subject
+from mrwork.study.law_designs import Design, designed
+from mrwork.study.law_settings import SETTINGS
+from mrwork.study.lines import parse
+
+# What each law is told here; those that need nothing are told nothing.
+TOLD = {
+    "passive": "command = 0.5",
+    "clipped_optimal": "control_weight = 1e-12",
+    "modified_clipped_optimal": "control_weight = 1e-12\nfull_force = '1 kN'",
+    "proportional_clipped_optimal": "control_weight = 1e-12\nfull_force = 1000",
+    "modulated_homogeneous_friction": "slope = '100 kN/m'",
+    "sliding_mode": "peak_acceleration = '0.3 g'\nlargest_force = 2000",
+    "adaptive_sliding_mode": "peak_acceleration = 3\nlargest_force = 2000",
+    "super_twisting": "peak_acceleration = 3\nlargest_force = 2000",
+    "fuzzy": "deformation = '5 mm'\nrate = 0.1",
+    "proportional_direct": "slope = 1e-3",
+    "inverse_direct": "control_weight = 1e-12\ndrifts = 1e4",
+    "inverse_network": "control_weight = 1e-12\namplitude = 0.005\nvelocity = 0.1\nhidden = 3",
+    "active": "control_weight = 1e-12",
+}
+
+
+def subject(name: str = "uts", preset: str = "kwok2006", model: str = "static_hysteretic") -> Subject:
+    frame, published = building(name), damper(model).preset(preset)
+    device = Device(
+        name="damper in storey 1",
+        spec=published.spec,
+        theta=np.array(published.theta),
+        row=frame.storeys[0],
+        differential=preset == "kwok2006",
+        largest_command=published.largest_command or 0.0,
+    )
+    return Subject(building=frame, devices=(device,), sample_time=1e-3)
+
+
+def design(law: str, text: str, on: Subject | None = None) -> Design:
+    document, lines = parse(text, "study.toml")
+    settings: object = built(SETTINGS[law], document, Place(origin="study.toml", lines=lines))
+    return designed(law, settings, on or subject())
+
+
+def test_every_law_of_the_registry_has_settings() -> None:
+    assert set(SETTINGS) == {spec.name for spec in control_laws()}
+
+
+@pytest.mark.parametrize("law", list(SETTINGS))
+def test_a_design_has_the_numbers_that_its_law_takes(law: str) -> None:
+    found = design(law, TOLD.get(law, ""))
+    made = ControlLaw(name=law, gains=found.gains, tables=found.tables)
+    n_gains = sum(1 if gain.shape == "device" else 10 for gain in made.spec.gains)
+    assert made.gain_rows(1, 10).shape == (1, n_gains)
+    assert len(made.table_rows()) == len(made.spec.tables)
+
+
+@pytest.mark.parametrize("law", list(SETTINGS))
+def test_every_law_has_finite_numbers_for_each_device(law: str) -> None:
+    found = design(law, TOLD.get(law, ""))
+    for gain in found.gains.values():
+        assert gain.shape in ((1,), (1, 10))
+        assert np.isfinite(gain).all()
+    for table in found.tables.values():
+        assert np.isfinite(table).all()
+
+
+def test_the_weights_of_dyke_are_stated_in_a_table() -> None:
+    on = subject("dyke1996", "dyke1996", "modified_bouc_wen")
+    found = design("clipped_optimal", "accelerations = [0, 0, 1]\ncontrol_weight = 1e-17", on)
+    published = regulator_as_published(on.plant, published_regulator("dyke1996"))
+    assert found.gains["gain"] == pytest.approx(published.gain, rel=1e-9)
+
+
+def test_one_weight_stands_for_all_floors() -> None:
+    on = subject()
+    one = design("clipped_optimal", "accelerations = 2\ncontrol_weight = 1e-9", on)
+    each = regulator_of_outputs(on.plant, accelerations(on.plant), [2.0] * 5, 1e-9)
+    assert one.gains["gain"] == pytest.approx(each.gain, rel=1e-12)
+
+
+def test_a_cheaper_force_is_wanted_more() -> None:
+    dear = design("clipped_optimal", "control_weight = 1e-8").gains["gain"]
+    cheap = design("clipped_optimal", "control_weight = 1e-9").gains["gain"]
+    assert np.linalg.norm(cheap[:, 5:]) > np.linalg.norm(dear[:, 5:])
+
+
+def test_the_force_of_a_sliding_law_pushes_its_surface_down() -> None:
+    on = subject()
+    found = design("sliding_mode", TOLD["sliding_mode"], on).gains
+    # (S s)' = S B f + ..., and the law adds +rho sat(S s/phi) to f.
+    assert (found["surface"] @ on.plant.B).item() == pytest.approx(-1.0)
+
+
+@pytest.mark.parametrize(
+    ("law", "text", "message"),
+    [
+        (
+            "clipped_optimal",
+            "drifts = [1, 2]\ncontrol_weight = 1",
+            r"line 1: drifts has 2 weights, and there are 5",
+        ),
+        (
+            "clipped_optimal",
+            "drifts = 1\nenergy = 1\ncontrol_weight = 1",
+            r"line 2: a regulator weighs the energy or outputs such as drifts; keep one",
+        ),
+        (
+            "clipped_optimal",
+            "drifts = -1\ncontrol_weight = 1",
+            r"line 1: drifts is -1; it can be no less than 0",
+        ),
+        ("passive", "command = 3", r"line 1: command is 3, and the driver gives 1.88 at most"),
+        (
+            "sliding_mode",
+            "peak_acceleration = '3 N'\nlargest_force = 1",
+            r"line 1: peak_acceleration is '3 N'",
+        ),
+    ],
+)
+def test_a_mistake_is_one_sentence_with_its_line(law: str, text: str, message: str) -> None:
+    with pytest.raises(SettingError, match=message):
+        design(law, text)
+
+
+def test_the_printed_laws_have_every_setting() -> None:
+    text = laws_text()
+    for name in SETTINGS:
+        assert f"{name}: " in text
+    assert "best_passive" in text

@@ -1,0 +1,198 @@
+"""A study file, read whole: what it comes to, and that its mistakes are sentences with a line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrwork.buildings.published import building
+from mrwork.dampers.spec import DamperSpec
+from mrwork.errors import RecordError, SettingError
+from mrwork.study.reading import read_study
+from mrwork.study.study import Study
+
+STUDY = """\
+[building]
+published = "uts"
+
+[[damper]]
+storey = 1
+preset = "kwok2006"
+differential = true
+
+[[controller]]
+law = "passive"
+label = "0.6 A"
+settings = { command = 0.6 }
+
+[[baseline]]
+label = "isolated"
+[baseline.building.isolation]
+mass = 300
+period = 2.0
+ratio = 0.1
+
+[[motion]]
+synthetic = "kanai_tajimi"
+duration = 3
+pga = [1.0, 2.0]
+
+[hardware]
+sample_time = "1 ms"
+"""
+
+# Each building of the literature, stated from its numbers alone.
+STATED = {
+    "dyke1996": """
+        mass = [[98.3, 0, 0], [0, 98.3, 0], [0, 0, 98.3]]
+        damping = [[175, -50, 0], [-50, 100, -50], [0, -50, 50]]
+        stiffness = [[12.0e5, -6.84e5, 0], [-6.84e5, 13.7e5, -6.84e5], [0, -6.84e5, 6.84e5]]""",
+    "jansen2000": """
+        masses = [22.7, 22.7, 22.7, 22.7, 22.7, 22.7]
+        stiffnesses = [29700, 29700, 29700, 29700, 29700, 29700]
+        modal_damping = { ratios = [0.005] }""",
+    "uts": """
+        masses = [337, 330, 330, 330, 330]
+        stiffnesses = [1.448e6, 1.448e6, 1.448e6, 1.448e6, 1.448e6]
+        rayleigh = { a0 = 0.309478, a1 = 1.89972e-4 }""",
+    "frame": """
+        masses = [300]
+        stiffnesses = [106591.727585]
+        modal_damping = { ratios = [0.01] }""",
+    "sac3": """
+        mass = [[4.7835e5, 0, 0], [0, 4.7835e5, 0], [0, 0, 5.1779e5]]
+        stiffness = [
+            [4.40846e8, -2.39798e8, 4.21961e7],
+            [-2.39798e8, 3.15537e8, -1.29507e8],
+            [4.21961e7, -1.29507e8, 9.35151e7],
+        ]
+        rayleigh = { ratios = [0.02, 0.02], modes = [1, 3] }""",
+    "utfpr": """
+        masses = [24.3, 24.3]
+        stiffnesses = [6820, 8220]
+        storey_damping = [0.939, 0.29]""",
+}
+
+
+def unknown_run(run: Path) -> tuple[DamperSpec, tuple[float, ...]]:
+    raise RecordError(f"{run} does not exist")
+
+
+def study_of(text: str, folder: Path) -> Study:
+    path = folder / "study.toml"
+    path.write_text(text)
+    return read_study(path, unknown_run)
+
+
+def test_a_study_begins_with_its_references(tmp_path: Path) -> None:
+    study = study_of(STUDY, tmp_path)
+    assert [each.row.kind for each in study.arrangements] == [
+        "uncontrolled",
+        "passive_off",
+        "baseline",
+        "controller",
+    ]
+    assert study.arrangements[0].devices == ()
+    assert [motion.peak for motion in study.motions] == pytest.approx([1.0, 2.0])
+    assert study.detailed == 1
+    assert study.command_unit == "A"
+
+
+def test_a_differential_pair_is_one_device_with_one_command(tmp_path: Path) -> None:
+    (pair,) = study_of(STUDY, tmp_path).arrangements[1].devices
+    assert pair.differential
+    assert pair.largest_command == 1.88
+    (single,) = study_of(STUDY.replace("differential = true\n", ""), tmp_path).arrangements[1].devices
+    assert not single.differential
+
+
+def test_a_damper_behind_a_brace_takes_the_drift_less_the_brace(tmp_path: Path) -> None:
+    text = STUDY.replace("differential = true", "differential = true\nbrace = { stiffness = 1e7 }")
+    study = study_of(text, tmp_path)
+    equipped = study.arrangements[1]
+    assert equipped.building.n_coordinates == study.building.n_coordinates + 1
+    assert equipped.devices[0].row == pytest.approx(np.append(study.building.storeys[0], -1.0))
+    # The brace moves with its own deformation alone: the building is the same without dampers, its drifts too.
+    assert study.arrangements[0].building.n_coordinates == 5
+    assert len(equipped.storeys) == 5
+
+
+def test_an_isolated_building_is_compared_on_its_own_floors_and_storeys(tmp_path: Path) -> None:
+    isolated = study_of(STUDY, tmp_path).arrangements[2]
+    assert isolated.floors == (1, 2, 3, 4, 5)
+    assert isolated.storeys == (1, 2, 3, 4, 5)
+    assert isolated.strokes == (0,)
+
+
+@pytest.mark.parametrize("name", list(STATED))
+def test_every_building_of_the_literature_is_stated_without_python(name: str, tmp_path: Path) -> None:
+    text = STUDY.replace('published = "uts"', STATED[name])
+    stated, published = study_of(text, tmp_path).building, building(name)
+    assert stated.mass == pytest.approx(published.mass)
+    assert stated.damping == pytest.approx(published.damping)
+    assert stated.stiffness == pytest.approx(published.stiffness)
+    assert stated.storeys == pytest.approx(published.storeys)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('"uts"', '"utz"', r"line 2: no published building is called 'utz'"),
+        ("storey = 1", "storey = 9", r"line 5: .*there is no storey 9"),
+        ('"passive"', '"pasive"', r"line 10: no control law is called 'pasive', did you mean passive"),
+        (
+            "command = 0.6",
+            "comand = 0.6",
+            r"line 12: \[controller.settings\] has no key 'comand', did you mean command",
+        ),
+        ('"isolated"', '"0.6 A"', r"two arrangements are called '0.6 A'; give one of them another label"),
+        ("command = 0.6", "command = 2", r"line 12: command is 2, and the driver gives 1.88 at most"),
+        (
+            "settings = { command = 0.6 }",
+            "",
+            r"line 9: \[controller.settings\] has no command; give the command",
+        ),
+        ("mass = 300", "mas = 300", r"line 17: .*'mas'"),
+        ("mass = 300", "mass = -1", r"line 1[67]: .*mass"),
+        (
+            '"1 ms"',
+            '"1 ms"\ndelay = "0.3 ms"',
+            r"line 26: `delay` is 0.0003 s, which is not a whole number of",
+        ),
+        ("differential = true", "amplitude = 3", r"line 7: amplitude is 3; give an array"),
+        ("differential = true", "amplitude = [3]", r"line 7: amplitude wants the least and the largest"),
+        (
+            "[hardware]\n",
+            '[[hardware.fault]]\nsignal = "force"\nstart = 2\nend = 1\n[hardware]\n',
+            r"line 26: the fault lasts from 2 to 1 s",
+        ),
+        ("[hardware]\n", '[report]\nmotion = "x"\n[hardware]\n', r"line 27: no motion is called 'x'"),
+    ],
+)
+def test_a_mistake_is_one_sentence_with_its_line(old: str, new: str, message: str, tmp_path: Path) -> None:
+    assert old in STUDY
+    with pytest.raises(SettingError, match=message) as refused:
+        study_of(STUDY.replace(old, new, 1), tmp_path)
+    assert "\n" not in str(refused.value)
+    assert str(refused.value).count("study.toml") == 1
+
+
+def test_control_without_dampers_is_refused(tmp_path: Path) -> None:
+    start, end = STUDY.index("[[damper]]"), STUDY.index("[[controller]]")
+    with pytest.raises(SettingError, match=r"line 4: a control law wants dampers, and the study has none"):
+        study_of(STUDY[:start] + STUDY[end:], tmp_path)
+
+
+def test_dampers_of_two_models_are_refused(tmp_path: Path) -> None:
+    text = STUDY.replace("[[controller]]", '[[damper]]\nstorey = 2\npreset = "dyke1996"\n\n[[controller]]', 1)
+    with pytest.raises(
+        SettingError, match=r"line 9: this damper is a modified_bouc_wen and the first a static_hys"
+    ):
+        study_of(text, tmp_path)
+
+
+def test_a_study_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(RecordError, match=r"gone\.toml cannot be read"):
+        read_study(tmp_path / "gone.toml", unknown_run)

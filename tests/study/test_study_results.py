@@ -1,0 +1,92 @@
+"""What follows from the runs of a study: criteria, ratios, score, warnings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+import study_samples
+
+from mrwork.closed_loop.criteria import criteria
+from mrwork.simulate import Outcome
+from mrwork.study.step_check import step_changes
+
+
+def test_a_linear_swing_has_the_ratios_of_its_amplitudes() -> None:
+    results = study_samples.results()
+    for row in range(5):
+        wanted = study_samples.amplitude(row, 1) / study_samples.amplitude(0, 1)
+        found = results.ratios(row, 1, "uncontrolled")
+        for entry in criteria():
+            if entry.ratio:
+                assert found[entry.name] == pytest.approx(wanted, rel=1e-12), entry.name
+
+
+def test_ratios_of_the_references_themselves_are_one() -> None:
+    results = study_samples.results()
+    for row, against in ((0, "uncontrolled"), (1, "passive_off")):
+        found = results.ratios(row, 0, against)  # type: ignore[arg-type]
+        assert {found[entry.name] for entry in criteria() if entry.ratio} == {1.0}
+
+
+def test_the_score_is_the_mean_over_motions() -> None:
+    results = study_samples.results()
+    wanted = study_samples.amplitude(4, 0) / study_samples.amplitude(1, 0)
+    assert results.score(4) == pytest.approx(wanted, rel=1e-12)
+
+
+def test_a_run_that_failed_has_no_criteria_and_leaves_no_score() -> None:
+    results = study_samples.results()
+    runs = dict(results.runs)
+    runs[4, 0] = replace(runs[4, 0], outcome="diverged", energy_error=math.nan)
+    results = replace(results, runs=runs)
+    assert results.criteria(4, 0) is None
+    assert math.isnan(results.score(4))
+    assert all(math.isnan(value) for value in results.ratios(4, 0, "passive_off").values())
+    (said,) = (warning for warning in results.warnings() if "El Centro" in warning)
+    assert said.startswith("Lyapunov <1 A> under El Centro diverged: ")
+    assert Outcome.DIVERGED.remedy in said
+    assert said.endswith("It has no criteria.")
+
+
+def test_a_change_of_the_step_is_that_of_the_criteria() -> None:
+    results = study_samples.results()
+    whole = results.runs[3, 1]
+    halved = {key: run for key, run in results.runs.items() if key[0] == 3}
+    halved[3, 1] = replace(whole, peak_drift=1.01 * whole.peak_drift, rms_drift=0.98 * whole.rms_drift)
+    checked = replace(results, halved=halved)
+    assert checked.step_changes(2, 0) is None
+    assert checked.step_changes(3, 0) == dict.fromkeys((entry.name for entry in criteria()), 0.0)
+    (change,) = step_changes(checked)
+    assert (change.row, change.criterion, change.motion, change.lost) == (3, "rms_drift", 1, ())
+    assert change.change == pytest.approx(0.02)
+    assert "RMS drift, filtered noise" in change.in_words(checked)
+
+
+def test_a_run_that_ends_otherwise_with_half_the_step_is_said() -> None:
+    results = study_samples.results()
+    diverged = replace(results.runs[3, 1], outcome="diverged")
+    (change,) = step_changes(replace(results, halved={(3, 1): diverged}))
+    assert change.criterion == ""
+    assert change.in_words(results) == "not compared: filtered noise"
+
+
+def test_a_study_is_complete_when_its_check_is() -> None:
+    results = study_samples.results()
+    assert results.complete
+    begun = replace(results, halved={(0, 0): results.runs[0, 0]})
+    assert (begun.done, begun.wanted, begun.complete) == (11, 20, False)
+    assert replace(results, halved=results.runs).complete
+
+
+def test_an_energy_balance_that_does_not_hold_is_said_once_for_each_row() -> None:
+    (warning,) = study_samples.results().warnings()
+    assert "Clipped-optimal" in warning
+    assert "3.0e-04 of what was turned over, under filtered noise; 1 of 2 runs" in warning
+
+
+def test_a_balance_that_is_no_number_does_not_hold() -> None:
+    results = study_samples.results()
+    runs = results.runs | {(2, 0): replace(results.runs[2, 0], energy_error=math.nan)}  # type: ignore[operator]
+    assert any(text.startswith("Isolation") for text in replace(results, runs=runs).warnings())

@@ -1,0 +1,316 @@
+"""A study, run: each run once, resumed to the bit, written whole."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import printed
+
+from mrwork.errors import JournalError
+from mrwork.report.study.stored_histories import Histories
+from mrwork.report.unfinished import begin_journal
+from mrwork.simulate import Outcome
+from mrwork.store import Journal
+from mrwork.study.reading import read_study
+from mrwork.study.results import StudyResults
+from mrwork.study.run import StudyInterrupted, StudyProgress, run_study
+from mrwork.study.run_result import History
+from mrwork.study.study import Study
+
+# Two motions, four arrangements.
+STUDY = """\
+title = "Two storeys"
+
+[building]
+masses = [100, 100]
+stiffnesses = [1e5, 1e5]
+modal_damping = { ratios = [0.01] }
+
+[[damper]]
+storey = 1
+preset = "kwok2006"
+differential = true
+
+[[controller]]
+law = "best_passive"
+label = "best"
+
+[[baseline]]
+label = "isolated"
+building = { isolation = { mass = 100, period = 2.0, ratio = 0.1 } }
+
+[[motion]]
+synthetic = "kanai_tajimi"
+name = "noise"
+duration = 3
+pga = [0.5, 1.0]
+
+[hardware]
+sample_time = "2 ms"
+step = "1 ms"
+"""
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    target = tmp_path / "study.toml"
+    target.write_text(STUDY)
+    return target
+
+
+@pytest.fixture
+def study(path: Path) -> Study:
+    return read_study(path, lambda run: pytest.fail(f"{run} is not asked for"))
+
+
+def ran(study: Study, journal: Path, *, resume: bool = False, interrupt: int = -1) -> StudyResults:
+    """Run a study; `interrupt` is how many runs are done when Ctrl-C comes."""
+
+    def on_progress(progress: StudyProgress) -> None:
+        if progress.done == interrupt:
+            raise KeyboardInterrupt
+
+    opened = Journal(journal, resume=resume)
+    try:
+        return run_study(study, journal=opened, on_progress=on_progress)
+    finally:
+        opened.close()
+
+
+def test_every_arrangement_runs_under_every_motion(study: Study, tmp_path: Path) -> None:
+    results = ran(study, tmp_path / "journal")
+    assert results.complete
+    assert {run.outcome for run in results.runs.values()} == {"finished"}
+    assert [row.label for row in results.rows[:3]] == ["uncontrolled", "i = 0", "isolated"]
+    for run in results.runs.values():
+        assert run.peak_drift.shape == run.peak_acceleration.shape == (2,)
+
+
+def test_a_building_without_dampers_is_linear_in_its_motion(study: Study, tmp_path: Path) -> None:
+    results = ran(study, tmp_path / "journal")
+    weak, strong = results.runs[0, 0], results.runs[0, 1]
+    assert strong.peak_drift == pytest.approx(2.0 * weak.peak_drift, rel=1e-9)
+
+
+def test_the_best_constant_command_is_no_worse_than_none(study: Study, tmp_path: Path) -> None:
+    results = ran(study, tmp_path / "journal")
+    assert results.rows[3].label.startswith("best, ")
+    assert results.score(3) <= results.score(1) == pytest.approx(1.0)
+
+
+def test_the_ideal_force_does_not_depend_on_how_many_dampers_it_replaces(path: Path, tmp_path: Path) -> None:
+    scores = []
+    for number, dampers in enumerate(("", "count = 3", "differential = true")):
+        text = STUDY.replace("differential = true", dampers)
+        text = text.replace(
+            'law = "best_passive"', 'law = "active"\nsettings = { control_weight = 1e-4, energy = 1 }'
+        )
+        path.write_text(text)
+        study = read_study(path, lambda run: pytest.fail(f"{run} is not asked for"))
+        run = ran(study, tmp_path / f"journal{number}").runs[3, 1]
+        scores.append((run.peak_drift.max(), run.peak_force.max()))
+        # What it is told is a force, not a current.
+        assert run.rms_current.size == run.mean_current.size == 0
+    assert scores[1] == pytest.approx(scores[0], rel=1e-9)
+    assert scores[2] == pytest.approx(scores[0], rel=1e-9)
+
+
+def test_an_interrupted_study_has_what_is_done_and_resumes_to_the_bit(study: Study, tmp_path: Path) -> None:
+    whole = ran(study, tmp_path / "whole")
+    with pytest.raises(StudyInterrupted) as interrupted:
+        ran(study, tmp_path / "journal", interrupt=4)
+    assert len(interrupted.value.results.runs) == 4
+    lines = (tmp_path / "journal").read_text().count("\n")
+    resumed = ran(study, tmp_path / "journal", resume=True)
+    assert resumed.rows == whole.rows
+    for key, run in whole.runs.items():
+        for name in ("peak_drift", "rms_acceleration", "device_energy"):
+            assert np.array_equal(getattr(run, name), getattr(resumed.runs[key], name)), name
+    # What was recorded is not run again: the file has grown by the runs that were missing, and the search.
+    assert (tmp_path / "journal").read_text().count("\n") == lines + len(whole.runs) - 4 + 1
+
+
+def test_a_journal_of_another_study_is_refused(study: Study, path: Path, tmp_path: Path) -> None:
+    ran(study, tmp_path / "journal")
+    path.write_text(STUDY.replace("masses = [100, 100]", "masses = [100, 110]"))
+    other = read_study(path, lambda run: pytest.fail(f"{run} is not asked for"))
+    with pytest.raises(JournalError, match="is of another study"):
+        ran(other, tmp_path / "journal", resume=True)
+
+
+def test_a_history_that_is_lost_is_simulated_again(study: Study, tmp_path: Path) -> None:
+    ran(study, tmp_path / "journal")
+    found: dict[tuple[int, int], History] = {}
+
+    def keep(row: int, motion: int, history: History) -> None:
+        found[row, motion] = history
+
+    journal = Journal(tmp_path / "journal", resume=True)
+    results = run_study(study, journal=journal, kept=lambda row, motion: row != 1, keep=keep)
+    journal.close()
+    # That of the stronger motion, which is drawn.
+    assert set(found) == {(1, 1)}
+    drift = np.abs(found[1, 1].drift).max(axis=0)
+    # A history has the samples, peaks are of every step.
+    assert drift == pytest.approx(results.runs[1, 1].peak_drift, rel=1e-2)
+
+
+def test_half_the_step_changes_little_of_a_smooth_run_and_can_be_asked_for_later(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    plain = json.loads(printed(capsys, "respond", path, "--out", out, "--json"))
+    assert {entry["step_check"] for entry in plain["results"]} == {None}
+    document = json.loads(
+        printed(capsys, "respond", path, "--out", out, "--json", "--resume", "--check-step")
+    )
+    for before, after in zip(plain["results"], document["results"], strict=True):
+        assert after | {"step_check": None} == before
+        check = after["step_check"]
+        assert check["steps"] == 2 * after["steps"]
+        # A peak is that of a step, and the force has its own between two.
+        assert 0.0 <= check["largest"] == max(check["changes"].values()) < 5e-3
+    # Without dampers the motion is smooth: a peak of the second mode, 51 rad/s, is missed by (w h)^2 / 8 at most.
+    assert 0.0 < document["results"][0]["step_check"]["largest"] < (51.2 * 1e-3) ** 2 / 8
+    journal = (out / "journal.jsonl").read_text()
+    assert journal.count('"run with half the step"') == 8
+    assert "On/off laws" in (out / "report.html").read_text()
+    text = printed(capsys, "respond", path, "--out", out, "--quiet", "--resume", "--check-step")
+    assert "Half the step: the largest change" in text
+    # Recalled, not run again.
+    assert (out / "journal.jsonl").read_text() == journal
+
+
+def test_an_unstable_gain_has_a_named_end_with_its_remedy_and_valid_json(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path.write_text(
+        STUDY.replace(
+            'law = "best_passive"\nlabel = "best"',
+            'law = "active"\nlabel = "stiff"\nsettings = { control_weight = 1e-30, energy = 1 }',
+        )
+    )
+    out = tmp_path / "run"
+    document = json.loads(
+        printed(capsys, "respond", path, "--out", out, "--json", "--check-step"), parse_constant=pytest.fail
+    )
+    failed = [entry for entry in document["results"] if entry["controller"] == "stiff"]
+    assert [entry["outcome"] for entry in failed] == ["diverged", "diverged"]
+    for entry in failed:
+        assert entry["energy_error"] is None
+        assert set(entry["criteria"].values()) == {None}
+        assert entry["step_check"]["largest"] is None
+    assert document["scores"]["stiff"] is None
+    assert len(list((out / "histories").iterdir())) == 3
+    for text in (
+        printed(capsys, "respond", path, "--out", out, "--quiet", "--resume"),
+        (out / "report.html").read_text(),
+    ):
+        assert "stiff under noise, 0.051 g diverged: the state left the finite numbers; " in text
+        assert "lower the gains of the control law" in text
+
+
+def test_a_sensor_that_gives_no_number_ends_in_a_named_outcome(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    broken = STUDY.replace(
+        'law = "best_passive"\nlabel = "best"', 'law = "fuzzy"\nsettings = { deformation = 0.01, rate = 0.1 }'
+    )
+    broken += '[[hardware.fault]]\nsignal = "deformation"\nstart = 1\nend = 1.5\nvalue = nan\n'
+    path.write_text(broken)
+    document = json.loads(printed(capsys, "respond", path, "--out", tmp_path / "run", "--json"))
+    entry = document["results"][6]
+    assert (entry["controller"], entry["outcome"]) == ("Fuzzy", "failed_safe")
+    assert entry["criteria"]["peak_drift"] > 0.0
+    assert entry["energy_error"] < 1e-6
+    assert any(
+        f"noise, 0.051 g failed safe: {Outcome.FAILED_SAFE.remedy}." in warning
+        for warning in document["warnings"]
+    )
+
+
+def test_the_verb_writes_tables_histories_and_page(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    document = json.loads(printed(capsys, "respond", path, "--out", out, "--json"))
+    assert document["complete"] is True
+    assert len(document["results"]) == 8
+    for entry in document["results"]:
+        assert {"controller", "motion", "outcome", "criteria", "energy_error"} <= set(entry)
+    names = {entry.name for entry in out.iterdir()}
+    assert names == {
+        "manifest.json",
+        "journal.jsonl",
+        "results.json",
+        "study.toml",
+        "report.html",
+        "criteria.csv",
+        "profiles.csv",
+        "histories",
+    }
+    assert len(list((out / "histories").iterdir())) == 4
+    assert len((out / "criteria.csv").read_text().splitlines()) == 9
+    assert "Two storeys" in (out / "report.html").read_text()
+    assert not (tmp_path / "run.part").exists()
+
+
+def test_the_verb_goes_on_with_a_killed_study(
+    study: Study, path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "run"
+    journal, histories = begin_journal(out), Histories(out, study, resume=False)
+
+    def on_progress(progress: StudyProgress) -> None:
+        if progress.done == 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(StudyInterrupted):
+        run_study(study, journal=journal, kept=histories.kept, keep=histories.keep, on_progress=on_progress)
+    journal.close()
+    resumed = json.loads(printed(capsys, "respond", path, "--out", out, "--json", "--resume"))
+    fresh = json.loads(printed(capsys, "respond", path, "--out", tmp_path / "fresh", "--json"))
+    assert resumed["results"] == fresh["results"]
+    assert len(list((out / "histories").iterdir())) == 4
+    assert not (tmp_path / "run.part").exists()
+
+
+def test_the_verb_shows_a_table_for_each_motion(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = printed(capsys, "respond", path, "--out", tmp_path / "run", "--quiet")
+    for word in (
+        "noise, 0.051 g",
+        "noise, 0.102 g",
+        "uncontrolled",
+        "i = 0",
+        "isolated",
+        "best, ",
+        "Score",
+        "Report:",
+    ):
+        assert word in text
+
+
+def test_the_verb_prints_its_schema_and_its_laws(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "[[damper]]" in printed(capsys, "respond", "--schema")
+    assert "best_passive" in printed(capsys, "respond", "--laws")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        ([], "no study is given"),
+        (["gone.toml"], "cannot be read"),
+        (["gone.toml", "--seed", "-1"], "negative"),
+    ],
+)
+def test_what_cannot_be_run_is_one_sentence(
+    arguments: list[str], word: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    said = printed(capsys, "respond", *arguments, status=2)
+    assert word in said
+    assert len(said.strip().splitlines()) == 1

@@ -1,0 +1,119 @@
+"""Tables of a study: each mistake is one sentence with its line, and the printed schema is what the reader goes by."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import fields
+from typing import Any
+
+import pytest
+
+from mrwork.buildings.from_file import KEYS
+from mrwork.errors import SettingError
+from mrwork.study.declared import Place, built, is_required
+from mrwork.study.lines import parse
+from mrwork.study.print_schema import in_words, schema_text, tables
+from mrwork.study.schema import StudyTable
+
+STUDY = """\
+title = "Five storeys"
+
+[building]
+published = "uts"
+
+[[damper]]
+storey = 1
+preset = "kwok2006"
+differential = true
+
+[[controller]]
+law = "clipped_optimal"
+settings = { control_weight = 1e-17 }
+
+[[motion]]
+synthetic = "kanai_tajimi"
+pga = [0.981, 2.943]
+
+[hardware]
+sample_time = "2 ms"
+"""
+
+
+def study_of(text: str) -> StudyTable:
+    document, lines = parse(text, "study.toml")
+    return built(StudyTable, document, Place(origin="study.toml", lines=lines))
+
+
+def test_a_study_is_read_with_its_units_and_defaults() -> None:
+    study = study_of(STUDY)
+    assert study.hardware.sample_time == pytest.approx(0.002)
+    assert study.hardware.feedback == "state"
+    assert study.motion[0].pga == (0.981, 2.943)
+    assert study.damper[0].storey == 1
+    assert str(study.damper[0].place) == "study.toml, line 6"
+    assert study.controller[0].settings == {"control_weight": 1e-17}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("storey = 1", "story = 1", r"line 7: \[\[damper\]\] has no key 'story', did you mean storey"),
+        ("storey = 1\n", "", r"line 6: \[\[damper\]\] has no storey; give storey it stands in"),
+        ("storey = 1", "storey = 1.5", r"line 7: storey is 1.5; give a whole number"),
+        ("storey = 1", "storey = true", r"line 7: storey is True; give a whole number"),
+        ("differential = true", 'differential = "yes"', r"line 9: differential is 'yes'; give true or false"),
+        ('law = "clipped_optimal"', "law = 3", r"line 12: law is 3; give a text in quotes"),
+        ("{ control_weight = 1e-17 }", "1", r"line 13: settings is 1; give a table"),
+        ('"kanai_tajimi"', '"kanai"', r"line 16: synthetic is 'kanai'.* choose one of kanai_tajimi"),
+        ("[0.981, 2.943]", '"0.1 furlong"', r"line 17: pga is '0.1 furlong', whose unit is not known"),
+        (
+            "[0.981, 2.943]",
+            '[0.1, "3 mm"]',
+            r"line 17: pga\[1\] is '3 mm', where a number \[m/s2\] is wanted",
+        ),
+        ('"2 ms"', '"2"', r"line 20: sample_time is the text '2'; give the number without quotes"),
+        ('"2 ms"', "0", r"line 20: sample_time is 0; it must be more than 0"),
+        ('"2 ms"', "nan", r"line 20: sample_time is nan; give a finite number"),
+        ("[hardware]", "[hardwear]", r"line 19: the study has no key 'hardwear', did you mean hardware"),
+        ("[[motion]]", "[motion]", r"line 15: motion is a table; give an array"),
+        ("[building]\n", "[[building]]\n", r"line 3: building is an array; give a table"),
+    ],
+)
+def test_a_mistake_is_one_sentence_with_its_line(old: str, new: str, message: str) -> None:
+    assert old in STUDY
+    with pytest.raises(SettingError, match=message) as refused:
+        study_of(STUDY.replace(old, new, 1))
+    assert str(refused.value).startswith("study.toml, ")
+    assert "\n" not in str(refused.value)
+
+
+def test_a_unit_is_converted_to_si() -> None:
+    text = STUDY.replace("[0.981, 2.943]", '"0.1 g"')
+    assert study_of(text).motion[0].pga == pytest.approx(0.980665)
+
+
+@pytest.mark.parametrize(("heading", "kind"), list(tables()))
+def test_the_printed_schema_has_every_key_that_the_reader_knows(heading: str, kind: Any) -> None:
+    block = next(block for block in schema_text().split("\n\n") if block.startswith(heading or "at the top"))
+    assert max(len(line) for line in block.splitlines()) <= 120
+    words = " ".join(block.split())
+    for entry in fields(kind):
+        if entry.name != "place":
+            default = "required" if is_required(entry) else ""
+            assert re.search(rf" {entry.name} {default}.*{re.escape(entry.metadata['says'])} \(", words), (
+                entry.name
+            )
+
+
+def test_the_printed_schema_has_every_key_of_a_building() -> None:
+    (block,) = [block for block in schema_text().split("\n\n") if block.startswith("[building]")]
+    words = set(re.findall(r"[a-z_]+", block))
+    assert set(KEYS) <= words
+
+
+@pytest.mark.parametrize(
+    ("hint", "words"),
+    [(str | None, "text"), (int | str, "whole number or text"), (tuple[float, ...], "array of numbers")],
+)
+def test_types_are_printed_in_words(hint: Any, words: str) -> None:
+    assert in_words(hint) == words

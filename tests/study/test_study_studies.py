@@ -1,0 +1,67 @@
+"""The studies that come with the project, on measured records."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from pathlib import Path
+
+import measured_data
+import pytest
+
+from mrwork.store import Journal
+from mrwork.study.reading import read_study
+from mrwork.study.results import StudyResults
+from mrwork.study.run import run_study
+from mrwork.study.study import Study
+
+STUDIES = measured_data.ROOT / "studies" / "respond"
+RECORDS = Path(os.environ.get("MRWORK_DATA", "../shared/data")) / "records"
+if not (RECORDS / "el_centro_1940_ns.csv").is_file():
+    pytest.skip(f"no measured records in {RECORDS}; set MRWORK_DATA", allow_module_level=True)
+
+
+def study_of(name: str, folder: Path) -> Study:
+    """The study, its records taken from where they are here."""
+    text = (STUDIES / name).read_text().replace("../../../shared/data/records", str(RECORDS.resolve()))
+    path = folder / name
+    path.write_text(text)
+    return read_study(path, lambda run: pytest.fail(f"{run} is not asked for"))
+
+
+@pytest.fixture(scope="module")
+def dyke(tmp_path_factory: pytest.TempPathFactory) -> StudyResults:
+    folder = tmp_path_factory.mktemp("dyke")
+    journal = Journal(folder / "journal")
+    results = run_study(study_of("dyke1996.toml", folder), journal=journal)
+    journal.close()
+    shutil.rmtree(folder)
+    return results
+
+
+# Peaks of the paper: displacement and drift [cm], acceleration [cm/s2], force [N].
+PUBLISHED = {
+    "i = 0": ((0.211, 0.357, 0.455), (0.211, 0.153, 0.103), (420.0, 480.0, 717.0), 258.0),
+    "passive-on, 2.25 V": ((0.0798, 0.196, 0.306), (0.0798, 0.158, 0.110), (281.0, 494.0, 767.0), 979.0),
+    "Clipped-optimal": ((0.114, 0.185, 0.212), (0.114, 0.0902, 0.101), (696.0, 739.0, 703.0), 941.0),
+}
+
+
+@pytest.mark.parametrize("label", list(PUBLISHED))
+def test_the_peaks_of_dyke_are_met(dyke: StudyResults, label: str) -> None:
+    row = [each.label for each in dyke.rows].index(label)
+    run = dyke.runs[row, 0]
+    # The record and its interpolation are not quite the paper's.
+    in_motion, in_force = (0.02, 0.05) if label == "Clipped-optimal" else (0.03, 0.03)
+    displacement, drift, acceleration, force = PUBLISHED[label]
+    assert 100.0 * run.peak_displacement == pytest.approx(displacement, rel=in_motion)
+    assert 100.0 * run.peak_drift == pytest.approx(drift, rel=in_motion)
+    assert 100.0 * run.peak_acceleration == pytest.approx(acceleration, rel=in_force)
+    assert run.peak_force.max() == pytest.approx(force, rel=in_force)
+    assert run.energy_error < 1e-6
+
+
+def test_every_law_stands_in_the_five_storey_study(tmp_path: Path) -> None:
+    study = study_of("five_storeys.toml", tmp_path)
+    assert len(study.arrangements) == 22
+    assert [round(motion.peak / 9.80665, 3) for motion in study.motions] == [0.1, 0.3] * 4

@@ -1,0 +1,55 @@
+"""Effective samples: known for autoregressive noise, never more than there are, test by test."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from mrwork.dampers.spec import damper
+from mrwork.errors import SettingError
+from mrwork.identification.objective import Objective
+from mrwork.synthetic import synthetic_test
+from mrwork.uncertainty.autocorrelation import autocorrelation_time, effective_samples, residuals_by_test
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.5, 0.93])
+def test_autoregressive_noise_has_the_time_of_theory(phi: float) -> None:
+    # tau = (1 + phi)/(1 - phi); the estimate scatters by about sqrt(4 m tau / n), m the lags that are summed.
+    white = np.random.default_rng(3).standard_normal(100_000)
+    series = lfilter([1.0], [1.0, -phi], white)
+    assert autocorrelation_time(series) == pytest.approx((1.0 + phi) / (1.0 - phi), rel=0.1)
+
+
+def test_alternating_samples_count_no_better_than_independent_ones() -> None:
+    assert autocorrelation_time(np.tile([1.0, -1.0], 50)) == 1.0
+    assert autocorrelation_time(np.zeros(7)) == 1.0
+    assert autocorrelation_time([0.3]) == 1.0
+
+
+def test_a_constant_residual_is_hardly_more_than_one_sample() -> None:
+    assert effective_samples([np.full(1000, 0.2)]) < 3.0
+
+
+def test_the_unit_of_the_residuals_does_not_matter() -> None:
+    series = np.cumsum(np.random.default_rng(1).standard_normal(500))
+    assert autocorrelation_time(1e6 * series) == pytest.approx(autocorrelation_time(series))
+
+
+def test_tests_are_counted_one_by_one() -> None:
+    tests = tuple(synthetic_test(name) for name in ("spencer1997", "spencer1997_fast"))
+    objective = Objective.of(damper("bouc_wen"), tests)
+    residuals = objective.residuals(damper("bouc_wen").nominal[None])[0]
+    first, second = residuals_by_test(residuals, tests)
+    assert [first.size, second.size] == [test.n_time - test.n_settle for test in tests]
+    np.testing.assert_array_equal(np.concatenate([first, second]), residuals)
+    together = effective_samples([first, second])
+    assert together == pytest.approx(effective_samples([first]) + effective_samples([second]))
+    # The noise of these tests is white, but for what noise in the motion makes of the force.
+    assert 0.2 * residuals.size < together <= residuals.size
+
+
+@pytest.mark.parametrize("residual", [[], [[1.0, 2.0]], [1.0, np.nan]])
+def test_what_is_not_a_series_is_refused(residual: list[float]) -> None:
+    with pytest.raises(SettingError, match="one row of finite numbers"):
+        autocorrelation_time(residual)

@@ -1,0 +1,181 @@
+"""Bands: scores, conformal calibration over tests, energy per cycle, tests left out."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mrwork.dampers.spec import damper
+from mrwork.errors import SettingError
+from mrwork.identification.fit import Fit
+from mrwork.identification.identify import identify
+from mrwork.records import DamperTest
+from mrwork.synthetic import synthetic_test
+from mrwork.uncertainty.bands.band import Band, score
+from mrwork.uncertainty.bands.conformal import calibrate
+from mrwork.uncertainty.bands.cycle import cycles_of, errors_over_cycles
+from mrwork.uncertainty.bands.left_out import Fold, predict_left_out
+from mrwork.uncertainty.bands.parametric import noise_band, parameter_band, simulate_draws
+from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles
+from mrwork.uncertainty.bands.quantile import next_test_quantile, pooled_quantile
+from mrwork.uncertainty.noise import NOISES
+
+DAMPING, STIFFNESS = 1000.0, 20000.0
+NOMINAL = dict(zip(damper("static_hysteretic").names, damper("static_hysteretic").nominal, strict=True))
+
+
+@pytest.fixture(scope="module")
+def some_fit() -> Fit:
+    held = {name: (value, value) for name, value in NOMINAL.items() if name != "c"}
+    return identify("static_hysteretic", synthetic_test("rd1005_1a"), bounds=held, rng=0, threads=1)
+
+
+def sinusoid(amplitude: float, frequency: float, *, current: float | None = None) -> DamperTest:
+    """A spring and a dashpot, four cycles, 200 samples each."""
+    dt = 1.0 / (200.0 * frequency)
+    time = dt * np.arange(801)
+    x = amplitude * np.sin(2.0 * np.pi * frequency * time)
+    v = 2.0 * np.pi * frequency * amplitude * np.cos(2.0 * np.pi * frequency * time)
+    return DamperTest(
+        name=f"{amplitude:g} m {frequency:g} Hz {current} A",
+        path="",
+        sha256="",
+        dt=dt,
+        start_time=0.0,
+        displacement=x,
+        velocity=v,
+        force=DAMPING * v + STIFFNESS * x,
+        velocity_source="derived",
+        current=current,
+    )
+
+
+def group(
+    rng: np.random.Generator, n_tests: int, *, steep: bool = False, biased: bool = False
+) -> list[Prediction]:
+    """Predictions whose errors have a size of their own in each test, as model errors do."""
+    result = []
+    for frequency in rng.uniform(0.5, 3.0, n_tests):
+        test = sinusoid(0.01, frequency)
+        clean = Prediction(test=test, model_force=test.force)
+        size = clean.deviation * rng.uniform(0.05, 0.15)
+        error = size * rng.standard_normal(test.n_time)
+        if steep:
+            error *= clean.steepness / clean.steepness.mean()
+        if biased:
+            error += 3.0 * size * np.sin(3.0 * clean.phase)
+        result.append(Prediction(test=replace(test, force=test.force + error), model_force=test.force))
+    return result
+
+
+def test_score_of_a_band_counts_its_width_and_what_lies_outside() -> None:
+    band = Band(kind="prediction", level=0.9, lower=np.zeros(4), upper=np.ones(4), basis="")
+    found = score(band, np.array([0.5, 0.2, 1.5, 0.9]), per=2.0)
+    assert found.coverage == 0.75
+    assert found.width == 0.5
+    assert found.interval_score == pytest.approx((1.0 + 20.0 * 0.5 / 4.0) / 2.0)
+
+
+@pytest.mark.parametrize("level", [0.5, 0.9])
+def test_calibrated_bands_cover_tests_they_do_not_know(level: float) -> None:
+    rng = np.random.default_rng(5)
+    coverage = []
+    for _ in range(20):
+        *known, unknown = group(rng, 13, biased=True)
+        band = calibrate(known, held_out="").band(unknown, level)
+        coverage.append(score(band, unknown.measured).coverage)
+    # Twenty tests whose coverage scatters by some 0.1 to 0.15, so that their mean is known to 0.03.
+    assert np.mean(coverage) == pytest.approx(level, abs=0.08)
+
+
+def test_errors_that_grow_with_steepness_and_a_mean_error_are_found() -> None:
+    rng = np.random.default_rng(6)
+    assert calibrate(group(rng, 10, steep=True), held_out="").shape.slope > 0.0
+    biased = calibrate(group(rng, 10, biased=True), held_out="").shape.bias
+    assert max(biased) > 0.1
+    assert min(biased) < -0.1
+
+
+def test_few_tests_make_the_band_wider_than_their_own_errors_ask_for() -> None:
+    rng = np.random.default_rng(7)
+    coverage, wider = [], []
+    for _ in range(30):
+        *known, unknown = group(rng, 5)
+        calibration = calibrate(known, held_out="the fit has not seen")
+        wider.append(next_test_quantile(calibration.scores, 0.9) / pooled_quantile(calibration.scores, 0.9))
+        coverage.append(score(calibration.band(unknown, 0.9), unknown.measured).coverage)
+    assert np.mean(wider) > 1.01
+    # The sizes of the errors differ by a factor of three from test to test, so each coverage scatters by 0.1.
+    assert np.mean(coverage) == pytest.approx(0.9, abs=0.05)
+    assert calibration.basis == "calibrated on 4 tests the fit has not seen"
+
+
+def test_one_test_alone_says_so() -> None:
+    calibration = calibrate(group(np.random.default_rng(7), 1), held_out="the fit has not seen")
+    assert "says little of the next" in calibration.basis
+
+
+def test_impossible_requests_are_refused_in_a_sentence() -> None:
+    with pytest.raises(SettingError, match="none was given; name at least one"):
+        calibrate([], held_out="")
+    with pytest.raises(SettingError, match="lies between 0 and 1, got 90"):
+        next_test_quantile([np.ones(3)], 90.0)
+
+
+def test_cycles_of_a_spring_and_dashpot_have_their_closed_form() -> None:
+    test = sinusoid(0.01, 2.0)
+    cycles = cycles_of(test, test.force)
+    assert cycles.energy == pytest.approx(np.pi * DAMPING * 4.0 * np.pi * 0.01**2, rel=1e-6)
+    assert cycles.stiffness == pytest.approx(STIFFNESS, rel=1e-9)
+    assert cycles.damping == pytest.approx(DAMPING, rel=1e-9)
+    louder = Prediction(test=test, model_force=1.1 * test.force)
+    for name in ("energy", "stiffness", "damping"):
+        assert np.all(errors_over_cycles(louder, name) < 0.1)
+
+
+def test_a_chirp_has_no_regular_cycles() -> None:
+    assert has_regular_cycles(sinusoid(0.01, 1.0))
+    time = np.linspace(0.0, 4.0, 801)
+    assert not has_regular_cycles(replace(sinusoid(0.01, 1.0), displacement=np.sin(2.0 * np.pi * time**2)))
+
+
+@pytest.mark.parametrize(("fold", "left_in"), [("test", [5] * 6), ("motion", [4] * 3), ("command", [3] * 2)])
+def test_no_fit_sees_the_tests_it_predicts(fold: Fold, left_in: list[int], some_fit: Fit) -> None:
+    tests = [sinusoid(0.01, f, current=i) for f in (1.0, 2.0, 4.0) for i in (0.0, 1.0)]
+    seen = []
+
+    def identify_rest(rest: tuple[DamperTest, ...]) -> Fit:
+        seen.append({test.name for test in rest})
+        return some_fit
+
+    found = predict_left_out(tests, fold, identify_rest)
+    assert [len(names) for names in seen] == left_in
+    assert [prediction.test.name for prediction in found.predictions] == [test.name for test in tests]
+    for test in tests:
+        assert sum(test.name not in names for names in seen) == 1
+
+
+def test_one_fold_alone_is_refused() -> None:
+    tests = [sinusoid(0.01, f, current=1.0) for f in (1.0, 2.0)]
+    with pytest.raises(SettingError, match="have one command in common"):
+        predict_left_out(tests, "command", lambda rest: pytest.fail("nothing is to be identified"))
+
+
+def test_parameter_band_shrinks_with_the_draws_and_the_noise_band_does_not() -> None:
+    spec = damper("static_hysteretic")
+    rng = np.random.default_rng(9)
+    test = sinusoid(0.01, 1.0)
+    widths = {}
+    for spread in (0.02, 0.002):
+        draws = np.array(spec.nominal) * (1.0 + spread * rng.standard_normal((200, len(spec.parameters))))
+        forces = simulate_draws(spec, draws, test)
+        scale = {"deviation": float(np.std(forces)), "mean": float(np.mean(forces))}
+        noisy = noise_band(forces, np.full((200, 1), 0.1), NOISES["iid"], 0.9, rng=rng, **scale)
+        widths[spread] = [
+            float(np.mean(band.upper - band.lower)) for band in (parameter_band(forces, 0.9), noisy)
+        ]
+    parameter, prediction = np.array(list(widths.values())).T
+    assert parameter[1] < 0.2 * parameter[0]
+    assert prediction[1] > 0.7 * prediction[0]
+    # 3.29 deviations of 0.1 of the force hold 90 % of independent noise.
+    assert prediction[1] == pytest.approx(0.329 * scale["deviation"], rel=0.1)

@@ -1,0 +1,243 @@
+"""The choice of model: data go to the family that made them, interrupted or not, though another family fails."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from sinusoidal_tests import MOTIONS, PER_CYCLE, sinusoidal_test
+
+from mrwork.cli import parser
+from mrwork.errors import MrworkError, SettingError, UnknownNameError
+from mrwork.identification.multistart import Multistart
+from mrwork.records import DamperTest
+from mrwork.report.unfinished_comparison import StepJournals
+from mrwork.store import Journal
+from mrwork.uncertainty.choice.choose import ChoiceInterrupted, choose_model
+from mrwork.uncertainty.choice.comparison import Choice, ChoiceProgress
+from mrwork.uncertainty.choice.held_out import halves
+
+VISCOUS_DAHL = (800.0, 900.0, 2000.0, 20.0)
+FEW = Multistart(samples=10, starts=4, most_rounds=2, found=2)
+MODELS = ("dahl", "viscous_dahl", "normalised_bouc_wen")
+
+
+@pytest.fixture(scope="module")
+def tests() -> tuple[DamperTest, ...]:
+    return tuple(
+        sinusoidal_test("viscous_dahl", VISCOUS_DAHL, motion, noise=0.02, rng=seed)
+        for seed, motion in enumerate(MOTIONS)
+    )
+
+
+@pytest.fixture(scope="module")
+def choice(tests: tuple[DamperTest, ...]) -> Choice:
+    return choose_model(tests, MODELS, search=FEW, threads=1)
+
+
+def standings(choice: Choice) -> list[dict[str, Any]]:
+    """All but the clock."""
+    return [asdict(each) | {"seconds": 0.0} for each in choice.ranking.standings]
+
+
+def test_data_go_to_the_family_that_made_them_not_to_a_larger_one_that_contains_it(choice: Choice) -> None:
+    found = {each.model: each for each in choice.ranking.standings}
+    assert choice.ranking.chosen == "viscous_dahl"
+    assert found["normalised_bouc_wen"].verdict == "as good"
+    assert found["dahl"].verdict == "behind"
+    # Noise of 2 % is all that is left.
+    assert found["viscous_dahl"].left_out_percent == pytest.approx(98.0, abs=0.4)
+    assert choice.ranking.sentence.startswith("Of 3 families, Viscous and Dahl with 4 parameters is chosen")
+
+
+def test_all_criteria_reject_the_family_that_lacks_a_part(choice: Choice) -> None:
+    found = {each.model: each for each in choice.ranking.standings}
+    own, smaller, larger = found["viscous_dahl"], found["dahl"], found["normalised_bouc_wen"]
+    for each in (own, larger):
+        assert smaller.elpd is not None
+        assert each.elpd is not None
+        assert each.elpd > smaller.elpd + 10.0
+    assert own.bic_behind == 0.0
+    assert larger.bic_behind is not None
+    assert 0.0 < larger.bic_behind < 3.5 * np.log(sum(PER_CYCLE * 3 for _ in MOTIONS))
+    assert smaller.bic_behind is not None
+    assert smaller.bic_behind > 10.0
+
+
+def test_fits_are_those_of_all_tests_in_the_order_of_the_ranking(choice: Choice) -> None:
+    assert [fit.model for fit in choice.fits] == [each.model for each in choice.ranking.standings]
+    assert choice.best.model == choice.ranking.chosen
+    assert all(len(fit.quality) == len(MOTIONS) for fit in choice.fits)
+    assert choice.ranking.n_folds == len(MOTIONS)
+
+
+def test_a_family_that_fails_is_a_row(tests: tuple[DamperTest, ...]) -> None:
+    # A bound that one family does not admit, and the other keeps.
+    choice = choose_model(
+        tests[:2], ["dahl", "lugre"], search=FEW, bounds={"sigma_0": (1e20, 1e21)}, threads=1
+    )
+    last = choice.ranking.standings[-1]
+    assert (last.model, last.verdict, last.status) == ("lugre", "failed", "failed")
+    assert "sigma_0" in last.reason
+    assert choice.ranking.chosen == "dahl"
+    assert "Not judged: " in choice.ranking.sentence
+
+
+@pytest.mark.parametrize(
+    ("model", "task"), [("viscous_dahl", "left out 1"), ("dahl", "leave-one-out"), ("dahl", "left out 1")]
+)
+def test_interrupted_and_resumed_is_as_if_nothing_had_happened(
+    tests: tuple[DamperTest, ...], tmp_path: Path, model: str, task: str
+) -> None:
+    two = tests[:2]
+    compared = ["dahl", "viscous_dahl"]
+    whole = choose_model(two, compared, search=FEW, threads=1)
+
+    def interrupt(progress: ChoiceProgress) -> None:
+        if progress.model == model and progress.task.startswith(task):
+            raise KeyboardInterrupt
+
+    place = tmp_path / "run"
+    with pytest.raises(KeyboardInterrupt) as interrupted:
+        choose_model(
+            two,
+            compared,
+            search=FEW,
+            threads=1,
+            journal_of=StepJournals(place, resume=False),
+            on_progress=interrupt,
+        )
+    if (model, task) == ("dahl", "left out 1"):
+        # Nothing was judged yet.
+        assert not isinstance(interrupted.value, ChoiceInterrupted)
+    else:
+        assert isinstance(interrupted.value, ChoiceInterrupted)
+        missing = interrupted.value.choice.ranking.missing
+        assert missing == (("viscous_dahl",) if model == "viscous_dahl" else ())
+        assert all(each.elpd is None for each in interrupted.value.choice.ranking.standings)
+    resumed = choose_model(two, compared, search=FEW, threads=1, journal_of=StepJournals(place, resume=True))
+    assert standings(resumed) == standings(whole)
+    assert resumed.ranking.sentence == whole.ranking.sentence
+    assert [fit.theta for fit in resumed.fits] == [fit.theta for fit in whole.fits]
+
+
+def test_a_journal_of_every_step_is_asked_for_and_closed(
+    tests: tuple[DamperTest, ...], tmp_path: Path
+) -> None:
+    steps: list[str] = []
+    opened: list[Journal] = []
+
+    def journal_of(step: str) -> Journal:
+        steps.append(step)
+        opened.append(Journal(tmp_path / step.replace("/", "-")))
+        return opened[-1]
+
+    choose_model(tests[:2], ["dahl"], search=FEW, threads=1, journal_of=journal_of)
+    assert steps == ["dahl/fit", "dahl/left_out_1", "dahl/left_out_2", "dahl/leave_one_out"]
+    for journal in opened:
+        assert journal.path.stat().st_size > 0
+        with pytest.raises(ValueError, match="was closed"):
+            journal.record("late", "", {})
+
+
+def test_progress_tells_which_model_how_many_and_the_time_left(tests: tuple[DamperTest, ...]) -> None:
+    seen: list[ChoiceProgress] = []
+    choose_model(tests[:2], ["dahl", "bingham"], search=FEW, threads=1, on_progress=seen.append)
+    assert {(each.model, each.number, each.n_models) for each in seen} == {("dahl", 1, 2), ("bingham", 2, 2)}
+    assert [each.seconds for each in seen] == sorted(each.seconds for each in seen)
+    assert seen[0].seconds_left is None
+    assert seen[-1].seconds_left == 0.0
+    assert any(each.within is not None for each in seen)
+
+
+def test_of_one_test_the_later_cycles_are_predicted_and_that_proves_little() -> None:
+    one = sinusoidal_test("viscous_dahl", VISCOUS_DAHL, (0.01, 1.0), noise=0.02, cycles=6)
+    first, second = halves(one)
+    assert first.n_time == second.n_settle
+    assert first.n_settle == one.n_settle
+    choice = choose_model(one, ["dahl", "viscous_dahl"], search=FEW, threads=1)
+    assert choice.ranking.chosen == "viscous_dahl"
+    assert choice.ranking.n_folds >= 2
+    assert any("this proves little" in remark for remark in choice.ranking.remarks)
+
+
+def test_an_ellipsoid_about_the_fit_tells_what_the_chain_tells() -> None:
+    # Cycles enough that leaving one out moves the posterior but little.
+    longer = [
+        sinusoidal_test("viscous_dahl", VISCOUS_DAHL, motion, noise=0.02, cycles=5) for motion in MOTIONS[:2]
+    ]
+    (drawn,), (sampled,) = (
+        choose_model(longer, ["viscous_dahl"], search=FEW, sampled=sampled, threads=1).ranking.standings
+        for sampled in (False, True)
+    )
+    assert drawn.elpd is not None
+    assert drawn.unreliable_blocks == sampled.unreliable_blocks == 0
+    # Both have 2000 draws; a block's log density is known to some hundredths from these.
+    assert drawn.elpd == pytest.approx(sampled.elpd, abs=0.2)
+
+
+def test_impossible_requests_are_refused_before_anything_is_fitted(tests: tuple[DamperTest, ...]) -> None:
+    with pytest.raises(SettingError, match="name each once"):
+        choose_model(tests, ["dahl", "dahl"])
+    with pytest.raises(SettingError, match="have one command in common"):
+        choose_model(tests, ["dahl"], leave_out="command")
+    with pytest.raises(UnknownNameError, match="'k_q'"):
+        choose_model(tests, ["dahl"], bounds={"k_q": (0.0, 1.0)})
+    with pytest.raises(UnknownNameError, match="a law was given for 'k_q'"):
+        choose_model(tests, ["dahl"], laws={"k_q": "linear"})
+    with pytest.raises(UnknownNameError, match="no damper model"):
+        choose_model(tests, ["dull"])
+
+
+def mrwork(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "mrwork", *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+
+
+def test_the_command_line_writes_the_best_run_and_all_that_was_compared(tmp_path: Path) -> None:
+    place = tmp_path / "run"
+    result = mrwork(
+        *("identify", "synthetic:rd1005_1a", "--every", "10", "--model", "bingham,dahl"),
+        *("--out", place, "--json"),
+    )
+    assert result.returncode == 0, result.stderr
+    printed = json.loads(result.stdout)
+    written = json.loads((place / "ranking.json").read_text())
+    assert {key: printed[key] for key in written} == written
+    assert printed["chosen"] == json.loads((place / "fit.json").read_text())["model"]
+    for name in ("bingham", "dahl"):
+        assert json.loads((place / "models" / name / "fit.json").read_text())["model"] == name
+    assert (place / "figures" / "ranking.svg").is_file()
+    assert (place / "journal.jsonl").stat().st_size > 0
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("--model", "dahl", "--leave-out", "motion"), "belong to a comparison"),
+        (("--model", "dahl,bingham", "--start", "somewhere"), "--start"),
+        (("--model", "dahl,bingham", "--resume"), "no comparison to resume"),
+        (("--model", "dahl,dull"), "no damper model"),
+    ],
+)
+def test_the_command_line_refuses_in_a_sentence(
+    tmp_path: Path, arguments: tuple[str, ...], word: str
+) -> None:
+    options = parser().parse_args(
+        ["identify", "synthetic:rd1005_1a", *arguments, "--out", str(tmp_path / "run")]
+    )
+    with pytest.raises(MrworkError, match=word):
+        options.run(options)
+    assert list(tmp_path.iterdir()) == []

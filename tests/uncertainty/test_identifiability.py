@@ -1,0 +1,204 @@
+"""What data do not see: the redundancy of the Spencer form is found and said, the normalised form has none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mrwork.dampers.conversions import bouc_wen_from_normalised
+from mrwork.dampers.spec import damper
+from mrwork.identification.fit import Estimate, Fit
+from mrwork.identification.identify import identify
+from mrwork.identification.verdict import Change, Identifiability
+from mrwork.records import DamperTest
+from mrwork.synthetic import synthetic_test
+from mrwork.uncertainty.identifiability.directions import changes_along, sparse_basis, told_combinations
+from mrwork.uncertainty.identifiability.information import WEAK, judged
+from mrwork.uncertainty.identifiability.verdicts import identifiability_of
+
+TEST = synthetic_test("spencer1997_fast")
+
+
+@pytest.fixture(scope="module")
+def normalised() -> Fit:
+    return identify("normalised_bouc_wen", TEST, rng=1)
+
+
+@pytest.fixture(scope="module")
+def static() -> tuple[Fit, DamperTest]:
+    test = synthetic_test("rd1005_1a")
+    return identify("static_hysteretic", test, rng=1), test
+
+
+def spencer(fit: Fit, scale: float, *, held: bool) -> Fit:
+    """The same damper in the Spencer form, with `A` = `scale`; free, or held as an identification holds it."""
+    theta = bouc_wen_from_normalised(np.array(fit.theta), scale)
+    estimates = tuple(
+        Estimate(
+            name=parameter.name,
+            unit=parameter.unit,
+            value=float(value),
+            standard_error=None,
+            lower=parameter.lower,
+            upper=parameter.upper,
+            remark="fixed" if held and parameter.name == "A" else "",
+        )
+        for parameter, value in zip(damper("bouc_wen").parameters, theta, strict=True)
+    )
+    return replace(fit, model="bouc_wen", estimates=estimates)
+
+
+def verdicts(found: Identifiability) -> dict[str, str]:
+    return {each.name: each.verdict for each in found.verdicts}
+
+
+def test_the_redundancy_of_the_spencer_form_is_found_and_said(normalised: Fit) -> None:
+    found = identifiability_of(spencer(normalised, 120.0, held=False), [TEST])
+    (unseen,) = [each for each in found.directions if not each.seen]
+    shares = {each.name: each.percent for each in unseen.changes}
+    # z is multiplied by s: A by s, alpha by 1/s, gamma and beta by s^(1 - n).
+    n = dict(zip(normalised.spec.names, normalised.theta, strict=True))["n"]
+    assert shares == pytest.approx({"alpha": 1.0, "gamma": n - 1.0, "beta": n - 1.0, "A": -1.0}, rel=1e-4)
+    assert unseen.effect < 1e-6
+    assert "alpha, gamma, beta and A are not told apart" in unseen.sentence
+    assert "A down 1 % changes no force" in unseen.sentence
+    assert "alpha A" in unseen.sentence
+    assert "gamma/beta" in unseen.sentence
+    for name in ("alpha", "gamma", "beta", "A"):
+        assert verdicts(found)[name] == "not"
+    for name in ("c0", "k0"):
+        assert verdicts(found)[name] == "identifiable"
+
+
+def test_what_was_held_to_settle_a_scale_makes_the_others_identifiable(normalised: Fit) -> None:
+    found = identifiability_of(spencer(normalised, 120.0, held=True), [TEST])
+    assert "A" not in verdicts(found)
+    assert verdicts(found)["alpha"] == "identifiable"
+    (unseen,) = [each for each in found.directions if not each.seen]
+    assert unseen.sentence.endswith("; A was held to settle it")
+
+
+def test_the_normalised_form_has_no_redundancy(normalised: Fit) -> None:
+    found = identifiability_of(normalised, [TEST])
+    assert all(each.seen for each in found.directions)
+    assert "not" not in verdicts(found).values()
+    assert verdicts(found)["k_w"] == "identifiable"
+
+
+def test_standard_errors_are_those_of_the_fit_for_as_many_samples_as_there_are(
+    static: tuple[Fit, DamperTest],
+) -> None:
+    fit, test = static
+    found = identifiability_of(fit, [test])
+    widened = np.sqrt(found.n_time / found.n_effective)
+    theirs = {each.name: each.standard_error for each in fit.estimates}
+    for each in found.verdicts:
+        # Difference quotients of delta, which the data hardly feel, have lost some digits.
+        assert each.standard_error == pytest.approx(theirs[each.name] * widened, rel=1e-3)
+
+
+def test_a_ratio_that_alone_is_seen_is_named(static: tuple[Fit, DamperTest]) -> None:
+    # 10 mm of stroke on x_s = 0.1 m: tanh(x/x_s) is a straight line of slope 1/x_s.
+    found = identifiability_of(static[0], [static[1]])
+    assert verdicts(found)["delta"] == verdicts(found)["x_s"] == "weakly"
+    (weak,) = found.directions
+    assert weak.seen
+    assert {each.name for each in weak.changes} == {"delta", "x_s"}
+    assert weak.sentence.endswith("; delta/x_s is seen better")
+    reasons = {each.name: each.reason for each in found.verdicts}
+    assert "x_s can make up for it" in reasons["delta"]
+
+
+def test_a_parameter_on_its_bound_is_bounded_from_one_side(static: tuple[Fit, DamperTest]) -> None:
+    fit, test = static
+    bounded = identify("static_hysteretic", test, rng=1, bounds={"beta": (100.0, 300.0)})
+    found = identifiability_of(bounded, [test])
+    (beta,) = [each for each in found.verdicts if each.name == "beta"]
+    assert beta.verdict == "weakly"
+    assert beta.reason.startswith("at lower bound")
+    assert [each.name for each in found.verdicts] == list(fit.spec.names)
+
+
+@pytest.fixture
+def columns() -> NDArray[np.float64]:
+    return np.random.default_rng(0).standard_normal((60, 4)) * [1.0, 1e-8, 1e6, 1.0]
+
+
+def test_the_size_of_a_column_does_not_make_it_unseen(columns: NDArray[np.float64]) -> None:
+    found = judged(columns, names="abcd", of_range=[False] * 4, misfit=1e-9, n_effective=60.0)
+    assert found.directions == ()
+    assert {each.verdict for each in found.verdicts} == {"identifiable"}
+
+
+def test_two_redundancies_are_told_one_by_one(columns: NDArray[np.float64]) -> None:
+    # p = a b and q = c/d: two products, four parameters.
+    both = np.stack([columns[:, 0], columns[:, 0], columns[:, 3], -columns[:, 3]], axis=1)
+    found = judged(both, names="abcd", of_range=[False] * 4, misfit=1e-9, n_effective=60.0)
+    assert [{each.name for each in direction.changes} for direction in found.directions] == [
+        {"a", "b"},
+        {"c", "d"},
+    ] or [{each.name for each in direction.changes} for direction in found.directions] == [
+        {"c", "d"},
+        {"a", "b"},
+    ]
+    text = " ".join(each.sentence for each in found.directions)
+    assert "a b" in text
+    assert "c/d" in text
+
+
+def test_a_parameter_that_nothing_feels_is_named(columns: NDArray[np.float64]) -> None:
+    deaf = columns.copy()
+    deaf[:, 2] = 0.0
+    found = judged(deaf, names="abcd", of_range=[False] * 4, misfit=1e-9, n_effective=60.0)
+    assert {each.name: each.verdict for each in found.verdicts}["c"] == "not"
+    assert [each.sentence for each in found.directions] == ["the residuals do not feel c at all"]
+
+
+def test_a_weak_direction_begins_with_what_it_leaves_open_most(columns: NDArray[np.float64]) -> None:
+    # a is told ten times better than b along a + 10 b, which is all but a multiple of the third column.
+    nearly = columns / np.linalg.norm(columns, axis=0)
+    nearly[:, 0] = -10.0 * nearly[:, 1] + 1e-3 * nearly[:, 0]
+    found = judged(nearly, names="abcd", of_range=[False] * 4, misfit=0.1, n_effective=60.0)
+    weak = found.directions[0]
+    assert weak.seen
+    assert [each.name for each in weak.changes] == ["b", "a"]
+    assert [each.percent for each in weak.changes] == pytest.approx([1.0, 0.1], rel=0.05)
+    assert "so b is known no better than to" in weak.sentence
+
+
+def test_correlated_residuals_widen_standard_errors(columns: NDArray[np.float64]) -> None:
+    few, many = (
+        judged(columns, names="abcd", of_range=[False] * 4, misfit=1e-9, n_effective=n).verdicts
+        for n in (15.0, 60.0)
+    )
+    for one, other in zip(few, many, strict=True):
+        assert one.standard_error == pytest.approx(2.0 * (other.standard_error or 0.0))
+
+
+def test_a_verdict_turns_weak_at_the_stated_share() -> None:
+    column = np.ones((101, 1)) / np.sqrt(101.0)
+    # One column of unit length: the standard error is misfit / sqrt(100).
+    for factor, verdict in ((0.99, "identifiable"), (1.01, "weakly")):
+        found = judged(column, names=["a"], of_range=[False], misfit=10.0 * WEAK * factor, n_effective=101.0)
+        assert found.verdicts[0].verdict == verdict
+        assert found.verdicts[0].standard_error == pytest.approx(WEAK * factor)
+
+
+def test_a_basis_with_few_parameters_spans_the_same_space() -> None:
+    rng = np.random.default_rng(2)
+    simple = np.array([[1.0, -1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 2.0, 0.0]])
+    mixed = rng.standard_normal((2, 2)) @ simple
+    basis = sparse_basis(mixed)
+    assert np.linalg.matrix_rank(np.concatenate([basis, simple]), tol=1e-9) == 2
+    assert sorted((each != 0.0).sum() for each in basis) == [2, 2]
+
+
+def test_products_and_ratios_have_simple_exponents() -> None:
+    changes = changes_along(np.array([0.5, -1.0, 0.5, 0.137, 1e-4]), list("abcde"), [False] * 5)
+    assert [each.name for each in changes] == ["a", "b", "c", "d"]
+    assert told_combinations(changes) == ("a^2 b", "a/c")
+    assert told_combinations([*changes, Change(name="x0", percent=1.0, of_range=True)]) == ()
+    assert [each.in_words for each in changes[:2]] == ["a up 1 %", "b down 2 %"]

@@ -1,0 +1,91 @@
+"""Two samplers on two implementations: the target is the same, and so is what they draw from it."""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from posterior_samples import MODEL, small_fit, small_sampling, small_test
+from scipy.stats import ks_2samp
+
+from mrwork.errors import SettingError
+from mrwork.identification.identify import identify
+from mrwork.synthetic import synthetic_test
+from mrwork.uncertainty.posterior.diagnosis import convergence
+from mrwork.uncertainty.posterior.prepare import prepared
+from mrwork.uncertainty.posterior.prior import Normal
+from mrwork.uncertainty.posterior.sample import sample_posterior
+from mrwork.uncertainty.posterior.twin_target import substeps_at, twin_log_posterior
+from mrwork.uncertainty.posterior.walkers import first_walkers
+
+pytest.importorskip("numpyro", reason="numpyro is not installed; pip install 'mrwork[nuts]'")
+
+
+@pytest.mark.parametrize("noise", ["iid", "student_t", "ar1", "amplitude"])
+def test_the_target_in_rust_is_that_of_the_twin(noise: str) -> None:
+    sampling = small_sampling(noise, tempering=0.5, priors={"k_w": Normal(mean=650.0, deviation=50.0)})
+    target = sampling.target
+    positions = first_walkers(target, sampling.start, 8, np.random.default_rng(1))
+    values, _ = target.space.values(positions)
+    (substeps,) = {substeps_at(target, row) for row in values[:, : target.space.n_params]}
+    twin = jax.vmap(twin_log_posterior(target, substeps))(jnp.asarray(positions))
+    np.testing.assert_allclose(twin, target(positions), rtol=1e-8)
+
+
+def test_where_a_stiffness_may_be_zero_the_twin_follows() -> None:
+    from mrwork.dampers.spec import damper
+
+    test = synthetic_test("spencer1997_fast")
+    fit = identify("normalised_bouc_wen", test, rng=1)
+    sampling = prepared(
+        damper("normalised_bouc_wen"),
+        (test,),
+        fit,
+        noise="iid",
+        priors={"x0": Normal(mean=0.04, deviation=0.1)},
+        tempering=None,
+        walkers=32,
+        rng=0,
+        threads=1,
+    )
+    assert sampling.target.space.pair is not None
+    positions = first_walkers(sampling.target, sampling.start, 4, np.random.default_rng(1))
+    log_density = jax.jit(twin_log_posterior(sampling.target, substeps_at(sampling.target, sampling.start)))
+    twin = [float(log_density(jnp.asarray(row))) for row in positions]
+    np.testing.assert_allclose(twin, sampling.target(positions), rtol=1e-8)
+    outside = positions[0].copy()
+    outside[0] = 1.1
+    assert float(log_density(jnp.asarray(outside))) == -np.inf
+
+
+def test_the_ensemble_and_nuts_draw_from_the_same_posterior() -> None:
+    from mrwork.uncertainty.posterior.nuts import sample_nuts
+
+    sampling = small_sampling(tempering=0.8)
+    ensemble = sample_posterior(
+        MODEL, small_test(), start=small_fit(), tempering=0.8, walkers=32, rng=1, threads=1
+    )
+    nuts = sample_nuts(sampling.target, sampling.start, warmup=200, draws=600, chains=2)
+    assert nuts.diverged == 0
+    both = np.concatenate([ensemble.chains, ensemble.noise_chains], axis=-1)
+    for index in range(both.shape[-1]):
+        ours, theirs = both[..., index], nuts.values[..., index]
+        assert convergence(theirs).rhat < 1.03
+        # Means within four of their common Monte-Carlo errors; a deviation is known to about 1/sqrt(2 ESS).
+        error = np.hypot(convergence(ours).mcse, convergence(theirs).mcse)
+        assert abs(ours.mean() - theirs.mean()) < 4.0 * error
+        least = min(convergence(ours).ess_bulk, convergence(theirs).ess_bulk)
+        assert ours.std() / theirs.std() == pytest.approx(1.0, abs=4.0 / np.sqrt(least))
+        # Draws thinned until they are about independent; of five tests at a seed that is fixed.
+        one, other = (
+            chain.ravel()[:: max(1, int(2 * chain.size / convergence(chain).ess_bulk))]
+            for chain in (ours, theirs)
+        )
+        assert ks_2samp(one, other).pvalue > 0.01
+
+
+def test_what_the_twin_does_not_know_is_refused() -> None:
+    sampling = small_sampling("arma11")
+    with pytest.raises(SettingError, match="sample this target by the ensemble alone"):
+        twin_log_posterior(sampling.target, (1,))

@@ -1,0 +1,231 @@
+"""The next test: known answers, no test widens a band, limits hold, and draws rank as the linearised gain does."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.errors import MrworkError, RecordError, SettingError, UnknownNameError
+from mrwork.identification.fit import Fit
+from mrwork.identification.identify import identify
+from mrwork.records import DamperTest
+from mrwork.records.window import cut
+from mrwork.simulate import Loading, simulate_force
+from mrwork.synthetic import synthetic_test
+from mrwork.uncertainty.identifiability.verdicts import identifiability_of
+from mrwork.uncertainty.planning.candidates import (
+    Candidate,
+    Limits,
+    candidate_grid,
+    excitation_of,
+    motion_of,
+    read_candidates,
+)
+from mrwork.uncertainty.planning.plan import band_matrix, information, knowledge_of, plan_next_test, responses
+from mrwork.uncertainty.planning.plan_draws import checked_with_draws, normal_draws
+
+STATIC = damper("static_hysteretic")
+HELD = {
+    each.name: (each.nominal, each.nominal) for each in STATIC.parameters if each.name in ("x_s", "delta")
+}
+GRID = tuple(
+    Candidate(amplitude=amplitude, frequency=frequency)
+    for amplitude in (0.002, 0.005, 0.01, 0.02)
+    for frequency in (0.25, 1.0, 3.0)
+)
+
+
+@pytest.fixture(scope="module")
+def test() -> DamperTest:
+    return cut(synthetic_test("rd1005_1a"), every=4)
+
+
+@pytest.fixture(scope="module")
+def fit(test: DamperTest) -> Fit:
+    return identify(STATIC, test, rng=1, bounds=HELD)
+
+
+def with_laws(model: DamperSpec, values: dict[str, float], current: float, test: DamperTest) -> DamperTest:
+    """A record of the motion of a test at a current, with noise in its force."""
+    theta = np.array([values[name] for name in model.names])
+    loading = Loading(
+        dt=test.dt,
+        displacement=test.displacement,
+        velocity=test.velocity,
+        command=current,
+        command_unit="A",
+    )
+    force = simulate_force(model, theta, loading)
+    noise = 8.0 * np.random.default_rng(round(10 * current)).standard_normal(force.size)
+    return replace(test, name=f"{current:g} A", force=force + noise, current=current)
+
+
+def test_what_only_large_strokes_show_calls_for_a_large_stroke(test: DamperTest) -> None:
+    # tanh(x/x_s) is a straight line within 10 mm of an x_s of 0.1 m: only beyond does it tell x_s from delta.
+    free = identify(STATIC, test, rng=1)
+    plan = plan_next_test(free, [test], GRID, band="x_s")
+    assert plan.gains[0].candidate.amplitude == 0.02
+    small = [each.gain for each in plan.gains if each.candidate.amplitude == 0.002]
+    assert max(small) < 0.3 * plan.gains[0].gain
+
+
+def test_what_only_fast_tests_show_calls_for_a_fast_test(fit: Fit, test: DamperTest) -> None:
+    # The viscous share of the force grows with the velocity.
+    plan = plan_next_test(fit, [test], GRID, band="c")
+    best = plan.gains[0].candidate
+    assert best.peak_velocity == max(each.peak_velocity for each in GRID)
+
+
+def test_a_law_calls_for_the_current_that_was_not_tested(test: DamperTest) -> None:
+    model = damper("bingham").with_current_laws({"f_c": "linear"})
+    values = dict(zip(model.names, model.nominal, strict=True)) | {"f_c.0": 100.0, "f_c.1": 400.0}
+    tests = [with_laws(model, values, current, test) for current in (0.5, 0.55)]
+    start = identify(damper("bingham"), tests[0], rng=1)
+    estimates = tuple(
+        replace(start.estimates[0], name=name, value=values[name], lower=low, upper=high, remark="")
+        for name, low, high in ((each.name, each.lower, each.upper) for each in model.parameters)
+    )
+    fit = replace(start, estimates=estimates, current=model.current)
+    candidates = candidate_grid(
+        model, tests, amplitudes=[0.01], frequencies=[1.0], commands=[0.0, 0.25, 0.5, 1.0, 2.0]
+    )
+    plan = plan_next_test(fit, tests, candidates, band="f_c.1")
+    order = [each.candidate.command for each in plan.gains]
+    assert order[0] in (0.0, 2.0)
+    assert order[-1] == 0.5
+    with pytest.raises(SettingError, match="without current laws"):
+        candidate_grid(STATIC, tests, commands=[1.0])
+
+
+@pytest.mark.parametrize("band", ["force", "energy", "c", "k", "f0"])
+def test_no_test_widens_a_band(fit: Fit, test: DamperTest, band: str) -> None:
+    plan = plan_next_test(fit, [test], GRID, band=band)
+    assert len(plan.gains) == len(GRID)
+    for each in plan.gains:
+        assert 0.0 <= each.gain <= 1.0
+        assert each.deviation <= plan.deviation
+        assert each.deviation == pytest.approx(plan.deviation * np.sqrt(1.0 - each.gain))
+    assert [each.gain for each in plan.gains] == sorted((each.gain for each in plan.gains), reverse=True)
+
+
+def test_the_band_now_is_that_of_the_information(fit: Fit, test: DamperTest) -> None:
+    plan = plan_next_test(fit, [test], GRID[:1], band="k")
+    (error,) = [each.standard_error for each in identifiability_of(fit, [test]).verdicts if each.name == "k"]
+    # The prior takes next to nothing away.
+    assert plan.deviation == pytest.approx(error, rel=0.01)
+
+
+def test_the_same_test_again_halves_what_the_data_alone_say(fit: Fit, test: DamperTest) -> None:
+    known = knowledge_of(fit, [test])
+    (again,) = responses(known, [excitation_of(test)])
+    added = information(known, again)
+    # Noise in the motion and the cycles that count differ, and the prior is in the precision only.
+    np.testing.assert_allclose(np.diag(added), np.diag(known.precision), rtol=0.1)
+
+
+def test_targets_say_where_the_band_is_wanted(fit: Fit, test: DamperTest) -> None:
+    slow, fast = Candidate(amplitude=0.005, frequency=0.1), Candidate(amplitude=0.02, frequency=3.0)
+    best = [
+        plan_next_test(fit, [test], GRID, targets=[target]).gains[0].candidate.peak_velocity
+        for target in (slow, fast)
+    ]
+    assert best[0] < best[1]
+
+
+def test_derivatives_of_a_candidate_are_those_of_its_force(fit: Fit, test: DamperTest) -> None:
+    known = knowledge_of(fit, [test])
+    (answer,) = responses(known, GRID[:1])
+    step = np.zeros(known.position.size)
+    step[0] = 1e-3
+    loading, counted = motion_of(GRID[0], STATIC)
+    moved = [
+        simulate_force(STATIC, known.scaled.parameters(known.position + each), loading)
+        for each in (-step, step)
+    ]
+    quotient = (moved[1] - moved[0])[counted] / 2e-3
+    np.testing.assert_allclose(answer.derivative[:, 0], quotient, atol=1e-4 * np.abs(quotient).max())
+    # A dashpot dissipates c v^2: the energy of a cycle grows with ln c by c pi omega a^2, and no more.
+    c = fit.theta[0]
+    omega = 2.0 * np.pi * GRID[0].frequency
+    assert answer.energy_derivative[0] == pytest.approx(c * np.pi * omega * GRID[0].amplitude ** 2, rel=1e-3)
+    matrix, _ = band_matrix(known, [answer], "energy")
+    assert matrix[0, 0] == pytest.approx((answer.energy_derivative[0] / answer.energy) ** 2)
+
+
+@pytest.mark.parametrize("band", ["force", "c"])
+def test_draws_rank_the_tests_as_the_linearised_gain_does(fit: Fit, test: DamperTest, band: str) -> None:
+    plan = plan_next_test(fit, [test], GRID, band=band)
+    known = knowledge_of(fit, [test])
+    rng = np.random.default_rng(5)
+    check = checked_with_draws(plan, known, normal_draws(known, 800, rng), rng=rng)
+    assert check.agreement is not None
+    assert check.agreement > 0.8
+    assert check.least_effective > 8.0
+    for each in check.plan.gains:
+        if each.drawn is not None:
+            assert each.drawn == pytest.approx(each.gain, abs=0.15)
+
+
+def test_draws_that_none_of_the_tests_fits_tell_nothing(fit: Fit, test: DamperTest) -> None:
+    plan = plan_next_test(fit, [test], GRID[:4])
+    known = knowledge_of(fit, [test])
+    rng = np.random.default_rng(5)
+    far = replace(known, precision=1e-4 * known.precision)
+    check = checked_with_draws(plan, known, normal_draws(far, 100, rng), rng=rng)
+    assert check.agreement is None
+    assert {each.drawn for each in check.plan.gains} == {None}
+    with pytest.raises(SettingError, match="too few"):
+        checked_with_draws(plan, known, normal_draws(known, 5, rng), rng=rng)
+
+
+def test_the_default_grid_lies_about_what_was_tested(test: DamperTest) -> None:
+    grid = candidate_grid(STATIC, [test])
+    amplitudes = sorted({each.amplitude for each in grid})
+    assert (amplitudes[0], amplitudes[-1]) == (0.005, 0.02)
+    assert 0.01 in amplitudes
+    assert max(each.peak_velocity for each in grid) <= 1.5 * 2.0 * np.pi * 0.01 * (1.0 + 1e-9)
+
+
+def test_the_rig_sets_limits(test: DamperTest) -> None:
+    limits = Limits(stroke=0.02, peak_velocity=0.1)
+    for each in candidate_grid(STATIC, [test], limits=limits):
+        assert 2.0 * each.amplitude <= 0.02
+        assert each.peak_velocity <= 0.1
+    with pytest.raises(SettingError, match="no candidate is within"):
+        candidate_grid(STATIC, [test], amplitudes=[0.1], limits=limits)
+    with pytest.raises(SettingError, match="`stroke` is -1"):
+        Limits(stroke=-1.0)
+
+
+def test_candidates_come_from_a_file(tmp_path: Path) -> None:
+    table = tmp_path / "tests.csv"
+    table.write_text("frequency,amplitude,note\n1,0.01,a\n2,0.02,b\n")
+    read = read_candidates(table, STATIC)
+    assert read == (
+        Candidate(amplitude=0.01, frequency=1.0),
+        Candidate(amplitude=0.02, frequency=2.0),
+    )
+    assert read_candidates(table, STATIC, Limits(stroke=0.03)) == read[:1]
+    model = STATIC.with_current_laws({"alpha": "linear"})
+    with pytest.raises(RecordError, match=r"line 2: expected .* current"):
+        read_candidates(table, model)
+    table.write_text("amplitude,frequency\n0.01,0\n")
+    with pytest.raises(RecordError, match="line 2"):
+        read_candidates(table, STATIC)
+    with pytest.raises(RecordError, match="cannot be read"):
+        read_candidates(tmp_path / "none.csv", STATIC)
+
+
+@pytest.mark.parametrize(
+    ("band", "error", "words"),
+    [("stiffness", UnknownNameError, "force, energy, c, k"), ("delta", SettingError, "delta is fixed")],
+)
+def test_a_band_that_is_none_is_named(
+    fit: Fit, test: DamperTest, band: str, error: type[MrworkError], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        plan_next_test(fit, [test], GRID[:1], band=band)

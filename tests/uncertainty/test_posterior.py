@@ -1,0 +1,211 @@
+"""An ensemble samples what it should, stops by itself, and goes on from where it was to the same bits."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from posterior_samples import MODEL, small_fit, small_test
+from scipy.stats import norm
+
+from mrwork.errors import JournalError, SettingError
+from mrwork.uncertainty.posterior.diagnosis import diagnose, next_check
+from mrwork.uncertainty.posterior.draws import Draws, summary_of
+from mrwork.uncertainty.posterior.ensemble import Ensemble
+from mrwork.uncertainty.posterior.prior import Normal, Uniform
+from mrwork.uncertainty.posterior.sample import SamplingInterrupted, SamplingProgress, sample_posterior
+
+
+def standard_normal(position: np.ndarray) -> np.ndarray:
+    return norm.logpdf(position).sum(axis=1)
+
+
+def nobody(steps: int) -> None:
+    pass
+
+
+def test_moves_keep_a_standard_normal() -> None:
+    start = np.random.default_rng(1).standard_normal((32, 6))
+    ensemble = Ensemble.begin(standard_normal, start, rng=2)
+    ensemble.advance(4000, nobody)
+    chain = ensemble.positions[500:]
+    tau = float(diagnose(chain, tuple("abcdef")).tau.max())
+    effective = 3501 * 32 / tau
+    # The error of a mean is 1/sqrt(effective), of a variance sqrt(2/effective): four of each, of twelve numbers.
+    np.testing.assert_allclose(chain.mean(axis=(0, 1)), 0.0, atol=4.0 / np.sqrt(effective))
+    np.testing.assert_allclose(chain.var(axis=(0, 1)), 1.0, atol=4.0 * np.sqrt(2.0 / effective))
+    assert effective > 3000
+
+
+def test_a_chain_in_pieces_is_the_chain_in_one() -> None:
+    start = np.random.default_rng(1).standard_normal((16, 3))
+    whole, pieces = (Ensemble.begin(standard_normal, start, rng=2) for _ in range(2))
+    whole.advance(60, nobody)
+    for until in (1, 17, 60):
+        pieces.advance(until, nobody)
+    np.testing.assert_array_equal(pieces.positions, whole.positions)
+    np.testing.assert_array_equal(whole.densities[60], standard_normal(whole.positions[60]))
+
+
+def test_checks_depend_on_the_steps_alone_and_grow_by_a_quarter() -> None:
+    checks = [0]
+    while checks[-1] < 10_000:
+        checks.append(next_check(checks[-1]))
+    assert checks[1:4] == [200, 250, 313]
+    assert all(next_check(step - 1) == step for step in checks[1:])
+
+
+def test_walkers_that_disagree_or_never_move_have_not_converged() -> None:
+    chain = np.random.default_rng(3).standard_normal((2000, 16, 2))
+    assert diagnose(chain, ("a", "b")).shortcomings == ()
+    chain[:, 0, 1] += 3.0
+    assert any("walkers disagree most on b" in each for each in diagnose(chain, ("a", "b")).shortcomings)
+    chain[:, :, 0] = 1.0
+    assert "0 autocorrelation times" in diagnose(chain, ("a", "b")).shortcomings[0]
+
+
+@pytest.mark.parametrize(
+    ("draws", "remark"),
+    [
+        (np.abs, "piles up at its lower bound"),
+        (lambda normal: np.where(normal < -2.0, 1.0, normal + 2.0), ""),
+        (lambda normal: 10.0 - np.abs(normal), "piles up at its upper bound"),
+        (np.zeros_like, "fixed"),
+    ],
+)
+def test_draws_that_pile_up_at_a_bound_are_said_to(draws: object, remark: str) -> None:
+    normal = np.random.default_rng(4).standard_normal((8, 500))
+    chain = draws(normal)  # type: ignore[operator]
+    assert summary_of(chain, name="a", unit="1", bounds=(0.0, 10.0), tau=1.0).remark == remark
+
+
+@pytest.fixture(scope="module")
+def draws() -> Draws:
+    return sample_posterior(
+        MODEL, small_test(), start=small_fit(), tempering=1.0, walkers=32, rng=3, threads=1
+    )
+
+
+def test_a_sampling_stops_by_itself_and_says_why(draws: Draws) -> None:
+    assert draws.status == "converged"
+    assert draws.verdict.startswith(f"Converged after {draws.n_steps} steps: R-hat below 1.01")
+    assert all(each.rhat < 1.01 and each.ess_bulk > 400 and each.ess_tail > 400 for each in draws.summaries)
+    assert draws.theta.shape == (len(draws.log_posterior), 4)
+    assert draws.noise.shape == (len(draws.log_posterior), 1)
+
+
+def test_where_noise_is_white_and_the_model_right_the_posterior_is_that_of_least_squares(
+    draws: Draws,
+) -> None:
+    for summary, estimate in zip(draws.summaries, small_fit().estimates, strict=False):
+        # 131 samples tell four parameters well: the posterior is normal but for some per cent.
+        assert summary.mean == pytest.approx(estimate.value, abs=0.15 * estimate.standard_error)
+        assert summary.deviation == pytest.approx(estimate.standard_error, rel=0.1)
+        assert summary.lower_5 < summary.median < summary.upper_95
+
+
+def test_draws_are_a_datatree_with_units_and_provenance(draws: Draws, tmp_path: Path) -> None:
+    tree = draws.as_datatree()
+    assert tree["posterior"]["k_w"].attrs["units"] == "N"
+    np.testing.assert_array_equal(tree["posterior"]["k_w"].values.ravel(), draws.theta[:, 1])
+    np.testing.assert_array_equal(tree["sample_stats"]["lp"].values, draws.densities)
+    assert tree.attrs["verdict"] == draws.verdict
+    assert small_test().sha256 in tree.attrs["inputs"]
+    assert tree["observed_data"]["small"].size == small_test().n_time
+    tree.to_netcdf(tmp_path / "draws.nc", engine="h5netcdf")
+
+
+def test_a_given_prior_moves_what_the_data_leave_open() -> None:
+    prior = Normal(mean=2000.0, deviation=86.0)
+    given = sample_posterior(
+        MODEL, small_test(), start=small_fit(), tempering=1.0, walkers=32, threads=1, priors={"k_x": prior}
+    )
+    k_x = small_fit().estimates[0]
+    # Two normals of about one width meet half-way, and are narrower by the square root of two.
+    assert given.summaries[0].mean == pytest.approx(0.5 * (k_x.value + 2000.0), rel=0.03)
+    assert given.summaries[0].deviation == pytest.approx(86.0 / np.sqrt(2.0), rel=0.1)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_an_interrupted_chain_goes_on_to_the_same_bits_on_any_threads(tmp_path: Path, threads: int) -> None:
+    def interrupt(progress: SamplingProgress) -> None:
+        if progress.steps > 40:
+            raise KeyboardInterrupt
+
+    def sampled(name: str, **settings: object) -> Draws:
+        return sample_posterior(
+            MODEL,
+            small_test(),
+            start=small_fit(),
+            walkers=16,
+            rng=7,
+            # Well over the fifth of a second after which progress is first told.
+            most_steps=2000,
+            store=tmp_path / name,
+            **settings,  # type: ignore[arg-type]
+        )
+
+    whole = sampled("whole.h5", threads=1)
+    with pytest.raises(SamplingInterrupted) as interrupted:
+        sampled("pieces.h5", threads=threads, on_progress=interrupt)
+    assert 40 < interrupted.value.steps < whole.n_steps
+    kept = interrupted.value.draws
+    assert kept.status == "interrupted"
+    assert kept.n_steps == interrupted.value.steps
+    again = sampled("pieces.h5", threads=threads, resume=True)
+    assert again.n_steps == whole.n_steps
+    np.testing.assert_array_equal(again.theta, whole.theta)
+    with h5py.File(tmp_path / "pieces.h5") as one, h5py.File(tmp_path / "whole.h5") as other:
+        for name in ("position", "log_density"):
+            np.testing.assert_array_equal(one[name][:], other[name][:])
+        for name in ("position", "n_steps", "has_gauss", "cached"):
+            places = [file[f"place{file.attrs['current']}"].attrs[name] for file in (one, other)]
+            assert places[0] == places[1]
+
+
+def test_another_sampling_is_not_gone_on_with(tmp_path: Path) -> None:
+    store = tmp_path / "chain.h5"
+
+    def sampled(rng: int, *, resume: bool) -> Draws:
+        return sample_posterior(
+            MODEL,
+            small_test(),
+            start=small_fit(),
+            walkers=16,
+            rng=rng,
+            most_steps=5,
+            store=store,
+            resume=resume,
+        )
+
+    with pytest.raises(JournalError, match="there is no"):
+        sampled(1, resume=True)
+    first = sampled(1, resume=False)
+    assert first.status == "not_converged"
+    assert "Not converged after 5 steps" in first.verdict
+    with pytest.raises(JournalError, match="seed is 1 there and 2 here"):
+        sampled(2, resume=True)
+    np.testing.assert_array_equal(sampled(1, resume=True).theta, first.theta)
+    store.write_bytes(store.read_bytes()[:1000])
+    with pytest.raises(JournalError, match="is damaged"):
+        sampled(1, resume=True)
+
+
+def test_impossible_settings_are_refused() -> None:
+    def sampled(model: str = MODEL, **settings: object) -> None:
+        sample_posterior(model, small_test(), start=small_fit(), **settings)  # type: ignore[arg-type]
+
+    with pytest.raises(SettingError, match="an even number, at least 10"):
+        sampled(walkers=8)
+    with pytest.raises(SettingError, match="an even number"):
+        sampled(walkers=33)
+    with pytest.raises(SettingError, match="needs the `store`"):
+        sampled(resume=True)
+    with pytest.raises(SettingError, match="`most_steps` is 0"):
+        sampled(most_steps=0)
+    with pytest.raises(SettingError, match="sample the model that was fitted"):
+        sampled("dahl")
+    with pytest.raises(SettingError, match="walkers found no place"):
+        sampled(priors={"rho": Uniform(lower=1.0, upper=2.0)})

@@ -1,0 +1,251 @@
+"""Profiles: exact on a parabola, minima at every point, open where the data do not object, whole after Ctrl-C."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import damper
+from mrwork.errors import MrworkError, SettingError, UnknownNameError
+from mrwork.identification.fit import Fit
+from mrwork.identification.identify import identify
+from mrwork.identification.levenberg_marquardt import descend
+from mrwork.identification.objective import Objective
+from mrwork.records import DamperTest
+from mrwork.records.window import cut
+from mrwork.simulate import Loading, simulate_force
+from mrwork.synthetic import synthetic_test
+from mrwork.uncertainty.identifiability.curvature import Scaled, curvature
+from mrwork.uncertainty.identifiability.profile import Profile, Profiles
+from mrwork.uncertainty.identifiability.profiling import (
+    ProfileProgress,
+    ProfilesInterrupted,
+    profile_likelihood,
+)
+from mrwork.uncertainty.identifiability.verdicts import identifiability_of
+from mrwork.uncertainty.identifiability.walk import Place, places, signed_root, walk
+
+SPEC = damper("static_hysteretic")
+
+
+@pytest.fixture(scope="module")
+def test() -> DamperTest:
+    return cut(synthetic_test("rd1005_1a"), every=4)
+
+
+@pytest.fixture(scope="module")
+def fit(test: DamperTest) -> Fit:
+    return identify(SPEC, test, rng=1)
+
+
+@pytest.fixture(scope="module")
+def found(fit: Fit, test: DamperTest) -> Profiles:
+    return profile_likelihood(fit, [test], threads=1)
+
+
+def by_name(found: Profiles) -> dict[str, Profile]:
+    return {each.name: each for each in found.profiles}
+
+
+def walked(jacobian: NDArray[np.float64], theta: NDArray[np.float64], way: int, dof: float) -> list[Place]:
+    """The places of a walk of the first parameter, residuals linear in all and of misfit 1 at best."""
+    n_params = theta.size
+    scaled = Scaled(
+        theta=theta,
+        free=tuple(range(n_params)),
+        log=np.zeros(n_params, dtype=np.bool_),
+        size=np.ones(n_params),
+        lower=np.full(n_params, -10.0),
+        upper=np.full(n_params, 10.0),
+    )
+    rest = np.linalg.svd(jacobian)[0][:, -1]
+
+    def linearise(rows: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        return [(jacobian @ (row - theta) + rest, jacobian) for row in rows]
+
+    def at(position: NDArray[np.float64]) -> Place:
+        return places(position[None], curvature(linearise, scaled, position[None]))[0]
+
+    points = [at(theta)]
+    going = walk(scaled, 0, 1 if way > 0 else -1, points, limit=1.96, dof=dof)
+    wanted: NDArray[np.float64] | None = next(going)
+    while wanted is not None:
+        try:
+            wanted = going.send(at(wanted))
+        except StopIteration as ended:
+            wanted, end = None, ended.value
+    assert end == "closed"
+    return points
+
+
+@pytest.mark.parametrize("way", [-1, 1])
+def test_a_walk_on_a_parabola_is_exact(way: int) -> None:
+    rng = np.random.default_rng(4)
+    jacobian = rng.standard_normal((30, 3))
+    theta = np.array([0.3, -1.0, 2.0])
+    points = walked(jacobian, theta, way, dof=200.0)
+    inverse = np.linalg.inv(jacobian.T @ jacobian)[0, 0]
+    for place in points:
+        # S = 1 + shift^2 / (J'J)^-1_jj, once the others are at their best; a descent may stop 0.01 of a ratio short.
+        best = 1.0 + (place.position[0] - theta[0]) ** 2 / inverse
+        assert 200.0 * np.log(place.squared / best) == pytest.approx(0.0, abs=0.02)
+    roots = [signed_root(place.squared, 1.0, 200.0) for place in points]
+    assert roots == sorted(roots)
+    assert roots[-2] < 1.96 < roots[-1]
+    # One simulation a point would not do for fewer points than this to draw a line through.
+    assert 4 <= len(points) <= 8
+
+
+def test_intervals_are_those_of_the_information_where_the_data_are_plenty(
+    fit: Fit, test: DamperTest, found: Profiles
+) -> None:
+    errors = {each.name: each.standard_error for each in identifiability_of(fit, [test]).verdicts}
+    for name in ("c", "k", "alpha", "beta", "f0"):
+        profile = by_name(found)[name]
+        assert profile.verdict == "identifiable"
+        assert profile.lower is not None
+        assert profile.upper is not None
+        half = 0.5 * (profile.upper - profile.lower)
+        assert half == pytest.approx(1.96 * (errors[name] or 0.0), rel=0.03)
+
+
+def test_intervals_hold_the_truth_as_often_as_they_say(fit: Fit, test: DamperTest) -> None:
+    loading = Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
+    clean = simulate_force(SPEC, SPEC.nominal, loading)
+    rng = np.random.default_rng(12)
+    truth = dict(zip(SPEC.names, SPEC.nominal, strict=True))
+    start = replace(fit, estimates=tuple(replace(each, value=truth[each.name]) for each in fit.estimates))
+    names, n_records = ("alpha", "beta"), 60
+    inside = 0
+    for _ in range(n_records):
+        noisy = replace(test, force=clean + 8.0 * rng.standard_normal(clean.size))
+        for profile in profile_likelihood(start, [noisy], parameters=names).profiles:
+            inside += (profile.lower or np.inf) < truth[profile.name] < (profile.upper or -np.inf)
+    # 95 % of 120, less three standard deviations; not more than all but one, or the intervals are too wide.
+    assert 106 <= inside <= 119
+
+
+def test_no_other_descent_finds_less_at_a_point(fit: Fit, test: DamperTest, found: Profiles) -> None:
+    profile = by_name(found)["k"]
+    objective = Objective.of(SPEC, (test,))
+    value, misfit = profile.values[1], profile.misfit[1]
+    box = Box.of(SPEC).with_bounds({"k": (value, value)})
+    start = np.array(fit.theta)
+    start[SPEC.names.index("k")] = value
+    other = descend(objective, box, start, max_evaluations=60)
+    fall = 2.0 * found.n_effective * np.log(misfit / other.misfit)
+    assert fall < 0.02
+
+
+def test_an_interval_is_open_where_the_data_do_not_object(found: Profiles) -> None:
+    # tanh(x/x_s) is a straight line from some x_s on: only delta/x_s is seen, up to the bound.
+    delta = by_name(found)["delta"]
+    assert (delta.upper, delta.upper_end) == (None, "bound")
+    assert delta.verdict in ("weakly", "not")
+    assert "open above" in delta.reason or "above:" in delta.reason
+    assert delta.values[-1] == SPEC.parameters[SPEC.names.index("delta")].upper or delta.ratio[-1] > 0.0
+
+
+def test_values_go_upwards_through_the_estimate_and_cross_where_the_interval_ends(found: Profiles) -> None:
+    for profile in found.profiles:
+        assert list(profile.values) == sorted(profile.values)
+        assert profile.estimate in profile.values
+        for value, ratio in zip(profile.values, profile.ratio, strict=True):
+            if profile.lower is not None and profile.upper is not None:
+                inside = profile.lower < value < profile.upper
+                assert (ratio <= found.threshold) == inside or value == profile.estimate
+
+
+def test_a_higher_level_has_a_wider_interval(fit: Fit, test: DamperTest, found: Profiles) -> None:
+    wider = profile_likelihood(fit, [test], parameters=["beta"], level=0.99)
+    (beta,) = wider.profiles
+    narrow = by_name(found)["beta"]
+    assert beta.lower is not None
+    assert narrow.lower is not None
+    assert beta.upper is not None
+    assert narrow.upper is not None
+    assert beta.lower < narrow.lower < narrow.upper < beta.upper
+
+
+def test_threads_change_no_bit(fit: Fit, test: DamperTest, found: Profiles) -> None:
+    again = profile_likelihood(fit, [test], threads=2)
+    assert again.profiles == found.profiles
+
+
+def test_a_fixed_parameter_has_no_profile(test: DamperTest) -> None:
+    held = identify(SPEC, test, rng=1, bounds={"x_s": (0.1, 0.1)})
+    found = profile_likelihood(held, [test])
+    assert [each.name for each in found.profiles] == [name for name in SPEC.names if name != "x_s"]
+    # What delta lacked was x_s.
+    assert by_name(found)["delta"].verdict == "identifiable"
+
+
+def test_a_parameter_on_its_bound_goes_one_way(test: DamperTest) -> None:
+    bounded = identify(SPEC, test, rng=1, bounds={"beta": (100.0, 300.0), "x_s": (0.1, 0.1)})
+    (beta,) = profile_likelihood(bounded, [test], parameters=["beta"]).profiles
+    assert (beta.lower, beta.lower_end, beta.upper_end) == (None, "bound", "closed")
+    assert min(beta.values) == pytest.approx(100.0)
+
+
+def test_a_spring_changes_its_sign_with_the_displacement_at_which_it_is_free() -> None:
+    test = cut(synthetic_test("spencer1997_fast"), every=4)
+    model = damper("normalised_bouc_wen")
+    fit = identify(model, test, rng=1)
+    (k,) = profile_likelihood(fit, [test], parameters=["k"], level=0.9999999).profiles
+    assert (k.lower_end, k.upper_end) == ("closed", "closed")
+    # The stroke of 4 mm hardly tells k, so at such a level the interval reaches across zero or nearly so; wherever it
+    # ends, the ratio rises smoothly to it.
+    roots = np.sqrt(k.ratio)
+    assert np.max(np.abs(np.diff(roots))) < 1.6
+
+
+def test_an_interrupt_keeps_what_there_is(fit: Fit, test: DamperTest, found: Profiles) -> None:
+    def stop(progress: ProfileProgress) -> None:
+        if progress.points >= 10:
+            raise KeyboardInterrupt
+
+    with pytest.raises(ProfilesInterrupted) as interrupt:
+        profile_likelihood(fit, [test], on_progress=stop)
+    kept = interrupt.value.profiles
+    assert kept.status == "interrupted"
+    assert sum(len(each.values) - 1 for each in kept.profiles) >= 10
+    assert {each.lower_end for each in kept.profiles} <= {"interrupted", "closed", "bound"}
+    whole = by_name(found)
+    for each in kept.profiles:
+        assert set(each.values) <= set(whole[each.name].values)
+
+
+def test_a_fit_short_of_its_minimum_is_told(fit: Fit, test: DamperTest) -> None:
+    moved = tuple(
+        replace(each, value=1.2 * each.value) if each.name == "alpha" else each for each in fit.estimates
+    )
+    (f0,) = (found := profile_likelihood(replace(fit, estimates=moved), [test], parameters=["f0"])).profiles
+    assert "a better fit was found" in found.remark
+    assert f0.verdict == "identifiable"
+    assert found.misfit == pytest.approx(fit.nrmse, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("settings", "error", "words"),
+    [
+        ({"parameters": ["stiffness"]}, UnknownNameError, "'stiffness'"),
+        ({"level": 95.0}, SettingError, "`level` is 95"),
+    ],
+)
+def test_impossible_settings_are_named(
+    fit: Fit, test: DamperTest, settings: dict[str, object], error: type[MrworkError], words: str
+) -> None:
+    with pytest.raises(error, match=words):
+        profile_likelihood(fit, [test], **settings)  # type: ignore[arg-type]
+
+
+def test_another_power_has_no_likelihood(fit: Fit, test: DamperTest) -> None:
+    powered = replace(
+        fit, provenance=replace(fit.provenance, settings=fit.provenance.settings | {"power": 4.0})
+    )
+    with pytest.raises(SettingError, match="power 4"):
+        profile_likelihood(powered, [test])

@@ -1,0 +1,127 @@
+"""Leave-one-out by importance sampling agrees with what leaving out really gives."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal, norm
+from sinusoidal_tests import sinusoidal_test
+
+from mrwork.errors import SettingError
+from mrwork.identification.fit import Fit
+from mrwork.identification.identify import identify
+from mrwork.records import DamperTest
+from mrwork.uncertainty.choice.blocks import blocks_of
+from mrwork.uncertainty.choice.ellipsoid import fisher_ellipsoid
+from mrwork.uncertainty.choice.laplace import draw_about
+from mrwork.uncertainty.choice.likelihood import residuals_of, target_of, variance_of
+from mrwork.uncertainty.choice.psis import UNRELIABLE, block_densities, leave_one_out
+from mrwork.uncertainty.noise import NOISES
+
+THETA = (800.0, 900.0, 2000.0, 20.0)
+HELD = {"rho": (2000.0, 2000.0), "f0": (20.0, 20.0)}
+
+
+@pytest.fixture(scope="module")
+def record() -> DamperTest:
+    return sinusoidal_test("viscous_dahl", THETA, (0.01, 1.0), noise=0.05, cycles=9)
+
+
+@pytest.fixture(scope="module")
+def fit(record: DamperTest) -> Fit:
+    return identify("viscous_dahl", record, bounds=HELD, threads=1)
+
+
+def exact(log_densities: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Log density of each block under the posterior of the others, from a grid with even priors."""
+    others = log_densities.sum(axis=1, keepdims=True) - log_densities
+    return np.asarray(logsumexp(log_densities + others, axis=0) - logsumexp(others, axis=0))
+
+
+def test_it_is_the_posterior_given_the_other_blocks(record: DamperTest, fit: Fit) -> None:
+    blocks = (blocks_of(record, 1.0),)
+    target, theta = target_of(fit, (record,), NOISES["iid"], temper=0.5)
+    draws = draw_about(target, theta, 2000, np.random.default_rng(0))
+    values = np.asarray(target.space.values(draws.position)[0])
+    n_params = len(theta)
+    found = leave_one_out(
+        block_densities(target, values[:, :n_params], values[:, n_params:], blocks), draws.log_ratio
+    )
+    ellipsoid = fisher_ellipsoid(target, theta)
+    deviation = np.sqrt(np.diag(ellipsoid.covariance))
+    axes = [np.linspace(-4.5, 4.5, 17) * each for each in deviation]
+    grid = np.tile(ellipsoid.centre, (17**3, 1))
+    grid[:, ellipsoid.moving] += np.array(list(product(*axes)))
+    values = np.asarray(target.space.values(grid)[0])
+    expected = exact(block_densities(target, values[:, :n_params], values[:, n_params:], blocks))
+    assert len(expected) >= 6
+    assert np.all(found.pareto_k < UNRELIABLE)
+    # 2000 draws of weights that vary little tell a log density to a few hundredths.
+    assert found.elpd == pytest.approx(expected, abs=0.1)
+
+
+def test_weighted_draws_have_the_moments_of_the_posterior(record: DamperTest, fit: Fit) -> None:
+    target, theta = target_of(fit, (record,), NOISES["iid"], temper=0.5)
+    draws = draw_about(target, theta, 2000, np.random.default_rng(1))
+    assert draws.effective > 1000.0
+    values = np.asarray(target.space.values(draws.position)[0])
+    mean = draws.weights @ values
+    spread = np.sqrt(draws.weights @ (values - mean) ** 2)
+    # The posterior is that of half the samples.
+    for index, estimate in enumerate(fit.estimates[:2]):
+        assert estimate.standard_error is not None
+        assert mean[index] == pytest.approx(estimate.value, abs=0.2 * spread[index])
+        assert spread[index] == pytest.approx(np.sqrt(2.0) * estimate.standard_error, rel=0.15)
+
+
+def test_a_known_posterior_is_left_out_exactly() -> None:
+    # A mean known from eight observations of unit scatter: everything is normal.
+    rng = np.random.default_rng(2)
+    observed = rng.standard_normal(8)
+    draws = observed.mean() + rng.standard_normal(20_000) / np.sqrt(8.0)
+    found = leave_one_out(norm.logpdf(observed, draws[:, None], 1.0), np.zeros(draws.size))
+    rest = (observed.sum() - observed) / 7.0
+    assert found.elpd == pytest.approx(norm.logpdf(observed, rest, np.sqrt(1.0 + 1.0 / 7.0)), abs=0.02)
+    assert found.pareto_k.max() < UNRELIABLE
+
+
+def test_draws_from_elsewhere_are_put_right_by_their_weights() -> None:
+    rng = np.random.default_rng(3)
+    observed = rng.standard_normal(8)
+    wide = 2.0 / np.sqrt(8.0)
+    draws = 0.1 + observed.mean() + wide * rng.standard_normal(20_000)
+    ratio = norm.logpdf(draws, observed.mean(), 1.0 / np.sqrt(8.0)) - norm.logpdf(
+        draws, 0.1 + observed.mean(), wide
+    )
+    found = leave_one_out(norm.logpdf(observed, draws[:, None], 1.0), ratio)
+    rest = (observed.sum() - observed) / 7.0
+    assert found.elpd == pytest.approx(norm.logpdf(observed, rest, np.sqrt(1.0 + 1.0 / 7.0)), abs=0.03)
+
+
+def test_a_block_that_settles_the_posterior_alone_is_told() -> None:
+    rng = np.random.default_rng(4)
+    # Four parameters, and of three blocks one has nearly all the samples.
+    draws = rng.multivariate_normal(np.zeros(4), 1e-4 * np.eye(4), 2000)
+    heavy = multivariate_normal.logpdf(draws, np.full(4, 0.02), 1e-4 * np.eye(4))
+    light = multivariate_normal.logpdf(draws, np.zeros(4), np.eye(4))
+    found = leave_one_out(np.stack([heavy, light, light], axis=1), np.zeros(2000))
+    assert found.pareto_k[0] > UNRELIABLE
+    assert found.pareto_k[1] < UNRELIABLE
+
+
+def test_too_little_to_leave_out_is_refused() -> None:
+    with pytest.raises(SettingError, match="one block only"):
+        leave_one_out(np.zeros((200, 1)), np.zeros(200))
+    with pytest.raises(SettingError, match="20 draws fell"):
+        leave_one_out(np.zeros((20, 3)), np.zeros(20))
+
+
+def test_residuals_are_those_of_the_fit(record: DamperTest, fit: Fit) -> None:
+    (residual,) = residuals_of(fit, (record,))
+    assert residual.size == fit.n_time
+    assert np.sqrt(np.mean(residual**2)) == pytest.approx(fit.nrmse, rel=1e-6)
+    assert variance_of(fit, (record,)) == pytest.approx(fit.nrmse**2, rel=1e-6)

@@ -1,0 +1,104 @@
+"""What the residuals say of themselves: noise is not accused, dependence is found, repetition is measured."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from report_samples import comparison
+
+from mrwork.report.comparison import Comparison
+from mrwork.report.fit.residual_tests import LAGS, LEVEL, autocorrelation, residual_tests
+from mrwork.report.fit.residuals import residual_section
+
+N_TIME = 2000
+
+
+def with_residual(residual: NDArray[np.float64]) -> Comparison:
+    """An 8 s test at 1 Hz whose model leaves exactly this."""
+    made = comparison(n_time=residual.size)
+    return replace(made, test=replace(made.test, force=made.model_force + residual))
+
+
+def white(rng: int, n_time: int = N_TIME) -> NDArray[np.float64]:
+    return np.random.default_rng(rng).normal(size=n_time)
+
+
+def coloured(rng: int, memory: float = 0.9) -> NDArray[np.float64]:
+    noise = white(rng)
+    residual = np.empty_like(noise)
+    residual[0] = noise[0]
+    for index in range(1, noise.size):
+        residual[index] = memory * residual[index - 1] + noise[index]
+    return residual
+
+
+def test_white_noise_is_accused_as_often_as_the_level_says() -> None:
+    # Of 200 at 1 %, more than 7 come about with a probability of 0.1 %.
+    found = [residual_tests(with_residual(white(rng))) for rng in range(200)]
+    assert sum(not each.is_white for each in found) <= 7
+    assert sum(not each.is_even for each in found) <= 7
+    # Probabilities of what is so are even between 0 and 1: the mean of 200 is 0.5 within 4 * 0.29 / sqrt(200).
+    assert abs(np.mean([each.white_p for each in found]) - 0.5) < 0.082
+
+
+def test_correlated_residuals_are_not_taken_for_noise_and_count_for_less() -> None:
+    found = residual_tests(with_residual(coloured(1)))
+    assert not found.is_white
+    assert found.lag_one == pytest.approx(0.9, abs=0.03)
+    # (1 - 0.9) / (1 + 0.9) of the samples are independent.
+    assert found.n_effective == pytest.approx(N_TIME / 19, rel=0.5)
+
+
+def test_residuals_that_grow_with_speed_are_found_and_measured() -> None:
+    made = comparison(n_time=N_TIME)
+    speed = np.abs(made.test.velocity) / np.abs(made.test.velocity).max()
+    found = residual_tests(with_residual((0.2 + speed) * white(2)))
+    assert not found.is_even
+    assert found.fast_to_slow > 1.5
+    assert residual_tests(with_residual(white(2))).fast_to_slow == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.9, 1.0])
+def test_the_share_that_comes_back_every_cycle_is_recovered(share: float) -> None:
+    time = 8.0 * np.arange(N_TIME) / N_TIME
+    repeating = np.sqrt(2.0) * np.cos(6.0 * np.pi * time)
+    found = residual_tests(with_residual(np.sqrt(share) * repeating + np.sqrt(1.0 - share) * white(3)))
+    # Over 7 cycles of 250 samples it scatters by some 0.02.
+    assert found.repeating == pytest.approx(share, abs=0.08)
+
+
+def test_a_model_that_leaves_nothing_is_not_judged() -> None:
+    found = residual_tests(with_residual(np.zeros(N_TIME)))
+    assert np.isnan([found.white_p, found.even_p, found.repeating]).all()
+    assert found.is_white
+
+
+def test_autocorrelation_is_one_at_lag_zero_and_that_of_the_definition() -> None:
+    residual = coloured(4)
+    rho = autocorrelation(residual, LAGS)
+    centred = residual - residual.mean()
+    assert rho[0] == 1.0
+    assert rho[3] == pytest.approx(float(centred[3:] @ centred[:-3] / (centred @ centred)), rel=1e-10)
+
+
+def test_the_section_says_what_the_tests_found() -> None:
+    noise = residual_section([with_residual(white(5))])
+    assert "nothing speaks against white noise" in noise.summary
+    both = residual_section([with_residual(white(5)), with_residual(coloured(5))])
+    assert "correlated on 1 of 2 tests" in both.summary
+    assert any("no error that the model makes in each cycle" in sentence for sentence in both.groups[0].prose)
+    time = 8.0 * np.arange(N_TIME) / N_TIME
+    model = residual_section([with_residual(np.cos(6.0 * np.pi * time) + 0.1 * white(5))])
+    assert any("error of the model, not noise" in sentence for sentence in model.groups[0].prose)
+    assert "98 % of their mean square comes back" in model.summary
+    once = comparison(n_time=N_TIME, duration=2.0)
+    short = residual_section([replace(once, test=replace(once.test, force=once.model_force + coloured(5)))])
+    assert short.summary == "Residuals: correlated on this test."
+    assert any("cannot be told without cycles" in sentence for sentence in short.groups[0].prose)
+    table = both.groups[0].table
+    assert table is not None
+    assert [row[2] for row in table.rows][1] == "< 0.001"
+    assert LEVEL == 0.01

@@ -1,0 +1,167 @@
+"""The density that is sampled: its coordinates, its prior, its likelihood, and what it counts residuals for."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from posterior_samples import MODEL, small_sampling, small_test
+from scipy.stats import lognorm, norm
+
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import damper
+from mrwork.errors import SettingError, UnknownNameError
+from mrwork.identification.equivalent import identifiable_form
+from mrwork.records import Observation
+from mrwork.simulate import Loading, simulate_force
+from mrwork.uncertainty.noise import NOISES, noise_model
+from mrwork.uncertainty.posterior.prior import Lognormal, Normal
+from mrwork.uncertainty.posterior.space import Space
+from mrwork.uncertainty.posterior.tempering import independent_samples
+from mrwork.uncertainty.posterior.walkers import first_walkers
+
+SPENCER = damper("normalised_bouc_wen")
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(11)
+
+
+def positions(rng: np.random.Generator, n: int = 6) -> np.ndarray:
+    sampling = small_sampling()
+    return first_walkers(sampling.target, sampling.start, n, rng)
+
+
+def space(**priors: Normal | Lognormal) -> Space:
+    bounds = {"k": (-4000.0, 6000.0), "x0": (-0.2, 0.1), "sigma": (0.5, 0.5)}
+    return Space.of(identifiable_form(SPENCER, bounds), noise_model("ar1"), priors)
+
+
+def test_a_position_is_its_parameters_and_a_fixed_one_has_none(rng: np.random.Generator) -> None:
+    known = space()
+    values = np.asarray(known.box.theta_from_unit(rng.random((50, known.n_dim))))
+    position = known.position(values)
+    assert position.shape == (50, known.n_dim)
+    assert "sigma" not in known.names
+    again, inside = known.values(position)
+    assert np.all(inside)
+    np.testing.assert_allclose(again, values, rtol=1e-9)
+
+
+def test_outside_the_box_and_without_stiffness_nothing_is_inside(rng: np.random.Generator) -> None:
+    known = space()
+    values = np.asarray(known.box.theta_from_unit(rng.random((3, known.n_dim))))
+    position = known.position(values)
+    position[0, 0] = -0.01
+    position[1, known.pair[1]] *= 1e3  # type: ignore[index] # that of k and x0
+    position[2, known.pair[0]] = 0.4  # type: ignore[index] # k = 0
+    assert not known.values(position)[1].any()
+
+
+def test_a_prior_is_turned_into_one_of_the_position_by_the_volume(rng: np.random.Generator) -> None:
+    given = space(x0=Normal(mean=0.01, deviation=0.03), c=Lognormal(median=900.0, deviation=0.4))
+    values = np.asarray(given.box.theta_from_unit(rng.random((20, given.n_dim))))
+    names = given.box.names
+    free = np.array(given.box.free)
+    volumes = []
+    for value in values:
+        # Derivative of the values by the position, by differences of its inverse.
+        steps = 1e-6 * np.maximum(np.abs(value), 1e-4)[free]
+        columns = []
+        for index, step in zip(free, steps, strict=True):
+            offset = np.zeros(value.size)
+            offset[index] = step
+            columns.append((given.position(value + offset) - given.position(value - offset)) / (2.0 * step))
+        # Those spread evenly on their scale have density one in their own coordinate, whatever it is.
+        volumes.append(columns)
+    own = [given.names.index("x0"), given.names.index("c")]
+    expected = norm(0.01, 0.03).logpdf(values[:, names.index("x0")]) + lognorm(0.4, scale=900.0).logpdf(
+        values[:, names.index("c")]
+    )
+    expected -= [sum(np.log(abs(columns[i][i])) for i in own) for columns in volumes]
+    difference = given.log_prior(values) - expected
+    np.testing.assert_allclose(difference, difference[0], atol=1e-6)
+    np.testing.assert_array_equal(space().log_prior(values), 0.0)
+
+
+def test_priors_of_what_there_is_not_and_of_what_is_held_are_refused() -> None:
+    with pytest.raises(UnknownNameError, match=r"'k_v'.*c, k, x0, k_w, rho, n, noise.sigma, noise.phi"):
+        space(k_v=Normal(mean=0.0, deviation=1.0))
+    with pytest.raises(SettingError, match="sigma, which is held fixed"):
+        space(sigma=Normal(mean=0.0, deviation=1.0))
+
+
+def test_the_likelihood_of_independent_noise_is_that_of_its_residuals(rng: np.random.Generator) -> None:
+    target = small_sampling().target
+    position = positions(rng)
+    test = small_test()
+    loading = Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
+    measured = test.force[test.counted]
+    for row, value in zip(target.space.values(position)[0], target(position), strict=True):
+        force = simulate_force(damper(MODEL), row[:4], loading)[test.counted]
+        expected = norm(0.0, row[4] * measured.std()).logpdf(measured - force).sum()
+        # Densities of force over its deviation, and of force, differ by its logarithm per sample.
+        assert value == pytest.approx(expected + measured.size * np.log(measured.std()), rel=1e-10)
+
+
+@pytest.mark.parametrize("name", NOISES)
+def test_a_row_has_the_same_density_alone_and_in_a_batch(name: str, rng: np.random.Generator) -> None:
+    sampling = small_sampling(name)
+    position = first_walkers(sampling.target, sampling.start, 5, rng)
+    position[3, 1] = 1.5
+    together = sampling.target(position)
+    assert np.isneginf(together[3])
+    assert np.isfinite(np.delete(together, 3)).all()
+    np.testing.assert_array_equal(np.concatenate([sampling.target(row[None]) for row in position]), together)
+
+
+def test_histories_and_sums_of_squares_tell_the_same(rng: np.random.Generator) -> None:
+    target = small_sampling().target
+    position = positions(rng)
+    # A gain of 1 + 1e-13 wants the history, and changes nothing that shows.
+    observed = replace(small_test(), observation=Observation(gain=1.0 + 1e-13))
+    of_histories = replace(target, objective=replace(target.objective, tests=(observed,)))
+    assert not of_histories.objective.is_direct
+    np.testing.assert_allclose(of_histories(position), target(position), rtol=1e-9)
+
+
+def test_a_candidate_that_cannot_be_simulated_is_impossible() -> None:
+    sampling = small_sampling()
+    box: Box = sampling.target.space.box
+    position = np.asarray(sampling.target.space.position(np.array([[1e8, 700.0, 1e7, 0.0, 0.1]])))
+    assert box.upper[2] == 1e7
+    # Too stiff for the sampling step by far.
+    np.testing.assert_array_equal(sampling.target(position), -np.inf)
+
+
+def test_tempering_is_the_share_of_independent_residuals_only_where_noise_does_not_know() -> None:
+    assert small_sampling("ar1", tempering=None).target.temper == 1.0
+    # The noise of the small test is white.
+    assert 0.7 < small_sampling(tempering=None).target.temper <= 1.0
+    assert small_sampling(tempering=0.25).target.temper == 0.25
+    with pytest.raises(SettingError, match="'effective', or a share"):
+        small_sampling(tempering=2.0)
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.5, 0.95])
+def test_correlated_residuals_are_worth_what_theory_says(phi: float) -> None:
+    residual = NOISES["ar1"].draw(
+        np.zeros((8, 20_000)), np.tile([1.0, phi], (8, 1)), np.random.default_rng(4)
+    )
+    worth = np.mean([independent_samples(row) for row in residual])
+    # (1 - phi) / (1 + phi); the estimate of 8 rows scatters by a few per cent.
+    assert worth / 20_000 == pytest.approx((1.0 - phi) / (1.0 + phi), rel=0.15)
+
+
+def test_walkers_start_where_the_fisher_information_says(rng: np.random.Generator) -> None:
+    sampling = small_sampling()
+    position = first_walkers(sampling.target, sampling.start, 400, rng)
+    theta = np.asarray(sampling.target.space.values(position)[0])[:, :4]
+    from posterior_samples import small_fit
+
+    for index, estimate in enumerate(small_fit().estimates):
+        # The deviation of 400 draws is known to 3.5 %.
+        assert theta[:, index].std() == pytest.approx(estimate.standard_error, rel=0.2)
+        assert theta[:, index].mean() == pytest.approx(estimate.value, abs=0.3 * estimate.standard_error)
