@@ -71,7 +71,7 @@ def test_esm_is_read_in_its_unit(tmp_path: Path) -> None:
     motion = read_motion(write_lines(tmp_path / "IT.AMT..HGE.D.ACC.ASC", esm_lines(IN_GAL)))
     assert_is_the_motion(motion, 1e-8)
     assert motion.source.startswith("CENTRAL_ITALY, 20160824, AMT, HGE")
-    old = [line for line in esm_lines(IN_GAL)[1:] if not line.startswith("measured_data.DATATYPE")]
+    old = [line for line in esm_lines(IN_GAL)[1:] if not line.startswith("DATA_TYPE")]
     assert_is_the_motion(read_motion(write_lines(tmp_path / "old.ASC", old)), 1e-8)
 
 

@@ -160,7 +160,7 @@ def test_a_damaged_header_of_knet_is_quoted(tmp_path: Path, label: str, text: st
 @pytest.mark.parametrize(
     ("key", "text", "said"),
     [
-        ("measured_data.DATATYPE", "measured_data.DATATYPE: VELOCITY", "holds velocity"),
+        ("DATA_TYPE", "DATA_TYPE: VELOCITY", "holds velocity"),
         ("NDATA", "NDATA: 7", "announces 7 samples"),
         ("NDATA", "NUMBER: 7", "has no 'NDATA'"),
         ("SAMPLING", "SAMPLING_INTERVAL_S: -1", "positive number was expected"),

@@ -86,7 +86,7 @@ def esm_lines(in_gal: NDArray[np.float64], kind: str = "ACCELERATION") -> list[s
         "BASELINE_CORRECTION: BASELINE REMOVED",
         "DATABASE_VERSION: 0.5",
         "HEADER_FORMAT: DYNA 1.2",
-        f"measured_data.DATATYPE: {kind}",
+        f"DATA_TYPE: {kind}",
         "PROCESSING: manual (Paolucci et al., 2011)",
         "USER5: ",
         *(f"{value:.6f}" for value in in_gal),
