@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 
 class MrworkError(Exception):
     """Root of all errors that a caller can act on; its text is one clear sentence."""
@@ -33,3 +35,15 @@ class OutputError(MrworkError, OSError):
 
 class JournalError(MrworkError, ValueError):
     """A journal is damaged, in use, or of another run than the one that would go on from it."""
+
+
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C during a long computation; `result` is what it had found so far.
+
+    The type of the result is that of the function that was interrupted. It is a KeyboardInterrupt, no MrworkError:
+    whoever does not ask for the result sees Ctrl-C as always.
+    """
+
+    def __init__(self, result: Any, task: str = "computation") -> None:
+        super().__init__(f"{task} interrupted")
+        self.result = result
