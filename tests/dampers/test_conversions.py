@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import astuple, replace
+from functools import partial
+from inspect import getmembers, isfunction
 from itertools import pairwise
 
+import jax
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import mrwork.twins._base  # noqa: F401  (sets double precision)
+from mrwork.dampers import conversions
 from mrwork.dampers.conversions import (
     OpenSeesBoucWen,
     bouc_wen_from_normalised,
@@ -210,3 +216,28 @@ def test_a_z_too_small_for_the_tolerance_of_opensees_is_remarked() -> None:
     # z_max is 7.7 mm / 120.
     assert "1.5e-04" in solver_remarks(material)[0]
     assert solver_remarks(replace(material, gamma=0.5, beta=0.5)) == ()
+
+
+CONVERSIONS = {
+    name: function
+    for name, function in getmembers(conversions, isfunction)
+    if not name.startswith("_") and function.__annotations__.get("return") == "Array"
+}
+
+
+@pytest.mark.parametrize("name", CONVERSIONS)
+def test_the_jacobian_of_every_conversion_is_its_derivative(name: str) -> None:
+    function: Callable[..., np.ndarray] = CONVERSIONS[name]
+    jacobian: Callable[..., np.ndarray] = getattr(conversions, f"{name}_jacobian")
+    theta = normalised(1000)
+    if not name.endswith("from_normalised"):
+        scales = np.exp(np.random.default_rng(8).uniform(np.log(0.1), np.log(1e3), len(theta)))
+        theta = np.stack([bouc_wen_from_normalised(row, A=A) for row, A in zip(theta, scales, strict=True)])
+    if "modified" in name:
+        theta = np.insert(theta, [2, 2], [9e3, -4e2], axis=-1)
+    if "A" in function.__annotations__:
+        function, jacobian = partial(function, A=3.7), partial(jacobian, A=3.7)
+    expected = np.asarray(jax.vmap(jax.jacfwd(function))(theta))
+    np.testing.assert_allclose(jacobian(theta), expected, rtol=1e-12)
+    # A batch is its rows.
+    np.testing.assert_allclose(jacobian(theta[5]), jacobian(theta)[5], rtol=1e-14)

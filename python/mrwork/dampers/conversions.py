@@ -1,8 +1,13 @@
-"""Exact converters between equivalent forms of a model; NumPy and JAX arrays both go through."""
+"""Exact conversions between equivalent forms of a model, with their Jacobians in closed form.
+
+A conversion takes NumPy and JAX arrays; its Jacobian takes NumPy arrays and stands beside it.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from math import isfinite
 from typing import Any
 
@@ -13,6 +18,30 @@ from mrwork.errors import SettingError
 
 # NumPy or JAX.
 Array = Any
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conversion:
+    """A map of parameter sets, shape (..., n_from) to (..., n_to), and its Jacobian, shape (..., n_to, n_from)."""
+
+    convert: Callable[..., Array]
+    jacobian: Callable[..., Floats]
+
+    def __call__(self, theta: Array) -> Array:
+        """Converted parameters, shape (..., n_to)."""
+        return self.convert(theta)
+
+    def at(self, A: float) -> Conversion:
+        """The same conversion with `A` given, where a freedom of scale has to be settled."""
+        return Conversion(convert=partial(self.convert, A=A), jacobian=partial(self.jacobian, A=A))
+
+
+def _unchanged(theta: Floats, kept: int, n_to: int) -> Floats:
+    """Jacobian that keeps the first `kept` parameters and is zero elsewhere, shape (..., n_to, n_from)."""
+    slopes = np.zeros((*theta.shape[:-1], n_to, theta.shape[-1]))
+    slopes[..., range(kept), range(kept)] = 1.0
+    return slopes
 
 
 def normalised_from_bouc_wen(theta: Array) -> Array:
@@ -25,6 +54,30 @@ def normalised_from_bouc_wen(theta: Array) -> Array:
     c0, k0, x0, alpha, gamma, beta, A, n = (theta[..., index] for index in range(8))
     z_max = (A / (beta + gamma)) ** (1.0 / n)
     return xp.stack([c0, k0, x0, alpha * z_max, A / z_max, gamma / (beta + gamma), n], axis=-1)
+
+
+def normalised_from_bouc_wen_jacobian(theta: Floats) -> Floats:
+    """Jacobian of `normalised_from_bouc_wen`, shape (..., 7, 8).
+
+    With S = gamma + beta: d ln z_max = (dA/A - dS/S - ln(A/S) dn/n) / n and d ln rho = dA/A - d ln z_max.
+    """
+    _, _, _, alpha, gamma, beta, A, n = np.moveaxis(theta, -1, 0)
+    total = gamma + beta
+    z_max = (A / total) ** (1.0 / n)
+    rho = A / z_max
+    curvature = np.log(A / total) / n**2
+    slopes = _unchanged(theta, 3, 7)
+    slopes[..., 3, 3] = z_max
+    slopes[..., 3, 4] = slopes[..., 3, 5] = -alpha * z_max / (n * total)
+    slopes[..., 3, 6] = alpha * z_max / (n * A)
+    slopes[..., 3, 7] = -alpha * z_max * curvature
+    slopes[..., 4, 4] = slopes[..., 4, 5] = rho / (n * total)
+    slopes[..., 4, 6] = (1.0 - 1.0 / n) / z_max
+    slopes[..., 4, 7] = rho * curvature
+    slopes[..., 5, 4] = beta / total**2
+    slopes[..., 5, 5] = -gamma / total**2
+    slopes[..., 6, 7] = 1.0
+    return slopes
 
 
 def bouc_wen_from_normalised(theta: Array, A: float) -> Array:
@@ -41,6 +94,25 @@ def bouc_wen_from_normalised(theta: Array, A: float) -> Array:
     )
 
 
+def bouc_wen_from_normalised_jacobian(theta: Floats, A: float) -> Floats:
+    """Jacobian of `bouc_wen_from_normalised`, shape (..., 8, 7).
+
+    With z_max = A/rho and S = gamma + beta = A/z_max^n: d ln S = n drho/rho - ln(z_max) dn.
+    """
+    _, _, _, k_w, rho, sigma, n = np.moveaxis(theta, -1, 0)
+    z_max = A / rho
+    total = A / z_max**n
+    slopes = _unchanged(theta, 3, 8)
+    slopes[..., 3, 3] = 1.0 / z_max
+    slopes[..., 3, 4] = k_w / A
+    for row, share, sign in ((4, sigma, 1.0), (5, 1.0 - sigma, -1.0)):
+        slopes[..., row, 4] = share * total * n / rho
+        slopes[..., row, 5] = sign * total
+        slopes[..., row, 6] = -share * total * np.log(z_max)
+    slopes[..., 7, 6] = 1.0
+    return slopes
+
+
 def rescaled_bouc_wen(theta: Array, A: float) -> Array:
     """The same `bouc_wen`, shape (..., 8), with another `A`: z is multiplied by s = A_new/A, the force is not."""
     xp = theta.__array_namespace__()
@@ -48,6 +120,22 @@ def rescaled_bouc_wen(theta: Array, A: float) -> Array:
     s = A / old
     power = s ** (1.0 - n)
     return xp.stack([c0, k0, x0, alpha / s, power * gamma, power * beta, xp.full(n.shape, A), n], axis=-1)
+
+
+def rescaled_bouc_wen_jacobian(theta: Floats, A: float) -> Floats:
+    """Jacobian of `rescaled_bouc_wen`, shape (..., 8, 8): d ln s = -dA_old/A_old."""
+    _, _, _, alpha, gamma, beta, old, n = np.moveaxis(theta, -1, 0)
+    s = A / old
+    power = s ** (1.0 - n)
+    slopes = _unchanged(theta, 3, 8)
+    slopes[..., 3, 3] = 1.0 / s
+    slopes[..., 3, 6] = alpha / A
+    for row, factor in ((4, gamma), (5, beta)):
+        slopes[..., row, row] = power
+        slopes[..., row, 6] = factor * power * (n - 1.0) / old
+        slopes[..., row, 7] = -factor * power * np.log(s)
+    slopes[..., 7, 7] = 1.0
+    return slopes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -199,12 +287,22 @@ def normalised_from_modified_bouc_wen(theta: Array) -> Array:
     return _with_loop(theta, normalised_from_bouc_wen(_plain(theta)))
 
 
+def normalised_from_modified_bouc_wen_jacobian(theta: Floats) -> Floats:
+    """Jacobian of `normalised_from_modified_bouc_wen`, shape (..., 9, 10)."""
+    return _with_loop_jacobian(theta, normalised_from_bouc_wen_jacobian(_plain(theta)))
+
+
 def modified_bouc_wen_from_normalised(theta: Array, A: float) -> Array:
     """Parameters of `modified_bouc_wen`, shape (..., 10), equal in force to those of `normalised_modified_bouc_wen`.
 
     The latter have shape (..., 9); `A` settles the scale, as in `bouc_wen_from_normalised`.
     """
     return _with_loop(theta, bouc_wen_from_normalised(_plain(theta), A))
+
+
+def modified_bouc_wen_from_normalised_jacobian(theta: Floats, A: float) -> Floats:
+    """Jacobian of `modified_bouc_wen_from_normalised`, shape (..., 10, 9)."""
+    return _with_loop_jacobian(theta, bouc_wen_from_normalised_jacobian(_plain(theta), A))
 
 
 def _plain(theta: Array) -> Array:
@@ -215,3 +313,10 @@ def _plain(theta: Array) -> Array:
 def _with_loop(theta: Array, loop: Array) -> Array:
     """Replace the loop of a modified Bouc-Wen model, the parameters after x0."""
     return theta.__array_namespace__().concat([theta[..., :5], loop[..., 3:]], axis=-1)
+
+
+def _with_loop_jacobian(theta: Floats, loop: Floats) -> Floats:
+    """Jacobian of `_with_loop`; the parameters of a loop depend on those of a loop only."""
+    slopes = _unchanged(theta, 5, loop.shape[-2] + 2)
+    slopes[..., 5:, 5:] = loop[..., 3:, 3:]
+    return slopes

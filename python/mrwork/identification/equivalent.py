@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
+
+import numpy as np
 
 from mrwork.dampers.conversions import (
+    Conversion,
     bouc_wen_from_normalised,
+    bouc_wen_from_normalised_jacobian,
     modified_bouc_wen_from_normalised,
+    modified_bouc_wen_from_normalised_jacobian,
     normalised_from_bouc_wen,
+    normalised_from_bouc_wen_jacobian,
     normalised_from_modified_bouc_wen,
+    normalised_from_modified_bouc_wen_jacobian,
 )
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper
@@ -20,7 +25,7 @@ from mrwork.errors import SettingError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Form:
-    """What is searched: a model, its bounds, the maps to the parameters asked for and from them, what is held fixed.
+    """The model that is searched, its bounds, the conversions to and from the model asked for, what is held fixed.
 
     `mirrored` parameters can change sign together with little effect: an offset -k x0 can be made by either
     sign of a small k, but a descent cannot cross k = 0, where x0 is infinite.
@@ -28,8 +33,8 @@ class Form:
 
     spec: DamperSpec
     box: Box
-    back: Callable[[Any], Any]
-    forth: Callable[[Any], Any]
+    back: Conversion
+    forth: Conversion
     held: tuple[str, ...] = ()
     mirrored: tuple[int, ...] = ()
 
@@ -54,7 +59,7 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
         )
     if equivalent is None:
         box = Box.of(spec).with_bounds(bounds)
-        return Form(spec=spec, box=box, back=_same, forth=_same, mirrored=_mirrored(box))
+        return Form(spec=spec, box=box, back=_SAME, forth=_SAME, mirrored=_mirrored(box))
     checked = Box.of(spec).with_bounds(bounds)
     index = spec.names.index("A")
     scale = spec.parameters[index].nominal
@@ -74,15 +79,11 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
     return Form(
         spec=normalised,
         box=box,
-        back=partial(equivalent.back, A=scale),
+        back=equivalent.back.at(scale),
         forth=equivalent.forth,
         held=("A",),
         mirrored=_mirrored(box),
     )
-
-
-def _same(theta: Any) -> Any:
-    return theta
 
 
 def _mirrored(box: Box) -> tuple[int, ...]:
@@ -95,25 +96,31 @@ def _mirrored(box: Box) -> tuple[int, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Equivalent:
-    """The normalised form of a model, the ways back and forth, and the parameters that mean the same in both."""
+    """The normalised form of a model, the conversions from and to it, and the parameters that both have."""
 
     name: str
-    back: Callable[..., Any]
-    forth: Callable[[Any], Any]
+    back: Conversion
+    forth: Conversion
     same: Mapping[str, str]
 
+
+_SAME = Conversion(convert=lambda theta: theta, jacobian=lambda theta: np.eye(theta.shape[-1]))
 
 _EQUIVALENTS = {
     "bouc_wen": _Equivalent(
         name="normalised_bouc_wen",
-        back=bouc_wen_from_normalised,
-        forth=normalised_from_bouc_wen,
+        back=Conversion(convert=bouc_wen_from_normalised, jacobian=bouc_wen_from_normalised_jacobian),
+        forth=Conversion(convert=normalised_from_bouc_wen, jacobian=normalised_from_bouc_wen_jacobian),
         same={"c0": "c", "k0": "k", "x0": "x0", "n": "n"},
     ),
     "modified_bouc_wen": _Equivalent(
         name="normalised_modified_bouc_wen",
-        back=modified_bouc_wen_from_normalised,
-        forth=normalised_from_modified_bouc_wen,
+        back=Conversion(
+            convert=modified_bouc_wen_from_normalised, jacobian=modified_bouc_wen_from_normalised_jacobian
+        ),
+        forth=Conversion(
+            convert=normalised_from_modified_bouc_wen, jacobian=normalised_from_modified_bouc_wen_jacobian
+        ),
         same={name: name for name in ("c0", "k0", "c1", "k1", "x0", "n")},
     ),
 }

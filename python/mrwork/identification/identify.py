@@ -220,7 +220,7 @@ def identify(
         tell("refinement", steps, "steps", misfit, 0.0)
 
     def polish() -> Polished:
-        # SciPy's optimisers and JAX are slow to load and needed from here on only.
+        # SciPy's optimisers are slow to load and needed from here on only.
         from mrwork.identification.polish import polish
 
         return polish(objective, explored, engine=engine, on_start=on_start, on_step=on_step)
@@ -238,10 +238,7 @@ def _check_engine(engine: Engine, objective: Objective) -> None:
     if engine not in get_args(Engine):
         raise SettingError(f"`engine` is {engine!r}; choose one of {', '.join(get_args(Engine))}")
     if engine == "twin":
-        # JAX is slow to load, and needed here only.
-        from mrwork.identification.twin_residuals import TwinResiduals
-
-        TwinResiduals.of(objective)
+        objective.refuse_observation()
 
 
 def _was_stopped(interrupt: BaseException | None) -> bool:

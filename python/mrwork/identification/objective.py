@@ -138,6 +138,21 @@ class Objective:
         """Whether the simulated force itself is compared: nothing was observed differently, nothing is a nuisance."""
         return not self.nuisances and all(test.observation == AS_IT_IS for test in self.tests)
 
+    def refuse_observation(self) -> None:
+        """Refuse tests with an observation model, which the twin does not have.
+
+        Raises
+        ------
+        SettingError
+            Where there is one; the message names the test.
+        """
+        for test in self.tests:
+            if test.observation != AS_IT_IS:
+                raise SettingError(
+                    f"{test.name} was recorded {test.observation.in_words}, which the twin cannot follow; "
+                    "leave the engine to `lanes`, or the observation out"
+                )
+
     @property
     def n_time(self) -> int:
         """Samples that count, of all tests together."""

@@ -90,7 +90,7 @@ def _one_by_one(objective: Objective, form: Form, starts: NDArray[np.float64], o
 
 
 def _on_the_twin(objective: Objective, form: Form, starts: NDArray[np.float64], on_step: OnStep) -> Descended:
-    # JAX is slow to load, and needed here only.
+    # The one door to JAX, by pyproject.toml: it takes a second to load.
     from mrwork.identification.levenberg_marquardt_twin import refine
 
     refinements = (refine(objective, form.box, start, on_step=on_step) for start in starts)

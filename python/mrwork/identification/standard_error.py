@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
@@ -50,8 +48,7 @@ def standard_errors(
             lower[index] = upper[index] = float(theta[index])
         free = Box(names=box.names, lower=tuple(lower), upper=tuple(upper), log=box.log)
         cov[np.ix_(interior, interior)] = covariance(derivative(free, theta), misfit)
-    mapped = np.asarray(jax.jacfwd(form.back)(jnp.asarray(theta)))
-    return spread_through(mapped, cov)
+    return spread_through(form.back.jacobian(theta), cov)
 
 
 def covariance(jacobian: NDArray[np.float64], misfit: float) -> NDArray[np.float64]:

@@ -10,10 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import SettingError
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.objective import Objective, weight_of
-from mrwork.records import AS_IT_IS
 from mrwork.simulate import loading_of
 from mrwork.twins._base import simulate
 
@@ -52,12 +50,7 @@ class TwinResiduals:
         SettingError
             Where a test has an observation model: the twin has none.
         """
-        for test in objective.tests:
-            if test.observation != AS_IT_IS:
-                raise SettingError(
-                    f"{test.name} was recorded {test.observation.in_words}, which the twin cannot follow; "
-                    "leave the engine to `lanes`, or the observation out"
-                )
+        objective.refuse_observation()
         return cls(
             spec=objective.spec,
             n_settle=tuple(test.n_settle for test in objective.tests),

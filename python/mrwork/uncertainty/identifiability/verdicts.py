@@ -83,12 +83,9 @@ def _jacobian(objective: Objective, box: Box, theta: NDArray[np.float64]) -> NDA
 
 def _through(form: Form, objective: Objective, theta: NDArray[np.float64]) -> NDArray[np.float64]:
     """Derivative for a model with redundant parameters, by the chain rule through its form without: exact in them."""
-    # Slow to load.
-    import jax
-
     there = np.asarray(form.box.inside(np.clip(form.forth(theta), form.box.lower, form.box.upper)))
     own = Objective.of(form.spec, objective.tests, nuisances=objective.nuisances, threads=objective.threads)
-    mapped = np.asarray(jax.jacfwd(form.forth)(jax.numpy.asarray(theta)))
+    mapped = form.forth.jacobian(theta)
     return np.asarray(_jacobian(own, form.box, there) @ mapped[list(form.box.free)])
 
 

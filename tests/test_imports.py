@@ -1,0 +1,85 @@
+"""No verb loads JAX in a fresh process, and no number depends on whether it was loaded before."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+TESTS = """
+import pickle, sys
+import numpy as np
+import mrwork as mr
+from mrwork.records.window import cut
+test, other = (cut(mr.synthetic_test(name), every=8) for name in ("spencer1997", "spencer1997_fast"))
+"""
+# A Spencer form, so that parameters are converted and their Jacobians taken.
+IDENTIFY = f"""{TESTS}
+held = {{"k0": (2500.0, 2500.0), "x0": (0.038, 0.038), "n": (2.0, 2.0)}}
+fit = mr.identify("bouc_wen", test, bounds=held)
+"""
+LOAD = f"""{TESTS}
+with open(sys.argv[1], "rb") as file:
+    fit = pickle.load(file)
+"""
+NO_JAX = "\nassert not {'jax', 'equinox', 'optimistix', 'numpyro'} & set(sys.modules)"
+VERBS = {
+    "identifiability": "mr.identifiability_of(fit, [test])",
+    "profile": "mr.profile_likelihood(fit, [test], parameters=['k_w'])",
+    "plan": "from mrwork.uncertainty.planning.candidates import Candidate\n"
+    "mr.plan_next_test(fit, [test], [Candidate(amplitude=0.01, frequency=each) for each in (1.0, 2.0)])",
+    "sample": "mr.sample_posterior('bouc_wen', test, start=fit, most_steps=20)",
+    "predict and calibrate": "mr.calibrate([mr.predict_test(fit.spec, np.array(fit.theta), other)], held_out='')",
+    "choose": "mr.choose_model([test, other], models=['bingham', 'viscous_dahl'])",
+}
+
+
+def in_fresh_process(code: str, *arguments: object) -> str:
+    """What `code` prints; it has to end well."""
+    run = subprocess.run(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    return run.stdout
+
+
+@pytest.fixture(scope="module")
+def fit(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A fit of a process that was to load no JAX."""
+    place = tmp_path_factory.mktemp("imports") / "fit.pickle"
+    in_fresh_process(f"{IDENTIFY}with open(sys.argv[1], 'wb') as file: pickle.dump(fit, file){NO_JAX}", place)
+    return place
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_no_verb_loads_jax(verb: str, fit: Path) -> None:
+    in_fresh_process(f"{LOAD}{VERBS[verb]}{NO_JAX}", fit)
+
+
+def test_the_command_that_identifies_and_reports_loads_no_jax(tmp_path: Path) -> None:
+    in_fresh_process(
+        "import sys; from mrwork.cli import main\n"
+        "try: main(sys.argv[1:])\n"
+        f"except SystemExit as ended: assert not ended.code{NO_JAX}",
+        "identify",
+        "synthetic:spencer1997",
+        "--model=bingham",
+        "--every=8",
+        f"--out={tmp_path / 'run'}",
+    )
+
+
+def test_standard_errors_do_not_depend_on_what_was_imported_before() -> None:
+    asked = "print([each.standard_error for each in fit.estimates], mr.identifiability_of(fit, [test]))"
+    plain = in_fresh_process(IDENTIFY + asked)
+    assert "nan" not in plain
+    assert in_fresh_process("import jax" + IDENTIFY + asked) == plain
+    assert (
+        in_fresh_process("import jax; jax.config.update('jax_enable_x64', True)" + IDENTIFY + asked) == plain
+    )
