@@ -1,5 +1,5 @@
-"""Buildings: mass, damping and stiffness from a file, a shear frame or a publication, and what is put into them."""
+"""Buildings: mass, damping and stiffness from a file, a shear frame or a publication, and what is built into them."""
 
-from mrwork.buildings.building import Building
+import lazy_loader
 
-__all__ = ["Building"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

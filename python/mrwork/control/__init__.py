@@ -1,1 +1,5 @@
-"""Control: from a building, its devices and weights to the finished numbers that control laws run on."""
+"""Control laws, and the regulators, Lyapunov functions, observers, surfaces and networks they are designed with."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,5 +1,5 @@
-"""What a person reads of a fit: figures, the HTML report, and the run directory that keeps both.
+"""What a person reads of a fit or a study: numbers, figures and pages."""
 
-`html.identification_report` writes the page, `figures` draws, `run_directory` stores and reads back.
-Import the submodules; this package loads neither matplotlib nor jinja2.
-"""
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

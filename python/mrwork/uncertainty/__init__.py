@@ -1,1 +1,5 @@
-"""How sure: noise models, posteriors, identifiability, bands whose coverage is measured, and the choice of model."""
+"""How sure an identification is: identifiability, posterior draws, calibrated bands, choice of model, next test."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

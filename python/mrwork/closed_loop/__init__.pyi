@@ -1,0 +1,15 @@
+from .criteria import SCORE as SCORE
+from .criteria import STANDARD_GRAVITY as STANDARD_GRAVITY
+from .criteria import Criterion as Criterion
+from .criteria import criteria as criteria
+from .criteria import criterion as criterion
+from .criteria import ratio as ratio
+from .criteria import score as score
+from .criteria import values as values
+from .devices import Device as Device
+from .hardware import Fault as Fault
+from .hardware import Hardware as Hardware
+from .observed import loop_observer as loop_observer
+from .responses import History as History
+from .responses import Responses as Responses
+from .simulate import simulate_loop as simulate_loop

@@ -1,0 +1,12 @@
+from .fit import Estimate as Estimate
+from .fit import Fit as Fit
+from .fit import FitQuality as FitQuality
+from .fit import SearchTrace as SearchTrace
+from .free_run import judge as judge
+from .identify import IdentificationInterrupted as IdentificationInterrupted
+from .identify import identify as identify
+from .multistart import Multistart as Multistart
+from .objective import Objective as Objective
+from .run import Progress as Progress
+from .search_ranges import search_box as search_box
+from .warm_start import start_from as start_from

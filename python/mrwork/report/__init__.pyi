@@ -1,0 +1,13 @@
+from . import numbers as numbers
+from . import style as style
+from .study_figure import SMALL as SMALL
+from .study_figure import WIDE as WIDE
+from .study_figure import blank as blank
+from .study_figure import finish as finish
+from .study_figure import finish_loop as finish_loop
+from .study_figure import tested_points as tested_points
+from .study_page import Panel as Panel
+from .study_page import panel as panel
+from .study_page import swatch as swatch
+from .study_page import write_study_page as write_study_page
+from .typeset import symbol as symbol
