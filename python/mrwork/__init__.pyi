@@ -11,7 +11,7 @@ from . import search as search
 from . import study as study
 from . import uncertainty as uncertainty
 from ._rust import __version__ as __version__
-from .buildings.building import Building as Building
+from .buildings.matrices import Building as Building
 from .buildings.published import building as building
 from .closed_loop.devices import Device as Device
 from .closed_loop.hardware import Hardware as Hardware

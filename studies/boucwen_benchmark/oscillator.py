@@ -19,7 +19,7 @@ import optimistix as optx
 from jax import Array
 from numpy.typing import NDArray
 
-from mrwork.twins._base import power
+from mrwork.twins import power
 
 Floats = NDArray[np.float64]
 

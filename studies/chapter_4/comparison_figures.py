@@ -9,9 +9,8 @@ from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator, StrMethodF
 
 from decay import at_budget, evaluations_to
 from findings import QUANTILES, Comparison, Trial
-from mrwork.identification.free_run import judge
-from mrwork.report import style
-from mrwork.report.study_figure import SMALL, WIDE, blank, finish, finish_loop, tested_points
+from mrwork.identification import judge
+from mrwork.report import SMALL, WIDE, blank, finish, finish_loop, style, tested_points
 from search_cells import Floats
 from search_settings import COARSE, EFFICIENT, SEARCHES, STANDARD, SWARM, Model
 

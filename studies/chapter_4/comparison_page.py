@@ -19,8 +19,7 @@ from comparison_figures import (
 from comparison_tables import tables_of
 from damper_tests import FORCE_NOISE_N
 from findings import Comparison, Trial, TrialFinding
-from mrwork.report import style
-from mrwork.report.study_page import Panel, panel, swatch, write_study_page
+from mrwork.report import Panel, panel, style, swatch, write_study_page
 from search_settings import EFFICIENT, SEARCHES, Model, Settings
 
 _SYNTHETIC = (

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from mrwork.search import StopRules
-from mrwork.search.termination import expected_termination
+from mrwork.search import StopRules, expected_termination
 from search_cells import Floats, Integers, Replicates
 
 # Share of the attainable decay that is done at the level: our definition of the 95 % error level.

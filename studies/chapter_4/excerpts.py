@@ -7,7 +7,7 @@ from pathlib import Path
 
 import mrwork as mr
 from damper_tests import TestSet, synthetic_sets
-from mrwork.records.window import cut
+from mrwork.records import cut
 from search_settings import MeasuredChoice, SyntheticChoice
 
 _FREQUENCY = 1.0

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 import mrwork
-from mrwork import _rust
 from search_cells import Cell, Replicates
 
 
@@ -74,6 +73,6 @@ def _package() -> str:
     """Hash of every source file of the package and of the compiled core."""
     root = Path(mrwork.__file__).parent
     digest = hashlib.sha256()
-    for path in (*sorted(root.rglob("*.py")), Path(_rust.__file__)):
+    for path in sorted([*root.rglob("*.py"), *root.glob("_rust*.so"), *root.glob("_rust*.pyd")]):
         digest.update(path.read_bytes())
     return digest.hexdigest()

@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from damper_tests import TestSet
-from mrwork.identification.objective import Objective
+from mrwork.identification import Objective
 from mrwork.records import DamperTest
-from mrwork.search import AbortableObjective, GenerationEvent, run_replicates
-from mrwork.search.loop import Optimiser
+from mrwork.search import AbortableObjective, GenerationEvent, Optimiser, run_replicates
 from search_settings import Model, Settings
 
 Floats = NDArray[np.float64]

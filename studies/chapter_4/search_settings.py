@@ -8,11 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import mrwork as mr
-from mrwork.dampers.coordinates import Box
-from mrwork.identification.search_ranges import search_box
+from mrwork.dampers import Box
+from mrwork.identification import search_box
 from mrwork.records import DamperTest
-from mrwork.search import EfficientGA, EliteRule, ParticleSwarm, StandardGA, StopRules
-from mrwork.search.loop import Optimiser
+from mrwork.search import EfficientGA, EliteRule, Optimiser, ParticleSwarm, StandardGA, StopRules
 
 STANDARD, COARSE = "standard GA", "coarse standard GA"
 EFFICIENT, SWARM = "efficient GA", "particle swarm"

@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 
 import mrwork as mr
 from damper_tests import SIDE_M, STATIC_LAWS, TestSet
-from mrwork.dampers.parameters import LawName
-from mrwork.dampers.spec import DamperSpec
-from mrwork.identification.fit import Fit
-from mrwork.identification.free_run import judge
+from mrwork.dampers import DamperSpec, LawName
+from mrwork.identification import Fit, judge
 from mrwork.search import EfficientGA
 
 Floats = NDArray[np.float64]

@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import mrwork as mr
-from mrwork.dampers.parameters import LawName
-from mrwork.dampers.spec import DamperSpec
-from mrwork.records import AS_IT_IS, DamperTest, Observation, build_damper_test, detect_smoothing
-from mrwork.records.window import cut
+from mrwork.dampers import DamperSpec, LawName
+from mrwork.records import AS_IT_IS, DamperTest, Observation, build_damper_test, cut, detect_smoothing
 
 Floats = NDArray[np.float64]
 

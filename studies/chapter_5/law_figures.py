@@ -11,9 +11,8 @@ from matplotlib.figure import Figure
 import mrwork as mr
 from current_laws import Model
 from damper_tests import FORCE_NOISE_N, Floats
-from mrwork.identification.free_run import judge
-from mrwork.report import style
-from mrwork.report.study_figure import SMALL, WIDE, blank, finish, finish_loop, tested_points
+from mrwork.identification import judge
+from mrwork.report import SMALL, WIDE, blank, finish, finish_loop, style, tested_points
 from outcome import SetOutcome
 
 _FINE = 60

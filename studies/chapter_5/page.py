@@ -12,8 +12,7 @@ from current_laws import MODELS, STATIC, WITH_LAWS, Model
 from damper_tests import FORCE_NOISE_N
 from law_figures import FREQUENCY_COLOURS, loop_figure, parameter_figure, rms_figure
 from law_tables import law_rms_table, law_table, per_current_table, rms_table
-from mrwork.report import style
-from mrwork.report.study_page import Panel, panel, swatch, write_study_page
+from mrwork.report import Panel, panel, style, swatch, write_study_page
 from outcome import SetOutcome
 
 _ABOUT = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from html import escape
 
-from mrwork.report.typeset import symbol
+from mrwork.report import symbol
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,11 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from frame_runs import FRAME, Bench, Figures, figures, pair
-from mrwork.buildings.building import Building
-from mrwork.buildings.isolation import with_base_isolation_of_period
-from mrwork.buildings.tuned_mass import TUNINGS, with_optimal_tuned_mass
-from mrwork.buildings.viscous import with_viscous_damper
-from mrwork.control.laws import ControlLaw
+from mrwork.buildings import (
+    TUNINGS,
+    Building,
+    with_base_isolation_of_period,
+    with_optimal_tuned_mass,
+    with_viscous_damper,
+)
+from mrwork.control import ControlLaw
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,10 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from frame_runs import FRAME, HARDWARE, Bench, bench, figures_of, pair
-from mrwork.buildings.building import Building
-from mrwork.closed_loop.hardware import Fault, Hardware
-from mrwork.closed_loop.simulate import simulate_loop
-from mrwork.control.laws import ControlLaw
+from mrwork.buildings import Building
+from mrwork.closed_loop import Fault, Hardware, simulate_loop
+from mrwork.control import ControlLaw
 from mrwork.errors import MrworkError
 from mrwork.motions import GroundMotion, read_motion
 from mrwork.simulate import Outcome

@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from chapter_6_tables import remarks, tables
 from frame_runs import LEVELS, level_name
-from mrwork.report.study_page import panel, write_study_page
+from mrwork.report import panel, write_study_page
 from score_figures import sample_time_figure, score_figure
 
 

@@ -9,8 +9,8 @@ from conditions import CONDITIONS, HALF_STEP, REFERENCE
 from dyke_peaks import QUANTITIES
 from frame_runs import LEVELS, level_name
 from loop_findings import ACTIVE, TUNED_LAWS
-from mrwork.closed_loop.criteria import SCORE
-from mrwork.control.laws import control_law
+from mrwork.closed_loop import SCORE
+from mrwork.control import control_law
 from result_table import ResultTable
 
 _TITLES = {

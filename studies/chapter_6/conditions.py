@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from frame_runs import HARDWARE, Bench, Figures, figures, pair
-from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop import Hardware
 from tuning import Tuned, control_law_of
 
 

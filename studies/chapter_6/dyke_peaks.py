@@ -9,15 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.buildings.building import Building
-from mrwork.buildings.published import building
-from mrwork.closed_loop.devices import Device
-from mrwork.closed_loop.hardware import Hardware
-from mrwork.closed_loop.simulate import simulate_loop
-from mrwork.control.laws import ControlLaw
-from mrwork.control.plant import plant_of
-from mrwork.control.published_regulators import published_regulator, regulator_as_published
-from mrwork.dampers.spec import damper
+from mrwork.buildings import Building, building
+from mrwork.closed_loop import Device, Hardware, simulate_loop
+from mrwork.control import ControlLaw, plant_of, published_regulator, regulator_as_published
+from mrwork.dampers import damper
 from mrwork.motions import GroundMotion, read_motion, time_scaled
 
 Floats = NDArray[np.float64]

@@ -9,15 +9,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.buildings.building import Building
-from mrwork.buildings.published import building
-from mrwork.closed_loop.criteria import SCORE, STANDARD_GRAVITY, values
-from mrwork.closed_loop.devices import Device
-from mrwork.closed_loop.hardware import Hardware
-from mrwork.closed_loop.responses import Responses
-from mrwork.closed_loop.simulate import simulate_loop
-from mrwork.control.laws import ControlLaw
-from mrwork.dampers.spec import damper
+from mrwork.buildings import Building, building
+from mrwork.closed_loop import SCORE, STANDARD_GRAVITY, Device, Hardware, Responses, simulate_loop, values
+from mrwork.control import ControlLaw
+from mrwork.dampers import damper
 from mrwork.motions import GroundMotion, read_motion, scaled_to_peak, trimmed
 
 Floats = NDArray[np.float64]

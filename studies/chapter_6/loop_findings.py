@@ -17,8 +17,8 @@ from conditions import CONDITIONS, REFERENCE, scores_under
 from dyke_peaks import QUANTITIES, Row, causes, motion_of, rounding, rows
 from frame_runs import LARGEST_CURRENT, LEVELS, Bench, Figures, bench, figures, level_name
 from kept_settings import kept
-from mrwork.closed_loop.criteria import SCORE
-from mrwork.control.laws import ControlLaw, control_laws
+from mrwork.closed_loop import SCORE
+from mrwork.control import ControlLaw, control_laws
 from sheet_frequencies import frequencies
 from tuning import Found, search
 

@@ -12,12 +12,10 @@ import time
 
 import numpy as np
 
-from mrwork.buildings.published import building
-from mrwork.closed_loop.devices import Device
-from mrwork.closed_loop.hardware import Hardware
-from mrwork.closed_loop.simulate import simulate_loop
-from mrwork.control.laws import ControlLaw
-from mrwork.dampers.spec import damper
+from mrwork.buildings import building
+from mrwork.closed_loop import Device, Hardware, simulate_loop
+from mrwork.control import ControlLaw
+from mrwork.dampers import damper
 from mrwork.motions import synthetic_motion, trimmed
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from mrwork.buildings.published import buildings
+from mrwork.buildings import buildings
 
 # By mode [Hz], as their papers state them or as they follow from what these state; utfpr comes without.
 STATED: dict[str, dict[int, float]] = {

@@ -9,8 +9,8 @@ from functools import cache
 import numpy as np
 
 from frame_runs import FRAME, LARGEST_CURRENT, LEVELS, Bench, Figures, figures, pair
-from mrwork.closed_loop.devices import Device
-from mrwork.control.laws import ControlLaw, control_law
+from mrwork.closed_loop import Device
+from mrwork.control import ControlLaw, control_law
 from mrwork.errors import SettingError
 from mrwork.study.declared import Place, built
 from mrwork.study.law_designs import Design, Subject, designed

@@ -6,15 +6,20 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from mrwork.dampers.spec import damper
-from mrwork.identification.fit import Fit
-from mrwork.identification.identify import identify
+from mrwork import Fit, identify
+from mrwork.dampers import damper
 from mrwork.records import DamperTest
-from mrwork.uncertainty.bands.band import Band
-from mrwork.uncertainty.bands.conformal import calibrate
-from mrwork.uncertainty.bands.left_out import Fold, LeftOut, predict_left_out
-from mrwork.uncertainty.bands.prediction import Prediction, predict_test
-from mrwork.uncertainty.noise import NOISES, Noise
+from mrwork.uncertainty import (
+    NOISES,
+    Band,
+    Fold,
+    LeftOut,
+    Noise,
+    Prediction,
+    calibrate,
+    predict_left_out,
+    predict_test,
+)
 from random_scale import next_test_half_width
 from rig_tests import CURRENTS, MOTIONS, rig_test
 from scores import LEVEL, Outcome, constant_band, outcome

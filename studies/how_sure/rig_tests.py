@@ -6,8 +6,7 @@ import os
 from dataclasses import replace
 from pathlib import Path
 
-from mrwork.records import DamperTest, Observation, detect_smoothing, read_damper_test, repair
-from mrwork.records.window import cut
+from mrwork.records import DamperTest, Observation, cut, detect_smoothing, read_damper_test, repair
 
 ROOT = Path(__file__).parents[2]
 DATA = Path(os.environ.get("MRWORK_DATA", ROOT.parent / "shared" / "data"))

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.uncertainty.bands.band import Band, score
-from mrwork.uncertainty.bands.prediction import Prediction
+from mrwork.uncertainty import Band, Prediction, score
 
 LEVEL = 0.9
 

@@ -7,14 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrwork.identification.fit import Fit
-from mrwork.identification.identify import identify
+from mrwork import Fit, identify
 from mrwork.records import DamperTest
-from mrwork.uncertainty.bands.conformal import calibrate
-from mrwork.uncertainty.bands.parametric import noise_band, simulate_draws
-from mrwork.uncertainty.bands.prediction import Prediction, predict_test
-from mrwork.uncertainty.noise import NOISES
-from mrwork.uncertainty.posterior.sample import sample_posterior
+from mrwork.uncertainty import (
+    NOISES,
+    Prediction,
+    calibrate,
+    noise_band,
+    predict_test,
+    sample_posterior,
+    simulate_draws,
+)
 from random_scale import next_test_half_width
 from rig_tests import CURRENTS, FITTED, MOTIONS, rig_test
 from scores import LEVEL, Outcome, constant_band, outcome

@@ -12,16 +12,20 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chisquare
 
-from mrwork.dampers.coordinates import Box
-from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.identification.identify import identify
+from mrwork import identify
+from mrwork.dampers import Box, DamperSpec, damper
 from mrwork.records import DamperTest, build_damper_test
 from mrwork.simulate import Loading, simulate_force
-from mrwork.uncertainty.bands.band import score
-from mrwork.uncertainty.bands.parametric import noise_band, simulate_draws
-from mrwork.uncertainty.noise import Noise, noise_model
-from mrwork.uncertainty.posterior.prior import Lognormal, Normal
-from mrwork.uncertainty.posterior.sample import sample_posterior
+from mrwork.uncertainty import (
+    Lognormal,
+    Noise,
+    Normal,
+    noise_band,
+    noise_model,
+    sample_posterior,
+    score,
+    simulate_draws,
+)
 
 LEVEL = 0.9
 # Ranges of the parameters that are free, the others held at their nominal values. Loops as wide as these are resolved

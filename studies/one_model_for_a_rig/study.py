@@ -19,16 +19,11 @@ from typing import get_args
 
 import numpy as np
 
-from mrwork.dampers.parameters import LawName
-from mrwork.dampers.spec import DamperSpec, damper
+from mrwork import identify
+from mrwork.dampers import DamperSpec, LawName, damper
 from mrwork.errors import SimulationError
-from mrwork.identification.fit import Fit
-from mrwork.identification.free_run import judge
-from mrwork.identification.identify import identify
-from mrwork.identification.run import Progress
-from mrwork.identification.warm_start import start_from
-from mrwork.records import AS_IT_IS, DamperTest, Observation, detect_smoothing, read_damper_tests, repair
-from mrwork.records.window import cut
+from mrwork.identification import Fit, Progress, judge, start_from
+from mrwork.records import AS_IT_IS, DamperTest, Observation, cut, detect_smoothing, read_damper_tests, repair
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from any_model import twin_force
 from batch import PRESET, forces
-from mrwork._rust import LoadingHistory
-from mrwork.dampers.spec import damper
+from mrwork.dampers import damper
+from mrwork.kernels import LoadingHistory
 from mrwork.simulate import simulate_forces
-from mrwork.twins._base import simulate
+from mrwork.twins import simulate
 from record import random_record
 
 Floats = NDArray[np.float64]

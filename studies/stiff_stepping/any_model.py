@@ -10,9 +10,9 @@ import jax.numpy as jnp
 from jax import Array
 
 from batch import motion_table
-from mrwork._rust import LoadingHistory
-from mrwork.dampers.spec import DamperSpec
-from mrwork.twins._base import twin_of
+from mrwork.dampers import DamperSpec
+from mrwork.kernels import LoadingHistory
+from mrwork.twins import twin_of
 from steppers import ENDS, GAMMA_ROS2
 
 Rate = Callable[[Array, Array], Array]

@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 import elementary
-from mrwork._rust import LoadingHistory
+from mrwork.kernels import LoadingHistory
 from steppers import TIMES, steppers
 
 Floats = NDArray[np.float64]

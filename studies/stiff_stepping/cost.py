@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from batch import BLOCK, PRESET, kernel, motion_table, scaled
-from mrwork import _rust
-from mrwork.dampers.spec import damper
+from mrwork import kernels
+from mrwork.dampers import damper
 from record import random_record
 from steppers import TIMES, steppers
 
@@ -85,7 +85,9 @@ def counted(method: str, *, general: bool) -> Tally:
     # What a general exponent adds to the core's four rates, and the product that it replaces.
     theta = damper(PRESET).nominal
     fractional = np.where(np.arange(9) == 8, 2.5, theta)
-    power_flops = (_rust.flops_per_step(PRESET, fractional) - _rust.flops_per_step(PRESET, theta)) // 4 + 2
+    power_flops = (
+        kernels.flops_per_step(PRESET, fractional) - kernels.flops_per_step(PRESET, theta)
+    ) // 4 + 2
 
     def power(x: Counted, n: Any) -> Counted:
         tally.powers += 1
@@ -133,6 +135,6 @@ def core_nanoseconds(*, general: bool) -> float:
     spent = []
     for _ in range(ROUNDS):
         begun = time.perf_counter()
-        _, _, substeps = _rust.misfits(PRESET, theta, history, force, threads=1)
+        _, _, substeps = kernels.misfits(PRESET, theta, history, force, threads=1)
         spent.append(time.perf_counter() - begun)
     return 1e9 * statistics.median(spent) / (float(substeps.sum()) * (history.n_time - 1))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mrwork._rust import LoadingHistory
+from mrwork.kernels import LoadingHistory
 from mrwork.simulate import Loading
 
 STROKE = 0.006

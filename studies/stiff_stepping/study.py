@@ -19,7 +19,7 @@ import numpy as np
 
 from accuracy import TOLERANCE, derivative_error, model_errors, preset_error, scattered_errors
 from cost import core_nanoseconds, counted, nanoseconds
-from mrwork.dampers.spec import damper_models
+from mrwork.dampers import damper_models
 from steppers import TIMES
 
 HERE = Path(__file__).parent

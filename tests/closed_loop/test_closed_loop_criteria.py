@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mrwork.closed_loop.criteria import SCORE, criteria, criterion, ratio, score, values
+from mrwork.closed_loop.evaluation import SCORE, criteria, criterion, ratio, score, values
 from mrwork.errors import UnknownNameError
 
 FLOORS = (

@@ -22,7 +22,7 @@ from loop_samples import (
 )
 
 import mrwork as mr
-from mrwork.buildings.building import Building
+from mrwork.buildings.matrices import Building
 from mrwork.closed_loop.devices import Device
 from mrwork.closed_loop.hardware import Fault, Hardware
 from mrwork.closed_loop.observed import loop_observer

@@ -24,7 +24,7 @@ from scipy.signal import lsim
 
 import mrwork as mr
 from mrwork import _rust
-from mrwork.buildings.building import Building
+from mrwork.buildings.matrices import Building
 from mrwork.buildings.published import buildings
 from mrwork.closed_loop.devices import Device
 from mrwork.closed_loop.hardware import Hardware

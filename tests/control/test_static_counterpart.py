@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrwork.control.static_counterpart import StaticCounterpart, static_counterpart
+from mrwork.control.counterpart import StaticCounterpart, static_counterpart
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.simulate import Loading, simulate_force

@@ -9,7 +9,7 @@ import pytest
 
 from mrwork.errors import SettingError
 from mrwork.records import DamperTest, repair
-from mrwork.records.repair import REPAIR_KINDS, RepairKind
+from mrwork.records.repairs import REPAIR_KINDS, RepairKind
 from mrwork.synthetic import synthetic_test
 
 # Its noise has a standard deviation of 8 N.

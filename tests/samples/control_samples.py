@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from mrwork.buildings.building import Building
+from mrwork.buildings.matrices import Building
 from mrwork.control.plant import Plant, plant_of
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrwork.buildings.building import Building
+from mrwork.buildings.matrices import Building
 from mrwork.closed_loop.devices import Device
 from mrwork.closed_loop.responses import History
 from mrwork.control.laws import ControlLaw

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 import mrwork as mr
-from mrwork.buildings.building import Building
+from mrwork.buildings.matrices import Building
 from mrwork.buildings.published import building
 from mrwork.closed_loop.devices import Device
 from mrwork.control.fuzzy import fuzzy_table

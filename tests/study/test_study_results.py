@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 import study_samples
 
-from mrwork.closed_loop.criteria import criteria
+from mrwork.closed_loop.evaluation import criteria
 from mrwork.simulate import Outcome
 from mrwork.study.step_check import step_changes
 

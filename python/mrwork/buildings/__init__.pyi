@@ -1,5 +1,4 @@
 from .brace import with_brace as with_brace
-from .building import Building as Building
 from .damping import with_modal_damping as with_modal_damping
 from .damping import with_rayleigh_coefficients as with_rayleigh_coefficients
 from .damping import with_rayleigh_damping as with_rayleigh_damping
@@ -8,6 +7,7 @@ from .free_vibration import mode_estimate as mode_estimate
 from .from_file import read_building as read_building
 from .isolation import with_base_isolation as with_base_isolation
 from .isolation import with_base_isolation_of_period as with_base_isolation_of_period
+from .matrices import Building as Building
 from .published import building as building
 from .published import buildings as buildings
 from .reduction import BalancedReduction as BalancedReduction

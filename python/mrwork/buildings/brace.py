@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrwork.buildings.building import Building
 from mrwork.buildings.coordinate import with_coordinate
+from mrwork.buildings.matrices import Building
 from mrwork.errors import SettingError
 
 

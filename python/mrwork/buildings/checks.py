@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mrwork.errors import SettingError
 
 if TYPE_CHECKING:
-    from mrwork.buildings.building import Building
+    from mrwork.buildings.matrices import Building
 
 Floats = NDArray[np.float64]
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.buildings.building import Building
+from mrwork.buildings.matrices import Building
 
 Floats = NDArray[np.float64]
 

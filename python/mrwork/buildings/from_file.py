@@ -38,7 +38,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.buildings.additions_from_table import ADDITIONS, with_additions
-from mrwork.buildings.building import Building
+from mrwork.buildings.matrices import Building
 from mrwork.buildings.matrix_files import read_matrices, read_matrix
 from mrwork.buildings.published import building as published_building
 from mrwork.buildings.shear import floor_differences, numbered, shear_building

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.linalg import block_diag
 
-from mrwork.buildings.building import Building
+from mrwork.buildings.matrices import Building
 from mrwork.errors import SettingError
 
 

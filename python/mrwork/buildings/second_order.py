@@ -9,7 +9,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.buildings.building import Building
+from mrwork.buildings.matrices import Building
 from mrwork.buildings.matrix_files import read_matrices
 from mrwork.buildings.shear import numbered
 from mrwork.buildings.state_space import LinearSystem

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.buildings.building import Building
+from mrwork.buildings.matrices import Building
 from mrwork.errors import SettingError
 
 Floats = NDArray[np.float64]

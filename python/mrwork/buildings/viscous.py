@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrwork.buildings.building import Building
+from mrwork.buildings.matrices import Building
 from mrwork.errors import SettingError
 
 

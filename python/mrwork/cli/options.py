@@ -10,7 +10,7 @@ from pathlib import Path
 from mrwork.errors import SettingError
 from mrwork.identification.reading import Reading
 from mrwork.records import DamperTest, parse_column_option
-from mrwork.records.repair import REPAIR_KINDS, RepairKind
+from mrwork.records.repairs import REPAIR_KINDS, RepairKind
 
 
 def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
-from mrwork.buildings.building import Building
+from mrwork.buildings.matrices import Building
 from mrwork.closed_loop.devices import Device
 from mrwork.control.laws import ControlLaw
 from mrwork.dampers.spec import DamperSpec

@@ -9,12 +9,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
+from mrwork.summary import Summarised, Summary, rounded
 
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Device:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Device(Summarised):
     """Dampers in one place, which follow one command between 0 and `largest_command`.
 
     Parameters
@@ -60,3 +61,21 @@ class Device:
     def draws(self) -> Floats:
         """Parameters, shape (n_draws, n_params)."""
         return np.atleast_2d(np.asarray(self.theta, dtype=np.float64))
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"Device {self.name}: {self.spec.name}",
+            facts=(
+                (
+                    "dampers",
+                    f"{self.count:g}{', and as many the other way round' if self.differential else ''}",
+                ),
+                ("command", f"0 to {self.largest_command:g}"),
+                ("draws", str(len(self.draws))),
+            ),
+            columns=("parameter", "value", "unit"),
+            rows=[
+                (parameter.name, rounded(float(np.median(self.draws[:, index]))), parameter.unit)
+                for index, parameter in enumerate(self.spec.parameters)
+            ],
+        )

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Literal, get_args
 
 from mrwork.errors import SettingError
+from mrwork.summary import Summarised, Summary
 
 Channel = Literal["acceleration", "deformation", "force", "command"]
 Feedback = Literal["state", "observer"]
@@ -51,8 +52,8 @@ class Fault:
             raise SettingError(f'the value of a fault is {self.value!r}; give "hold" or a number')
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Hardware:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Hardware(Summarised):
     """How the loop is run.
 
     Parameters
@@ -162,3 +163,14 @@ class Hardware:
     def _sample(self, time: float) -> int:
         most = 2**62
         return most if math.isinf(time) else min(most, math.ceil(time / self.sample_time * (1.0 - 1e-9)))
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title="Hardware of the loop",
+            facts=[
+                (field.name.replace("_", " "), str(getattr(self, field.name)))
+                for field in fields(self)
+                if getattr(self, field.name) != field.default
+            ],
+            notes=("What is not listed has its default.",),
+        )

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.buildings.building import Building
+from mrwork.buildings.matrices import Building
 from mrwork.closed_loop.devices import Device
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.control.observer import Observer, observer_of

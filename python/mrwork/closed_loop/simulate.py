@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork import _rust
-from mrwork.buildings.building import Building
+from mrwork.buildings.matrices import Building
 from mrwork.closed_loop.core_arguments import curve_of, dampers_of, matrices_of
 from mrwork.closed_loop.devices import Device
 from mrwork.closed_loop.hardware import Hardware

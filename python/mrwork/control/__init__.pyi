@@ -1,3 +1,5 @@
+from .counterpart import StaticCounterpart as StaticCounterpart
+from .counterpart import static_counterpart as static_counterpart
 from .fuzzy import FuzzyTable as FuzzyTable
 from .fuzzy import fuzzy_table as fuzzy_table
 from .inverse_network import InverseNetwork as InverseNetwork
@@ -32,5 +34,3 @@ from .sliding import SlidingSurface as SlidingSurface
 from .sliding import optimal_surface as optimal_surface
 from .sliding import placed_surface as placed_surface
 from .sliding import sliding_gains as sliding_gains
-from .static_counterpart import StaticCounterpart as StaticCounterpart
-from .static_counterpart import static_counterpart as static_counterpart

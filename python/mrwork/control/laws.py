@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork import _rust
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.summary import Summarised, Summary, rounded
 
 Floats = NDArray[np.float64]
 Shape = Literal["device", "state"]
@@ -46,8 +47,8 @@ class ControlLawSpec:
     wants_curve: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ControlLaw:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class ControlLaw(Summarised):
     """A law with its numbers, for one candidate or many.
 
     Parameters
@@ -112,6 +113,21 @@ class ControlLaw:
             np.ascontiguousarray(np.ravel(np.asarray(self.tables[name], dtype=np.float64)))
             for name in self.spec.tables
         ]
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"Control law {self.spec.title}",
+            facts=(("equation", self.spec.equation), ("source", self.spec.source)),
+            columns=("number", "shape", "largest"),
+            rows=[
+                (
+                    name,
+                    str(np.shape(value)),
+                    rounded(float(np.abs(np.asarray(value, dtype=np.float64)).max())),
+                )
+                for name, value in (*self.gains.items(), *self.tables.items())
+            ],
+        )
 
 
 @cache

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.buildings.building import Building
+from mrwork.buildings.matrices import Building
 from mrwork.errors import SettingError
 
 Floats = NDArray[np.float64]

@@ -22,10 +22,11 @@ from mrwork.dampers.parameters import (
 )
 from mrwork.dampers.presets import PUBLISHED_SETS, PublishedSet
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.summary import Summarised, Summary, rounded
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DamperSpec:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class DamperSpec(Summarised):
     """A damper model: equations, source, parameters in order. Declared in Rust, beside the equations.
 
     A model with current laws has their coefficients for parameters, named `k_w.0`, `k_w.1`; `plain` has those of the
@@ -120,6 +121,24 @@ class DamperSpec:
                 return _preset(self, entry)
         known = ", ".join(self.presets) or "none"
         raise UnknownNameError(f"{self.name} has no published set called {name!r}; it has {known}")
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"Damper model {self.name}: {self.title}",
+            facts=(("equation", self.equation.replace("\n", "; ")), ("source", self.source)),
+            columns=("parameter", "nominal", "lower", "upper", "unit", "meaning"),
+            rows=[
+                (
+                    each.name,
+                    rounded(each.nominal),
+                    rounded(each.lower),
+                    rounded(each.upper),
+                    each.unit,
+                    each.description,
+                )
+                for each in self.parameters
+            ],
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,7 +4,6 @@ from .fit import FitQuality as FitQuality
 from .fit import SearchTrace as SearchTrace
 from .free_run import judge as judge
 from .identify import IdentificationInterrupted as IdentificationInterrupted
-from .identify import identify as identify
 from .multistart import Multistart as Multistart
 from .objective import Objective as Objective
 from .run import Progress as Progress

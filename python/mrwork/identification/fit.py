@@ -10,6 +10,7 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
 from mrwork.identification.verdict import Identifiability
 from mrwork.records import AS_IT_IS, Observation
+from mrwork.summary import Summarised, Summary, listed, rounded
 
 FitStatus = Literal["converged", "not_converged", "interrupted", "stopped"]
 # Where the last descent runs: in lanes, with derivatives of dual numbers, or on the JAX twin.
@@ -90,8 +91,8 @@ class Provenance:
     created: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Fit:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Fit(Summarised):
     """An identified damper: estimates in the order of the model's spec, quality per test, provenance.
 
     `evaluations` counts simulated candidates, those of the search and of the screening that follows it;
@@ -135,3 +136,27 @@ class Fit:
     def as_dict(self) -> dict[str, Any]:
         """Plain nested dictionaries and lists, ready for JSON."""
         return asdict(self)
+
+    def _summary(self) -> Summary:
+        window = "" if len(self.quality) == 1 else f" on {len(self.quality)} tests"
+        doubts = () if self.identifiability is None else self.identifiability.verdicts
+        verdicts = {each.name: each.verdict for each in doubts if each.verdict != "identifiable"}
+        return Summary(
+            title=f"Fit of {self.model}{window}: {self.fit_percent:.2f} %, {self.status.replace('_', ' ')}",
+            facts=(
+                ("tests", listed([quality.test for quality in self.quality])),
+                ("error", f"{self.rmse_n:.4g} N rms, {100.0 * self.nrmse:.3g} % of the force's deviation"),
+                ("search", f"{self.evaluations} simulations, {self.seconds:.1f} s, {self.stop_reason}"),
+            ),
+            columns=("parameter", "value", "standard error", "unit", "remark"),
+            rows=[
+                (
+                    each.name,
+                    rounded(each.value, 6),
+                    rounded(each.standard_error, 2),
+                    each.unit,
+                    each.remark or (f"{verdicts[each.name]} identifiable" if each.name in verdicts else ""),
+                )
+                for each in self.estimates
+            ],
+        )

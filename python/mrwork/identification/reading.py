@@ -9,7 +9,7 @@ from typing import Any
 
 from mrwork.errors import RecordError
 from mrwork.records import DamperTest, read_damper_test, repair
-from mrwork.records.repair import RepairKind
+from mrwork.records.repairs import RepairKind
 from mrwork.records.window import counted_from, cut
 from mrwork.synthetic import synthetic_test
 

@@ -5,7 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from mrwork.summary import Summarised, Summary, rounded
+
 VerdictName = Literal["identifiable", "weakly", "not"]
+_IN_SHORT: dict[VerdictName, str] = {"identifiable": "yes", "weakly": "weakly", "not": "no"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,8 +53,8 @@ class Direction:
     sentence: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Identifiability:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Identifiability(Summarised):
     """A verdict for each free parameter, and the directions that the data do not see or see weakly.
 
     `n_effective` is what the `n_time` samples are worth, as their residuals are correlated.
@@ -61,3 +64,14 @@ class Identifiability:
     directions: tuple[Direction, ...]
     n_time: int
     n_effective: float
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"Identifiability from {self.n_time} samples, worth {self.n_effective:.0f} independent ones",
+            columns=("parameter", "identifiable", "standard error [SI]", "reason"),
+            rows=[
+                (each.name, _IN_SHORT[each.verdict], rounded(each.standard_error, 2), each.reason)
+                for each in self.verdicts
+            ],
+            notes=[each.sentence for each in self.directions],
+        )

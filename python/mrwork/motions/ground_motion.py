@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
+from mrwork.summary import Summarised, Summary
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GroundMotion:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class GroundMotion(Summarised):
     """Acceleration of the ground [m/s^2], shape (n_time,), every `dt` [s]; between samples it runs straight.
 
     `source` says where it comes from, `changes` what was done to it since, in order.
@@ -74,6 +75,17 @@ class GroundMotion:
         a, h = self.acceleration, self.dt
         steps = h * self.velocity[:-1] + h * h * (2.0 * a[:-1] + a[1:]) / 6.0
         return np.concatenate(([0.0], np.cumsum(steps)))
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"Ground motion {self.name}",
+            facts=(
+                ("peak", f"{self.peak:.4g} m/s^2"),
+                ("duration", f"{self.duration:.5g} s, {self.n_time} samples every {self.dt:.6g} s"),
+                ("source", self.source),
+                ("changes", "; ".join(self.changes) or "none"),
+            ),
+        )
 
 
 def changed(motion: GroundMotion, acceleration: NDArray[np.float64], dt: float, change: str) -> GroundMotion:

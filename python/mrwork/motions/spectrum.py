@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
+from mrwork.summary import Summarised, Summary, rounded
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -23,8 +24,8 @@ _MOST_PLACES = 64
 _AT_ONCE = 1 << 20
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ResponseSpectrum:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class ResponseSpectrum(Summarised):
     """Peak responses, each of shape (n_periods,), at one damping ratio.
 
     Parameters
@@ -54,6 +55,20 @@ class ResponseSpectrum:
     def pseudo_acceleration(self) -> Floats:
         """Circular frequency squared times peak displacement [m/s^2]."""
         return (2.0 * np.pi / self.periods) ** 2 * self.displacement
+
+    def _summary(self) -> Summary:
+        shown = np.unique(np.linspace(0, len(self.periods) - 1, 9).astype(int))
+        return Summary(
+            title=f"Response spectrum at {100.0 * self.damping:g} % damping, {len(self.periods)} periods",
+            columns=("period [s]", "displacement [m]", "velocity [m/s]", "acceleration [m/s^2]"),
+            rows=[
+                tuple(
+                    rounded(float(each[at]))
+                    for each in (self.periods, self.displacement, self.velocity, self.acceleration)
+                )
+                for at in shown
+            ],
+        )
 
 
 def response_spectrum(motion: GroundMotion, periods: ArrayLike, *, damping: float = 0.05) -> ResponseSpectrum:

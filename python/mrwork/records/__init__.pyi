@@ -10,5 +10,5 @@ from .observation import AS_IT_IS as AS_IT_IS
 from .observation import Observation as Observation
 from .read import read_damper_test as read_damper_test
 from .read import read_damper_tests as read_damper_tests
-from .repair import repair as repair
+from .repairs import repair as repair
 from .window import cut as cut

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.records.observation import AS_IT_IS, Observation
+from mrwork.summary import Summarised, Summary, of_unit
 
 Severity = Literal["note", "warning", "repaired"]
 
@@ -32,8 +33,8 @@ class Finding:
     measured: Measured | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DamperTest:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class DamperTest(Summarised):
     """A force-motion record of one damper at one command, uniformly sampled, in SI.
 
     Arrays have shape (n_time,): `displacement` [m], `velocity` [m/s] of elongation, and the
@@ -80,6 +81,31 @@ class DamperTest:
     def time(self) -> NDArray[np.float64]:
         """Sample times [s], shape (n_time,)."""
         return self.start_time + self.dt * np.arange(self.n_time, dtype=np.float64)
+
+    def _summary(self) -> Summary:
+        command = " ".join(
+            of_unit(value, unit)
+            for value, unit in ((self.current, "A"), (self.voltage, "V"))
+            if value is not None
+        )
+        return Summary(
+            title=f"Damper test {self.name}",
+            facts=(
+                (
+                    "samples",
+                    f"{self.n_time} at {1.0 / self.dt:.5g} Hz, the first {self.n_settle} not compared",
+                ),
+                ("command", command or "unknown"),
+                ("displacement", f"{self.displacement.min():.4g} to {self.displacement.max():.4g} m"),
+                (
+                    "velocity",
+                    f"{self.velocity.min():.4g} to {self.velocity.max():.4g} m/s, {self.velocity_source}",
+                ),
+                ("force", f"{self.force.min():.4g} to {self.force.max():.4g} N"),
+                ("observation", self.observation.in_words),
+            ),
+            notes=[f"{each.severity}: {each.message}" for each in self.findings],
+        )
 
 
 def frozen(samples: NDArray[np.float64]) -> NDArray[np.float64]:

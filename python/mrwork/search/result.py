@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.search.state import SearchState, select
+from mrwork.summary import Summarised, Summary, rounded
 
 StateT = TypeVar("StateT", bound=SearchState)
 
@@ -21,8 +22,8 @@ class RunTrace(NamedTuple):
     median: NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SearchResult(Generic[StateT]):
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class SearchResult(Summarised, Generic[StateT]):
     """What one replicate found, why it stopped, and the state from which it can go on alone.
 
     `best_unit` (n_params,) has `best_misfit`, `inf` if no simulation ever succeeded. `elite`
@@ -42,6 +43,19 @@ class SearchResult(Generic[StateT]):
     stop_reason: str
     seconds: float
     state: StateT
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"Search, replicate {self.replicate}: least misfit {rounded(self.best_misfit, 6)}",
+            facts=(
+                (
+                    "ended",
+                    f"{self.stop_reason} after {self.generations} generations, {self.evaluations} simulations",
+                ),
+                ("seconds", rounded(self.seconds, 3)),
+                ("distinct finds", str(len(self.elite))),
+            ),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from mrwork.buildings import Building
 from mrwork.closed_loop.devices import Device
+from mrwork.control.counterpart import static_counterpart
 from mrwork.control.plant import Plant, plant_of
-from mrwork.control.static_counterpart import static_counterpart
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 

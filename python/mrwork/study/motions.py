@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mrwork.closed_loop.criteria import STANDARD_GRAVITY
+from mrwork.closed_loop.evaluation import STANDARD_GRAVITY
 from mrwork.motions import GroundMotion
 from mrwork.motions.baseline import baseline_corrected
 from mrwork.motions.processing import scaled, scaled_to_peak, time_scaled, trimmed

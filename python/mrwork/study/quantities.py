@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
-from mrwork.closed_loop.criteria import STANDARD_GRAVITY
+from mrwork.closed_loop.evaluation import STANDARD_GRAVITY
 
 # SI unit to the factors of those that measure the same.
 FACTORS: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(

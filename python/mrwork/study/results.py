@@ -9,12 +9,16 @@ from typing import Literal
 
 import numpy as np
 
-from mrwork.closed_loop.criteria import STANDARD_GRAVITY, criteria, ratio, score, values
+from mrwork.closed_loop.evaluation import STANDARD_GRAVITY, criteria, ratio, score, values
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.study.run_result import RunResult
+from mrwork.summary import Summarised, Summary, listed, rounded
 
 Key = tuple[int, int]
 """A run: the numbers of its row and motion."""
+
+# Columns of a summary beside the label of a row.
+_MOTIONS_SHOWN = 5
 
 Kind = Literal["uncontrolled", "passive_off", "baseline", "controller"]
 
@@ -46,8 +50,8 @@ class Motion:
     synthetic: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StudyResults:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class StudyResults(Summarised):
     """Runs by (row, motion), as far as they are done; the first rows are the building without dampers and i = 0.
 
     `mass` is that of the building [kg], `facts` what else a page says of building, dampers and loop. `halved` are the
@@ -166,6 +170,28 @@ class StudyResults:
                     f"{name}; {len(off)} of {len(runs)} runs are above {ENERGY_TOLERANCE:.0e}."
                 )
         return said
+
+    def _summary(self) -> Summary:
+        drifts = [
+            [
+                None if found is None else found["peak_drift"]
+                for motion in range(len(self.motions))
+                for found in [self.criteria(row, motion)]
+            ]
+            for row in range(len(self.rows))
+        ]
+        return Summary(
+            title=f"{self.title}: {self.done} of {self.wanted} runs",
+            facts=(
+                ("dampers", listed(self.device_names)),
+                ("motions", listed([motion.name for motion in self.motions])),
+            ),
+            columns=("peak drift [m]", *(motion.name for motion in self.motions[:_MOTIONS_SHOWN])),
+            rows=[
+                (row.label, *(rounded(drift) for drift in found[:_MOTIONS_SHOWN]))
+                for row, found in zip(self.rows, drifts, strict=True)
+            ],
+        )
 
 
 def _relative_change(value: float, other: float) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mrwork.closed_loop.criteria import criterion
+from mrwork.closed_loop.evaluation import criterion
 from mrwork.study.results import StudyResults
 
 ON_OFF = (

@@ -10,6 +10,7 @@ from mrwork.closed_loop.hardware import Hardware
 from mrwork.control.laws import ControlLaw
 from mrwork.motions import GroundMotion
 from mrwork.study.results import Row
+from mrwork.summary import Summarised, Summary, listed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,8 +30,8 @@ class Arrangement:
     strokes: tuple[int, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Study:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Study(Summarised):
     """What a study file says; the first arrangements are the building without dampers and, with them, i = 0.
 
     `synthetic` are the motions that were made, `detailed` is the one that is drawn in time, `drawn` the arrangements
@@ -49,6 +50,19 @@ class Study:
     detailed: int
     drawn: tuple[int, ...]
     histories: tuple[int, ...]
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"Study: {self.title}",
+            facts=(
+                ("building", f"{self.building.name}, {len(self.building.floors)} floors"),
+                ("dampers", listed(self.device_names)),
+                ("sample time", f"{self.hardware.sample_time:g} s"),
+                ("motions", listed([motion.name for motion in self.motions])),
+            ),
+            columns=("arrangement", "what it is"),
+            rows=[(each.row.label, each.row.says) for each in self.arrangements],
+        )
 
 
 def arranged(

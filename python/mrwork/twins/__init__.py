@@ -3,3 +3,7 @@
 A twin is a module named as its model, with a NamedTuple `Theta` in spec order and two functions:
 `rate(theta, state, displacement, velocity)` and `force(theta, state, displacement, velocity)`.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from mrwork.closed_loop.criteria import criterion
+from mrwork.closed_loop.evaluation import criterion
 from mrwork.report.fit.section import Table
 from mrwork.report.numbers import fixed, significant
 from mrwork.study.results import Kind, StudyResults

@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from mrwork.closed_loop.criteria import criteria
+from mrwork.closed_loop.evaluation import criteria
 from mrwork.study.results import StudyResults
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
+from mrwork.summary import Summarised, Summary, rounded
 from mrwork.uncertainty.bands.band import Band, score
 from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles
 from mrwork.uncertainty.bands.quantile import next_test_quantile, pooled_quantile
@@ -59,8 +60,8 @@ class Shape:
         return centre, self.scale(deviation, prediction.steepness)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Calibration:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Calibration(Summarised):
     """What the errors on some tests say of the next one.
 
     `scores` are the errors of each test in its scale; `tests` are their names, `held_out` says in words how the model
@@ -97,6 +98,25 @@ class Calibration:
         if n_tests == 1:
             return f"calibrated on one test {self.held_out}, which says little of the next"
         return f"calibrated on {n_tests} tests {self.held_out}"
+
+    def _summary(self) -> Summary:
+        shape = self.shape
+        return Summary(
+            title=f"Calibration of prediction bands on {len(self.tests)} tests",
+            facts=(
+                ("held out", self.held_out),
+                (
+                    "scale of an error",
+                    f"deviation x ({shape.level:.3g} + {shape.slope:.3g} steepness) + {shape.floor:.3g} N",
+                ),
+                ("mean error over the cycle", "taken out" if self.shape.bias else "left in"),
+            ),
+            columns=("test", "median score", "90 % score"),
+            rows=[
+                (test, *(rounded(float(np.quantile(np.abs(scores), share)), 3) for share in (0.5, 0.9)))
+                for test, scores in zip(self.tests, self.scores, strict=True)
+            ],
+        )
 
 
 def calibrate(predictions: Sequence[Prediction], *, held_out: str) -> Calibration:

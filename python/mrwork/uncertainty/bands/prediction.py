@@ -12,13 +12,14 @@ from mrwork.identification.free_run import judge
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.records import DamperTest
 from mrwork.records.cycles import whole_cycles
+from mrwork.summary import Summarised, Summary
 
 # Of a cycle, to both sides: small errors in time show where the force changes over so much of it.
 _REACH = 0.02
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Prediction:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Prediction(Summarised):
     """A test and the model's force on it [N], shape (n_time,), as the rig would have recorded it.
 
     All properties are of the samples that count, shape (n_counted,).
@@ -61,6 +62,17 @@ class Prediction:
         v = self.test.velocity[self.test.counted]
         x = x - 0.5 * (x.max() + x.min())
         return np.asarray(np.arctan2(v / np.max(np.abs(v)), x / np.max(np.abs(x))))
+
+    def _summary(self) -> Summary:
+        error = float(np.sqrt(np.mean(self.residual**2)))
+        return Summary(
+            title=f"Prediction of {self.test.name}",
+            facts=(
+                ("fit", f"{100.0 * (1.0 - error / float(np.std(self.measured))):.2f} %"),
+                ("error", f"{error:.4g} N rms, at most {float(np.abs(self.residual).max()):.4g} N"),
+                ("samples", f"{self.force.size} compared of {self.test.n_time}"),
+            ),
+        )
 
 
 def predict_test(

@@ -13,6 +13,7 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.run import Progress
 from mrwork.records import DamperTest
 from mrwork.store import Journal
+from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.autocorrelation import effective_samples
 from mrwork.uncertainty.bands.left_out import Fold
 from mrwork.uncertainty.choice.families import Family
@@ -32,8 +33,8 @@ FitOf = Callable[
 ]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Choice:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Choice(Summarised):
     """The ranking, and the fits of the families that could be identified, in its order."""
 
     ranking: Ranking
@@ -43,6 +44,9 @@ class Choice:
     def best(self) -> Fit:
         """The fit of the chosen family to all tests."""
         return next(fit for fit in self.fits if fit.model == self.ranking.chosen)
+
+    def _summary(self) -> Summary:
+        return self.ranking._summary()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

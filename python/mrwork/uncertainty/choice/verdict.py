@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from mrwork.summary import Summarised, Summary, rounded
 from mrwork.uncertainty.choice.ranking import HAIR, Standing
 
 # Folds whose scatter hardly tells a standard error.
@@ -25,8 +26,8 @@ DEFINITIONS = (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ranking:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Ranking(Summarised):
     """Families in their order, the one to take, and why.
 
     `held_out` says what each was judged on; `n_folds` of it were left out in turn. `remarks` are about the comparison
@@ -43,6 +44,25 @@ class Ranking:
     remarks: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
     definitions: tuple[str, ...] = DEFINITIONS
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"Choice of model: {self.chosen}",
+            facts=(("judged on", self.held_out),),
+            columns=("model", "parameters", "fit %", "left out %", "verdict", "reason"),
+            rows=[
+                (
+                    each.model,
+                    str(each.n_params),
+                    rounded(each.fit_percent),
+                    rounded(each.left_out_percent),
+                    each.verdict,
+                    each.reason,
+                )
+                for each in self.standings
+            ],
+            notes=(self.sentence,),
+        )
 
 
 def concluded(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.identification.verdict import VerdictName
+from mrwork.summary import Summarised, Summary, rounded
 from mrwork.uncertainty.identifiability.curvature import Scaled
 from mrwork.uncertainty.identifiability.information import WEAK
 from mrwork.uncertainty.identifiability.walk import End, Place, signed_root
@@ -38,8 +39,8 @@ class Profile:
     reason: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Profiles:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Profiles(Summarised):
     """Profiles of the free parameters of a fit, in the form of its `model` that has no redundant ones.
 
     `threshold` is that of the likelihood ratio, chi-squared with one degree of freedom at `level`. `n_effective` is
@@ -57,6 +58,26 @@ class Profiles:
     remark: str
     evaluations: int
     seconds: float
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"Profiles of {self.model}: intervals at {100.0 * self.level:g} %, {self.status}",
+            facts=(("samples", f"{self.n_time}, worth {self.n_effective:.0f} independent ones"),),
+            columns=("parameter", "estimate", "lower", "upper", "unit", "verdict", "reason"),
+            rows=[
+                (
+                    each.name,
+                    rounded(each.estimate, 5),
+                    rounded(each.lower),
+                    rounded(each.upper),
+                    each.unit,
+                    each.verdict if each.verdict == "identifiable" else f"{each.verdict} identifiable",
+                    each.reason,
+                )
+                for each in self.profiles
+            ],
+            notes=(self.remark,),
+        )
 
 
 def profile_of(

@@ -16,6 +16,7 @@ from mrwork.identification.nuisance import NuisanceName, without_nuisance
 from mrwork.identification.objective import Objective
 from mrwork.records import DamperTest
 from mrwork.simulate import Outcome, simulate_forces
+from mrwork.summary import Summarised, Summary, of_unit, rounded
 from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
 from mrwork.uncertainty.identifiability.curvature import Scaled, curvature, linearise
 from mrwork.uncertainty.identifiability.scale import Scale, scaled_ranges
@@ -39,8 +40,8 @@ class Gain:
     drawn: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Plan(Summarised):
     """Candidates, the best first, for a `band`: "force", "energy" or the name of a parameter.
 
     `deviation` is that of the band now, in `unit`. `left_out` could not be simulated.
@@ -52,6 +53,30 @@ class Plan:
     deviation: float
     gains: tuple[Gain, ...]
     left_out: tuple[Candidate, ...]
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"Next tests of {self.model}",
+            facts=(("band", f"{self.band}, now known to {of_unit(self.deviation, self.unit, 3)}"),),
+            columns=(
+                "amplitude [mm]",
+                "frequency [Hz]",
+                "command",
+                "variance taken away",
+                f"deviation after it [{self.unit}]",
+            ),
+            rows=[
+                (
+                    rounded(1e3 * each.candidate.amplitude, 3),
+                    rounded(each.candidate.frequency, 3),
+                    rounded(each.candidate.command, 3),
+                    f"{100.0 * each.gain:.1f} %",
+                    rounded(each.deviation, 3),
+                )
+                for each in self.gains
+            ],
+            notes=[f"{len(self.left_out)} candidates could not be simulated" if self.left_out else ""],
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.identification.fit import Provenance
+from mrwork.summary import Summarised, Summary, rounded
 from mrwork.uncertainty.noise import NoiseName
 from mrwork.uncertainty.posterior.diagnosis import convergence
 
@@ -43,8 +44,8 @@ class DrawSummary:
     remark: Literal["", "fixed", "piles up at its lower bound", "piles up at its upper bound"] = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Draws:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Draws(Summarised):
     """A posterior by its draws, kept apart by the walkers that made them.
 
     `chains` (n_walkers, n_kept, n_params) are parameters of the model asked for, in spec order;
@@ -113,6 +114,33 @@ class Draws:
         for summary in self.summaries:
             tree["posterior"][summary.name].attrs["units"] = summary.unit
         return tree
+
+    def _summary(self) -> Summary:
+        n_walkers, n_kept, _ = self.chains.shape
+        return Summary(
+            title=f"Draws of {self.model} with {self.noise_model} noise: {self.status.replace('_', ' ')}",
+            facts=(
+                (
+                    "draws",
+                    f"{n_walkers} walkers x {n_kept} draws, {self.n_steps} steps, {self.seconds:.1f} s",
+                ),
+                ("verdict", self.verdict),
+            ),
+            columns=("parameter", "median", "5 %", "95 %", "unit", "R-hat", "effective", "remark"),
+            rows=[
+                (
+                    each.name,
+                    rounded(each.median, 5),
+                    rounded(each.lower_5),
+                    rounded(each.upper_95),
+                    each.unit,
+                    f"{each.rhat:.3f}",
+                    f"{each.ess_bulk:.0f}",
+                    each.remark,
+                )
+                for each in self.summaries
+            ],
+        )
 
 
 def summary_of(chain: Array, *, name: str, unit: str, bounds: tuple[float, float], tau: float) -> DrawSummary:

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 from mrwork.buildings.checks import check_building
 from mrwork.buildings.modal import damping_ratios_of, modes_of
 from mrwork.errors import UnknownNameError
+from mrwork.summary import Summarised, Summary, rounded
 
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Building:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Building(Summarised):
     """`M q'' + C q' + K q = -sum_d e_d' f_d - M r a_g`, with q relative to the ground.
 
     The arrays are kept as read-only copies.
@@ -153,6 +154,16 @@ class Building:
     def storey_name(self, storey: int | str) -> str:
         """Name of a storey, by its number from 1 or by its name."""
         return self.storey_names[_place(storey, self.storey_names, f"{self.name}: there is no storey")]
+
+    def _summary(self) -> Summary:
+        frequencies = self.frequencies
+        return Summary(
+            title=f"Building {self.name}: {len(self.floors)} floors, {self.total_mass:.5g} kg",
+            facts=(
+                ("frequencies", f"{', '.join(rounded(float(each)) for each in frequencies[:6])} Hz"),
+                ("source", f"{self.source} ({self.status})" if self.source else self.status),
+            ),
+        )
 
 
 def _place(wanted: int | str, names: tuple[str, ...], refusal: str) -> int:

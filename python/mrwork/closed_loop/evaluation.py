@@ -99,7 +99,7 @@ def criteria() -> tuple[Criterion, ...]:
 
     Examples
     --------
-    >>> from mrwork.closed_loop.criteria import criterion
+    >>> from mrwork.closed_loop.evaluation import criterion
     >>> criterion("peak_drift").labels
     ('J1 of Ohtori et al. 2004', 'J2 of Jansen & Dyke 2000')
     """

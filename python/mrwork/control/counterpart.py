@@ -87,7 +87,7 @@ def static_counterpart(
     Examples
     --------
     >>> import mrwork as mr
-    >>> from mrwork.control.static_counterpart import static_counterpart
+    >>> from mrwork.control.counterpart import static_counterpart
     >>> rd1005 = mr.damper("static_hysteretic").preset("kwok2006")
     >>> static_counterpart(rd1005.spec, rd1005.theta, largest_command=1.88, amplitude=(0.002, 0.01),
     ...                    velocity=(0.02, 0.2)).fit_percent

@@ -1,0 +1,21 @@
+"""The compiled kernels themselves, for studies of speed and of stepping; all else goes through `mrwork.simulate`."""
+
+from mrwork._rust import (
+    LoadingHistory,
+    flops_per_step,
+    fma_peak,
+    force_histories,
+    instruction_set,
+    misfits,
+    sensitivities,
+)
+
+__all__ = [
+    "LoadingHistory",
+    "flops_per_step",
+    "fma_peak",
+    "force_histories",
+    "instruction_set",
+    "misfits",
+    "sensitivities",
+]
