@@ -1,21 +1,22 @@
-//! A damper model behind a pointer: what a batch asks of it, whichever it is.
+//! A damper model as a trait object: the interface that batches use.
 
-use crate::block::{self, Block, Reached};
-use crate::closed_loop;
+use crate::block::{self, Block, BlockResult};
+use crate::closed_loop::block::{self as loop_block, LaneResult};
+use crate::closed_loop::history::HistoryRows;
 use crate::current_law::CurrentLaws;
-use crate::damper::{DamperModel, DamperSpec, Motion, Severity, State};
+use crate::damper::model::{DamperModel, DamperSpec, Motion, Severity, State};
 use crate::dispatch::InstructionSet;
+use crate::dual_block::{self, LaneRows, Seed};
 use crate::integrate::{stiffness_bound, substeps};
 use crate::loading::LoadingHistory;
-use crate::misfit::{Keep, Target};
+use crate::misfit::{ForceOutput, Target};
 use crate::parameters::FromSlice;
-use crate::sensitivity::{self, LaneRows, Seed};
 
-/// A damper model behind a pointer: whole blocks and single evaluations, nothing inside a time step.
+/// A damper model as a trait object: whole blocks and single evaluations; no dynamic dispatch within a time step.
 pub trait Damper: Sync {
-    /// What the model says of itself.
+    /// Description of the model.
     fn spec(&self) -> &'static DamperSpec;
-    /// Sub-steps per sample interval, `None` where the candidate cannot be resolved.
+    /// Sub-steps per sample interval; `None` if the candidate needs more than are admitted.
     fn substeps(
         &self,
         theta: &[f64],
@@ -23,21 +24,20 @@ pub trait Damper: Sync {
         loading: &LoadingHistory,
         factor: u32,
     ) -> Option<u32>;
-    /// Bound of the fastest relaxation of the states [1/s] at the stiffest of these commands; not a finite number where
-    /// the states have no bound.
+    /// Upper bound of the fastest relaxation rate of the states [1/s] over these commands; not finite if unbounded.
     fn stiffness_bound(&self, theta: &[f64], laws: &CurrentLaws, commands: &[f64], severity: Severity)
     -> f64;
     /// Time derivative of the states.
     fn rate(&self, theta: &[f64], state: &[f64], motion: Motion<f64>) -> Vec<f64>;
     /// Force [N].
     fn force(&self, theta: &[f64], state: &[f64], motion: Motion<f64>) -> f64;
-    /// Arithmetic operations of one step and one residual, a fused multiply-add counted as two.
+    /// Arithmetic operations of one step and one residual; a fused multiply-add counts as two.
     fn flops_per_step(&self, theta: &[f64]) -> u64;
-    /// Goes on with the sums of squared residuals against a measured force.
-    fn squared_errors(&self, set: InstructionSet, block: &Block<'_>, target: Target<'_>) -> Reached;
+    /// Sums of squared residuals against a measured force, continued from the start of the block's span.
+    fn squared_errors(&self, set: InstructionSet, block: &Block<'_>, target: Target<'_>) -> BlockResult;
     /// Force histories, one row per candidate of the block.
     fn histories(&self, set: InstructionSet, block: &Block<'_>, rows: &mut [&mut [f64]]);
-    /// Force histories and their derivatives along the seeds, one seed and one set of rows per lane.
+    /// Force histories and their derivatives, one seed and one set of rows per lane.
     fn sensitivities(
         &self,
         set: InstructionSet,
@@ -45,13 +45,13 @@ pub trait Damper: Sync {
         seeds: &[Seed],
         rows: &mut [LaneRows<'_>],
     );
-    /// Runs a block of buildings that carry such dampers.
+    /// Simulates a block of closed-loop runs with dampers of this model.
     fn respond(
         &self,
         set: InstructionSet,
-        block: &closed_loop::Block<'_>,
-        histories: &mut [closed_loop::History<'_>],
-    ) -> Vec<closed_loop::Left>;
+        block: &loop_block::Block<'_>,
+        histories: &mut [HistoryRows<'_>],
+    ) -> Vec<LaneResult>;
 }
 
 impl<M: DamperModel> Damper for M {
@@ -95,12 +95,12 @@ impl<M: DamperModel> Damper for M {
         crate::peak::flops_per_step::<M>(theta)
     }
 
-    fn squared_errors(&self, set: InstructionSet, block: &Block<'_>, target: Target<'_>) -> Reached {
-        block::run::<M>(set, block, Keep { target: Some(target), rows: &mut [] })
+    fn squared_errors(&self, set: InstructionSet, block: &Block<'_>, target: Target<'_>) -> BlockResult {
+        block::run::<M>(set, block, ForceOutput { target: Some(target), rows: &mut [] })
     }
 
     fn histories(&self, set: InstructionSet, block: &Block<'_>, rows: &mut [&mut [f64]]) {
-        block::run::<M>(set, block, Keep { target: None, rows });
+        block::run::<M>(set, block, ForceOutput { target: None, rows });
     }
 
     fn sensitivities(
@@ -110,16 +110,16 @@ impl<M: DamperModel> Damper for M {
         seeds: &[Seed],
         rows: &mut [LaneRows<'_>],
     ) {
-        sensitivity::run::<M>(set, block, seeds, rows);
+        dual_block::run::<M>(set, block, seeds, rows);
     }
 
     fn respond(
         &self,
         set: InstructionSet,
-        block: &closed_loop::Block<'_>,
-        histories: &mut [closed_loop::History<'_>],
-    ) -> Vec<closed_loop::Left> {
-        closed_loop::run_block::<M>(set, block, histories)
+        block: &loop_block::Block<'_>,
+        histories: &mut [HistoryRows<'_>],
+    ) -> Vec<LaneResult> {
+        loop_block::run::<M>(set, block, histories)
     }
 }
 

@@ -1,56 +1,56 @@
-//! One block of lanes: candidates that run side by side through one loading history.
+//! One block of lanes: candidates that are simulated together under one loading history.
 
 use core::marker::PhantomData;
 use core::ops::Range;
 
 use crate::current_law::CurrentLaws;
-use crate::damper::{DamperModel, DamperSpec, State};
+use crate::damper::model::{DamperModel, DamperSpec, State};
 use crate::dispatch::{InstructionSet, LaneJob};
 use crate::driver::{Driver, Following, Steady};
 use crate::integrate::advance;
 use crate::lanes::Lanes;
 use crate::loading::{Command, LoadingHistory};
-use crate::misfit::{Keep, Keeper, Kept};
+use crate::misfit::{ForceAccumulator, ForceOutput, ForceSink};
 use crate::parameters::FromSlice;
 use crate::real::Real;
 use crate::threads::StopRequested;
 
-/// Steps between two looks at the stop flag and at lost lanes: well below a millisecond apart on a full block.
+/// Steps between two checks for cancellation and for settled lanes: well below a millisecond on a full block.
 const STEPS_PER_CHECK: u32 = 512;
 
-/// Candidates that share a sub-step count and run side by side.
+/// Candidates with the same number of sub-steps, simulated together.
 pub struct Block<'a> {
-    /// Parameters of the whole batch, row by row.
+    /// Parameters of the whole batch, row-major.
     pub theta: &'a [f64],
-    /// How the parameters follow the command.
+    /// Current law of each parameter.
     pub laws: &'a CurrentLaws,
     /// Rows of `theta` that make up the block, at least one.
     pub candidates: &'a [usize],
-    /// The motion.
+    /// The loading history.
     pub loading: &'a LoadingHistory,
     /// Samples to simulate.
     pub span: Range<usize>,
-    /// Where the candidates of the batch stand at the first of them.
-    pub standings: &'a Standings,
+    /// States and sums of the batch at the start of the span.
+    pub progress: &'a BatchProgress,
     /// Sub-steps per sample interval, a power of two.
     pub substeps: u32,
-    /// Whether the block is to be given up.
+    /// Whether the caller wants to cancel.
     pub stop: &'a StopRequested<'a>,
 }
 
-/// Where the candidates of a batch stand between two spans of the record.
-pub struct Standings {
+/// States and sums of the candidates of a batch, between two spans of the record.
+pub struct BatchProgress {
     n_states: usize,
-    /// Row by row.
+    /// Row-major, shape (batch, states).
     states: Vec<f64>,
     /// Sums of squared residuals so far [N^2].
     pub sums: Vec<f64>,
-    /// Sums at which candidates are given up [N^2], infinite where never.
+    /// Sums at which candidates are abandoned [N^2]; infinite for no limit.
     pub limits: Vec<f64>,
 }
 
-impl Standings {
-    /// All at rest.
+impl BatchProgress {
+    /// Initial state: at rest, nothing summed.
     pub(crate) fn at_rest(spec: &DamperSpec, n_batch: usize, limits: Option<&[f64]>) -> Self {
         Self {
             n_states: spec.n_states,
@@ -60,76 +60,80 @@ impl Standings {
         }
     }
 
-    /// Takes over how far a candidate has come.
-    pub(crate) fn take(&mut self, candidate: usize, reached: &Reached, lane: usize) {
+    /// Copies the result of a lane to its candidate.
+    pub(crate) fn take(&mut self, candidate: usize, result: &BlockResult, lane: usize) {
         let n = self.n_states;
-        self.sums[candidate] = reached.sums[lane];
-        self.states[candidate * n..][..n].copy_from_slice(&reached.states[lane * n..][..n]);
+        self.sums[candidate] = result.sums[lane];
+        self.states[candidate * n..][..n].copy_from_slice(&result.states[lane * n..][..n]);
     }
 
-    /// Whether a candidate is to be simulated further.
+    /// Whether the sum of a candidate is below its limit.
     pub(crate) fn is_within(&self, candidate: usize) -> bool {
         self.sums[candidate] < self.limits[candidate]
     }
 }
 
-/// How far a block has come.
-pub struct Reached {
+/// Sums and states at the end of a block's span.
+pub struct BlockResult {
     /// Sums of squared residuals [N^2], lane by lane; zero without a target.
     pub sums: Vec<f64>,
     /// States, lane by lane.
     pub states: Vec<f64>,
-    /// Samples simulated.
+    /// Number of samples simulated.
     pub samples: usize,
 }
 
-/// Runs a block.
-pub(crate) fn run<M: DamperModel>(set: InstructionSet, block: &Block<'_>, keep: Keep<'_, '_>) -> Reached {
+/// Simulates a block.
+pub(crate) fn run<M: DamperModel>(
+    set: InstructionSet,
+    block: &Block<'_>,
+    output: ForceOutput<'_, '_>,
+) -> BlockResult {
     match block.loading.command() {
         Command::Varying(command) if !block.laws.are_constant() => {
-            set.run_narrow(FollowingJob::<M> { block, keep, command, model: PhantomData })
+            set.run_narrow(FollowingJob::<M> { block, output, command, model: PhantomData })
         }
-        _ => set.run(block.candidates.len(), SteadyJob::<M> { block, keep, model: PhantomData }),
+        _ => set.run(block.candidates.len(), SteadyJob::<M> { block, output, model: PhantomData }),
     }
 }
 
-/// The parameters stay what they are at the first command.
+/// A block whose parameters are constant in time.
 struct SteadyJob<'a, 'b, M> {
     block: &'a Block<'a>,
-    keep: Keep<'a, 'b>,
+    output: ForceOutput<'a, 'b>,
     model: PhantomData<M>,
 }
 
 impl<M: DamperModel> LaneJob for SteadyJob<'_, '_, M> {
-    type Output = Reached;
+    type Output = BlockResult;
     #[inline(always)]
-    fn run<R: Lanes>(self) -> Reached {
+    fn run<R: Lanes>(self) -> BlockResult {
         let mut steady = steady::<M, R>(self.block, columns(self.block));
-        run_block::<M, R, _>(self.block, &mut steady, self.keep)
+        run_block::<M, R, _>(self.block, &mut steady, self.output)
     }
 }
 
-/// The parameters follow the command.
+/// A block whose parameters follow a varying command.
 struct FollowingJob<'a, 'b, M> {
     block: &'a Block<'a>,
-    keep: Keep<'a, 'b>,
+    output: ForceOutput<'a, 'b>,
     command: &'a [f64],
     model: PhantomData<M>,
 }
 
 impl<M: DamperModel> LaneJob for FollowingJob<'_, '_, M> {
-    type Output = Reached;
+    type Output = BlockResult;
     #[inline(always)]
-    fn run<R: Lanes>(self) -> Reached {
+    fn run<R: Lanes>(self) -> BlockResult {
         let Block { laws, loading, substeps, .. } = *self.block;
         let step = loading.dt() / f64::from(substeps);
         let columns = columns::<R>(self.block);
         let mut following = Following::<M, R>::new(laws, columns, self.command, step);
-        run_block::<M, R, _>(self.block, &mut following, self.keep)
+        run_block::<M, R, _>(self.block, &mut following, self.output)
     }
 }
 
-/// The driver whose parameters stay what they are at the first command.
+/// The driver for parameters that are constant in time: those at the constant command, if there is one.
 #[inline(always)]
 pub(crate) fn steady<M: DamperModel, R: Real>(
     block: &Block<'_>,
@@ -144,7 +148,7 @@ pub(crate) fn steady<M: DamperModel, R: Real>(
     Steady { parameters: M::Parameters::from_slice(&columns) }
 }
 
-/// The columns of `theta`, one candidate per lane. Lanes without a candidate repeat the last one.
+/// The columns of `theta`, one candidate per lane. Excess lanes repeat the last candidate.
 #[inline(always)]
 pub(crate) fn columns<R: Lanes>(block: &Block<'_>) -> Vec<R> {
     let Block { theta, laws, candidates, .. } = *block;
@@ -155,55 +159,55 @@ pub(crate) fn columns<R: Lanes>(block: &Block<'_>) -> Vec<R> {
         .collect()
 }
 
-/// Simulates one block over its span with the parameters that its driver gives.
+/// Simulates a block over its span with the parameters of `driver`.
 #[inline(always)]
 fn run_block<M: DamperModel, R: Lanes, D: Driver<M, R>>(
     block: &Block<'_>,
     driver: &mut D,
-    keep: Keep<'_, '_>,
-) -> Reached {
-    let Block { candidates, standings, .. } = *block;
+    output: ForceOutput<'_, '_>,
+) -> BlockResult {
+    let Block { candidates, progress, .. } = *block;
     let last = candidates.len() - 1;
     let candidate = |lane: usize| candidates[lane.min(last)];
     let n_states = M::SPEC.n_states;
-    let mut kept = Kept {
-        keep,
-        sum: R::from_fn(|lane| standings.sums[candidate(lane)]),
-        limit: R::from_fn(|lane| standings.limits[candidate(lane)]),
+    let mut accumulator = ForceAccumulator {
+        output,
+        sum: R::from_fn(|lane| progress.sums[candidate(lane)]),
+        limit: R::from_fn(|lane| progress.limits[candidate(lane)]),
     };
     let state = M::State::<R>::from_fn(|entry| {
-        R::from_fn(|lane| standings.states[candidate(lane) * n_states + entry])
+        R::from_fn(|lane| progress.states[candidate(lane) * n_states + entry])
     });
-    let (state, samples) = march::<M, R, D>(block, driver, state, &mut kept);
+    let (state, samples) = integrate_span::<M, R, D>(block, driver, state, &mut accumulator);
     let mut sums = Vec::with_capacity(R::WIDTH);
-    kept.sum.for_each(|_, sum| sums.push(sum));
+    accumulator.sum.for_each(|_, sum| sums.push(sum));
     let mut states = vec![0.0; R::WIDTH * n_states];
     state.for_each(|entry, values| values.for_each(|lane, value| states[lane * n_states + entry] = value));
-    Reached { sums, states, samples }
+    BlockResult { sums, states, samples }
 }
 
-/// Steps through the span of a block; where the states came to, and the samples simulated.
+/// Integrates a block over its span; returns the final states and the number of samples simulated.
 #[inline(always)]
-pub(crate) fn march<M: DamperModel, R: Real, D: Driver<M, R>>(
+pub(crate) fn integrate_span<M: DamperModel, R: Real, D: Driver<M, R>>(
     block: &Block<'_>,
     driver: &mut D,
     mut state: M::State<R>,
-    kept: &mut impl Keeper<R>,
+    sink: &mut impl ForceSink<R>,
 ) -> (M::State<R>, usize) {
     let Block { loading, ref span, substeps, stop, .. } = *block;
     let fraction = 1.0 / f64::from(substeps);
     let step = loading.dt() * fraction;
-    // A power of two, as both are: a mask finds its multiples without a division per sample.
+    // A power of two, as both factors are: a mask finds its multiples without a division per sample.
     let check_every = (STEPS_PER_CHECK / substeps).max(1) as usize;
     let mut samples = 0;
     for (interval, sample) in loading.intervals()[span.start..].iter().zip(span.clone()) {
-        // Before the first sample too: the blocks that a stopped batch has left return at once.
-        if samples & (check_every - 1) == 0 && (stop() || kept.is_lost()) {
+        // Checked before the first sample too, so that the remaining blocks of a cancelled batch return at once.
+        if samples & (check_every - 1) == 0 && (stop() || sink.is_settled()) {
             break;
         }
         let mut start = interval.motion(0.0);
         driver.begin(sample);
-        kept.take(sample, M::force(driver.parameters(), state, start.splat()));
+        sink.take(sample, M::force(driver.parameters(), state, start.splat()));
         if M::SPEC.n_states == 0 {
             driver.step();
         } else {
@@ -219,7 +223,7 @@ pub(crate) fn march<M: DamperModel, R: Real, D: Driver<M, R>>(
     }
     if span.start + samples == loading.n_time() - 1 && span.end == loading.n_time() {
         driver.begin(loading.n_time() - 1);
-        kept.take(loading.n_time() - 1, M::force(driver.parameters(), state, loading.last().splat()));
+        sink.take(loading.n_time() - 1, M::force(driver.parameters(), state, loading.last().splat()));
         samples += 1;
     }
     (state, samples)

@@ -1,11 +1,11 @@
-//! A building in the plane: its matrices, as sparse rows that lanes run through.
+//! A plane building: its matrices as sparse rows.
 
 use nalgebra::{Cholesky, DMatrix, Dyn, SymmetricEigen};
 
 use crate::error::DynamicsError;
 use crate::real::Real;
 
-/// A matrix by its rows, entries that are zero left out.
+/// A sparse matrix by rows.
 #[derive(Clone, Debug)]
 pub struct SparseRows {
     starts: Vec<usize>,
@@ -37,7 +37,7 @@ impl SparseRows {
         self.len() == 0
     }
 
-    /// The entries of a row: column and value.
+    /// Non-zero entries of a row: column and value.
     #[inline(always)]
     pub(crate) fn row(&self, row: usize) -> &[(usize, f64)] {
         &self.entries[self.starts[row]..self.starts[row + 1]]
@@ -60,7 +60,7 @@ impl SparseRows {
     }
 }
 
-/// Springs and dashpots between coordinates: stiffness and damping by rows, with the entries where either is not zero.
+/// Stiffness and damping matrices by rows, entries where either is not zero.
 #[derive(Clone, Debug)]
 pub(crate) struct Springs {
     starts: Vec<usize>,
@@ -75,7 +75,7 @@ pub(crate) struct Spring {
     pub(crate) damping: f64,
 }
 
-/// A row of a chain: what the neighbours below, the coordinate itself and the one above put on it.
+/// A row of a tridiagonal building: coefficients of the neighbour below, the coordinate itself and the neighbour above.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Link {
     pub(crate) stiffness: [f64; 3],
@@ -83,15 +83,15 @@ pub(crate) struct Link {
 }
 
 impl Springs {
-    /// The rows as those of a chain, where each coordinate is tied to its neighbours alone.
+    /// The rows of a tridiagonal building; `None` if a coordinate is connected to others than its neighbours.
     fn links(&self) -> Option<Vec<Link>> {
         let rows = self.starts.len() - 1;
         let mut links = vec![Link { stiffness: [0.0; 3], damping: [0.0; 3] }; rows];
         for (row, link) in links.iter_mut().enumerate() {
             for spring in self.row(row) {
-                let place = (spring.column + 1).checked_sub(row).filter(|&place| place < 3)?;
-                link.stiffness[place] = spring.stiffness;
-                link.damping[place] = spring.damping;
+                let neighbour = (spring.column + 1).checked_sub(row).filter(|&neighbour| neighbour < 3)?;
+                link.stiffness[neighbour] = spring.stiffness;
+                link.damping[neighbour] = spring.damping;
             }
         }
         Some(links)
@@ -126,7 +126,7 @@ pub struct Matrices<'a> {
     pub damping: &'a [f64],
     /// K [N/m], shape (n, n).
     pub stiffness: &'a [f64],
-    /// r, how the coordinates follow the ground when all moves as one, shape (n,).
+    /// r, displacements of the coordinates for a unit displacement of the ground, shape (n,).
     pub influence: &'a [f64],
     /// Floor displacements from coordinates, shape (floors, n).
     pub floors: &'a [f64],
@@ -136,16 +136,16 @@ pub struct Matrices<'a> {
     pub devices: &'a [f64],
 }
 
-/// A building with its devices' places.
+/// A building with the rows of its devices.
 #[derive(Clone, Debug)]
 pub struct Building {
-    /// Coordinates.
+    /// Number of coordinates.
     pub(crate) n: usize,
     pub(crate) mass: SparseRows,
     pub(crate) mass_inverse: SparseRows,
     pub(crate) stiffness: SparseRows,
     pub(crate) springs: Springs,
-    /// The same where the building is a chain of floors.
+    /// The same for a tridiagonal building.
     pub(crate) links: Option<Vec<Link>>,
     pub(crate) influence: Vec<f64>,
     /// M r [kg].
@@ -155,17 +155,17 @@ pub struct Building {
     pub(crate) floors: SparseRows,
     pub(crate) storeys: SparseRows,
     pub(crate) devices: SparseRows,
-    /// Mass that resists each device alone, 1 / (e M^-1 e') [kg].
+    /// Effective mass of each device, 1 / (e M^-1 e') [kg].
     pub(crate) device_mass: Vec<f64>,
-    /// Largest natural frequency [rad/s], and its damping rate, largest eigenvalue of M^-1 C [1/s].
+    /// The larger of the largest natural frequency [rad/s] and the largest eigenvalue of M^-1 C [1/s].
     pub(crate) fastest: f64,
 }
 
 impl Building {
-    /// Takes a building over.
+    /// Prepares a building for simulation.
     ///
     /// # Errors
-    /// Where shapes do not fit, a number is not finite, or the mass is not positive definite.
+    /// If shapes do not match, a number is not finite, or the mass matrix is not positive definite.
     pub fn new(matrices: &Matrices<'_>) -> Result<Self, DynamicsError> {
         let n = matrices.influence.len();
         let square =
@@ -223,32 +223,32 @@ impl Building {
         })
     }
 
-    /// Coordinates.
+    /// Number of coordinates.
     #[must_use]
     pub fn n_coordinates(&self) -> usize {
         self.n
     }
 
-    /// Devices.
+    /// Number of devices.
     #[must_use]
     pub fn n_devices(&self) -> usize {
         self.devices.len()
     }
 
-    /// Floors.
+    /// Number of floors.
     #[must_use]
     pub fn n_floors(&self) -> usize {
         self.floors.len()
     }
 
-    /// Storeys.
+    /// Number of storeys.
     #[must_use]
     pub fn n_storeys(&self) -> usize {
         self.storeys.len()
     }
 }
 
-/// Sets to zero what is zero but for rounding, so that the inverse of a diagonal or banded mass stays sparse.
+/// Sets entries at the level of rounding to zero, so that the inverse of a diagonal or banded mass matrix stays sparse.
 fn clear_rounding(inverse: &mut DMatrix<f64>) {
     let diagonal: Vec<f64> = inverse.diagonal().iter().copied().collect();
     for row in 0..diagonal.len() {
@@ -261,7 +261,7 @@ fn clear_rounding(inverse: &mut DMatrix<f64>) {
     }
 }
 
-/// Largest eigenvalue of `M^-1 A`, by magnitude, for a symmetric part of A; `root` is the Cholesky root of M.
+/// Eigenvalue of `M^-1 A` of largest magnitude, for the symmetric part of A; `root` is the Cholesky factor of M.
 fn largest_eigenvalue(root: &Cholesky<f64, Dyn>, matrix: &[f64], n: usize) -> f64 {
     let matrix = DMatrix::from_row_slice(n, n, matrix);
     let symmetric = (&matrix + matrix.transpose()) * 0.5;

@@ -1,12 +1,12 @@
-//! Current laws: how each parameter of a model follows the command that the coil's driver passes on.
+//! Current laws: each parameter of a model as a function of the coil current.
 
-use crate::damper::DamperSpec;
+use crate::damper::model::DamperSpec;
 use crate::elementary::exp;
 use crate::error::DynamicsError;
 use crate::parameters::ParamSpec;
 use crate::real::Real;
 
-/// How one parameter depends on the command `u` [A or V].
+/// One parameter as a function of the current `u` [A or V].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CurrentLaw {
     /// `a`.
@@ -38,7 +38,7 @@ impl CurrentLaw {
         }
     }
 
-    /// How many numbers it has.
+    /// Number of coefficients.
     #[must_use]
     pub const fn n_coefficients(self) -> usize {
         match self {
@@ -49,7 +49,19 @@ impl CurrentLaw {
         }
     }
 
-    /// The parameter at command `u`; not a number for a wrong count of coefficients.
+    /// Degree of the polynomial; `None` for a law that is not a polynomial.
+    #[must_use]
+    pub const fn degree(self) -> Option<usize> {
+        match self {
+            Self::Constant => Some(0),
+            Self::Linear => Some(1),
+            Self::Quadratic => Some(2),
+            Self::Cubic => Some(3),
+            Self::Exponential => None,
+        }
+    }
+
+    /// The parameter at `u`; not a number for a wrong number of coefficients.
     #[inline(always)]
     fn value<R: Real>(self, coefficients: &[R], u: R) -> R {
         match (self, coefficients) {
@@ -63,11 +75,11 @@ impl CurrentLaw {
     }
 }
 
-/// A law for each parameter of a model, and whether the command reaches the coil with a lag.
+/// The current laws of all parameters of a model, and whether the driver has a lag.
 ///
-/// The columns of `theta` are the coefficients, parameter by parameter; with a lag `eta` [1/s] follows, the rate of
-/// the first-order driver `u' = -eta (u - command)`. A parameter that follows the command stays within the range
-/// that its model admits: a polynomial may leave it between the currents it was fitted at, or beyond them.
+/// The columns of `theta` are the coefficients, parameter by parameter; with a lag `eta` [1/s] follows, the rate of the
+/// first-order driver `u' = -eta (u - command)`. A parameter that depends on the current is limited to the range that its
+/// model admits, because a polynomial may leave it between or beyond the currents it was fitted at.
 #[derive(Clone, Debug)]
 pub struct CurrentLaws {
     parameters: &'static [ParamSpec],
@@ -86,7 +98,7 @@ impl CurrentLaws {
     /// One law per parameter, in spec order.
     ///
     /// # Errors
-    /// Where their number differs.
+    /// If their number differs from that of the parameters.
     pub fn new(spec: &DamperSpec, laws: Vec<CurrentLaw>, lagged: bool) -> Result<Self, DynamicsError> {
         let (found, expected) = (laws.len(), spec.parameters.len());
         if found != expected {
@@ -95,13 +107,13 @@ impl CurrentLaws {
         Ok(Self { parameters: spec.parameters, laws, lagged })
     }
 
-    /// Columns of `theta`.
+    /// Number of columns of `theta`.
     #[must_use]
     pub fn n_columns(&self) -> usize {
         self.laws.iter().map(|law| law.n_coefficients()).sum::<usize>() + usize::from(self.lagged)
     }
 
-    /// Parameters of the plain model.
+    /// Number of parameters of the model.
     pub(crate) fn n_params(&self) -> usize {
         self.parameters.len()
     }
@@ -112,12 +124,12 @@ impl CurrentLaws {
         self.laws.iter().all(|&law| law == CurrentLaw::Constant)
     }
 
-    /// The column of the driver's rate, if it has one.
+    /// Column of the rate of the driver, if it has a lag.
     pub(crate) fn lag_column(&self) -> Option<usize> {
         self.lagged.then(|| self.n_columns() - 1)
     }
 
-    /// Parameters at command `u` from the columns of `theta`, written into `values`.
+    /// Parameters at the current `u` from the columns of `theta`, written to `values`.
     #[inline(always)]
     pub(crate) fn evaluate<R: Real>(&self, columns: &[R], u: R, values: &mut [R]) {
         let mut rest = columns;

@@ -1,37 +1,37 @@
-//! Instruction sets: the vectors of each, and the one place that enters them.
+//! Instruction sets: their vectors, and the selection at run time.
 //!
-//! Only here and in `dispatch/x86.rs` is code `unsafe`. Every intrinsic there needs a processor feature; it is
-//! reached only through [`InstructionSet::run`], which asks the processor first.
+//! Only this file and `dispatch/x86.rs` contain `unsafe` code. Every intrinsic there requires a processor feature and is
+//! reached only through [`InstructionSet::run`], which checks the processor first.
 
 use crate::lanes::{Lanes, Pack, Plain};
 
-/// Vectors interleaved in one pack of a full block: enough to hide the latency of a power and a division.
+/// Vectors in one pack of a full block: enough to hide the latency of a power and a division.
 const GROUPS: usize = 8;
-/// The same with half as many registers, of half the width.
+/// The same for AVX2: half as many registers of half the width.
 const AVX2_GROUPS: usize = 4;
-/// Vectors of a middling pack: what a step shares among them is loaded once, and what it holds stays in the cache.
+/// Vectors in a pack of medium width: shared data are loaded once, and the state of a step stays in the cache.
 const MIDDLE_GROUPS: usize = 6;
-/// The same with half as many registers, of half the width.
+/// The same for AVX2.
 const AVX2_MIDDLE_GROUPS: usize = 4;
-/// The same without vectors to name: two of NEON.
+/// Lanes of medium width without named vectors: two of NEON.
 const PLAIN_MIDDLE: usize = 4;
 
 /// Work that is written once for any number of lanes.
 pub trait LaneJob {
     /// What the work returns.
     type Output;
-    /// Runs with as many lanes as `R` has. Must be `#[inline(always)]`, and so must all that it calls.
+    /// Runs with the lanes of `R`. Must be `#[inline(always)]`, and so must all functions that it calls.
     fn run<R: Lanes>(self) -> Self::Output;
 }
 
-/// The vector instructions a batch runs on. The choice changes speed, never a bit of a result.
+/// The vector instructions of a batch. The choice changes the speed, never a bit of a result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InstructionSet {
     /// 512-bit vectors of x86-64.
     Avx512,
     /// 256-bit vectors of x86-64 with fused multiply-add.
     Avx2,
-    /// What every processor of the target has (on aarch64 that includes NEON and fused multiply-add).
+    /// The baseline of the target (on aarch64 it includes NEON and fused multiply-add).
     Plain,
 }
 
@@ -39,7 +39,7 @@ impl InstructionSet {
     /// All instruction sets, fastest first.
     pub const ALL: [Self; 3] = [Self::Avx512, Self::Avx2, Self::Plain];
 
-    /// The fastest one this processor has.
+    /// The fastest one that this processor supports.
     #[must_use]
     pub fn detect() -> Self {
         Self::ALL.into_iter().find(|set| set.is_supported()).unwrap_or(Self::Plain)
@@ -55,7 +55,7 @@ impl InstructionSet {
         }
     }
 
-    /// Whether this processor has it.
+    /// Whether this processor supports it.
     #[must_use]
     pub fn is_supported(self) -> bool {
         match self {
@@ -74,7 +74,7 @@ impl InstructionSet {
         }
     }
 
-    /// This one, or [`InstructionSet::Plain`] where this processor lacks it.
+    /// This one, or [`InstructionSet::Plain`] if the processor does not support it.
     #[must_use]
     pub fn or_plain(self) -> Self {
         if self.is_supported() { self } else { Self::Plain }
@@ -90,22 +90,22 @@ impl InstructionSet {
         }
     }
 
-    /// Runs `job` in the widest lanes that `candidates` fill.
+    /// Runs `job` in the widest pack that `candidates` fill.
     ///
-    /// An instruction set that this processor lacks falls back to [`InstructionSet::Plain`].
+    /// An instruction set that this processor does not support falls back to [`InstructionSet::Plain`].
     pub fn run<J: LaneJob>(self, candidates: usize, job: J) -> J::Output {
         match self {
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)] // the features were asked for on the same line
+            #[allow(unsafe_code)] // supported: checked on the same line
             Self::Avx512 if self.is_supported() => unsafe { x86::run_avx512(candidates, job) },
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)] // the features were asked for on the same line
+            #[allow(unsafe_code)] // supported: checked on the same line
             Self::Avx2 if self.is_supported() => unsafe { x86::run_avx2(candidates, job) },
             _ => job.run::<Plain>(),
         }
     }
 
-    /// Lanes of a middling pack.
+    /// Lanes of a pack of medium width.
     #[must_use]
     pub const fn middle_width(self) -> usize {
         match self {
@@ -115,17 +115,17 @@ impl InstructionSet {
         }
     }
 
-    /// Runs `job` in a few vectors side by side, fewer where `runs` fill no more, for work that has independent
-    /// arithmetic of its own and much to hold.
+    /// Runs `job` in a pack of medium width, narrower if `runs` fill no more, for work with independent arithmetic and a
+    /// large state.
     ///
-    /// An instruction set that this processor lacks falls back to [`InstructionSet::Plain`].
+    /// An instruction set that this processor does not support falls back to [`InstructionSet::Plain`].
     pub fn run_middle<J: LaneJob>(self, runs: usize, job: J) -> J::Output {
         match self {
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)] // the features were asked for on the same line
+            #[allow(unsafe_code)] // supported: checked on the same line
             Self::Avx512 if self.is_supported() => unsafe { x86::run_middle_avx512(runs, job) },
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)] // the features were asked for on the same line
+            #[allow(unsafe_code)] // supported: checked on the same line
             Self::Avx2 if self.is_supported() => unsafe { x86::run_middle_avx2(runs, job) },
             _ => job.run::<Pack<f64, PLAIN_MIDDLE>>(),
         }
@@ -141,31 +141,31 @@ impl InstructionSet {
         }
     }
 
-    /// Runs `job` in a single vector, for work whose numbers are several vectors each.
+    /// Runs `job` in a single vector, for numbers that are several vectors each.
     ///
-    /// An instruction set that this processor lacks falls back to [`InstructionSet::Plain`], one lane.
+    /// An instruction set that this processor does not support falls back to [`InstructionSet::Plain`], one lane.
     pub fn run_vector<J: LaneJob>(self, job: J) -> J::Output {
         match self {
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)] // the features were asked for on the same line
+            #[allow(unsafe_code)] // supported: checked on the same line
             Self::Avx512 if self.is_supported() => unsafe { x86::run_narrow_avx512(job) },
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)] // the features were asked for on the same line
+            #[allow(unsafe_code)] // supported: checked on the same line
             Self::Avx2 if self.is_supported() => unsafe { x86::run_vector_avx2(job) },
             _ => job.run::<f64>(),
         }
     }
 
-    /// Runs `job` in eight lanes, for work that is too rare to be compiled for every width.
+    /// Runs `job` in eight lanes, for work that is not compiled for every width.
     ///
-    /// An instruction set that this processor lacks falls back to [`InstructionSet::Plain`].
+    /// An instruction set that this processor does not support falls back to [`InstructionSet::Plain`].
     pub fn run_narrow<J: LaneJob>(self, job: J) -> J::Output {
         match self {
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)] // the features were asked for on the same line
+            #[allow(unsafe_code)] // supported: checked on the same line
             Self::Avx512 if self.is_supported() => unsafe { x86::run_narrow_avx512(job) },
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)] // the features were asked for on the same line
+            #[allow(unsafe_code)] // supported: checked on the same line
             Self::Avx2 if self.is_supported() => unsafe { x86::run_narrow_avx2(job) },
             _ => job.run::<Plain>(),
         }
@@ -173,5 +173,5 @@ impl InstructionSet {
 }
 
 #[cfg(target_arch = "x86_64")]
-#[allow(unsafe_code, clippy::wildcard_imports)] // some sixty intrinsics, each named where it is used
+#[allow(unsafe_code, clippy::wildcard_imports)] // some sixty intrinsics
 mod x86;

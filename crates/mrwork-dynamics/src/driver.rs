@@ -1,24 +1,24 @@
-//! The driver of the coil: a model's parameters over time, as the command and its lag prescribe them.
+//! The driver of the coil: model parameters over time, as functions of the command and the lag of the driver.
 
 use core::mem::swap;
 
 use crate::current_law::CurrentLaws;
-use crate::damper::DamperModel;
+use crate::damper::model::DamperModel;
 use crate::elementary::exp;
 use crate::parameters::FromSlice;
 use crate::real::Real;
 
-/// Gives the parameters of each step.
+/// Provides the parameters of each step.
 pub(crate) trait Driver<M: DamperModel, R: Real> {
-    /// Begins the interval of `sample`, whose command is held until the next.
+    /// Begins the interval of `sample`; its command is held until the next sample.
     fn begin(&mut self, sample: usize);
-    /// Parameters now.
+    /// Parameters at the current time.
     fn parameters(&self) -> &M::Parameters<R>;
-    /// Goes on by one step: parameters at its start, middle and end.
+    /// Advances by one step; returns the parameters at its start, middle and end.
     fn step(&mut self) -> [&M::Parameters<R>; 3];
 }
 
-/// Parameters that never change: no law depends on the command, or the command does not change.
+/// Constant parameters: no law depends on the command, or the command is constant.
 pub(crate) struct Steady<P> {
     pub(crate) parameters: P,
 }
@@ -36,25 +36,24 @@ impl<M: DamperModel, R: Real> Driver<M, R> for Steady<M::Parameters<R>> {
     }
 }
 
-/// Parameters that follow a command held between samples, through the driver's first-order lag if there is one.
+/// Parameters that follow a command held between samples, behind the first-order lag of the driver if there is one.
 ///
-/// Between two changes of the command the lag is an exponential, so it is stepped exactly and adds nothing to the
-/// stiffness.
+/// For a held command the lag is an exponential, so it is integrated exactly and adds no stiffness.
 pub(crate) struct Following<'a, M: DamperModel, R: Real> {
     laws: &'a CurrentLaws,
     columns: Vec<R>,
     values: Vec<R>,
     command: &'a [f64],
     held: R,
-    /// What the coil has got of the command.
+    /// Current in the coil: the command behind the lag.
     u: R,
-    /// What is left of the difference after half a step; zero without a lag.
+    /// Factor by which the lag reduces the difference of current and command in half a step; zero without a lag.
     half_step_decay: R,
     at: [M::Parameters<R>; 3],
 }
 
 impl<'a, M: DamperModel, R: Real> Following<'a, M, R> {
-    /// The driver at rest at the first command.
+    /// The driver in steady state at the first command.
     #[inline(always)]
     pub(crate) fn new(laws: &'a CurrentLaws, columns: Vec<R>, command: &'a [f64], step: f64) -> Self {
         let start = R::splat(command.first().copied().unwrap_or(f64::NAN));
@@ -105,11 +104,11 @@ impl<M: DamperModel, R: Real> Driver<M, R> for Following<'_, M, R> {
     }
 }
 
-/// Either of the two, chosen for each block: what is costly to compile is then compiled once.
+/// Either driver, chosen for each block, so that code that is slow to compile is compiled once.
 pub(crate) enum Either<'a, M: DamperModel, R: Real> {
-    /// The parameters never change.
+    /// Constant parameters.
     Steady(Steady<M::Parameters<R>>),
-    /// They follow the command.
+    /// Parameters that follow the command.
     Following(Following<'a, M, R>),
 }
 

@@ -1,10 +1,8 @@
-//! What can go wrong, by name.
+//! Errors of a call, and outcomes of single simulations. Depends on no other module.
 
 use thiserror::Error;
 
-use crate::integrate::MAX_SUBSTEP_FACTOR;
-
-/// A call that could not be carried out.
+/// An error that ends a call.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum DynamicsError {
     /// Too few samples for a cubic spline.
@@ -25,12 +23,12 @@ pub enum DynamicsError {
         /// The length it should have.
         expected: usize,
     },
-    /// A comparison that starts behind the last sample; its misfit would be zero.
+    /// A comparison window without samples; its misfit would be zero.
     #[error("the first sample that counts is {first}, the loading history ends with sample {}", n_time - 1)]
     EmptyWindow {
-        /// First sample that was to count.
+        /// First sample of the window.
         first: usize,
-        /// Samples there are.
+        /// Samples of the loading history.
         n_time: usize,
     },
     /// A sampling step that is not a positive number.
@@ -54,14 +52,14 @@ pub enum DynamicsError {
         /// Columns needed.
         expected: usize,
     },
-    /// A derivative with respect to a column that there is not.
+    /// A derivative with respect to a column that does not exist.
     #[error("column {column} of `theta` was asked for, `{model}` has {n_columns}, counted from 0")]
     NoColumn {
         /// The model.
         model: &'static str,
         /// The column asked for.
         column: usize,
-        /// Columns there are.
+        /// Number of columns.
         n_columns: usize,
     },
     /// A list of limits of the wrong length.
@@ -82,15 +80,25 @@ pub enum DynamicsError {
         /// Laws needed.
         expected: usize,
     },
-    /// A model that depends on the command, under a loading without one.
+    /// A model that depends on the command, with a loading history that has none.
     #[error("`{0}` depends on the command, the loading history has none; give one value per sample")]
     NoCommand(&'static str),
     /// A sub-step factor that is not a power of two.
-    #[error("the sub-step factor is {0}, it must be a power of two from 1 to {MAX_SUBSTEP_FACTOR}")]
-    SubstepFactor(u32),
-    /// A factor on the steps of a loop that is zero or beyond reason.
-    #[error("the step factor is {0}, it must be from 1 to {MAX_SUBSTEP_FACTOR}")]
-    StepFactor(u32),
+    #[error("the sub-step factor is {found}, it must be a power of two from 1 to {most}")]
+    SubstepFactor {
+        /// The factor given.
+        found: u32,
+        /// Largest admissible factor.
+        most: u32,
+    },
+    /// A step factor of a closed loop that is zero or too large.
+    #[error("the step factor is {found}, it must be from 1 to {most}")]
+    StepFactor {
+        /// The factor given.
+        found: u32,
+        /// Largest admissible factor.
+        most: u32,
+    },
     /// A matrix of the wrong size.
     #[error("`{name}` has {found} entries, expected {expected} or a multiple of as many")]
     MatrixSize {
@@ -101,31 +109,41 @@ pub enum DynamicsError {
         /// The entries it should have, or the entries of each of its rows.
         expected: usize,
     },
+    /// A setting beyond its largest admissible value.
+    #[error("`{name}` is {found}, give at most {most}")]
+    TooLarge {
+        /// The setting.
+        name: &'static str,
+        /// The value given.
+        found: usize,
+        /// Largest admissible value.
+        most: usize,
+    },
     /// A mass matrix that is not positive definite.
     #[error("the mass matrix is singular or not positive definite; give every coordinate a mass")]
     SingularMass,
     /// A ground motion without an interval.
     #[error("a ground motion has {0} samples, it takes at least two")]
     ShortMotion(usize),
-    /// A run that names something there is not.
+    /// A run that refers to an entry that does not exist.
     #[error("run {run} asks for {what} {index}, there are {count}, counted from 0")]
     NoSuchEntry {
         /// The run.
         run: usize,
-        /// What it asks for.
+        /// Kind of entry.
         what: &'static str,
-        /// The number it asks for.
+        /// Index of the entry.
         index: usize,
-        /// How many there are.
+        /// Number of entries.
         count: usize,
     },
-    /// A law that needs the force as a function of the command.
+    /// A control law that needs a damper model, without one.
     #[error("the law `{0}` needs a model of the damper: the coefficients of a static_hysteretic")]
     NoCurve(&'static str),
-    /// A range of commands that is none.
+    /// A range of commands that is empty or not finite.
     #[error("the commands of device {0} end below where they begin, or are not finite")]
     CommandRange(usize),
-    /// A table of a size that its law cannot read.
+    /// A table of the wrong size.
     #[error("table `{table}` of the law `{law}` has {found} entries; give {expected}")]
     TableSize {
         /// The law.
@@ -145,19 +163,19 @@ pub enum DynamicsError {
     Threads(String),
 }
 
-/// How one candidate's simulation ended.
+/// How the simulation of one candidate or run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Outcome {
     /// It reached the end of the record.
     Finished = 0,
-    /// Its state or force left the finite numbers, or a building all bounds.
+    /// A state, force or floor displacement grew without bound.
     Diverged = 1,
-    /// It would need more sub-steps than [`crate::integrate::MAX_SUBSTEPS`]; it was not simulated.
+    /// It needs more sub-steps than are admitted; it was not simulated.
     Unresolved = 2,
-    /// Its misfit reached the limit it was given; it was simulated no further.
+    /// Its misfit reached its limit; the simulation stopped there.
     Abandoned = 3,
-    /// It reached the end, but its control law was once at a loss, as by a reading that is not a number: it sent no
-    /// current then.
+    /// It reached the end, but at least one command was not a number (for example after a reading that is not a
+    /// number); zero was sent instead.
     FailedSafe = 4,
 }

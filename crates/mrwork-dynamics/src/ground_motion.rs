@@ -1,21 +1,21 @@
-//! A ground motion: acceleration that runs straight between its samples.
+//! A ground motion: acceleration, linear between samples.
 
 use crate::error::DynamicsError;
 
-/// Acceleration of the ground on its own grid, at rest after its end.
+/// Acceleration of the ground on a uniform grid; zero after its end.
 #[derive(Clone, Debug)]
 pub struct GroundMotion {
     dt: f64,
     acceleration: Vec<f64>,
-    /// Velocity at the samples [m/s], exact for straight pieces.
+    /// Velocity at the samples [m/s], exact for the linear interpolation.
     velocity: Vec<f64>,
 }
 
 impl GroundMotion {
-    /// Takes samples [m/s^2] that are `dt` [s] apart.
+    /// From samples [m/s^2] at the interval `dt` [s].
     ///
     /// # Errors
-    /// Where there are fewer than two, one is not finite, or the step is not positive.
+    /// If there are fewer than two samples, one is not finite, or the interval is not positive.
     pub fn new(dt: f64, acceleration: &[f64]) -> Result<Self, DynamicsError> {
         if !(dt.is_finite() && dt > 0.0) {
             return Err(DynamicsError::Step(dt));
@@ -36,7 +36,7 @@ impl GroundMotion {
         Ok(Self { dt, acceleration: acceleration.to_vec(), velocity })
     }
 
-    /// From the first sample to the last [s].
+    /// Time from the first sample to the last [s].
     #[must_use]
     pub fn duration(&self) -> f64 {
         self.dt * to_f64(self.acceleration.len() - 1)
@@ -64,7 +64,7 @@ impl GroundMotion {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // times are not negative
         let index = position as usize;
         if index >= last {
-            // A time that is the last sample but for rounding has its value.
+            // A time equal to that of the last sample except for rounding has its value.
             let on_it = position <= to_f64(last) * (1.0 + 1e-12);
             return (if on_it { self.acceleration[last] } else { 0.0 }, self.velocity[last]);
         }

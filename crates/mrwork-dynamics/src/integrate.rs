@@ -2,7 +2,7 @@
 //! sub-steps per sample as the candidate's stiffness asks for.
 
 use crate::current_law::CurrentLaws;
-use crate::damper::{DamperModel, Motion, Severity, State};
+use crate::damper::model::{DamperModel, Motion, Severity, State};
 use crate::loading::LoadingHistory;
 use crate::parameters::FromSlice;
 use crate::real::Real;
@@ -36,7 +36,7 @@ pub(crate) fn stiffness_bound<M: DamperModel>(
     for &command in commands {
         laws.evaluate(theta, command, &mut values);
         let at_command = M::stiffness_bound(&M::Parameters::from_slice(&values), severity);
-        // A bound that is not a number stays.
+        // A bound that is not a number is kept.
         if at_command > bound || at_command.is_nan() {
             bound = at_command;
         }

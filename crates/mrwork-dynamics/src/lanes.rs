@@ -17,15 +17,15 @@ pub trait Lanes: Bits {
     const WIDTH: usize;
     /// Lane `i` holds `value(i)`.
     fn from_fn(value: impl FnMut(usize) -> f64) -> Self;
-    /// Hands every lane to `receive(i, value)`, in order.
+    /// Calls `receive(i, value)` for every lane, in order.
     fn for_each(self, receive: impl FnMut(usize, f64));
-    /// Does `work` in a function of its own, compiled for the same instruction set.
-    fn apart<A: Apart>(work: A);
+    /// Calls `work` in a function that is not inlined, compiled for the same instruction set.
+    fn out_of_line<W: OutOfLine>(work: W);
 }
 
-/// Work in lanes that is compiled once, not once more in every loop that does it.
-pub trait Apart {
-    /// Does it. Must be `#[inline(always)]`, and so must all that it calls.
+/// An out-of-line call: work in lanes that is compiled once instead of inlined into every loop.
+pub trait OutOfLine {
+    /// Runs the work. Must be `#[inline(always)]`, and so must all functions that it calls.
     fn run(self);
 }
 
@@ -40,7 +40,7 @@ impl Lanes for f64 {
         receive(0, self);
     }
     #[inline(never)]
-    fn apart<A: Apart>(work: A) {
+    fn out_of_line<W: OutOfLine>(work: W) {
         work.run();
     }
 }
@@ -180,8 +180,8 @@ impl<V: Lanes, const GROUPS: usize> Lanes for Pack<V, GROUPS> {
         }
     }
     #[inline(always)]
-    fn apart<A: Apart>(work: A) {
-        V::apart(work);
+    fn out_of_line<W: OutOfLine>(work: W) {
+        V::out_of_line(work);
     }
 }
 

@@ -1,10 +1,10 @@
-//! Magnetorheological damper models and their simulation in lanes.
+//! Magnetorheological damper models and their simulation in lanes: one lane per candidate.
 //!
-//! A model is written once over [`real::Real`] ([`damper`]); a batch of candidates runs through one loading
-//! history ([`loading`]) in lanes of eight or more ([`lanes`], [`dispatch`]), by one time-stepping rule
-//! ([`integrate`]), and leaves behind a misfit or a force history ([`block`], [`simulate`]), or a force history with its
-//! derivatives ([`dual`], [`sensitivity`]). Buildings ([`building`]) that carry dampers under ground motions
-//! ([`ground_motion`]) and control laws ([`control`]) run in lanes too ([`closed_loop`]). No Python, no files, no randomness, no printing.
+//! A model is written once over [`real::Real`] ([`damper`]). A batch of candidates is simulated under one loading
+//! history ([`loading`]) in lanes of eight or more ([`lanes`], [`dispatch`]) with one time-stepping rule
+//! ([`integrate`]). The result is a misfit or a force history ([`simulate`]), or a force history with its derivatives
+//! ([`dual`], [`sensitivity`]). Buildings ([`building`]) with dampers, under ground motions ([`ground_motion`]) and control
+//! laws ([`control`]), are simulated in lanes too ([`closed_loop`]). No Python, no files, no randomness, no printing.
 
 pub mod any_damper;
 pub mod block;
@@ -17,6 +17,7 @@ pub mod damper;
 pub mod dispatch;
 mod driver;
 pub mod dual;
+pub mod dual_block;
 pub mod elementary;
 pub mod error;
 pub mod ground_motion;
@@ -29,5 +30,6 @@ pub mod peak;
 mod plan;
 pub mod real;
 pub mod sensitivity;
+pub mod settings;
 pub mod simulate;
 pub mod threads;

@@ -1,9 +1,9 @@
-//! What a test does to a damper: displacement and velocity, sampled uniformly, smooth in between.
+//! Loading history of a damper: displacement and velocity on a uniform grid, with cubic splines.
 
-use crate::damper::{Motion, Severity};
+use crate::damper::model::{Motion, Severity};
 use crate::error::DynamicsError;
 
-/// Fewest samples of a loading history: a cubic spline with not-a-knot ends.
+/// Fewest samples of a loading history, as the not-a-knot spline requires.
 pub const MIN_SAMPLES: usize = 4;
 
 /// Coefficients of a cubic in `u` from 0 to 1 over one sample interval, lowest power first.
@@ -29,19 +29,19 @@ fn evaluate(&[a, b, c, d]: &Cubic, u: f64) -> f64 {
     u.mul_add(u.mul_add(u.mul_add(d, c), b), a)
 }
 
-/// What the driver is told [A or V].
+/// Command to the driver [A or V].
 #[derive(Clone, Debug, PartialEq)]
 pub enum Command {
-    /// The same throughout; not a number where none was given.
+    /// Constant; not a number if none was given.
     Held(f64),
     /// One value per sample, held until the next.
     Varying(Vec<f64>),
 }
 
-/// Commands between the smallest and the largest that are looked at for the stiffest.
+/// Number of commands in the range at which the stiffness bound is evaluated.
 const COMMAND_LEVELS: u32 = 9;
 
-/// A motion history on a uniform grid with its C2 cubic spline, shared by all candidates.
+/// Displacement and velocity on a uniform grid with their C2 cubic splines, shared by all candidates.
 #[derive(Clone, Debug)]
 pub struct LoadingHistory {
     dt: f64,
@@ -53,12 +53,12 @@ pub struct LoadingHistory {
 }
 
 impl LoadingHistory {
-    /// Splines `displacement` [m] and `velocity` [m/s], sampled every `dt` [s].
+    /// Interpolates `displacement` [m] and `velocity` [m/s], sampled every `dt` [s].
     ///
-    /// Without a velocity the derivative of the displacement's own spline is used, so the two stay consistent.
+    /// Without a velocity the derivative of the displacement spline is used, so that both are consistent.
     ///
     /// # Errors
-    /// Where the arrays are too short, differ in length, or hold a value that is not finite.
+    /// If the arrays are too short, differ in length, or contain a value that is not finite.
     pub fn new(dt: f64, displacement: &[f64], velocity: Option<&[f64]>) -> Result<Self, DynamicsError> {
         if !(dt.is_finite() && dt > 0.0) {
             return Err(DynamicsError::Step(dt));
@@ -94,7 +94,7 @@ impl LoadingHistory {
     /// The same motion under a command [A or V], one value per sample, each held until the next.
     ///
     /// # Errors
-    /// Where the array differs in length, or holds a value that is not finite.
+    /// If the array differs in length or contains a value that is not finite.
     pub fn with_command(self, command: &[f64]) -> Result<Self, DynamicsError> {
         check("command", command, self.n_time())?;
         let lowest = command.iter().copied().fold(f64::INFINITY, f64::min);
@@ -109,13 +109,13 @@ impl LoadingHistory {
         }
     }
 
-    /// What the driver is told.
+    /// Command to the driver.
     #[must_use]
     pub fn command(&self) -> &Command {
         &self.command
     }
 
-    /// Commands to look at for the stiffest.
+    /// Commands at which the stiffness bound is evaluated.
     pub(crate) fn command_levels(&self) -> &[f64] {
         &self.command_levels
     }
@@ -132,7 +132,7 @@ impl LoadingHistory {
         self.dt
     }
 
-    /// How severe the motion is.
+    /// Quantities on which the stiffness of a model depends.
     #[must_use]
     pub fn severity(&self) -> Severity {
         self.severity
@@ -148,8 +148,8 @@ impl LoadingHistory {
         self.last
     }
 
-    /// Motion at the stage times of `substeps` Runge-Kutta steps per interval: for each interval
-    /// `2 substeps + 1` equally spaced motions, both ends included.
+    /// Motion at the stage times of `substeps` Runge-Kutta steps per interval: `2 substeps + 1` equally spaced motions per
+    /// interval, both ends included.
     #[must_use]
     pub fn stages(&self, substeps: u32) -> Vec<Motion<f64>> {
         let halves = 2 * substeps;
@@ -165,7 +165,7 @@ impl LoadingHistory {
 fn severity(dt: f64, intervals: &[Interval]) -> Severity {
     let mut severity = Severity { peak_velocity: 0.0, reversal_acceleration: 0.0 };
     for interval in intervals {
-        // The middle is where the integrator looks too, so a peak between samples counts.
+        // The middle is a stage of the integrator too, so a peak between samples counts.
         let [start, middle, end] = [0.0, 0.5, 1.0].map(|u| interval.motion(u).velocity);
         let peak = start.abs().max(middle.abs()).max(end.abs());
         severity.peak_velocity = severity.peak_velocity.max(peak);
@@ -187,7 +187,7 @@ fn check(name: &'static str, samples: &[f64], expected: usize) -> Result<(), Dyn
     }
 }
 
-/// C2 cubic spline with not-a-knot ends through samples one apart; one cubic per interval.
+/// C2 cubic spline with not-a-knot ends through samples at unit spacing; one cubic per interval.
 fn spline(samples: &[f64]) -> Vec<Cubic> {
     let rise: Vec<f64> = samples.windows(2).map(|pair| pair[1] - pair[0]).collect();
     let n = samples.len();

@@ -1,13 +1,13 @@
-//! A damper's parameters, declared once: names, units, bounds, scale, nominal values, prose.
+//! Parameters of a damper model, declared once: names, units, bounds, scale, nominal values, descriptions.
 
-/// How a parameter is spread over its range, in search and in figures.
+/// Scale of a parameter, in searches and in figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
-    /// Evenly.
+    /// Linear.
     Linear,
-    /// Evenly in its logarithm; both bounds are positive.
+    /// Logarithmic; both bounds are positive.
     Log,
-    /// Evenly; the parameter shifts the loop, so the model is odd only where it is zero.
+    /// Linear; the parameter shifts the loop, so the model is odd only if it is zero.
     Offset,
 }
 
@@ -30,27 +30,27 @@ pub struct ParamSpec {
     pub name: &'static str,
     /// SI unit.
     pub unit: &'static str,
-    /// Spread over the range.
+    /// Scale.
     pub scale: Scale,
     /// Smallest admissible value.
     pub lower: f64,
     /// Largest admissible value.
     pub upper: f64,
-    /// A typical value, from the source the model names.
+    /// Typical value, from the source that the model names.
     pub nominal: f64,
-    /// What it does.
+    /// Meaning.
     pub description: &'static str,
 }
 
 /// Parameters that can be filled in spec order.
 pub trait FromSlice<R>: Copy {
-    /// Takes one value per parameter; those that are missing are not a number.
+    /// Takes one value per parameter; missing values are not a number.
     fn from_slice(values: &[R]) -> Self;
 }
 
-/// Declares the parameters of the model in this file: a struct `Parameters<R>` to compute with and a
-/// list `PARAMETERS` to read. What every step would work out anew from the parameters alone can be listed after
-/// them: it becomes a field too, and is worked out once.
+/// Declares the parameters of the model in this file: a struct `Parameters<R>` to compute with and a list `PARAMETERS` to
+/// read. Quantities that depend on the parameters alone can be listed after them: they become fields too and are computed
+/// once instead of in every step.
 ///
 /// ```text
 /// parameters! {
@@ -63,11 +63,11 @@ macro_rules! parameters {
     ($($name:ident: $unit:literal, $scale:ident, $lower:literal .. $upper:literal,
        nominal $nominal:expr, $description:literal;)+
      $(=> $($derived:ident: $kind:ty = $value:expr;)+)?) => {
-        /// The model's parameters, in spec order, and what follows from them.
+        /// The model's parameters, in spec order, and the quantities derived from them.
         #[derive(Clone, Copy)]
         #[allow(missing_docs)] // described in PARAMETERS
         #[allow(non_snake_case)] // letters as in the equation
-        #[allow(dead_code)] // some are read only through what follows from them
+        #[allow(dead_code)] // some are read only through derived quantities
         pub struct Parameters<R: $crate::real::Real> { $(pub $name: R,)+ $($(pub $derived: $kind,)+)? }
 
         impl<R: $crate::real::Real> $crate::parameters::FromSlice<R> for Parameters<R> {

@@ -1,11 +1,11 @@
-//! How fast the machine could be, and how much arithmetic a step is: for `mrwork bench kernels`.
+//! Peak arithmetic rate of the machine, and arithmetic operations of a step: for benchmarks.
 
 use core::cell::Cell;
 use core::hint::black_box;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 use std::time::{Duration, Instant};
 
-use crate::damper::{DamperModel, Motion, State};
+use crate::damper::model::{DamperModel, Motion, State};
 use crate::dispatch::{InstructionSet, LaneJob};
 use crate::error::DynamicsError;
 use crate::integrate::advance;
@@ -17,7 +17,7 @@ use crate::threads::{on_threads, thread_count};
 /// Peak rate of fused multiply-adds [flop/s], measured on `threads` threads for about `seconds` each.
 ///
 /// # Errors
-/// Where the threads cannot be started.
+/// If the threads cannot be started.
 pub fn fma_peak(set: InstructionSet, threads: usize, seconds: f64) -> Result<f64, DynamicsError> {
     let span = Duration::try_from_secs_f64(seconds).unwrap_or(Duration::ZERO);
     let chains = vec![FmaChains { span }; thread_count(threads)];
@@ -29,7 +29,7 @@ struct FmaChains {
     span: Duration,
 }
 
-/// Packs in flight; with four vectors each they hide the latency of every current processor.
+/// Independent packs; with four vectors each they hide the latency of current processors.
 const CHAINS: usize = 3;
 const ROUNDS: u32 = 100_000;
 

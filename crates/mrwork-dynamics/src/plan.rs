@@ -1,33 +1,46 @@
-//! What of a batch runs beside what: candidates grouped by sub-steps, cut into blocks of lanes and spans of the record.
+//! Schedule of a batch: candidates grouped by sub-steps and cut into blocks of lanes and spans of the record.
 
 use core::ops::Range;
 
 use crate::any_damper::Damper;
-use crate::block::{Block, Standings};
+use crate::block::{BatchProgress, Block};
 use crate::current_law::CurrentLaws;
 use crate::error::{DynamicsError, Outcome};
 use crate::integrate::MAX_SUBSTEP_FACTOR;
 use crate::lanes::VECTOR_WIDTH;
 use crate::loading::{Command, LoadingHistory};
-use crate::simulate::{Row, Settings};
+use crate::settings::Settings;
 use crate::threads::thread_count;
 
-/// Steps below which waking another thread costs more than it saves.
+/// Fewest steps per thread: below, starting another thread costs more than it saves.
 const STEPS_PER_THREAD: u64 = 60_000;
-/// Steps of each thread below which packing the remaining candidates anew costs more than it saves.
+/// Fewest steps per thread and span: below, regrouping the remaining candidates costs more than it saves.
 const STEPS_PER_SPAN: u64 = 20_000;
-/// Spans of a record at most: the last of them wastes little of what a candidate beyond its limit could save.
+/// Most spans of a record.
 const MOST_SPANS: u64 = 16;
 
-/// A batch that was found in order.
+/// Result of one candidate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CandidateResult {
+    /// Sum of squared residuals [N^2], infinite unless finished; zero if only the force was computed.
+    pub squared_error: f64,
+    /// How the simulation ended.
+    pub outcome: Outcome,
+    /// Sub-steps per sample interval, 0 if not simulated.
+    pub substeps: u32,
+    /// Number of steps simulated: fewer than those of the record for an abandoned candidate.
+    pub steps: u64,
+}
+
+/// A batch whose arguments have been checked.
 pub(crate) struct Plan<'a> {
     pub(crate) laws: &'a CurrentLaws,
     pub(crate) theta: &'a [f64],
     pub(crate) loading: &'a LoadingHistory,
     pub(crate) settings: Settings<'a>,
-    /// How each candidate would fare if it ran to the end.
-    pub(crate) rows: Vec<Row>,
-    /// Candidates that can be resolved, those with the most sub-steps first.
+    /// Result of each candidate if it is simulated to the end.
+    pub(crate) rows: Vec<CandidateResult>,
+    /// Candidates to simulate, those with the most sub-steps first.
     pub(crate) order: Vec<usize>,
     pub(crate) threads: usize,
     block_width: usize,
@@ -43,9 +56,9 @@ impl<'a> Plan<'a> {
         loading: &'a LoadingHistory,
         settings: Settings<'a>,
     ) -> Result<Self, DynamicsError> {
-        let Settings { substep_factor, threads, instruction_set, .. } = settings;
-        if !(substep_factor.is_power_of_two() && substep_factor <= MAX_SUBSTEP_FACTOR) {
-            return Err(DynamicsError::SubstepFactor(substep_factor));
+        let Settings { step_factor, threads, instruction_set, .. } = settings;
+        if !(step_factor.is_power_of_two() && step_factor <= MAX_SUBSTEP_FACTOR) {
+            return Err(DynamicsError::SubstepFactor { found: step_factor, most: MAX_SUBSTEP_FACTOR });
         }
         if !laws.are_constant() && matches!(loading.command(), Command::Held(command) if command.is_nan()) {
             return Err(DynamicsError::NoCommand(damper.spec().name));
@@ -58,12 +71,17 @@ impl<'a> Plan<'a> {
                 expected: n_columns,
             });
         }
-        let rows: Vec<Row> = theta
+        let rows: Vec<CandidateResult> = theta
             .chunks_exact(n_columns)
             .map(|theta| {
-                let substeps = damper.substeps(theta, laws, loading, substep_factor);
+                let substeps = damper.substeps(theta, laws, loading, step_factor);
                 let outcome = if substeps.is_some() { Outcome::Finished } else { Outcome::Unresolved };
-                Row { squared_error: f64::INFINITY, outcome, substeps: substeps.unwrap_or(0), steps: 0 }
+                CandidateResult {
+                    squared_error: f64::INFINITY,
+                    outcome,
+                    substeps: substeps.unwrap_or(0),
+                    steps: 0,
+                }
             })
             .collect();
         let mut order: Vec<usize> = (0..rows.len()).filter(|&row| rows[row].substeps > 0).collect();
@@ -78,15 +96,15 @@ impl<'a> Plan<'a> {
         Ok(Self { laws, theta, loading, settings, rows, order, threads, block_width, steps, varying })
     }
 
-    /// Blocks of these candidates, which are in order.
+    /// Blocks of these candidates, a subsequence of `order`.
     pub(crate) fn blocks<'b>(
         &'b self,
         candidates: &'b [usize],
         span: &Range<usize>,
-        standings: &'b Standings,
+        progress: &'b BatchProgress,
     ) -> Vec<Block<'b>> {
         let share = candidates.len().div_ceil(self.threads).next_multiple_of(VECTOR_WIDTH);
-        // Equal shares of the threads, cut into blocks each: cut as one, the last blocks would leave a thread waiting.
+        // Equal shares per thread, each cut into blocks: otherwise the last blocks would leave a thread idle.
         let mut cut: Vec<&[usize]> = candidates
             .chunk_by(|&a, &b| self.rows[a].substeps == self.rows[b].substeps)
             .flat_map(|group| group.chunks(share))
@@ -103,16 +121,16 @@ impl<'a> Plan<'a> {
                 candidates,
                 loading: self.loading,
                 span: span.clone(),
-                standings,
+                progress,
                 substeps: self.rows[candidates[0]].substeps,
                 stop: self.settings.stop,
             })
             .collect()
     }
 
-    /// Spans of the record, in samples, between which candidates beyond their limits are dropped.
+    /// Spans of the record, in samples; candidates beyond their limits are dropped between spans.
     ///
-    /// A driver that follows a varying command does not stop midway: its candidates have one span.
+    /// A single span under a varying command, because the state of the driver is not carried over.
     #[allow(clippy::cast_possible_truncation)] // at most MOST_SPANS
     pub(crate) fn spans(&self) -> Vec<Range<usize>> {
         let n_time = self.loading.n_time();

@@ -1,52 +1,26 @@
-//! Batches of candidates over one loading history, in blocks of lanes on a pool of threads.
+//! Batches of candidates under one loading history, in blocks of lanes on a pool of threads.
 //!
-//! A candidate's result does not depend on its neighbours, the block it falls into, the number of threads
-//! or the instruction set.
+//! The result of a candidate does not depend on its neighbours, its block, the number of threads or the instruction set.
 
 use crate::any_damper::Damper;
-use crate::block::{Block, Standings};
+use crate::block::{BatchProgress, Block};
 use crate::current_law::CurrentLaws;
-use crate::dispatch::InstructionSet;
 use crate::error::{DynamicsError, Outcome};
 use crate::loading::LoadingHistory;
 use crate::misfit::Target;
+pub use crate::plan::CandidateResult;
 use crate::plan::Plan;
+pub use crate::settings::Settings;
 use crate::threads::{StopRequested, on_threads};
-
-/// How a batch is to be run.
-#[derive(Clone, Copy)]
-pub struct Settings<'a> {
-    /// Multiplies every candidate's own sub-step count; 1 is the rule, more is for checking it.
-    pub substep_factor: u32,
-    /// Threads to use, 0 for all.
-    pub threads: usize,
-    /// Vector instructions to use.
-    pub instruction_set: InstructionSet,
-    /// Whether the batch is to be given up.
-    pub stop: &'a StopRequested<'a>,
-}
-
-/// How one candidate fared.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Row {
-    /// Sum of squared residuals [N^2], infinite unless finished; zero where only the force was asked for.
-    pub squared_error: f64,
-    /// How the simulation ended.
-    pub outcome: Outcome,
-    /// Sub-steps per sample interval, 0 where not simulated.
-    pub substeps: u32,
-    /// Steps that were simulated: fewer than the record has where it passed its limit.
-    pub steps: u64,
-}
 
 /// Misfits of a batch by running reduction: no force is stored.
 ///
-/// `theta` is row-major, shape (batch, `laws.n_columns()`). A sum of squares only grows: a candidate that reaches its
-/// limit [N^2], shape (batch,), is abandoned there, and the others close ranks. Whether it is does not depend on where
-/// that is noticed.
+/// `theta` is row-major, shape (batch, `laws.n_columns()`). A candidate whose sum reaches its limit [N^2], shape (batch,),
+/// is abandoned, and the remaining candidates are regrouped. A sum never decreases, so the outcome does not depend on when
+/// the limit is checked.
 ///
 /// # Errors
-/// Where shapes do not fit, or the batch was stopped from outside.
+/// If shapes do not match, or the batch was cancelled.
 pub fn misfits(
     damper: &dyn Damper,
     laws: &CurrentLaws,
@@ -55,7 +29,7 @@ pub fn misfits(
     target: Target<'_>,
     limits: Option<&[f64]>,
     settings: Settings<'_>,
-) -> Result<Vec<Row>, DynamicsError> {
+) -> Result<Vec<CandidateResult>, DynamicsError> {
     if target.force.len() != loading.n_time() {
         return Err(DynamicsError::LengthMismatch {
             name: "force",
@@ -75,29 +49,29 @@ pub fn misfits(
     }
     let whole = core::iter::once(0..loading.n_time()).collect();
     let spans = if limits.is_some() { plan.spans() } else { whole };
-    let mut standings = Standings::at_rest(damper.spec(), n_batch, limits);
+    let mut progress = BatchProgress::at_rest(damper.spec(), n_batch, limits);
     let mut rows = plan.rows.clone();
     let mut remaining = plan.order.clone();
     for span in spans {
-        let blocks = plan.blocks(&remaining, &span, &standings);
-        let reached = on_threads(plan.threads, blocks.iter().collect(), |block: &Block<'_>| {
+        let blocks = plan.blocks(&remaining, &span, &progress);
+        let results = on_threads(plan.threads, blocks.iter().collect(), |block: &Block<'_>| {
             damper.squared_errors(settings.instruction_set, block, target)
         })?;
         stopped(settings.stop)?;
         let ran: Vec<Vec<usize>> = blocks.iter().map(|block| block.candidates.to_vec()).collect();
-        for (candidates, reached) in ran.iter().zip(reached) {
+        for (candidates, result) in ran.iter().zip(results) {
             for (lane, &candidate) in candidates.iter().enumerate() {
-                rows[candidate].steps += reached.samples as u64 * u64::from(rows[candidate].substeps);
-                standings.take(candidate, &reached, lane);
+                rows[candidate].steps += result.samples as u64 * u64::from(rows[candidate].substeps);
+                progress.take(candidate, &result, lane);
             }
         }
-        remaining.retain(|&candidate| standings.is_within(candidate));
+        remaining.retain(|&candidate| progress.is_within(candidate));
     }
     for &candidate in &plan.order {
         let row = &mut rows[candidate];
-        if standings.is_within(candidate) {
-            row.squared_error = standings.sums[candidate];
-        } else if standings.limits[candidate] < f64::INFINITY {
+        if progress.is_within(candidate) {
+            row.squared_error = progress.sums[candidate];
+        } else if progress.limits[candidate] < f64::INFINITY {
             row.outcome = Outcome::Abandoned;
         } else {
             row.outcome = Outcome::Diverged;
@@ -108,10 +82,10 @@ pub fn misfits(
 
 /// Force histories [N] of a batch, written row by row into `force`, shape (batch, `n_time`).
 ///
-/// A row that did not finish is filled with infinity.
+/// A row that did not finish is infinite.
 ///
 /// # Errors
-/// Where shapes do not fit, or the batch was stopped from outside.
+/// If shapes do not match, or the batch was cancelled.
 pub fn force_histories(
     damper: &dyn Damper,
     laws: &CurrentLaws,
@@ -119,15 +93,15 @@ pub fn force_histories(
     loading: &LoadingHistory,
     force: &mut [f64],
     settings: Settings<'_>,
-) -> Result<Vec<Row>, DynamicsError> {
+) -> Result<Vec<CandidateResult>, DynamicsError> {
     let plan = Plan::new(damper, laws, theta, loading, settings)?;
     let expected = plan.rows.len() * loading.n_time();
     if force.len() != expected {
         return Err(DynamicsError::LengthMismatch { name: "force", found: force.len(), expected });
     }
     force.fill(f64::INFINITY);
-    let standings = Standings::at_rest(damper.spec(), plan.rows.len(), None);
-    let blocks = plan.blocks(&plan.order, &(0..loading.n_time()), &standings);
+    let progress = BatchProgress::at_rest(damper.spec(), plan.rows.len(), None);
+    let blocks = plan.blocks(&plan.order, &(0..loading.n_time()), &progress);
     let mut unclaimed: Vec<Option<&mut [f64]>> = force.chunks_mut(loading.n_time()).map(Some).collect();
     let work: Vec<(&Block<'_>, Vec<&mut [f64]>)> = blocks
         .iter()

@@ -1,17 +1,17 @@
-//! Work shared among threads, the calling one included, so that a single thread never waits for another.
+//! Distribution of work over threads, the calling thread included: with one thread, nothing is handed over.
 
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::error::DynamicsError;
 
-/// Asked about every millisecond by each thread that simulates: whether the caller wants its batch back unfinished.
+/// Whether the caller wants to cancel its batch; each simulating thread asks about every millisecond.
 pub type StopRequested<'a> = dyn Fn() -> bool + Sync + 'a;
 
-/// `work` on every item, each taken by the next thread that is free; results in the order of the items.
+/// Applies `work` to every item on the next free thread; results in the order of the items.
 ///
 /// # Errors
-/// Where the threads cannot be started.
+/// If the threads cannot be started.
 pub(crate) fn on_threads<I: Send, T: Send>(
     threads: usize,
     items: Vec<I>,
@@ -22,7 +22,7 @@ pub(crate) fn on_threads<I: Send, T: Send>(
     let results = Mutex::new(Vec::with_capacity(count));
     let share = || {
         let mut own = Vec::with_capacity(count);
-        // A statement of its own, so that the queue is free again while the item is worked on.
+        // In a block of its own, so that the queue is unlocked while the item is processed.
         while let Some((index, item)) = { queue.lock().unwrap_or_else(PoisonError::into_inner).next() } {
             own.push((index, work(item)));
         }
@@ -44,12 +44,12 @@ pub(crate) fn on_threads<I: Send, T: Send>(
     Ok(results.into_iter().map(|(_, result)| result).collect())
 }
 
-/// That many threads, or as many as there are processors for 0.
+/// `threads`, or the number of processors for 0.
 pub(crate) fn thread_count(threads: usize) -> usize {
     if threads > 0 { threads } else { std::thread::available_parallelism().map_or(1, usize::from) }
 }
 
-/// The pool of that many threads; pools are started once and kept.
+/// The pool of that many threads, started once and cached.
 fn pool(threads: usize) -> Result<Arc<rayon::ThreadPool>, DynamicsError> {
     static POOLS: Mutex<BTreeMap<usize, Arc<rayon::ThreadPool>>> = Mutex::new(BTreeMap::new());
     let mut pools = POOLS.lock().unwrap_or_else(PoisonError::into_inner);

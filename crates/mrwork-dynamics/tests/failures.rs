@@ -12,7 +12,7 @@ use batches::{batch, constant, default, forces, loading, nominal};
 use mrwork_dynamics::damper::{REGISTRY, find};
 use mrwork_dynamics::error::{DynamicsError, Outcome};
 use mrwork_dynamics::misfit::Target;
-use mrwork_dynamics::simulate::{Row, Settings, force_histories, misfits};
+use mrwork_dynamics::simulate::{CandidateResult, Settings, force_histories, misfits};
 
 #[test]
 fn a_stiff_candidate_is_unresolved_and_not_simulated() {
@@ -22,7 +22,7 @@ fn a_stiff_candidate_is_unresolved_and_not_simulated() {
     let (rows, force) = forces(damper, &theta, &loading(100), default());
     assert_eq!(
         rows[0],
-        Row { squared_error: f64::INFINITY, outcome: Outcome::Unresolved, substeps: 0, steps: 0 }
+        CandidateResult { squared_error: f64::INFINITY, outcome: Outcome::Unresolved, substeps: 0, steps: 0 }
     );
     assert!(force.iter().all(|&force| force == f64::INFINITY));
 }
@@ -118,7 +118,7 @@ fn a_batch_can_be_stopped_while_it_runs() {
     let measured = vec![0.0; loading.n_time()];
     let theta = batch(damper, 20_000);
     let stop_requested = || stop.load(Ordering::Relaxed);
-    let settings = Settings { stop: &stop_requested, substep_factor: 64, ..default() };
+    let settings = Settings { stop: &stop_requested, step_factor: 64, ..default() };
     thread::scope(|scope| {
         scope.spawn(|| {
             thread::sleep(Duration::from_millis(30));
@@ -163,10 +163,10 @@ fn shapes_that_do_not_fit_are_refused() {
             })
         );
         for substep_factor in [0, 3, 65, 128, u32::MAX] {
-            let settings = Settings { substep_factor, ..default() };
+            let settings = Settings { step_factor: substep_factor, ..default() };
             assert_eq!(
                 force_histories(damper, &constant(damper), &theta, &loading, &mut force, settings),
-                Err(DynamicsError::SubstepFactor(substep_factor))
+                Err(DynamicsError::SubstepFactor { found: substep_factor, most: 64 })
             );
         }
     }

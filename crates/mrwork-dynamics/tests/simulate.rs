@@ -9,7 +9,7 @@ use mrwork_dynamics::damper::REGISTRY;
 use mrwork_dynamics::dispatch::InstructionSet;
 use mrwork_dynamics::error::Outcome;
 use mrwork_dynamics::misfit::Target;
-use mrwork_dynamics::simulate::{Row, misfits};
+use mrwork_dynamics::simulate::{CandidateResult, misfits};
 
 fn bits(values: &[f64]) -> Vec<u64> {
     values.iter().map(|value| value.to_bits()).collect()
@@ -25,7 +25,7 @@ fn a_row_of_a_batch_has_the_bits_of_a_call_of_its_own() {
     for &damper in REGISTRY {
         let n_params = damper.spec().parameters.len();
         let theta = batch(damper, 70);
-        let alone: Vec<(Vec<Row>, Vec<f64>)> =
+        let alone: Vec<(Vec<CandidateResult>, Vec<f64>)> =
             theta.chunks(n_params).map(|row| forces(damper, row, &loading, default())).collect();
         let measured = &alone[0].1;
         let target = Target { force: measured, first: 20 };
@@ -83,11 +83,15 @@ fn a_candidate_is_abandoned_where_its_error_reaches_its_limit_and_nowhere_else()
             }
             assert!(limited.steps <= full.steps);
         }
-        let steps = |rows: &[Row]| rows.iter().map(|row| row.steps).sum::<u64>();
+        let steps = |rows: &[CandidateResult]| rows.iter().map(|row| row.steps).sum::<u64>();
         assert!(steps(&limited) < steps(&full), "{} saves nothing", damper.spec().name);
         for threads in [0, 2, 3] {
             for (one, other) in limited.iter().zip(run(Some(&limits), threads)) {
-                assert_eq!(Row { steps: 0, ..*one }, Row { steps: 0, ..other }, "{threads} threads");
+                assert_eq!(
+                    CandidateResult { steps: 0, ..*one },
+                    CandidateResult { steps: 0, ..other },
+                    "{threads} threads"
+                );
             }
         }
     }

@@ -1,23 +1,28 @@
-//! Buildings under ground motions, and the control laws, as Python sees them.
+//! Buildings in closed loop, and the control laws, in Python.
 
 use mrwork_dynamics::building::{Building as Dynamics, Matrices};
 use mrwork_dynamics::closed_loop::{
-    self, Batch, Channel, Fault, Hardware, Observer, Run, Sensor, Settings, find_device, history_layout,
-    n_samples, summary_layout,
+    self, Batch, Channel, Fault, HISTORY_SIGNALS, Hardware, Observer, Quantity, RUN_QUANTITIES, Run, Sensor,
+    n_samples,
 };
-use mrwork_dynamics::control::{CurveModel, Law, LawSpec, Place};
+use mrwork_dynamics::control::{CurveModel, Law, LawSpec, Mounting};
+use mrwork_dynamics::damper::find_device;
 use mrwork_dynamics::ground_motion::GroundMotion;
-use numpy::ndarray::Array2;
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3};
+use mrwork_dynamics::settings::Settings;
+use numpy::ndarray::Ix2;
+use numpy::{
+    IntoPyArray, PyArray1, PyArray2, PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArray3,
+    PyUntypedArrayMethods,
+};
 use pyo3::exceptions::{PyLookupError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::arrays::{Axis, array_of, check_shape, contiguous, shaped, zeros};
 use crate::damper::parsed_laws;
 use crate::enter::{chosen_instruction_set, interruptible, value_error};
-use crate::loading::contiguous;
 
-/// Matrices of a building with the places of its devices.
+/// Matrices of a building, with a row for each of its devices.
 #[pyclass(frozen, module = "mrwork._rust")]
 pub struct Building {
     dynamics: Dynamics,
@@ -36,29 +41,56 @@ impl Building {
         storeys: PyReadonlyArray2<'_, f64>,
         devices: PyReadonlyArray2<'_, f64>,
     ) -> PyResult<Self> {
+        let columns = ("coordinates", Some(influence.len()));
+        let square = [columns; 2];
         let matrices = Matrices {
-            mass: contiguous("mass", &mass)?,
-            damping: contiguous("damping", &damping)?,
-            stiffness: contiguous("stiffness", &stiffness)?,
+            mass: shaped("mass", &mass, &square)?,
+            damping: shaped("damping", &damping, &square)?,
+            stiffness: shaped("stiffness", &stiffness, &square)?,
             influence: contiguous("influence", &influence)?,
-            floors: contiguous("floors", &floors)?,
-            storeys: contiguous("storeys", &storeys)?,
-            devices: contiguous("devices", &devices)?,
+            floors: shaped("floors", &floors, &[("floors", None), columns])?,
+            storeys: shaped("storeys", &storeys, &[("storeys", None), columns])?,
+            devices: shaped("devices", &devices, &[("devices", None), columns])?,
         };
         Ok(Self { dynamics: Dynamics::new(&matrices).map_err(value_error)? })
     }
 
-    /// Quantities of a run's summary in order, with how many numbers each has.
+    /// Quantities of the summary of a run, in order, each with its number of columns.
     #[getter]
     fn summary_layout(&self) -> Vec<(&'static str, usize)> {
-        summary_layout(&self.dynamics)
+        columns_of(RUN_QUANTITIES, &self.dynamics)
     }
 
-    /// Signals of a history in order, with how many numbers each has.
+    /// Signals of a history, in order, each with its number of columns.
     #[getter]
     fn history_layout(&self) -> Vec<(&'static str, usize)> {
-        history_layout(&self.dynamics)
+        columns_of(HISTORY_SIGNALS, &self.dynamics)
     }
+}
+
+fn columns_of(quantities: &[Quantity], building: &Dynamics) -> Vec<(&'static str, usize)> {
+    quantities.iter().map(|quantity| (quantity.name, quantity.axis.length(building))).collect()
+}
+
+type Layout = Vec<(&'static str, &'static str, &'static str, &'static str)>;
+
+fn layout_of(quantities: &[Quantity]) -> Layout {
+    quantities
+        .iter()
+        .map(|&Quantity { name, axis, unit, description }| (name, axis.name(), unit, description))
+        .collect()
+}
+
+/// Quantities of the summary of a run, in order: name, axis, unit, description.
+#[pyfunction]
+pub fn run_quantities() -> Layout {
+    layout_of(RUN_QUANTITIES)
+}
+
+/// Signals of a history, in order: name, axis, unit, description.
+#[pyfunction]
+pub fn history_signals() -> Layout {
+    layout_of(HISTORY_SIGNALS)
 }
 
 /// Every control law, as plain dictionaries in registry order.
@@ -100,11 +132,11 @@ type Responses<'py> = (
     Option<Vec<Bound<'py, PyArray2<f64>>>>,
 );
 
-/// Runs of a building in closed loop: summaries, shape (`n_runs`, width), how each ended, its steps per sample, and
-/// histories, one array per run, where asked for.
+/// Runs of a building in closed loop: summaries, shape (`n_runs`, width), outcomes, integration steps per sample, and, if
+/// requested, histories, one array per run.
 ///
-/// `runs` has a row (candidate, motion, draw) for each; `sensors` a row (noise, resolution) for acceleration, deformation
-/// and force.
+/// `theta` has shape (draws, devices, columns); `runs` has a row (candidate, motion, draw) for each run; `sensors` a row
+/// (noise, resolution) for acceleration, deformation and force; `places` (count, differential) for each device.
 #[pyfunction]
 #[pyo3(signature = (
     building, model, laws, theta, places, ranges, law, gains, tables, curve, motions, runs, streams, sample_time,
@@ -147,27 +179,36 @@ pub fn respond<'py>(
             let spec = find_device("static_hysteretic")
                 .ok_or_else(|| PyLookupError::new_err("no static_hysteretic"))?
                 .spec();
-            Some((parsed_laws(spec, laws.0.clone(), laws.1)?, contiguous("curve", theta)?))
+            Some((parsed_laws(spec, laws.0.clone(), laws.1)?, theta))
         }
         None => None,
     };
-    let curve =
-        curve.as_ref().map(|(laws, theta)| CurveModel::new(laws, theta)).transpose().map_err(value_error)?;
+    let curve = curve
+        .as_ref()
+        .map(|(laws, theta)| {
+            let theta = shaped("curve", theta, &[("columns", Some(laws.n_columns()))])?;
+            CurveModel::new(laws, theta).map_err(value_error)
+        })
+        .transpose()?;
     let motions = motions
         .iter()
         .map(|(dt, samples)| {
             GroundMotion::new(*dt, contiguous("acceleration", samples)?).map_err(value_error)
         })
         .collect::<PyResult<Vec<_>>>()?;
-    let places: Vec<Place> =
-        places.into_iter().map(|(count, differential)| Place { count, differential }).collect();
+    let mountings: Vec<Mounting> =
+        places.into_iter().map(|(count, differential)| Mounting { count, differential }).collect();
     let tables =
         tables.iter().map(|table| Ok(contiguous("tables", table)?.to_vec())).collect::<PyResult<Vec<_>>>()?;
     let [acceleration, deformation, force] = sensors.map(|[noise, resolution]| Sensor { noise, resolution });
     let faults = faults.into_iter().map(fault).collect::<PyResult<_>>()?;
     let hardware =
         Hardware { sample_time, steps, delay_steps, command_rate, acceleration, deformation, force, faults };
-    let observer = observer.map(observer_of).transpose()?;
+    let n_states = 2 * building.dynamics.n_coordinates();
+    let n_devices = mountings.len();
+    let observer = observer.map(|arguments| observer_of(arguments, n_states, n_devices)).transpose()?;
+    check_shape("runs", &runs, &[("runs", None), ("candidate, motion and draw", Some(3))])?;
+    check_shape("streams", &streams, &[("runs", Some(runs.shape()[0]))])?;
     let runs: Vec<Run> = runs
         .as_array()
         .rows()
@@ -175,15 +216,17 @@ pub fn respond<'py>(
         .zip(streams.as_array())
         .map(|(row, &stream)| Run { candidate: row[0], motion: row[1], draw: row[2], stream })
         .collect();
+    let devices = ("devices", Some(n_devices));
+    let columns = ("columns", Some(laws.n_columns()));
+    let n_gains = law.spec().n_gains(n_devices, n_states);
     let batch = Batch {
         building: &building.dynamics,
-        damper,
         laws: &laws,
-        theta: theta.as_slice().map_err(|_| PyValueError::new_err("`theta` must be C-contiguous float64"))?,
-        places: &places,
+        theta: shaped("theta", &theta, &[("draws", None), devices, columns])?,
+        mountings: &mountings,
         ranges: &ranges,
         law,
-        gains: contiguous("gains", &gains)?,
+        gains: shaped("gains", &gains, &[("candidates", None), ("gains", Some(n_gains))])?,
         tables: &tables,
         curve,
         motions: &motions,
@@ -191,19 +234,19 @@ pub fn respond<'py>(
         hardware: &hardware,
         observer: observer.as_ref(),
     };
-    let width: usize = summary_layout(&building.dynamics).iter().map(|&(_, count)| count).sum();
-    let history_width: usize = history_layout(&building.dynamics).iter().map(|&(_, count)| count).sum();
-    let mut summary = vec![0.0; runs.len() * width];
-    let lengths: Vec<usize> = runs
-        .iter()
-        .map(|run| motions.get(run.motion as usize).map_or(0, |motion| n_samples(motion, &hardware)))
-        .collect();
-    let mut rows: Option<Vec<Vec<f64>>> =
-        histories.then(|| lengths.iter().map(|&samples| vec![0.0; samples * history_width]).collect());
+    batch.check().map_err(value_error)?;
+    let width = closed_loop::width(RUN_QUANTITIES, &building.dynamics);
+    let history_width = closed_loop::width(HISTORY_SIGNALS, &building.dynamics);
+    let mut summary = zeros(&[runs.len(), width])?;
+    let lengths: Vec<usize> =
+        runs.iter().map(|run| n_samples(&motions[run.motion as usize], &hardware)).collect();
+    let mut rows: Option<Vec<Vec<f64>>> = histories
+        .then(|| lengths.iter().map(|&samples| zeros(&[samples, history_width])).collect())
+        .transpose()?;
     let instruction_set = chosen_instruction_set()?;
     let results = interruptible(py, |stop| {
         let settings = Settings { step_factor, threads, instruction_set, stop };
-        closed_loop::respond(&batch, &mut summary, rows.as_deref_mut(), settings)
+        closed_loop::respond(damper, &batch, &mut summary, rows.as_deref_mut(), settings)
     })?;
     let outcome: Vec<u8> = results.iter().map(|result| result.outcome as u8).collect();
     let steps: Vec<u32> = results.iter().map(|result| result.steps).collect();
@@ -211,17 +254,12 @@ pub fn respond<'py>(
         .map(|rows| {
             rows.into_iter()
                 .zip(lengths)
-                .map(|(row, samples)| matrix(py, samples, history_width, row))
+                .map(|(row, samples)| Ok(array_of(Ix2(samples, history_width), row)?.into_pyarray(py)))
                 .collect::<PyResult<Vec<_>>>()
         })
         .transpose()?;
-    Ok((matrix(py, runs.len(), width, summary)?, outcome.into_pyarray(py), steps.into_pyarray(py), histories))
-}
-
-fn matrix(py: Python<'_>, rows: usize, columns: usize, flat: Vec<f64>) -> PyResult<Bound<'_, PyArray2<f64>>> {
-    let array = Array2::from_shape_vec((rows, columns), flat)
-        .map_err(|error| PyValueError::new_err(error.to_string()))?;
-    Ok(array.into_pyarray(py))
+    let summary = array_of(Ix2(runs.len(), width), summary)?.into_pyarray(py);
+    Ok((summary, outcome.into_pyarray(py), steps.into_pyarray(py), histories))
 }
 
 fn fault((kind, index, start, end, value): FaultArguments) -> PyResult<Fault> {
@@ -239,16 +277,21 @@ fn fault((kind, index, start, end, value): FaultArguments) -> PyResult<Fault> {
     Ok(Fault { channel, start, end, value })
 }
 
-fn observer_of(arguments: ObserverArguments<'_>) -> PyResult<Observer> {
+fn observer_of(arguments: ObserverArguments<'_>, n_states: usize, n_devices: usize) -> PyResult<Observer> {
     let (accelerations, deformations, transition, input, gain, output, direct) = arguments;
-    let flat = |name: &str, matrix: &Matrix<'_>| Ok::<_, PyErr>(contiguous(name, matrix)?.to_vec());
+    let states = ("states", Some(n_states));
+    let devices = ("devices", Some(n_devices));
+    let measurements = ("measurements", Some(accelerations.len() + deformations.len()));
+    let flat = |name: &str, matrix: &Matrix<'_>, axes: [Axis; 2]| {
+        Ok::<_, PyErr>(shaped(name, matrix, &axes)?.to_vec())
+    };
     Ok(Observer {
+        transition: flat("transition", &transition, [states, states])?,
+        input: flat("input", &input, [states, devices])?,
+        gain: flat("gain", &gain, [states, measurements])?,
+        output: flat("output", &output, [measurements, states])?,
+        direct: flat("direct", &direct, [measurements, devices])?,
         accelerations,
         deformations,
-        transition: flat("transition", &transition)?,
-        input: flat("input", &input)?,
-        gain: flat("gain", &gain)?,
-        output: flat("output", &output)?,
-        direct: flat("direct", &direct)?,
     })
 }

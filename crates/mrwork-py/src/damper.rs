@@ -1,4 +1,4 @@
-//! Damper models as Python sees them: specs, batches, single evaluations.
+//! Damper models in Python: specs, batches, single evaluations.
 
 use mrwork_dynamics::any_damper::Damper;
 use mrwork_dynamics::current_law::{CurrentLaw, CurrentLaws};
@@ -7,8 +7,9 @@ use mrwork_dynamics::error::DynamicsError;
 use mrwork_dynamics::misfit::Target;
 use mrwork_dynamics::parameters::ParamSpec;
 use mrwork_dynamics::sensitivity;
-use mrwork_dynamics::simulate::{self, Row, Settings};
-use numpy::ndarray::{Array2, Array3};
+use mrwork_dynamics::settings::Settings;
+use mrwork_dynamics::simulate::{self, CandidateResult};
+use numpy::ndarray::{Ix2, Ix3};
 use numpy::{
     IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
 };
@@ -16,8 +17,9 @@ use pyo3::exceptions::{PyLookupError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
+use crate::arrays::{array_of, contiguous, zeros};
 use crate::enter::{chosen_instruction_set, interruptible, value_error};
-use crate::loading::{LoadingHistory, contiguous};
+use crate::loading::LoadingHistory;
 
 type Floats<'py> = Bound<'py, PyArray1<f64>>;
 type Outcomes<'py> = Bound<'py, PyArray1<u8>>;
@@ -57,8 +59,8 @@ fn parameter_dict<'py>(py: Python<'py>, parameter: &ParamSpec) -> PyResult<Bound
     Ok(entry)
 }
 
-/// Sums of squared residuals of a batch from sample `first` on, how each candidate fared, its sub-steps, and the steps
-/// simulated; a candidate that reaches its limit is abandoned.
+/// Sums of squared residuals of a batch from sample `first` on, with the outcome, sub-steps and simulated steps of each
+/// candidate; a candidate that reaches its limit is abandoned.
 #[pyfunction]
 #[pyo3(signature = (
     model, theta, loading, force, first=0, laws=None, lagged=false, substep_factor=1, threads=0, limits=None
@@ -82,7 +84,7 @@ pub fn misfits<'py>(
     let limits = limits.as_ref().map(|limits| contiguous("limits", limits)).transpose()?;
     let instruction_set = chosen_instruction_set()?;
     let rows = interruptible(py, |stop| {
-        let settings = Settings { substep_factor, threads, instruction_set, stop };
+        let settings = Settings { step_factor: substep_factor, threads, instruction_set, stop };
         simulate::misfits(damper, &laws, theta, &loading.dynamics, target, limits, settings)
     })?;
     let squared_errors: Vec<f64> = rows.iter().map(|row| row.squared_error).collect();
@@ -108,25 +110,24 @@ pub fn force_histories<'py>(
     let n_batch = theta.shape()[0];
     let (damper, laws, theta) = batch(model, laws, lagged, &theta)?;
     let instruction_set = chosen_instruction_set()?;
-    let mut force = vec![0.0; n_batch * loading.dynamics.n_time()];
+    let mut force = zeros(&[n_batch, loading.dynamics.n_time()])?;
     let rows = interruptible(py, |stop| {
-        let settings = Settings { substep_factor, threads, instruction_set, stop };
+        let settings = Settings { step_factor: substep_factor, threads, instruction_set, stop };
         simulate::force_histories(damper, &laws, theta, &loading.dynamics, &mut force, settings)
     })?;
-    let force = Array2::from_shape_vec((n_batch, loading.dynamics.n_time()), force)
-        .map_err(|error| PyValueError::new_err(error.to_string()))?;
+    let force = array_of(Ix2(n_batch, loading.dynamics.n_time()), force)?;
     let (outcome, substeps) = columns(py, &rows);
     Ok((force.into_pyarray(py), outcome, substeps))
 }
 
-/// Force histories of a batch, shape (`n_batch`, `n_time`), and their derivatives with respect to columns of `theta`, all
-/// where none are named, shape (`n_batch`, `n_asked`, `n_time`); rows that did not finish are infinite.
+/// Force histories of a batch, shape (`n_batch`, `n_time`), and their derivatives with respect to columns of `theta` (all
+/// by default), shape (`n_batch`, `n_asked`, `n_time`); rows that did not finish are infinite.
 #[pyfunction]
 #[pyo3(signature = (
     model, theta, loading, columns=None, laws=None, lagged=false, substep_factor=1, threads=0
 ))]
 #[allow(clippy::too_many_arguments)] // a boundary function takes plain values, by keyword from Python
-#[allow(clippy::type_complexity)] // what one run leaves behind
+#[allow(clippy::type_complexity)] // the results of one call
 pub fn sensitivities<'py>(
     py: Python<'py>,
     model: &str,
@@ -142,17 +143,15 @@ pub fn sensitivities<'py>(
     let (damper, laws, theta) = batch(model, laws, lagged, &theta)?;
     let asked = columns.unwrap_or_else(|| (0..laws.n_columns()).collect());
     let instruction_set = chosen_instruction_set()?;
-    let mut force = vec![0.0; n_batch * n_time];
-    let mut jacobian = vec![0.0; n_batch * asked.len() * n_time];
+    let mut force = zeros(&[n_batch, n_time])?;
+    let mut jacobian = zeros(&[n_batch, asked.len(), n_time])?;
     let rows = interruptible(py, |stop| {
-        let settings = Settings { substep_factor, threads, instruction_set, stop };
+        let settings = Settings { step_factor: substep_factor, threads, instruction_set, stop };
         let (force, jacobian) = (&mut force, &mut jacobian);
         sensitivity::sensitivities(damper, &laws, theta, &asked, &loading.dynamics, force, jacobian, settings)
     })?;
-    let force = Array2::from_shape_vec((n_batch, n_time), force)
-        .map_err(|error| PyValueError::new_err(error.to_string()))?;
-    let jacobian = Array3::from_shape_vec((n_batch, asked.len(), n_time), jacobian)
-        .map_err(|error| PyValueError::new_err(error.to_string()))?;
+    let force = array_of(Ix2(n_batch, n_time), force)?;
+    let jacobian = array_of(Ix3(n_batch, asked.len(), n_time), jacobian)?;
     let (outcome, substeps) = self::columns(py, &rows);
     Ok((force.into_pyarray(py), jacobian.into_pyarray(py), outcome, substeps))
 }
@@ -194,7 +193,7 @@ pub fn named(model: &str) -> PyResult<&'static dyn Damper> {
     })
 }
 
-/// The model, its laws and its batch of parameters, which must have one column per coefficient.
+/// The model, its laws and its parameters, one column per coefficient.
 fn batch<'a>(
     model: &str,
     laws: Option<Vec<String>>,
@@ -211,7 +210,7 @@ fn batch<'a>(
     Ok((damper, laws, contiguous("theta", theta)?))
 }
 
-/// The current laws of those names, one per parameter; all constant where there are none.
+/// The current laws of those names, one per parameter; all constant for `None`.
 pub fn parsed_laws(
     spec: &'static DamperSpec,
     names: Option<Vec<String>>,
@@ -233,10 +232,10 @@ fn law(name: &str) -> PyResult<CurrentLaw> {
     })
 }
 
-/// Every current law by name, with its number of coefficients.
+/// Every current law: name, number of coefficients, and degree if it is a polynomial.
 #[pyfunction]
-pub fn current_laws() -> Vec<(&'static str, usize)> {
-    CurrentLaw::ALL.map(|law| (law.name(), law.n_coefficients())).to_vec()
+pub fn current_laws() -> Vec<(&'static str, usize, Option<usize>)> {
+    CurrentLaw::ALL.map(|law| (law.name(), law.n_coefficients(), law.degree())).to_vec()
 }
 
 fn point<'a>(
@@ -267,7 +266,7 @@ pub fn check_count(damper: &dyn Damper, found: usize) -> PyResult<()> {
     Err(value_error(DynamicsError::ParameterCount { model: spec.name, found, expected }))
 }
 
-fn columns<'py>(py: Python<'py>, rows: &[Row]) -> (Outcomes<'py>, Substeps<'py>) {
+fn columns<'py>(py: Python<'py>, rows: &[CandidateResult]) -> (Outcomes<'py>, Substeps<'py>) {
     let outcome: Vec<u8> = rows.iter().map(|row| row.outcome as u8).collect();
     let substeps: Vec<u32> = rows.iter().map(|row| row.substeps).collect();
     (outcome.into_pyarray(py), substeps.into_pyarray(py))

@@ -1,4 +1,4 @@
-//! The one door from Python into long-running Rust: frees the interpreter, watches for Ctrl-C, maps errors.
+//! Entry from Python into long computations: releases the interpreter, checks for Ctrl-C, maps errors.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,15 +12,15 @@ use mrwork_dynamics::threads::StopRequested;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 
-/// Time between two looks for Ctrl-C.
+/// Time between two checks for Ctrl-C.
 const WATCH: Duration = Duration::from_millis(20);
 
 /// Environment variable that forces an instruction set.
 const INSTRUCTION_SET: &str = "MRWORK_INSTRUCTION_SET";
 
-/// Runs `work` without the interpreter, which it hands a question to ask often: whether to stop.
+/// Runs `work` without the interpreter; `work` must often call its argument, which says whether to stop.
 ///
-/// On the calling thread the question looks for an interrupt, which is raised once `work` has returned.
+/// On the calling thread that call checks for an interrupt, which is raised after `work` has returned.
 pub fn interruptible<T: Send>(
     py: Python<'_>,
     work: impl FnOnce(&StopRequested<'_>) -> Result<T, DynamicsError> + Send,
@@ -38,7 +38,7 @@ pub fn interruptible<T: Send>(
     }
 }
 
-/// Looks for an interrupt now and then, on the thread that called from Python; the others follow.
+/// Checks for an interrupt on the thread that called from Python; the other threads read the result.
 struct Watch {
     caller: ThreadId,
     last_look: Mutex<Instant>,

@@ -1,7 +1,8 @@
-//! The compiled module `mrwork._rust`: converts, checks, frees the interpreter, maps errors; decides nothing.
+//! The compiled module `mrwork._rust`: converts and checks arguments, releases the interpreter, maps errors.
 
 #![allow(clippy::needless_pass_by_value)] // pyo3 hands arguments over by value
 
+mod arrays;
 mod closed_loop;
 mod damper;
 mod enter;
@@ -16,7 +17,7 @@ mod _rust {
     use super::{Bound, PyModule, PyModuleMethods, PyResult};
 
     #[pymodule_export]
-    use crate::closed_loop::{Building, control_laws, respond};
+    use crate::closed_loop::{Building, control_laws, history_signals, respond, run_quantities};
     #[pymodule_export]
     use crate::damper::{current_laws, damper_specs, force, force_histories, misfits, rate, sensitivities};
     #[pymodule_export]

@@ -1,12 +1,13 @@
-//! Loading histories as Python sees them.
+//! Loading histories in Python.
 
 use mrwork_dynamics::integrate::{MAX_SUBSTEP_FACTOR, MAX_SUBSTEPS};
 use mrwork_dynamics::loading::{Command, LoadingHistory as Dynamics};
-use numpy::ndarray::Array3;
-use numpy::{IntoPyArray, PyArray1, PyArray3, PyReadonlyArray1, PyUntypedArrayMethods, ToPyArray};
+use numpy::ndarray::Ix3;
+use numpy::{IntoPyArray, PyArray1, PyArray3, PyReadonlyArray1, ToPyArray};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
+use crate::arrays::{array_of, contiguous};
 use crate::enter::value_error;
 
 type Floats<'py> = Bound<'py, PyArray1<f64>>;
@@ -86,26 +87,13 @@ impl LoadingHistory {
         if !(1..=most).contains(&substeps) {
             return Err(PyValueError::new_err(format!("`substeps` is {substeps}, give 1 to {most}")));
         }
-        let shape = (self.dynamics.n_time() - 1, 2 * substeps as usize + 1, 2);
+        let shape = Ix3(self.dynamics.n_time() - 1, 2 * substeps as usize + 1, 2);
         let flat = self
             .dynamics
             .stages(substeps)
             .into_iter()
             .flat_map(|motion| [motion.displacement, motion.velocity])
             .collect();
-        let stages =
-            Array3::from_shape_vec(shape, flat).map_err(|error| PyValueError::new_err(error.to_string()))?;
-        Ok(stages.into_pyarray(py))
+        Ok(array_of(shape, flat)?.into_pyarray(py))
     }
-}
-
-/// The array's memory, if it lies in one piece.
-pub fn contiguous<'a, D: numpy::ndarray::Dimension>(
-    name: &str,
-    array: &'a numpy::PyReadonlyArray<'_, f64, D>,
-) -> PyResult<&'a [f64]> {
-    // A slice may also be column-major; nalgebra would like that, but the batch is row by row.
-    array.as_slice().ok().filter(|_| array.is_c_contiguous()).ok_or_else(|| {
-        PyValueError::new_err(format!("`{name}` must be C-contiguous float64; use numpy.ascontiguousarray"))
-    })
 }

@@ -1,12 +1,16 @@
-//! What the machine can do, for provenance and benchmarks.
+//! Instruction set, peak rate and operation counts, for provenance and benchmarks.
 
 use mrwork_dynamics::peak;
 use numpy::{PyReadonlyArray1, PyUntypedArrayMethods};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
+use crate::arrays::contiguous;
 use crate::damper::{check_count, named};
 use crate::enter::{chosen_instruction_set, interruptible};
-use crate::loading::contiguous;
+
+const MOST_THREADS: usize = 1024;
+const LONGEST: f64 = 60.0;
 
 /// Name of the instruction set that batches run on.
 #[pyfunction]
@@ -17,6 +21,11 @@ pub fn instruction_set() -> PyResult<&'static str> {
 /// Peak rate of fused multiply-adds [flop/s] on that many threads, measured for about `seconds`.
 #[pyfunction]
 pub fn fma_peak(py: Python<'_>, threads: usize, seconds: f64) -> PyResult<f64> {
+    if threads > MOST_THREADS || !(0.0..=LONGEST).contains(&seconds) {
+        return Err(PyValueError::new_err(format!(
+            "{threads} threads for {seconds} s were asked for; give at most {MOST_THREADS} threads and {LONGEST} s"
+        )));
+    }
     let set = chosen_instruction_set()?;
     interruptible(py, |_| peak::fma_peak(set, threads, seconds))
 }

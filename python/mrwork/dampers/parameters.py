@@ -95,7 +95,7 @@ _DRIVER_RATE = ParamSpec(
 
 @cache
 def _coefficient_counts() -> dict[str, int]:
-    return dict(_rust.current_laws())
+    return {name: count for name, count, *_ in _rust.current_laws()}
 
 
 def _coefficients(parameter: ParamSpec, law: LawName, unit: CommandUnit) -> list[ParamSpec]:

@@ -1,88 +1,88 @@
-//! One block of lanes: runs that go side by side through building, dampers and controller.
+//! One block of lanes: closed-loop runs that are simulated together.
 
 use core::marker::PhantomData;
 
 use super::batch::Batch;
 use super::dampers::{Dampers, END, MIDDLE};
-use super::history::{History, Record};
+use super::history::{HistoryRows, WriteHistory};
 use super::plant::Plant;
-use super::reductions::{Balance, Reductions, Take};
+use super::reductions::{BalanceEnergies, ReduceStep, Reductions};
 use super::sample::{Controller, Sample};
-use crate::damper::DamperModel;
+use crate::damper::model::DamperModel;
 use crate::dispatch::{InstructionSet, LaneJob};
 use crate::ground_motion::GroundMotion;
 use crate::lanes::Lanes;
 use crate::threads::StopRequested;
 
-/// Integration steps between two looks at the stop flag and at the balance of energies.
+/// Integration steps between two checks for cancellation and of the energy balance.
 const STEPS_PER_CHECK: u32 = 512;
 
-/// Runs that share the length of their motion and their step.
+/// Runs with the same number of control samples and the same integration step.
 pub struct Block<'a> {
-    /// The batch that they belong to.
+    /// The batch that the runs belong to.
     pub(super) batch: &'a Batch<'a>,
-    /// Runs of the batch, at least one and at most as many as there are lanes.
+    /// Indices of the runs: at least one, at most one per lane.
     pub(super) runs: &'a [usize],
     /// Ground motion of each run.
     pub(super) motions: Vec<&'a GroundMotion>,
-    /// Control samples.
+    /// Number of control samples.
     pub(super) n_samples: usize,
     /// Integration steps per sample.
     pub(super) steps: u32,
-    /// Whether the block is to be given up.
+    /// Whether the caller wants to cancel.
     pub(super) stop: &'a StopRequested<'a>,
 }
 
-/// What a run left behind.
+/// Result of one lane of a block.
 #[derive(Clone, Debug, Default)]
-pub struct Left {
-    /// Quantities in the order of [`super::reductions::layout`].
+pub struct LaneResult {
+    /// Summary in the order of [`super::RUN_QUANTITIES`].
     pub(super) row: Vec<f64>,
-    /// Largest rate, and change of rate per step at a reversal, device by device.
+    /// Per device: largest rate, and largest change of the rate in a step in which it changed sign [m/s].
     pub(super) severity: Vec<[f64; 2]>,
-    /// Whether the law was at a loss for a command.
-    pub(super) at_a_loss: bool,
+    /// Whether a command was not a number.
+    pub(super) command_invalid: bool,
 }
 
-/// Runs a block; what each run left behind. Histories are written where they are asked for, run by run.
+/// Simulates a block; one result per run. Histories are written if requested, one per run.
 pub(crate) fn run<M: DamperModel>(
     set: InstructionSet,
     block: &Block<'_>,
-    histories: &mut [History<'_>],
-) -> Vec<Left> {
+    histories: &mut [HistoryRows<'_>],
+) -> Vec<LaneResult> {
     set.run_middle(block.runs.len(), BlockJob::<M> { block, histories, model: PhantomData })
 }
 
 struct BlockJob<'a, 'b, M> {
     block: &'a Block<'a>,
-    histories: &'a mut [History<'b>],
+    histories: &'a mut [HistoryRows<'b>],
     model: PhantomData<M>,
 }
 
 impl<M: DamperModel> LaneJob for BlockJob<'_, '_, M> {
-    type Output = Vec<Left>;
+    type Output = Vec<LaneResult>;
     #[inline(always)]
-    fn run<R: Lanes>(self) -> Vec<Left> {
-        let (reductions, at_a_loss) = march::<M, R>(self.block, self.histories);
-        let n_devices = self.block.batch.places.len();
-        let mut left = vec![Left::default(); self.block.runs.len()];
-        at_a_loss.for_each(|lane, loss| {
-            if let Some(left) = left.get_mut(lane) {
-                left.at_a_loss = loss > 0.0;
+    fn run<R: Lanes>(self) -> Vec<LaneResult> {
+        let (reductions, command_invalid) = integrate_block::<M, R>(self.block, self.histories);
+        let n_devices = self.block.batch.mountings.len();
+        let mut results = vec![LaneResult::default(); self.block.runs.len()];
+        command_invalid.for_each(|lane, invalid| {
+            if let Some(result) = results.get_mut(lane) {
+                result.command_invalid = invalid > 0.0;
             }
         });
-        for (lane, left) in left.iter_mut().enumerate() {
-            reductions.of_lane(lane, &mut left.row);
-            left.severity = (0..n_devices).map(|device| reductions.severity(device, lane)).collect();
+        for (lane, result) in results.iter_mut().enumerate() {
+            reductions.of_lane(lane, &mut result.row);
+            result.severity = (0..n_devices).map(|device| reductions.severity(device, lane)).collect();
         }
-        left
+        results
     }
 }
 
-/// The ground under all lanes.
+/// Ground motion of all lanes.
 struct Ground<'a> {
     motions: &'a [&'a GroundMotion],
-    /// Whether it is the same in all.
+    /// Whether all lanes have the same motion.
     uniform: bool,
 }
 
@@ -111,11 +111,14 @@ impl<'a> Ground<'a> {
     }
 }
 
-/// Marches a block to its end: its reductions, and which lanes were once at a loss for a command.
+/// Integrates a block to its end; returns its reductions, and a number above zero in lanes with an invalid command.
 ///
-/// Classical Runge-Kutta in the form for accelerations: the displacement takes h v + h^2 (a1 + a2 + a3)/6.
+/// Classical Runge-Kutta in the form for second-order systems: the displacement increment is h v + h^2 (a1 + a2 + a3)/6.
 #[inline(always)]
-fn march<M: DamperModel, R: Lanes>(block: &Block<'_>, histories: &mut [History<'_>]) -> (Reductions<R>, R) {
+fn integrate_block<M: DamperModel, R: Lanes>(
+    block: &Block<'_>,
+    histories: &mut [HistoryRows<'_>],
+) -> (Reductions<R>, R) {
     let Block { batch, runs, n_samples, steps, stop, .. } = *block;
     let Batch { building, hardware, .. } = *batch;
     let step = hardware.sample_time / f64::from(steps);
@@ -136,7 +139,7 @@ fn march<M: DamperModel, R: Lanes>(block: &Block<'_>, histories: &mut [History<'
             if stop() {
                 break;
             }
-            R::apart(Balance {
+            R::out_of_line(BalanceEnergies {
                 building,
                 displacement: &plant.displacement,
                 velocity: &plant.velocity,
@@ -146,10 +149,10 @@ fn march<M: DamperModel, R: Lanes>(block: &Block<'_>, histories: &mut [History<'
         for inner in 0..steps as usize {
             let index = sample * steps as usize + inner;
             let start = end;
-            dampers.resist(&plant.elongation, &plant.rate, END);
+            dampers.evaluate_forces(&plant.elongation, &plant.rate, END);
             plant.accelerate(0, &dampers.force, start);
             if inner == 0 {
-                R::apart(Sample {
+                R::out_of_line(Sample {
                     batch,
                     streams: &streams,
                     number: sample,
@@ -162,16 +165,16 @@ fn march<M: DamperModel, R: Lanes>(block: &Block<'_>, histories: &mut [History<'
                     controller: &mut controller,
                 });
             }
-            // The very first command has been there since long before.
+            // The first command is in force from the start, without delay.
             let arrived = index == 0 || (index >= delay && (index - delay).is_multiple_of(steps as usize));
             if arrived {
                 let commands = controller.sent_at(index.saturating_sub(delay) / steps as usize);
-                if dampers.hold(commands, index == 0) {
-                    dampers.resist(&plant.elongation, &plant.rate, END);
+                if dampers.receive(commands, index == 0) {
+                    dampers.evaluate_forces(&plant.elongation, &plant.rate, END);
                     plant.accelerate(0, &dampers.force, start);
                 }
             }
-            R::apart(Take {
+            R::out_of_line(ReduceStep {
                 building,
                 displacement: &plant.displacement,
                 velocity: &plant.velocity,
@@ -182,7 +185,7 @@ fn march<M: DamperModel, R: Lanes>(block: &Block<'_>, histories: &mut [History<'
                 into: &mut reductions,
             });
             if inner == 0 && !histories.is_empty() {
-                R::apart(Record {
+                R::out_of_line(WriteHistory {
                     building,
                     sample,
                     displacement: &plant.displacement,
@@ -196,31 +199,31 @@ fn march<M: DamperModel, R: Lanes>(block: &Block<'_>, histories: &mut [History<'
                     rows: histories,
                 });
             }
-            dampers.follow();
+            dampers.advance_drivers();
             let middle = ground.acceleration::<R>(time(2 * index + 1, half));
             end = ground.acceleration(time(index + 1, step));
             let stages =
                 [(sixth, half, middle, MIDDLE), (third, half, middle, MIDDLE), (third, step, end, END)];
             for (stage, (weight, reach, shaking, moment)) in stages.into_iter().enumerate() {
                 plant.advance(stage, &dampers.force, &mut reductions);
-                dampers.stage(weight, reach);
-                dampers.resist(&plant.elongation, &plant.rate, moment);
+                dampers.advance(weight, reach);
+                dampers.evaluate_forces(&plant.elongation, &plant.rate, moment);
                 plant.accelerate(stage + 1, &dampers.force, shaking);
             }
             plant.advance(stages.len(), &dampers.force, &mut reductions);
-            dampers.stage(sixth, 0.0);
+            dampers.advance(sixth, 0.0);
         }
     }
-    R::apart(Balance {
+    R::out_of_line(BalanceEnergies {
         building,
         displacement: &plant.displacement,
         velocity: &plant.velocity,
         into: &mut reductions,
     });
-    (reductions, controller.at_a_loss)
+    (reductions, controller.command_invalid)
 }
 
-/// So many steps later [s].
+/// Time after `count` steps [s].
 #[inline(always)]
 fn time(count: usize, step: f64) -> f64 {
     #[allow(clippy::cast_precision_loss)] // counts of steps are far below 2^53

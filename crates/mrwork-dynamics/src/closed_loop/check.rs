@@ -1,14 +1,22 @@
-//! What a batch must be before it is run: everything of one size with the building, nothing that is not there.
+//! Checks of a batch before it is simulated: sizes and indices.
 
 use super::batch::{Batch, Run};
 use super::hardware::{Channel, Observer};
 use crate::building::Building;
 use crate::error::DynamicsError;
 
+/// Most integration steps per control sample that the hardware may ask for; finer runs multiply them.
+const MOST_STEPS: u32 = 10_000;
+/// Longest delay, in control samples.
+const LONGEST_DELAY: usize = 1_000_000;
+
 impl Batch<'_> {
-    /// Refuses what does not fit together.
-    pub(super) fn check(&self) -> Result<(), DynamicsError> {
-        let (n_devices, n_states) = (self.places.len(), 2 * self.building.n);
+    /// Refuses arguments that do not match.
+    ///
+    /// # Errors
+    /// If a size or an index does not match the building, the law or the hardware.
+    pub fn check(&self) -> Result<(), DynamicsError> {
+        let (n_devices, n_states) = (self.mountings.len(), 2 * self.building.n);
         let n_columns = self.laws.n_columns();
         let spec = self.law.spec();
         let n_gains = spec.n_gains(n_devices, n_states);
@@ -47,8 +55,17 @@ impl Batch<'_> {
         {
             return Err(DynamicsError::Step(self.hardware.sample_time));
         }
+        let limits = [
+            ("steps", self.hardware.steps as usize, MOST_STEPS as usize),
+            ("delay_steps", self.hardware.delay_steps, LONGEST_DELAY * self.hardware.steps as usize),
+        ];
+        for (name, found, most) in limits {
+            if found > most {
+                return Err(DynamicsError::TooLarge { name, found, most });
+            }
+        }
         let n_candidates = self.gains.len().checked_div(n_gains).unwrap_or(usize::MAX);
-        let n_draws = self.theta.len().checked_div(n_devices * n_columns).unwrap_or(1);
+        let n_draws = self.n_draws();
         for (run, &Run { candidate, motion, draw, .. }) in self.runs.iter().enumerate() {
             let asked = [
                 ("candidate", candidate as usize, n_candidates),

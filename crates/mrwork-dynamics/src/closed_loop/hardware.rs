@@ -1,15 +1,15 @@
-//! What stands between the building and the damper's coil: sampling, delay, sensors, limits, faults.
+//! The hardware between the building and the coil of the damper: sampling, delay, sensors, limits, faults.
 
-/// How the loop is run.
+/// Sampling, delay, sensors, limits and faults of a loop.
 #[derive(Clone, Debug)]
 pub struct Hardware {
     /// Time from one command to the next [s].
     pub sample_time: f64,
     /// Integration steps in that time, at least one.
     pub steps: u32,
-    /// Steps from a measurement until its command is sent.
+    /// Integration steps from a measurement until its command is sent.
     pub delay_steps: usize,
-    /// How fast the command may change [1/s in its unit].
+    /// Largest rate of the command [A/s or V/s].
     pub command_rate: f64,
     /// Sensors of absolute floor acceleration [m/s^2].
     pub acceleration: Sensor,
@@ -17,29 +17,29 @@ pub struct Hardware {
     pub deformation: Sensor,
     /// Sensors of the devices' force [N].
     pub force: Sensor,
-    /// What breaks, and when.
+    /// Faults of channels.
     pub faults: Vec<Fault>,
 }
 
-/// How well a quantity is measured.
+/// Accuracy of a sensor.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Sensor {
-    /// Standard deviation of its white noise.
+    /// Standard deviation of the white noise.
     pub noise: f64,
-    /// Width of its steps, zero where it has none.
+    /// Quantisation step, zero for none.
     pub resolution: f64,
 }
 
-/// A channel that breaks for a while.
+/// A fault of a channel during a range of samples.
 #[derive(Clone, Copy, Debug)]
 pub struct Fault {
-    /// What breaks.
+    /// The faulty channel.
     pub channel: Channel,
     /// First sample.
     pub start: usize,
-    /// Sample from which all is well again.
+    /// First sample after the fault.
     pub end: usize,
-    /// What it says meanwhile; `None` for the last value before.
+    /// Value during the fault; `None` holds the last value before.
     pub value: Option<f64>,
 }
 
@@ -57,7 +57,7 @@ pub enum Channel {
 }
 
 impl Channel {
-    /// A number of its own, from which its noise is drawn.
+    /// Number that identifies the channel in the noise generator.
     pub(crate) const fn number(self) -> u64 {
         match self {
             Self::Acceleration(floor) => floor as u64,
@@ -70,8 +70,7 @@ impl Channel {
 
 /// An observer in discrete time: `x+ = Ad x + Bd f + L (y - C x - D f)`, row-major matrices.
 ///
-/// It measures y, the accelerations of some floors and then the elongations of some devices, and knows the force f of every
-/// device as measured.
+/// y are the accelerations of some floors, then the elongations of some devices; f is the measured force of every device.
 #[derive(Clone, Debug)]
 pub struct Observer {
     /// Floors whose acceleration is measured.

@@ -1,41 +1,42 @@
-//! Full histories of a run, on request: one row per control sample.
+//! Histories of a run, on request: one row per control sample.
 
+use super::quantity::{Axis, Quantity};
 use super::reductions::Reductions;
 use crate::building::Building;
-use crate::lanes::{Apart, Lanes};
+use crate::lanes::{Lanes, OutOfLine};
 
-/// Signals in the order in which they are written, with how many numbers each has.
-#[must_use]
-pub fn layout(building: &Building) -> Vec<(&'static str, usize)> {
-    let (n, floors, storeys, devices) =
-        (building.n, building.n_floors(), building.n_storeys(), building.n_devices());
-    vec![
-        ("ground_acceleration", 1),
-        ("state", 2 * n),
-        ("displacement", floors),
-        ("acceleration", floors),
-        ("drift", storeys),
-        ("deformation", devices),
-        ("rate", devices),
-        ("force", devices),
-        ("command", devices),
-        ("current", devices),
-        ("device_energy", devices),
-        ("input_energy", 1),
-        ("damping_energy", 1),
-    ]
+/// Signals of a history, in order; energies are accumulated from the start of the run.
+pub const HISTORY_SIGNALS: &[Quantity] = &[
+    Quantity::new("ground_acceleration", Axis::Run, "m/s^2", "acceleration of the ground"),
+    Quantity::new("state", Axis::State, "m, m/s", "displacement, then velocity, of every coordinate"),
+    Quantity::new("displacement", Axis::Floor, "m", "displacement relative to the ground"),
+    Quantity::new("acceleration", Axis::Floor, "m/s^2", "absolute acceleration"),
+    Quantity::new("drift", Axis::Storey, "m", "drift"),
+    Quantity::new("deformation", Axis::Device, "m", "elongation"),
+    Quantity::new("rate", Axis::Device, "m/s", "rate of the elongation"),
+    Quantity::new("force", Axis::Device, "N", "resisting force"),
+    Quantity::new("command", Axis::Device, "A or V", "command sent"),
+    Quantity::new("current", Axis::Device, "A or V", "command behind the lag of the driver"),
+    Quantity::new("device_energy", Axis::Device, "J", "energy dissipated"),
+    Quantity::new("input_energy", Axis::Run, "J", "work of the ground"),
+    Quantity::new("damping_energy", Axis::Run, "J", "energy dissipated by the damping of the building"),
+];
+
+/// Columns of a history.
+pub(super) fn width(building: &Building) -> usize {
+    super::quantity::width(HISTORY_SIGNALS, building)
 }
 
-/// The histories of one run, sample by sample.
-pub struct History<'a> {
-    /// Shape (samples, width of the layout).
+/// Output array of the history of one run.
+pub struct HistoryRows<'a> {
+    /// Shape (samples, width).
     pub(super) rows: &'a mut [f64],
-    /// Width of the layout.
+    /// Columns.
     pub(super) width: usize,
 }
 
-/// Writes a sample of all lanes.
-pub(super) struct Record<'a, 'b, R> {
+/// Writes one sample of all lanes, in the order of [`HISTORY_SIGNALS`].
+pub(super) struct WriteHistory<'a, 'b, R> {
     pub(super) building: &'a Building,
     pub(super) sample: usize,
     pub(super) displacement: &'a [R],
@@ -46,10 +47,10 @@ pub(super) struct Record<'a, 'b, R> {
     pub(super) command: &'a [R],
     pub(super) ground_acceleration: R,
     pub(super) reductions: &'a Reductions<R>,
-    pub(super) rows: &'a mut [History<'b>],
+    pub(super) rows: &'a mut [HistoryRows<'b>],
 }
 
-impl<R: Lanes> Apart for Record<'_, '_, R> {
+impl<R: Lanes> OutOfLine for WriteHistory<'_, '_, R> {
     #[inline(always)]
     fn run(self) {
         let Self { building, sample, displacement, velocity, acceleration, force, .. } = self;
@@ -82,7 +83,7 @@ impl<R: Lanes> Apart for Record<'_, '_, R> {
 }
 
 struct Writer<'a, 'b> {
-    rows: &'a mut [History<'b>],
+    rows: &'a mut [HistoryRows<'b>],
     sample: usize,
     column: usize,
 }
@@ -104,10 +105,4 @@ impl Writer<'_, '_> {
             self.put(value);
         }
     }
-}
-
-/// Numbers of a sample.
-#[must_use]
-pub(super) fn width(building: &Building) -> usize {
-    layout(building).iter().map(|&(_, count)| count).sum()
 }

@@ -1,38 +1,30 @@
-//! Buildings that carry dampers, under ground motions and control laws: candidates x motions x draws of the damper in
-//! one call, in lanes.
+//! Closed-loop simulation of buildings with dampers under ground motions and control laws: candidates x motions x draws
+//! of the damper parameters in one call.
 //!
-//! A lane is a run ([`batch`]): a set of gains, a motion, a set of damper parameters. The controller sees what its sensors
-//! tell ([`hardware`]) at its sample times; between these the loop is integrated by classical Runge-Kutta, building and
-//! dampers as one system. What is kept are peaks, mean squares and energies, and histories where they are asked for.
+//! A lane is one run ([`batch`]): a set of gains, a motion, a set of damper parameters. The controller measures and
+//! commands at its sample times ([`sample`], [`hardware`]); between them building and dampers are integrated as one system
+//! by classical Runge-Kutta ([`block`]). Results are peaks, mean squares and energies ([`reductions`]) and, if requested,
+//! histories ([`history`]).
 
 mod batch;
-mod block;
+pub(crate) mod block;
 mod check;
 mod dampers;
 mod hardware;
-mod history;
-mod ideal_actuator;
+pub(crate) mod history;
 mod noise;
 mod plant;
+mod quantity;
 mod reductions;
 mod resolution;
+mod respond;
 mod round;
 mod sample;
 
-pub use batch::{Batch, Run, RunResult, Settings, n_samples, respond};
-pub(crate) use block::run as run_block;
-pub use block::{Block, Left};
+pub use batch::{Batch, Run, n_samples};
+pub use block::{Block, LaneResult};
 pub use hardware::{Channel, Fault, Hardware, Observer, Sensor};
-pub use history::{History, layout as history_layout};
-pub use reductions::layout as summary_layout;
-
-use crate::any_damper::Damper;
-
-/// The device of that name: a damper model, or the ideal actuator.
-#[must_use]
-pub fn find_device(name: &str) -> Option<&'static dyn Damper> {
-    crate::damper::find(name).or_else(|| {
-        let actuator: &'static dyn Damper = &ideal_actuator::IdealActuator;
-        (actuator.spec().name == name).then_some(actuator)
-    })
-}
+pub use history::{HISTORY_SIGNALS, HistoryRows};
+pub use quantity::{Axis, Quantity, width};
+pub use reductions::RUN_QUANTITIES;
+pub use respond::{RunResult, respond};

@@ -1,11 +1,11 @@
-//! Noise of sensors: a normal number for every sensor, sample and stream, from a counter and not from a state.
+//! Sensor noise: a standard normal number for every stream, sensor and sample, by a counter-based generator.
 //!
-//! So a run's noise depends on nothing but its own numbers, whatever runs beside it. The arithmetic is plain and our own
-//! logarithm, the same bits everywhere.
+//! The noise of a run does not depend on the runs beside it. The logarithm is our own, so the bits are the same on every
+//! platform.
 
 use crate::elementary::ln;
 
-/// A standard normal number.
+/// A standard normal number for a stream, sensor and sample.
 pub(crate) fn normal(stream: u64, sensor: u64, sample: u64) -> f64 {
     let mut counter = mixed(mixed(mixed(stream) ^ sensor) ^ sample);
     // Marsaglia's polar method: a point in the unit disc, found in the first draws of the counter that hit it.

@@ -1,16 +1,16 @@
-//! The coordinates of a building in lanes, through the stages of a step.
+//! The coordinates of a building in lanes, during the stages of a step.
 
 use super::reductions::Reductions;
 use crate::building::Building;
-use crate::lanes::{Apart, Lanes};
+use crate::lanes::{Lanes, OutOfLine};
 
-/// Stages of a step.
+/// Number of stages of a step.
 const STAGES: usize = 4;
 
 /// Motion of the coordinates.
 ///
-/// Classical Runge-Kutta in the form for accelerations: in a step the displacement takes h v + h^2 (a1 + a2 + a3)/6, the
-/// velocity h (a1 + 2 a2 + 2 a3 + a4)/6.
+/// Classical Runge-Kutta in the form for second-order systems: in a step the displacement increment is
+/// h v + h^2 (a1 + a2 + a3)/6, the velocity increment h (a1 + 2 a2 + 2 a3 + a4)/6.
 pub(super) struct Plant<'a, R> {
     building: &'a Building,
     step: f64,
@@ -18,15 +18,16 @@ pub(super) struct Plant<'a, R> {
     pub(super) velocity: Vec<R>,
     staged_displacement: Vec<R>,
     staged_velocity: Vec<R>,
-    /// Accelerations relative to the ground at the first stage, at the stage of now, and the sum of the middle two.
+    /// Accelerations relative to the ground: at the first stage, at the current stage, and the sum of the middle two.
     first: Vec<R>,
     current: Vec<R>,
     middle: Vec<R>,
-    pull: Vec<R>,
-    /// Elongations of the devices and their rates at this stage.
+    /// Resisting force of each coordinate: stiffness, damping and devices [N].
+    resisting: Vec<R>,
+    /// Elongations of the devices and their rates at the current stage.
     pub(super) elongation: Vec<R>,
     pub(super) rate: Vec<R>,
-    /// Work per time of the ground and of the damping, at this stage [W].
+    /// Power of the ground and of the damping at the current stage [W].
     input: R,
     damping: R,
 }
@@ -44,7 +45,7 @@ impl<'a, R: Lanes> Plant<'a, R> {
             first: zero(),
             current: zero(),
             middle: zero(),
-            pull: zero(),
+            resisting: zero(),
             elongation: vec![R::splat(0.0); building.n_devices()],
             rate: vec![R::splat(0.0); building.n_devices()],
             input: R::splat(0.0),
@@ -57,14 +58,14 @@ impl<'a, R: Lanes> Plant<'a, R> {
         &self.first
     }
 
-    /// Accelerations and powers at a stage, under these device forces and ground acceleration.
+    /// Evaluates accelerations and powers at a stage, for these device forces and ground acceleration.
     pub(super) fn accelerate(&mut self, stage: usize, force: &[R], ground: R) {
-        R::apart(Accelerate { plant: self, stage, force, ground });
+        R::out_of_line(Accelerate { plant: self, stage, force, ground });
     }
 
-    /// Adds the powers of a stage to the energies, and goes on to the next stage or, after the last, to the next step.
+    /// Adds the powers of a stage to the energies and moves to the next stage or, after the last, to the next step.
     pub(super) fn advance(&mut self, stage: usize, force: &[R], reductions: &mut Reductions<R>) {
-        R::apart(Advance { plant: self, stage, force, reductions });
+        R::out_of_line(AdvancePlant { plant: self, stage, force, reductions });
     }
 }
 
@@ -75,21 +76,21 @@ struct Accelerate<'a, 'b, R> {
     ground: R,
 }
 
-impl<R: Lanes> Apart for Accelerate<'_, '_, R> {
+impl<R: Lanes> OutOfLine for Accelerate<'_, '_, R> {
     #[inline(always)]
     fn run(self) {
         let Self { plant, stage, force, ground } = self;
         let building = plant.building;
         let n = building.n;
-        // Slices of one length: their places and bounds are looked up once, not in every product.
+        // Slices of one length: pointers and bounds are read once, not in every product.
         let displacement = &plant.staged_displacement[..n];
         let velocity = &plant.staged_velocity[..n];
-        let pull = &mut plant.pull[..n];
+        let resisting = &mut plant.resisting[..n];
         let (mut damping, mut momentum) = (R::splat(0.0), R::splat(0.0));
         for coordinate in 0..n {
             let (mut damped, mut sprung) = (R::splat(0.0), R::splat(0.0));
             if let Some(links) = &building.links {
-                // What reaches beyond either end of the chain has no stiffness there.
+                // A neighbour beyond either end of the chain has no stiffness.
                 let link = links[coordinate];
                 let columns = [coordinate.saturating_sub(1), coordinate, (coordinate + 1).min(n - 1)];
                 sprung = displacement[columns[0]] * R::splat(link.stiffness[0]);
@@ -107,18 +108,18 @@ impl<R: Lanes> Apart for Accelerate<'_, '_, R> {
             let own = velocity[coordinate];
             damping = damped.mul_add(own, damping);
             momentum = own.mul_add(R::splat(building.pushed_mass[coordinate]), momentum);
-            pull[coordinate] = sprung + damped;
+            resisting[coordinate] = sprung + damped;
         }
         for (device, &force) in force.iter().enumerate() {
             for &(coordinate, reach) in building.devices.row(device) {
-                pull[coordinate] = force.mul_add(R::splat(reach), pull[coordinate]);
+                resisting[coordinate] = force.mul_add(R::splat(reach), resisting[coordinate]);
             }
         }
         let acceleration = if stage == 0 { &mut plant.first } else { &mut plant.current };
         for (coordinate, acceleration) in acceleration.iter_mut().enumerate() {
             let mut carried = ground * R::splat(-building.influence[coordinate]);
             for &(column, mobility) in building.mass_inverse.row(coordinate) {
-                carried = pull[column].mul_add(R::splat(-mobility), carried);
+                carried = resisting[column].mul_add(R::splat(-mobility), carried);
             }
             *acceleration = carried;
         }
@@ -127,14 +128,14 @@ impl<R: Lanes> Apart for Accelerate<'_, '_, R> {
     }
 }
 
-struct Advance<'a, 'b, R> {
+struct AdvancePlant<'a, 'b, R> {
     plant: &'a mut Plant<'b, R>,
     stage: usize,
     force: &'a [R],
     reductions: &'a mut Reductions<R>,
 }
 
-impl<R: Lanes> Apart for Advance<'_, '_, R> {
+impl<R: Lanes> OutOfLine for AdvancePlant<'_, '_, R> {
     #[inline(always)]
     fn run(self) {
         let Self { plant, stage, force, reductions } = self;
@@ -159,7 +160,7 @@ impl<R: Lanes> Apart for Advance<'_, '_, R> {
 }
 
 impl<R: Lanes> Plant<'_, R> {
-    /// Goes so far ahead of the start of the step, with the velocity and acceleration of a stage.
+    /// Evaluates the motion `reach` after the start of the step, with the velocity and acceleration of a stage.
     #[inline(always)]
     fn reach(&mut self, stage: usize, reach: R) {
         let n = self.building.n;
@@ -183,6 +184,7 @@ impl<R: Lanes> Plant<'_, R> {
         }
     }
 
+    /// Completes the step.
     #[inline(always)]
     fn end(&mut self) {
         let n = self.building.n;

@@ -1,39 +1,87 @@
-//! What is kept of a run: peaks, means of squares, energies. Memory does not grow with the record.
+//! Reductions of a run: peaks, mean squares, energies. Memory does not grow with the length of the motion.
 
+use super::quantity::{Axis, Quantity};
 use crate::building::Building;
-use crate::lanes::{Apart, Lanes};
+use crate::lanes::{Lanes, OutOfLine};
 use crate::real::Real;
 
-/// Quantities of a run in the order in which they are handed out, with how many numbers each has.
-#[must_use]
-pub fn layout(building: &Building) -> Vec<(&'static str, usize)> {
-    let (floors, storeys, devices) = (building.n_floors(), building.n_storeys(), building.n_devices());
-    vec![
-        ("peak_displacement", floors),
-        ("rms_displacement", floors),
-        ("peak_acceleration", floors),
-        ("rms_acceleration", floors),
-        ("peak_drift", storeys),
-        ("rms_drift", storeys),
-        ("peak_base_shear", 1),
-        ("rms_base_shear", 1),
-        ("peak_force", devices),
-        ("rms_force", devices),
-        ("peak_stroke", devices),
-        ("peak_rate", devices),
-        ("peak_current", devices),
-        ("mean_current", devices),
-        ("rms_current", devices),
-        ("device_energy", devices),
-        ("input_energy", 1),
-        ("kinetic_energy", 1),
-        ("strain_energy", 1),
-        ("damping_energy", 1),
-        ("energy_error", 1),
-    ]
+/// Declares the quantities of a run, each with its value over the reductions of a block: the table
+/// [`RUN_QUANTITIES`], and `Reductions::of_lane`, which writes them in that order.
+macro_rules! run_quantities {
+    ($of:ident; $($name:ident: $axis:ident, $unit:literal, $description:literal, $finish:ident($values:expr);)+) => {
+        /// Quantities of a run, in the order of its summary; accelerations are absolute.
+        pub const RUN_QUANTITIES: &[Quantity] =
+            &[$(Quantity::new(stringify!($name), Axis::$axis, $unit, $description),)+];
+
+        impl<R: Lanes> Reductions<R> {
+            /// Appends the quantities of a lane to `row`.
+            pub(super) fn of_lane(&self, lane: usize, row: &mut Vec<f64>) {
+                let $of = self;
+                #[allow(clippy::cast_precision_loss)] // steps are far below 2^53
+                let steps = self.steps as f64;
+                $(append(row, lane, &$values, |value| $finish(value, steps));)+
+            }
+        }
+    };
 }
 
-/// A magnitude and its square over time.
+run_quantities! {
+    r;
+    peak_displacement: Floor, "m", "peak displacement relative to the ground", last(r.displacement.peak);
+    rms_displacement: Floor, "m", "root mean square displacement", root_mean(r.displacement.squares);
+    peak_acceleration: Floor, "m/s^2", "peak absolute acceleration", last(r.acceleration.peak);
+    rms_acceleration: Floor, "m/s^2", "root mean square absolute acceleration", root_mean(r.acceleration.squares);
+    peak_drift: Storey, "m", "peak drift", last(r.drift.peak);
+    rms_drift: Storey, "m", "root mean square drift", root_mean(r.drift.squares);
+    peak_base_shear: Run, "N", "peak base shear, r'M(q'' + r a_g)", last(r.base_shear.peak);
+    rms_base_shear: Run, "N", "root mean square base shear", root_mean(r.base_shear.squares);
+    peak_force: Device, "N", "peak force", last(r.force.peak);
+    rms_force: Device, "N", "root mean square force", root_mean(r.force.squares);
+    peak_stroke: Device, "m", "peak elongation", last(r.stroke);
+    peak_rate: Device, "m/s", "peak rate of the elongation", last(r.rate);
+    peak_current: Device, "A or V", "peak current", last(r.current.peak);
+    mean_current: Device, "A or V", "mean current", mean(r.current_sum);
+    rms_current: Device, "A or V", "root mean square current", root_mean(r.current.squares);
+    device_energy: Device, "J", "energy dissipated by the device", last(r.device_work);
+    input_energy: Run, "J", "work of the ground", last([r.input]);
+    kinetic_energy: Run, "J", "kinetic energy at the end", last([r.kinetic]);
+    strain_energy: Run, "J", "strain energy at the end", last([r.strain]);
+    damping_energy: Run, "J", "energy dissipated by the damping of the building", last([r.damping]);
+    energy_error: Run, "1", "largest imbalance of the energies over the largest energy", last([r.energy_error()]);
+}
+
+/// Columns of a summary.
+pub(super) fn width(building: &Building) -> usize {
+    super::quantity::width(RUN_QUANTITIES, building)
+}
+
+/// Appends one lane of each of `values` to `row`.
+fn append<R: Lanes>(row: &mut Vec<f64>, lane: usize, values: &[R], finish: impl Fn(f64) -> f64) {
+    for value in values {
+        value.for_each(|index, value| {
+            if index == lane {
+                row.push(finish(value));
+            }
+        });
+    }
+}
+
+/// A value that needs no division by the number of steps.
+fn last(value: f64, _: f64) -> f64 {
+    value
+}
+
+/// The mean over the steps.
+fn mean(sum: f64, steps: f64) -> f64 {
+    sum / steps
+}
+
+/// The root mean square over the steps.
+fn root_mean(sum: f64, steps: f64) -> f64 {
+    (sum / steps).sqrt()
+}
+
+/// Peak magnitude and sum of squares of a signal.
 struct Extent<R> {
     peak: Vec<R>,
     squares: Vec<R>,
@@ -52,7 +100,7 @@ impl<R: Real> Extent<R> {
     }
 }
 
-/// The larger of the two; `value` where it is not a number.
+/// The larger of the two; `value` if it is not a number.
 #[inline(always)]
 fn larger<R: Real>(before: R, value: R) -> R {
     R::select(value.less(before), before, value)
@@ -67,9 +115,9 @@ pub(super) struct Reductions<R> {
     force: Extent<R>,
     stroke: Vec<R>,
     rate: Vec<R>,
-    /// Rate at the step before.
+    /// Rate at the preceding step.
     last_rate: Vec<R>,
-    /// Largest change of the rate in a step with which it changed sign.
+    /// Largest change of the rate in a step in which it changed sign.
     reversal: Vec<R>,
     current: Extent<R>,
     current_sum: Vec<R>,
@@ -81,7 +129,7 @@ pub(super) struct Reductions<R> {
     pub(super) damping: R,
     kinetic: R,
     strain: R,
-    /// Largest imbalance, and largest energy to compare it with [J].
+    /// Largest imbalance of the energies, and largest energy that it is compared with [J].
     imbalance: R,
     turnover: R,
     steps: usize,
@@ -114,38 +162,13 @@ impl<R: Lanes> Reductions<R> {
         }
     }
 
-    /// The numbers of a lane, in the order of [`layout`].
-    pub(super) fn of_lane(&self, lane: usize, row: &mut Vec<f64>) {
-        #[allow(clippy::cast_precision_loss)] // steps are far below 2^53
-        let steps = self.steps as f64;
-        let mut put = |values: &[R], finish: fn(f64, f64) -> f64| {
-            for value in values {
-                value.for_each(|index, value| {
-                    if index == lane {
-                        row.push(finish(value, steps));
-                    }
-                });
-            }
-        };
-        let plain: fn(f64, f64) -> f64 = |value, _| value;
-        let mean: fn(f64, f64) -> f64 = |sum, steps| sum / steps;
-        let root_mean: fn(f64, f64) -> f64 = |sum, steps| (sum / steps).sqrt();
-        for extent in [&self.displacement, &self.acceleration, &self.drift, &self.base_shear, &self.force] {
-            put(&extent.peak, plain);
-            put(&extent.squares, root_mean);
-        }
-        put(&self.stroke, plain);
-        put(&self.rate, plain);
-        put(&self.current.peak, plain);
-        put(&self.current_sum, mean);
-        put(&self.current.squares, root_mean);
-        put(&self.device_work, plain);
-        put(&[self.input, self.kinetic, self.strain, self.damping], plain);
+    /// Largest imbalance of the energies over the largest energy; zero at rest.
+    fn energy_error(&self) -> R {
         let at_rest = self.turnover.equal(R::splat(0.0));
-        put(&[R::select(at_rest, R::splat(0.0), self.imbalance / self.turnover)], plain);
+        R::select(at_rest, R::splat(0.0), self.imbalance / self.turnover)
     }
 
-    /// Largest rate of a device in a lane [m/s], and largest change of it in a step with which it changed sign.
+    /// Largest rate of a device in a lane, and largest change of it in a step in which it changed sign [m/s].
     pub(super) fn severity(&self, device: usize, lane: usize) -> [f64; 2] {
         let mut found = [f64::NAN; 2];
         for (value, values) in found.iter_mut().zip([self.rate[device], self.reversal[device]]) {
@@ -159,8 +182,8 @@ impl<R: Lanes> Reductions<R> {
     }
 }
 
-/// Takes the start of an integration step.
-pub(super) struct Take<'a, R> {
+/// Adds the start of an integration step to the reductions.
+pub(super) struct ReduceStep<'a, R> {
     pub(super) building: &'a Building,
     pub(super) displacement: &'a [R],
     pub(super) velocity: &'a [R],
@@ -171,7 +194,7 @@ pub(super) struct Take<'a, R> {
     pub(super) into: &'a mut Reductions<R>,
 }
 
-impl<R: Lanes> Apart for Take<'_, R> {
+impl<R: Lanes> OutOfLine for ReduceStep<'_, R> {
     #[inline(always)]
     fn run(self) {
         let Self { building, displacement, velocity, acceleration, force, current, into, .. } = self;
@@ -206,15 +229,15 @@ impl<R: Lanes> Apart for Take<'_, R> {
     }
 }
 
-/// Draws up the balance of energies now.
-pub(super) struct Balance<'a, R> {
+/// Updates kinetic and strain energy and the energy balance.
+pub(super) struct BalanceEnergies<'a, R> {
     pub(super) building: &'a Building,
     pub(super) displacement: &'a [R],
     pub(super) velocity: &'a [R],
     pub(super) into: &'a mut Reductions<R>,
 }
 
-impl<R: Lanes> Apart for Balance<'_, R> {
+impl<R: Lanes> OutOfLine for BalanceEnergies<'_, R> {
     #[inline(always)]
     fn run(self) {
         let Self { building, displacement, velocity, into } = self;
@@ -226,15 +249,15 @@ impl<R: Lanes> Apart for Balance<'_, R> {
         }
         into.kinetic = kinetic * R::splat(0.5);
         into.strain = strain * R::splat(0.5);
-        let held = into.kinetic + into.strain;
-        let mut lost = into.damping;
+        let stored = into.kinetic + into.strain;
+        let mut dissipated = into.damping;
         let mut turned_over = into.damping.abs();
         for &work in &into.device_work {
-            lost = lost + work;
+            dissipated = dissipated + work;
             turned_over = turned_over + work.abs();
         }
-        let imbalance = (into.input - held - lost).abs();
+        let imbalance = (into.input - stored - dissipated).abs();
         into.imbalance = larger(into.imbalance, imbalance);
-        into.turnover = larger(into.turnover, larger(into.input.abs(), turned_over + held));
+        into.turnover = larger(into.turnover, larger(into.input.abs(), turned_over + stored));
     }
 }

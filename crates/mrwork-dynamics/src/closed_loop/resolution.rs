@@ -1,55 +1,56 @@
-//! How fine a step a run needs: from the building, from how steep the force is over the motion, and from how fast the
-//! dampers' states relax under the motion that came out.
+//! Integration step of a run: from the natural frequencies of the building, from the slopes of the damper force, and from
+//! the relaxation rate of the damper states under the simulated motion.
 
 use super::batch::Batch;
-use crate::damper::{Motion, Severity};
+use super::hardware::Hardware;
+use crate::any_damper::Damper;
+use crate::damper::model::{Motion, Severity};
 use crate::integrate::{MAX_SUBSTEPS, RESOLUTION};
 
-/// Commands between none and the largest that are looked at.
+/// Number of commands in the range at which slopes and rates are evaluated.
 const COMMAND_LEVELS: u32 = 9;
-/// Motions at which the slope of the force is looked at, and how far it is moved for that.
+/// Velocities and displacements at which the slopes of the force are evaluated, and the finite difference.
 const VELOCITIES: [f64; 9] = [0.0, 1e-3, -1e-3, 1e-2, -1e-2, 0.1, -0.1, 0.5, -0.5];
 const DISPLACEMENTS: [f64; 5] = [0.0, 1e-4, -1e-4, 1e-2, -1e-2];
 const SHIFT: f64 = 1e-7;
 
-/// Steps per sample, a power of two times what the hardware names, that a bound [1/s] asks for; `None` beyond the most.
-pub(super) fn steps_for(batch: &Batch<'_>, bound: f64) -> Option<u32> {
-    let wanted = batch.hardware.sample_time * bound / RESOLUTION;
-    let mut steps = batch.hardware.steps;
+/// Steps per sample for a rate bound [1/s]: the steps of the hardware times a power of two; `None` beyond the largest.
+pub(super) fn steps_for(hardware: &Hardware, bound: f64) -> Option<u32> {
+    let wanted = hardware.sample_time * bound / RESOLUTION;
+    let mut steps = hardware.steps;
     while f64::from(steps) < wanted {
         steps *= 2;
-        if steps > MAX_SUBSTEPS * batch.hardware.steps {
+        if steps > MAX_SUBSTEPS * hardware.steps {
             return None;
         }
     }
     wanted.is_finite().then_some(steps)
 }
 
-/// Fastest motion [1/s] of the building with the dampers of a draw, as far as their force follows the motion at once.
-pub(super) fn building_bound(batch: &Batch<'_>, draw: usize) -> f64 {
+/// Largest rate [1/s] of the building with the dampers of a draw, without the dampers' own states.
+pub(super) fn building_bound(damper: &dyn Damper, batch: &Batch<'_>, draw: usize) -> f64 {
     let (mut decay, mut stiffening) = (0.0, 0.0);
     for (device, &mass) in batch.building.device_mass.iter().enumerate() {
-        let [over_velocity, over_displacement] = steepest(batch, draw, device);
-        let place = batch.places[device];
-        let dampers = place.count * if place.differential { 2.0 } else { 1.0 };
+        let [over_velocity, over_displacement] = steepest_slopes(damper, batch, draw, device);
+        let mounting = batch.mountings[device];
+        let dampers = mounting.count * if mounting.differential { 2.0 } else { 1.0 };
         decay += dampers * over_velocity / mass;
         stiffening += dampers * over_displacement / mass;
     }
     batch.building.fastest.hypot(stiffening.sqrt()) + decay
 }
 
-/// Largest slopes of the force of a device, over velocity [N s/m] and over displacement [N/m].
-fn steepest(batch: &Batch<'_>, draw: usize, device: usize) -> [f64; 2] {
+/// Largest slopes of the force of one damper of a device, over velocity [N s/m] and over displacement [N/m].
+fn steepest_slopes(damper: &dyn Damper, batch: &Batch<'_>, draw: usize, device: usize) -> [f64; 2] {
     let mut values = vec![f64::NAN; batch.laws.n_params()];
-    let state = vec![0.0; batch.damper.spec().n_states];
+    let state = vec![0.0; damper.spec().n_states];
     let mut found = [0.0_f64; 2];
     for command in commands(batch, device) {
         batch.laws.evaluate(batch.theta_of(draw, device), command, &mut values);
         for velocity in VELOCITIES {
             for displacement in DISPLACEMENTS {
-                let at = |displacement, velocity| {
-                    batch.damper.force(&values, &state, Motion { displacement, velocity })
-                };
+                let at =
+                    |displacement, velocity| damper.force(&values, &state, Motion { displacement, velocity });
                 let here = at(displacement, velocity);
                 let slopes =
                     [at(displacement, velocity + SHIFT) - here, at(displacement + SHIFT, velocity) - here];
@@ -62,15 +63,21 @@ fn steepest(batch: &Batch<'_>, draw: usize, device: usize) -> [f64; 2] {
     found
 }
 
-/// How fast the states of the dampers relax [1/s] under the motion that came out.
-pub(super) fn damper_bound(batch: &Batch<'_>, draw: usize, severity: &[[f64; 2]], step: f64) -> f64 {
+/// Largest relaxation rate of the damper states [1/s] under the simulated motion.
+pub(super) fn damper_bound(
+    damper: &dyn Damper,
+    batch: &Batch<'_>,
+    draw: usize,
+    severity: &[[f64; 2]],
+    step: f64,
+) -> f64 {
     let mut bound = 0.0;
     for (device, &[peak_velocity, change]) in severity.iter().enumerate() {
         let severity = Severity { peak_velocity, reversal_acceleration: change / step };
         let commands = commands(batch, device);
         let theta = batch.theta_of(draw, device);
-        let own = batch.damper.stiffness_bound(theta, batch.laws, &commands, severity);
-        // A bound that is not a number stays.
+        let own = damper.stiffness_bound(theta, batch.laws, &commands, severity);
+        // A bound that is not a number is kept.
         if own > bound || own.is_nan() {
             bound = own;
         }
@@ -78,6 +85,7 @@ pub(super) fn damper_bound(batch: &Batch<'_>, draw: usize, severity: &[[f64; 2]]
     bound
 }
 
+/// Commands of a device at which slopes and rates are evaluated.
 fn commands(batch: &Batch<'_>, device: usize) -> Vec<f64> {
     let [smallest, largest] = batch.ranges[device];
     if batch.laws.are_constant() {

@@ -1,95 +1,97 @@
-//! One round of a batch: runs cut into blocks of lanes, simulated on threads, results put in their places.
+//! One round of a batch: runs grouped into blocks of lanes, simulated on threads, results copied to the output.
 
 use std::collections::BTreeMap;
 
-use super::batch::{Batch, Settings, n_samples};
-use super::block::{Block, Left};
-use super::history::{History, width as history_width};
+use super::batch::{Batch, n_samples};
+use super::block::{Block, LaneResult};
+use super::history::{HistoryRows, width as history_width};
+use crate::any_damper::Damper;
 use crate::error::DynamicsError;
+use crate::settings::Settings;
 use crate::threads::{on_threads, thread_count};
 
-/// Blocks between two times that results are put in their place: bounds what is held twice.
+/// Blocks simulated before their results are copied: bounds the memory for results that are held twice.
 const BLOCKS_AT_A_TIME: usize = 1024;
 
-/// Where results go.
-pub(super) struct Out<'a> {
+/// Output arrays of a batch.
+pub(super) struct Output<'a> {
     pub(super) summary: &'a mut [f64],
     pub(super) histories: Option<&'a mut [Vec<f64>]>,
     pub(super) width: usize,
 }
 
-impl Out<'_> {
+impl Output<'_> {
+    /// Summary of a run.
     pub(super) fn row(&mut self, run: usize) -> &mut [f64] {
         &mut self.summary[run * self.width..][..self.width]
     }
 
-    /// Leaves nothing of a run that was tried with too long a step.
-    pub(super) fn forget_history(&mut self, run: usize) {
+    /// Sets the history of a run to infinity: its step was too long.
+    pub(super) fn invalidate_history(&mut self, run: usize) {
         if let Some(histories) = &mut self.histories {
             histories[run].fill(f64::INFINITY);
         }
     }
 }
 
-impl Batch<'_> {
-    /// Runs these once, each with so many steps per sample.
-    pub(super) fn round(
-        &self,
-        pending: &[(usize, u32)],
-        out: &mut Out<'_>,
-        settings: Settings<'_>,
-    ) -> Result<Vec<(usize, u32, Left)>, DynamicsError> {
-        let set = settings.instruction_set.or_plain();
-        let threads = thread_count(settings.threads);
-        let mut groups: BTreeMap<(u32, usize), Vec<usize>> = BTreeMap::new();
-        for &(run, steps) in pending {
-            let samples = n_samples(&self.motions[self.runs[run].motion as usize], self.hardware);
-            groups.entry((steps, samples)).or_default().push(run);
-        }
-        let mut lefts = Vec::with_capacity(pending.len());
-        for ((steps, samples), mut runs) in groups {
-            // Side by side under the same motion, as far as there are enough.
-            runs.sort_by_key(|&run| self.runs[run].motion);
-            let width = set.middle_width();
-            let n_blocks = runs.len().div_ceil(width).next_multiple_of(threads).min(runs.len());
-            let cut: Vec<&[usize]> = runs.chunks(runs.len().div_ceil(n_blocks).min(width)).collect();
-            for blocks in cut.chunks(BLOCKS_AT_A_TIME) {
-                let work: Vec<(&[usize], Vec<Vec<f64>>)> =
-                    blocks.iter().map(|&runs| (runs, out.lend(runs))).collect();
-                let done = on_threads(threads, work, |(runs, mut rows): (&[usize], Vec<Vec<f64>>)| {
-                    let motion = |run: &usize| &self.motions[self.runs[*run].motion as usize];
-                    let block = Block {
-                        batch: self,
-                        runs,
-                        motions: runs.iter().map(motion).collect(),
-                        n_samples: samples,
-                        steps,
-                        stop: settings.stop,
-                    };
-                    let width = history_width(self.building);
-                    let mut histories: Vec<History<'_>> =
-                        rows.iter_mut().map(|rows| History { rows, width }).collect();
-                    (runs, self.damper.respond(set, &block, &mut histories), rows)
-                })?;
-                if (settings.stop)() {
-                    return Err(DynamicsError::Cancelled);
-                }
-                for (runs, left, rows) in done {
-                    out.take_back(runs, rows);
-                    for (&run, mut left) in runs.iter().zip(left) {
-                        out.row(run).copy_from_slice(&left.row);
-                        left.row = Vec::new();
-                        lefts.push((run, steps, left));
-                    }
+/// Simulates the `pending` runs, pairs of run and steps per sample.
+pub(super) fn round(
+    damper: &dyn Damper,
+    batch: &Batch<'_>,
+    pending: &[(usize, u32)],
+    output: &mut Output<'_>,
+    settings: Settings<'_>,
+) -> Result<Vec<(usize, u32, LaneResult)>, DynamicsError> {
+    let set = settings.instruction_set.or_plain();
+    let threads = thread_count(settings.threads);
+    let mut groups: BTreeMap<(u32, usize), Vec<usize>> = BTreeMap::new();
+    for &(run, steps) in pending {
+        let samples = n_samples(&batch.motions[batch.runs[run].motion as usize], batch.hardware);
+        groups.entry((steps, samples)).or_default().push(run);
+    }
+    let mut results = Vec::with_capacity(pending.len());
+    for ((steps, samples), mut runs) in groups {
+        // Runs under the same motion share a block where possible.
+        runs.sort_by_key(|&run| batch.runs[run].motion);
+        let width = set.middle_width();
+        let n_blocks = runs.len().div_ceil(width).next_multiple_of(threads).min(runs.len());
+        let cut: Vec<&[usize]> = runs.chunks(runs.len().div_ceil(n_blocks).min(width)).collect();
+        for blocks in cut.chunks(BLOCKS_AT_A_TIME) {
+            let work: Vec<(&[usize], Vec<Vec<f64>>)> =
+                blocks.iter().map(|&runs| (runs, output.lend(runs))).collect();
+            let done = on_threads(threads, work, |(runs, mut rows): (&[usize], Vec<Vec<f64>>)| {
+                let motion = |run: &usize| &batch.motions[batch.runs[*run].motion as usize];
+                let block = Block {
+                    batch,
+                    runs,
+                    motions: runs.iter().map(motion).collect(),
+                    n_samples: samples,
+                    steps,
+                    stop: settings.stop,
+                };
+                let width = history_width(batch.building);
+                let mut histories: Vec<HistoryRows<'_>> =
+                    rows.iter_mut().map(|rows| HistoryRows { rows, width }).collect();
+                (runs, damper.respond(set, &block, &mut histories), rows)
+            })?;
+            if (settings.stop)() {
+                return Err(DynamicsError::Cancelled);
+            }
+            for (runs, lanes, rows) in done {
+                output.take_back(runs, rows);
+                for (&run, mut lane) in runs.iter().zip(lanes) {
+                    output.row(run).copy_from_slice(&lane.row);
+                    lane.row = Vec::new();
+                    results.push((run, steps, lane));
                 }
             }
         }
-        Ok(lefts)
     }
+    Ok(results)
 }
 
-impl Out<'_> {
-    /// The histories of these runs, to be written elsewhere.
+impl Output<'_> {
+    /// Takes the history vectors of these runs, so that a block can own them.
     fn lend(&mut self, runs: &[usize]) -> Vec<Vec<f64>> {
         match &mut self.histories {
             Some(histories) => runs.iter().map(|&run| core::mem::take(&mut histories[run])).collect(),
@@ -97,6 +99,7 @@ impl Out<'_> {
         }
     }
 
+    /// Puts the history vectors of these runs back.
     fn take_back(&mut self, runs: &[usize], rows: Vec<Vec<f64>>) {
         if let Some(histories) = &mut self.histories {
             for (&run, rows) in runs.iter().zip(rows) {

@@ -1,22 +1,22 @@
-//! One control sample: what is measured, what is estimated, what is commanded.
+//! One control sample: measurement, state estimate, command.
 
 use super::batch::Batch;
 use super::hardware::{Channel, Observer, Sensor};
 use super::noise::normal;
-use crate::control::{ForceCurve, Gains, Seen, ground_reach, within};
-use crate::lanes::{Apart, Lanes};
+use crate::control::{ForceCurve, Gains, Measurement, ground_reach, within};
+use crate::lanes::{Lanes, OutOfLine};
 use crate::real::Real;
 
-/// What the controller holds between two samples, for a block of lanes.
+/// State of the controller between two samples, for a block of lanes.
 pub(super) struct Controller<R: Real> {
     columns: Vec<R>,
-    /// Zero, or no number in lanes where a gain is none.
+    /// Zero; not a number in lanes where a gain is not a number.
     unknown: R,
     curves: Vec<ForceCurve<R>>,
     ground_reach: Vec<f64>,
     largest: Vec<f64>,
     memory: Vec<R>,
-    /// State as the observer estimates it.
+    /// State estimate of the observer.
     state: Vec<R>,
     next_state: Vec<R>,
     acceleration: Vec<R>,
@@ -24,20 +24,20 @@ pub(super) struct Controller<R: Real> {
     deformation: Vec<R>,
     rate: Vec<R>,
     force: Vec<R>,
-    /// Commands of the last samples, newest at the position of its sample.
+    /// Commands of the last `depth` samples, a ring buffer.
     sent: Vec<R>,
-    /// Samples that `sent` holds.
+    /// Number of samples in `sent`.
     depth: usize,
     raw: Vec<R>,
-    /// Above zero in lanes whose law was once at a loss.
-    pub(super) at_a_loss: R,
+    /// Above zero in lanes where a command was not a number.
+    pub(super) command_invalid: R,
 }
 
 impl<R: Lanes> Controller<R> {
-    /// As it is before the first sample, for these candidates.
+    /// The controller before the first sample.
     pub(super) fn new(batch: &Batch<'_>, runs: &[usize]) -> Self {
-        let Batch { building, gains, places, ranges, hardware, law, .. } = *batch;
-        let (n_states, n_devices) = (2 * building.n, places.len());
+        let Batch { building, gains, mountings, ranges, hardware, law, .. } = *batch;
+        let (n_states, n_devices) = (2 * building.n, mountings.len());
         let n_gains = law.spec().n_gains(n_devices, n_states);
         let last = runs.len() - 1;
         let columns: Vec<R> = (0..n_gains)
@@ -54,7 +54,7 @@ impl<R: Lanes> Controller<R> {
         let largest: Vec<f64> = ranges.iter().map(|&[_, largest]| largest).collect();
         let curves = match (law.spec().wants_curve, &batch.curve) {
             (true, Some(model)) => {
-                largest.iter().zip(places).map(|(&largest, &place)| model.curve(largest, place)).collect()
+                largest.iter().zip(mountings).map(|(&largest, &place)| model.curve(largest, place)).collect()
             }
             _ => Vec::new(),
         };
@@ -79,11 +79,11 @@ impl<R: Lanes> Controller<R> {
             sent: vec![zero; depth * n_devices],
             depth,
             raw: vec![zero; n_devices],
-            at_a_loss: zero,
+            command_invalid: zero,
         }
     }
 
-    /// Commands of that sample.
+    /// Commands of a sample.
     #[inline(always)]
     pub(super) fn sent_at(&self, sample: usize) -> &[R] {
         let n_devices = self.raw.len();
@@ -91,7 +91,7 @@ impl<R: Lanes> Controller<R> {
     }
 }
 
-/// Displacements and velocities as the law knows them: as the observer has estimated them, or as they are.
+/// Displacements and velocities for the law: the estimate if there is an observer, else the true ones.
 #[inline(always)]
 fn known_state<'a, R>(
     observer: Option<&Observer>,
@@ -105,7 +105,7 @@ fn known_state<'a, R>(
     }
 }
 
-/// The motion of the building and the forces in it, at a sample.
+/// Motion and forces of the building at a sample, and the controller that measures them.
 pub(super) struct Sample<'a, R: Real> {
     pub(super) batch: &'a Batch<'a>,
     pub(super) streams: &'a [u64],
@@ -119,7 +119,7 @@ pub(super) struct Sample<'a, R: Real> {
     pub(super) controller: &'a mut Controller<R>,
 }
 
-impl<R: Lanes> Apart for Sample<'_, R> {
+impl<R: Lanes> OutOfLine for Sample<'_, R> {
     #[inline(always)]
     fn run(mut self) {
         self.measure();
@@ -139,52 +139,52 @@ impl<R: Lanes> Sample<'_, R> {
                 let value = building.floors.add_dot(floor, self.acceleration, self.ground_acceleration);
                 let before = self.controller.acceleration[floor];
                 self.controller.acceleration[floor] =
-                    self.sensed(Channel::Acceleration(floor), hardware.acceleration, value, before);
+                    self.reading(Channel::Acceleration(floor), hardware.acceleration, value, before);
             }
         }
         for device in 0..self.force.len() {
             let value = building.devices.dot(device, self.displacement);
             let before = self.controller.deformation[device];
             self.controller.deformation[device] =
-                self.sensed(Channel::Deformation(device), hardware.deformation, value, before);
+                self.reading(Channel::Deformation(device), hardware.deformation, value, before);
             let before = self.controller.force[device];
             self.controller.force[device] =
-                self.sensed(Channel::Force(device), hardware.force, self.force[device], before);
+                self.reading(Channel::Force(device), hardware.force, self.force[device], before);
             let (_, velocity) =
                 known_state(observer, &self.controller.state, self.displacement, self.velocity);
             self.controller.rate[device] = building.devices.dot(device, velocity);
         }
     }
 
-    /// What a sensor says.
+    /// Reading of a sensor: noise, resolution, faults.
     #[inline(always)]
-    fn sensed(&self, channel: Channel, sensor: Sensor, value: R, before: R) -> R {
-        let mut said = value;
+    fn reading(&self, channel: Channel, sensor: Sensor, value: R, before: R) -> R {
+        let mut reading = value;
         if sensor.noise > 0.0 {
             let (number, sample) = (channel.number(), self.number as u64);
             let noise = R::from_fn(|lane| normal(self.streams[lane], number, sample));
-            said = noise.mul_add(R::splat(sensor.noise), said);
+            reading = noise.mul_add(R::splat(sensor.noise), reading);
         }
         if sensor.resolution > 0.0 {
-            let steps = (said / R::splat(sensor.resolution)).round_ties_even();
-            said = steps * R::splat(sensor.resolution);
+            let steps = (reading / R::splat(sensor.resolution)).round_ties_even();
+            reading = steps * R::splat(sensor.resolution);
         }
-        self.broken(channel, said, before)
+        self.with_faults(channel, reading, before)
     }
 
     /// A signal after the faults of its channel.
     #[inline(always)]
-    fn broken(&self, channel: Channel, value: R, before: R) -> R {
-        let mut said = value;
+    fn with_faults(&self, channel: Channel, value: R, before: R) -> R {
+        let mut reading = value;
         for fault in &self.batch.hardware.faults {
             if fault.channel == channel && (fault.start..fault.end).contains(&self.number) {
-                said = match fault.value {
+                reading = match fault.value {
                     Some(value) => R::splat(value),
                     None => before,
                 };
             }
         }
-        said
+        reading
     }
 
     #[inline(always)]
@@ -201,7 +201,7 @@ impl<R: Lanes> Sample<'_, R> {
         };
         let (displacement, velocity) =
             known_state(observer, &controller.state, self.displacement, self.velocity);
-        let seen = Seen {
+        let measured = Measurement {
             displacement,
             velocity,
             deformation: &controller.deformation,
@@ -213,16 +213,16 @@ impl<R: Lanes> Sample<'_, R> {
             curves: &controller.curves,
             sample_time: hardware.sample_time,
         };
-        law.command(&gains, &seen, &mut controller.memory, &mut controller.raw);
+        law.command(&gains, &measured, &mut controller.memory, &mut controller.raw);
         let furthest = R::splat(hardware.command_rate * hardware.sample_time);
         let position = (self.number % self.controller.depth) * n_devices;
         let earlier = (self.number.wrapping_sub(1) % self.controller.depth) * n_devices;
         for (device, &[smallest, largest]) in ranges.iter().enumerate() {
             let raw = self.controller.raw[device];
-            let judged = raw + self.controller.unknown;
-            let known = judged.equal(judged);
-            let lost = R::select(known, self.controller.at_a_loss, R::splat(1.0));
-            self.controller.at_a_loss = lost;
+            let checked = raw + self.controller.unknown;
+            let known = checked.equal(checked);
+            let invalid = R::select(known, self.controller.command_invalid, R::splat(1.0));
+            self.controller.command_invalid = invalid;
             let mut command =
                 within(R::select(known, raw, R::splat(0.0)), R::splat(smallest), R::splat(largest));
             let mut before = command;
@@ -232,11 +232,12 @@ impl<R: Lanes> Sample<'_, R> {
                     command = within(command, before - furthest, before + furthest);
                 }
             }
-            self.controller.sent[position + device] = self.broken(Channel::Command(device), command, before);
+            self.controller.sent[position + device] =
+                self.with_faults(Channel::Command(device), command, before);
         }
     }
 
-    /// The state at the next sample, as it will be seen then.
+    /// The state estimate for the next sample.
     #[inline(always)]
     fn estimate(&mut self, observer: &Observer) {
         let Controller { state, next_state, acceleration, innovation, deformation, force, .. } =
@@ -256,10 +257,10 @@ impl<R: Lanes> Sample<'_, R> {
             for (&d, &f) in observer.direct[row * n_devices..][..n_devices].iter().zip(force.iter()) {
                 expected = f.mul_add(R::splat(d), expected);
             }
-            let surprise = measured - expected;
-            // A reading that is not a finite number is no reading.
-            let finite = surprise.abs().less(R::splat(f64::INFINITY));
-            *innovation = R::select(finite, surprise, R::splat(0.0));
+            let error = measured - expected;
+            // A reading that is not finite is ignored.
+            let finite = error.abs().less(R::splat(f64::INFINITY));
+            *innovation = R::select(finite, error, R::splat(0.0));
         }
         let n_measured = innovation.len();
         for (row, next) in next_state.iter_mut().enumerate() {

@@ -1,7 +1,7 @@
 //! The ideal active force: what a linear regulator wants, given in full.
 
 use super::clipped_optimal::GAIN;
-use super::{ControlLaw, Gains, LawSpec, Seen};
+use super::{ControlLaw, Gains, LawSpec, Measurement};
 use crate::lanes::Lanes;
 
 /// The wanted force itself, for a device that can give any force.
@@ -22,9 +22,14 @@ impl ControlLaw for Active {
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+    fn command<R: Lanes>(
+        gains: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        _: &mut [R],
+        command: &mut [R],
+    ) {
         for (device, command) in command.iter_mut().enumerate() {
-            *command = -gains.of_state(0, device, seen);
+            *command = -gains.of_state(0, device, measured);
         }
     }
 }

@@ -1,6 +1,6 @@
-//! Clipped-optimal control: the force that a linear regulator wants, as far as the damper can follow.
+//! Clipped-optimal control: the damper follows the force of a linear regulator as far as it can.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, where_positive};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, where_positive};
 use crate::lanes::Lanes;
 use crate::real::Real;
 
@@ -17,7 +17,7 @@ const FULL_FORCE: GainSpec = GainSpec {
     description: "wanted force at which the largest command is sent",
 };
 
-/// All or nothing.
+/// Zero or the largest command.
 pub struct ClippedOptimal;
 
 impl ControlLaw for ClippedOptimal {
@@ -35,21 +35,26 @@ impl ControlLaw for ClippedOptimal {
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+    fn command<R: Lanes>(
+        gains: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        _: &mut [R],
+        command: &mut [R],
+    ) {
         for (device, command) in command.iter_mut().enumerate() {
-            let wanted = -gains.of_state(0, device, seen);
-            *command = clipped(wanted, seen.force[device], R::splat(seen.largest[device]));
+            let wanted = -gains.of_state(0, device, measured);
+            *command = clipped(wanted, measured.force[device], R::splat(measured.largest[device]));
         }
     }
 }
 
-/// `command` where the damper resists in the wanted direction and less than wanted, else zero.
+/// `command` if the damper resists in the wanted direction and less than wanted, else zero.
 #[inline(always)]
 pub(super) fn clipped<R: Real>(wanted: R, force: R, command: R) -> R {
     where_positive((wanted - force) * force, command)
 }
 
-/// In proportion to the wanted force.
+/// Command in proportion to the wanted force.
 pub struct ModifiedClippedOptimal;
 
 impl ControlLaw for ModifiedClippedOptimal {
@@ -66,19 +71,24 @@ impl ControlLaw for ModifiedClippedOptimal {
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+    fn command<R: Lanes>(
+        gains: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        _: &mut [R],
+        command: &mut [R],
+    ) {
         for (device, command) in command.iter_mut().enumerate() {
-            let wanted = -gains.of_state(0, device, seen);
+            let wanted = -gains.of_state(0, device, measured);
             let share = (wanted.abs() / gains.of_device(1, device)).min(R::splat(1.0));
-            *command = clipped(wanted, seen.force[device], share * R::splat(seen.largest[device]));
+            *command = clipped(wanted, measured.force[device], share * R::splat(measured.largest[device]));
         }
     }
 }
 
-/// In proportion to what is missing.
+/// Command in proportion to the missing force.
 pub struct ProportionalClippedOptimal;
 
-/// Share of the full force by which the force may be short before the largest command is sent.
+/// Missing force, as a share of the full force, at which the largest command is sent.
 const BAND: f64 = 0.1;
 
 impl ControlLaw for ProportionalClippedOptimal {
@@ -96,12 +106,17 @@ impl ControlLaw for ProportionalClippedOptimal {
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+    fn command<R: Lanes>(
+        gains: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        _: &mut [R],
+        command: &mut [R],
+    ) {
         for (device, command) in command.iter_mut().enumerate() {
-            let wanted = -gains.of_state(0, device, seen);
-            let missing = (wanted - seen.force[device]).abs();
+            let wanted = -gains.of_state(0, device, measured);
+            let missing = (wanted - measured.force[device]).abs();
             let share = (missing / (R::splat(BAND) * gains.of_device(1, device))).min(R::splat(1.0));
-            *command = clipped(wanted, seen.force[device], share * R::splat(seen.largest[device]));
+            *command = clipped(wanted, measured.force[device], share * R::splat(measured.largest[device]));
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::clipped_optimal::GAIN;
 use super::lyapunov::WEIGHT;
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, if_known, where_positive, within};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, if_known, where_positive, within};
 use crate::lanes::Lanes;
 use crate::real::Real;
 
@@ -27,15 +27,20 @@ impl ControlLaw for LyapunovDirect {
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+    fn command<R: Lanes>(
+        gains: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        _: &mut [R],
+        command: &mut [R],
+    ) {
         let zero = R::splat(0.0);
         for (device, command) in command.iter_mut().enumerate() {
-            let sigma = gains.of_state(0, device, seen);
-            let [_, slope, bend] = seen.parabola(device);
-            let largest = R::splat(seen.largest[device]);
+            let sigma = gains.of_state(0, device, measured);
+            let [_, slope, bend] = measured.parabola(device);
+            let largest = R::splat(measured.largest[device]);
             let at_largest = gain_of(sigma, slope, bend, largest);
             let best = R::select(at_largest.less(zero), largest, zero);
-            // Where the parabola is straight this is not a number, and no better.
+            // Not a number for a straight line, and then not better.
             let vertex = within(slope / (R::splat(-2.0) * bend), zero, largest);
             let better = gain_of(sigma, slope, bend, vertex).less(at_largest.min(zero));
             *command = if_known(at_largest, R::select(better, vertex, best));
@@ -49,7 +54,7 @@ fn gain_of<R: Real>(sigma: R, slope: R, bend: R, i: R) -> R {
     sigma * i * bend.mul_add(i, slope)
 }
 
-/// The same, all or nothing.
+/// On or off by the sign of sigma G.
 pub struct LyapunovDirectBangBang;
 
 impl ControlLaw for LyapunovDirectBangBang {
@@ -66,16 +71,21 @@ impl ControlLaw for LyapunovDirectBangBang {
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+    fn command<R: Lanes>(
+        gains: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        _: &mut [R],
+        command: &mut [R],
+    ) {
         for (device, command) in command.iter_mut().enumerate() {
-            let sigma = gains.of_state(0, device, seen);
-            let [_, slope, _] = seen.parabola(device);
-            *command = where_positive(-sigma * slope, R::splat(seen.largest[device]));
+            let sigma = gains.of_state(0, device, measured);
+            let [_, slope, _] = measured.parabola(device);
+            *command = where_positive(-sigma * slope, R::splat(measured.largest[device]));
         }
     }
 }
 
-/// In proportion to how much the current helps.
+/// Current in proportion to -sigma G.
 pub struct ProportionalDirect;
 
 impl ControlLaw for ProportionalDirect {
@@ -101,10 +111,15 @@ impl ControlLaw for ProportionalDirect {
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+    fn command<R: Lanes>(
+        gains: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        _: &mut [R],
+        command: &mut [R],
+    ) {
         for (device, command) in command.iter_mut().enumerate() {
-            let sigma = gains.of_state(0, device, seen);
-            let [_, slope, _] = seen.parabola(device);
+            let sigma = gains.of_state(0, device, measured);
+            let [_, slope, _] = measured.parabola(device);
             *command = -gains.of_device(1, device) * sigma * slope;
         }
     }
@@ -128,16 +143,21 @@ impl ControlLaw for InverseDirect {
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+    fn command<R: Lanes>(
+        gains: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        _: &mut [R],
+        command: &mut [R],
+    ) {
         let (zero, two) = (R::splat(0.0), R::splat(2.0));
         for (device, command) in command.iter_mut().enumerate() {
-            let wanted = -gains.of_state(0, device, seen);
-            let [offset, slope, bend] = seen.parabola(device);
-            let largest = R::splat(seen.largest[device]);
+            let wanted = -gains.of_state(0, device, measured);
+            let [offset, slope, bend] = measured.parabola(device);
+            let largest = R::splat(measured.largest[device]);
             let missing = offset - wanted;
             let at_largest = largest.mul_add(bend.mul_add(largest, slope), missing);
             let nearest = R::select(at_largest.abs().less(missing.abs()), largest, zero);
-            // The root on the branch that starts at i = 0, in the form that a straight parabola leaves whole.
+            // The root on the branch through i = 0, in the form that stays finite for a straight line.
             let square = slope.mul_add(slope, R::splat(-4.0) * bend * missing);
             let fall = slope + square.abs().sqrt().copysign(slope);
             let other = if_inside(fall / (-two * bend), largest, nearest);
@@ -147,7 +167,7 @@ impl ControlLaw for InverseDirect {
     }
 }
 
-/// `i` where it lies in [0, largest], else `otherwise`.
+/// `i` if it lies in [0, largest], else `otherwise`.
 #[inline(always)]
 fn if_inside<R: Real>(i: R, largest: R, otherwise: R) -> R {
     let from_above = R::select(largest.less(i), otherwise, i);

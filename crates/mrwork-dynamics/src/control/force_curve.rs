@@ -1,14 +1,15 @@
-//! What a controller believes of its damper: the force as a function of the command, at the motion of the moment.
+//! The controller's model of its damper: force as a function of the command at the measured motion.
 
-use super::Seen;
+use super::Measurement;
 use crate::current_law::CurrentLaws;
-use crate::damper::{DamperModel, Motion, StaticHysteretic};
+use crate::damper::model::{DamperModel, Motion};
+use crate::damper::static_hysteretic::StaticHysteretic;
 use crate::elementary::tanh;
 use crate::error::DynamicsError;
 use crate::parameters::FromSlice;
 use crate::real::Real;
 
-/// A static hysteretic model with current laws, which is what a controller can evaluate: it has no hidden state.
+/// A static hysteretic model with current laws. It has no internal state, so a controller can evaluate it.
 #[derive(Clone, Debug)]
 pub struct CurveModel<'a> {
     laws: &'a CurrentLaws,
@@ -21,7 +22,7 @@ impl<'a> CurveModel<'a> {
     /// One set of coefficients for all devices.
     ///
     /// # Errors
-    /// Where their number differs from what the laws take.
+    /// If their number differs from that of the laws.
     pub fn new(laws: &'a CurrentLaws, theta: &'a [f64]) -> Result<Self, DynamicsError> {
         let (found, expected) = (theta.len(), laws.n_columns());
         if found != expected {
@@ -32,7 +33,7 @@ impl<'a> CurveModel<'a> {
     }
 
     /// The curve of one device.
-    pub(crate) fn curve<R: Real>(&self, largest: f64, place: Place) -> ForceCurve<R> {
+    pub(crate) fn curve<R: Real>(&self, largest: f64, mounting: Mounting) -> ForceCurve<R> {
         let at = |command: f64| {
             let mut values = vec![f64::NAN; self.laws.n_params()];
             self.laws.evaluate(self.theta, command, &mut values);
@@ -41,30 +42,30 @@ impl<'a> CurveModel<'a> {
         };
         let at = [at(0.0), at(0.5 * largest), at(largest)];
         let one_side = at.iter().all(|p| R::all(p.x_s.equal(at[0].x_s)));
-        ForceCurve { at, place, largest, one_side }
+        ForceCurve { at, mounting, largest, one_side }
     }
 }
 
-/// How dampers sit in a place: so many side by side, and as many again the other way round in a differential pair.
+/// Number and arrangement of the dampers of a device.
 #[derive(Clone, Copy, Debug)]
-pub struct Place {
-    /// Dampers that are elongated together.
+pub struct Mounting {
+    /// Dampers in parallel.
     pub count: f64,
-    /// Whether as many others are shortened by the same motion.
+    /// Whether the same number acts in opposition (a differential pair).
     pub differential: bool,
 }
 
-/// The force of a device at three commands: none, half, all.
+/// Force of a device at three commands: zero, half of the largest, the largest.
 pub(crate) struct ForceCurve<R: Real> {
     at: [Parameters<R>; 3],
-    place: Place,
+    mounting: Mounting,
     largest: f64,
-    /// Whether `x_s` is the same at all three.
+    /// Whether `x_s` is the same at all three commands.
     one_side: bool,
 }
 
 impl<R: Real> ForceCurve<R> {
-    /// Forces at no command, half of the largest, and the largest.
+    /// Forces at zero, half of the largest, and the largest command.
     #[inline(always)]
     pub(crate) fn points(&self, deformation: R, rate: R) -> [R; 3] {
         let motion = Motion { displacement: deformation, velocity: rate };
@@ -75,9 +76,9 @@ impl<R: Real> ForceCurve<R> {
                 side = tanh(deformation * p.per_x_s);
             }
             let one = StaticHysteretic::force_on_side(p, side, motion);
-            // Two in opposition: the model is odd but for its offset.
-            let whole = if self.place.differential { (one - p.f0) * R::splat(2.0) } else { one };
-            *force = whole * R::splat(self.place.count);
+            // Two in opposition: the model is odd except for its offset.
+            let whole = if self.mounting.differential { (one - p.f0) * R::splat(2.0) } else { one };
+            *force = whole * R::splat(self.mounting.count);
         }
         forces
     }
@@ -92,8 +93,8 @@ impl<R: Real> ForceCurve<R> {
     }
 }
 
-impl<R: Real> Seen<'_, R> {
-    /// F0, G, H of a device now.
+impl<R: Real> Measurement<'_, R> {
+    /// F0, G, H of a device at the measured motion.
     #[inline(always)]
     pub(crate) fn parabola(&self, device: usize) -> [R; 3] {
         self.curves[device].parabola(self.deformation[device], self.rate[device])

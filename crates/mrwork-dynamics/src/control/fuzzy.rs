@@ -1,6 +1,6 @@
 //! Fuzzy control: a rule base over deformation and velocity, tabulated.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, within};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, within};
 use crate::error::DynamicsError;
 use crate::lanes::{Lanes, MOST_LANES};
 
@@ -35,14 +35,19 @@ impl ControlLaw for Fuzzy {
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+    fn command<R: Lanes>(
+        gains: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        _: &mut [R],
+        command: &mut [R],
+    ) {
         let table = &gains.tables[0];
         let side = table.len().isqrt();
         let (lower, upper) = (R::splat(-1.0), R::splat(1.0));
         for (device, command) in command.iter_mut().enumerate() {
-            let x = within(seen.deformation[device] / gains.of_device(0, device), lower, upper);
-            let y = within(seen.rate[device] / gains.of_device(1, device), lower, upper);
-            *command = interpolated(table, side, x, y) * R::splat(seen.largest[device]);
+            let x = within(measured.deformation[device] / gains.of_device(0, device), lower, upper);
+            let y = within(measured.rate[device] / gains.of_device(1, device), lower, upper);
+            *command = interpolated(table, side, x, y) * R::splat(measured.largest[device]);
         }
     }
 

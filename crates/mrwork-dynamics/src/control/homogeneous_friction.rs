@@ -1,6 +1,6 @@
 //! Modulated homogeneous friction: a friction force in proportion to the last peak of the deformation.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, where_positive};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, where_positive};
 use crate::lanes::Lanes;
 
 /// On while the force is below what the last peak calls for.
@@ -26,15 +26,20 @@ impl ControlLaw for ModulatedHomogeneousFriction {
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, memory: &mut [R], command: &mut [R]) {
+    fn command<R: Lanes>(
+        gains: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        memory: &mut [R],
+        command: &mut [R],
+    ) {
         for (device, (command, memory)) in command.iter_mut().zip(memory.chunks_exact_mut(3)).enumerate() {
             let [last_rate, last_deformation, peak] = memory else { continue };
-            let turned = (*last_rate * seen.rate[device]).less(R::splat(0.0));
+            let turned = (*last_rate * measured.rate[device]).less(R::splat(0.0));
             *peak = R::select(turned, last_deformation.abs(), *peak);
-            *last_rate = seen.rate[device];
-            *last_deformation = seen.deformation[device];
-            let missing = gains.of_device(0, device).mul_add(*peak, -seen.force[device].abs());
-            *command = where_positive(missing, R::splat(seen.largest[device]));
+            *last_rate = measured.rate[device];
+            *last_deformation = measured.deformation[device];
+            let missing = gains.of_device(0, device).mul_add(*peak, -measured.force[device].abs());
+            *command = where_positive(missing, R::splat(measured.largest[device]));
         }
     }
 }

@@ -1,7 +1,7 @@
 //! The inverse of the damper as a small network: from motion and wanted force to command.
 
 use super::clipped_optimal::GAIN;
-use super::{ControlLaw, Gains, LawSpec, Seen, within};
+use super::{ControlLaw, Gains, LawSpec, Measurement, within};
 use crate::elementary::tanh;
 use crate::error::DynamicsError;
 use crate::lanes::Lanes;
@@ -29,14 +29,19 @@ impl ControlLaw for InverseNetwork {
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, memory: &mut [R], command: &mut [R]) {
+    fn command<R: Lanes>(
+        gains: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        memory: &mut [R],
+        command: &mut [R],
+    ) {
         let [layer, output, reach] = gains.tables else { return };
         let n_inputs = reach.len();
         for (device, (command, before)) in
             command.iter_mut().zip(memory.chunks_exact_mut(SIGNALS)).enumerate()
         {
-            let wanted = -gains.of_state(0, device, seen);
-            let now = [seen.deformation[device], seen.rate[device], wanted];
+            let wanted = -gains.of_state(0, device, measured);
+            let now = [measured.deformation[device], measured.rate[device], wanted];
             let mut sum = R::splat(output.iter().sum());
             for unit in layer.chunks_exact(n_inputs + 2) {
                 let mut inner = R::splat(unit[0]);

@@ -1,6 +1,6 @@
 //! Lyapunov control: the command that makes V = s'Ps/2 fall fastest, on or off.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, where_positive};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, where_positive};
 use crate::lanes::Lanes;
 
 pub(super) const WEIGHT: GainSpec = GainSpec {
@@ -27,10 +27,15 @@ impl ControlLaw for Lyapunov {
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+    fn command<R: Lanes>(
+        gains: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        _: &mut [R],
+        command: &mut [R],
+    ) {
         for (device, command) in command.iter_mut().enumerate() {
-            let sigma = gains.of_state(0, device, seen);
-            *command = where_positive(-sigma * seen.force[device], R::splat(seen.largest[device]));
+            let sigma = gains.of_state(0, device, measured);
+            *command = where_positive(-sigma * measured.force[device], R::splat(measured.largest[device]));
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Maximum energy dissipation: the command that takes most energy out of the relative motion.
 
-use super::{ControlLaw, Gains, LawSpec, Seen, where_positive};
+use super::{ControlLaw, Gains, LawSpec, Measurement, where_positive};
 use crate::lanes::Lanes;
 
 /// On or off by the sign of relative velocity times force.
@@ -21,9 +21,12 @@ impl ControlLaw for MaximumEnergyDissipation {
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(_: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+    fn command<R: Lanes>(_: &Gains<'_, R>, measured: &Measurement<'_, R>, _: &mut [R], command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
-            *command = where_positive(seen.rate[device] * seen.force[device], R::splat(seen.largest[device]));
+            *command = where_positive(
+                measured.rate[device] * measured.force[device],
+                R::splat(measured.largest[device]),
+            );
         }
     }
 }

@@ -1,7 +1,7 @@
-//! Control laws: what each device is told, from what is known of the building at a sample.
+//! Control laws: the command of each device as a function of the measurements at a sample.
 //!
-//! A law is a formula over finished numbers: gains, weights, thresholds, one set per candidate. Where these come from
-//! (Riccati equations, pole placement, training) is no matter of the loop.
+//! A law is a formula over given numbers: gains, weights, thresholds, one set per candidate. Their design (Riccati equations,
+//! pole placement, training) is not done here.
 
 mod active;
 mod clipped_optimal;
@@ -16,16 +16,15 @@ mod maximum_energy_dissipation;
 mod passive;
 mod sliding_mode;
 
-pub use force_curve::CurveModel;
 pub(crate) use force_curve::ForceCurve;
-pub use force_curve::Place;
+pub use force_curve::{CurveModel, Mounting};
 
 use crate::building::SparseRows;
 use crate::error::DynamicsError;
 use crate::lanes::Lanes;
 use crate::real::Real;
 
-/// How many numbers a gain has.
+/// Shape of a gain.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
     /// One per device.
@@ -44,7 +43,7 @@ impl Shape {
         }
     }
 
-    /// Numbers, for so many devices and states.
+    /// Number of entries for these numbers of devices and states.
     #[must_use]
     pub const fn size(self, n_devices: usize, n_states: usize) -> usize {
         match self {
@@ -61,13 +60,13 @@ pub struct GainSpec {
     pub name: &'static str,
     /// SI unit; for a state gain that of the product with the state.
     pub unit: &'static str,
-    /// How many numbers.
+    /// Shape.
     pub shape: Shape,
     /// What it does.
     pub description: &'static str,
 }
 
-/// What a law says of itself.
+/// Description of a control law.
 #[derive(Clone, Copy, Debug)]
 pub struct LawSpec {
     /// Name in code and on the command line.
@@ -76,31 +75,31 @@ pub struct LawSpec {
     pub title: &'static str,
     /// The law.
     pub equation: &'static str,
-    /// What it is good for, and its traps.
+    /// Use and limitations of the law.
     pub description: &'static str,
-    /// Where it comes from.
+    /// Source of the formula.
     pub source: &'static str,
     /// Gains, in order.
     pub gains: &'static [GainSpec],
     /// Arrays that all candidates share: networks, rule tables.
     pub tables: &'static [&'static str],
-    /// Numbers that it remembers for each device from sample to sample.
+    /// Numbers per device that it keeps from sample to sample.
     pub memory: usize,
-    /// Whether it wants the force as a function of the command.
+    /// Whether it needs the damper force as a function of the command.
     pub wants_curve: bool,
 }
 
 impl LawSpec {
-    /// Gains of one candidate, in numbers.
+    /// Number of gain entries of one candidate.
     #[must_use]
     pub fn n_gains(&self, n_devices: usize, n_states: usize) -> usize {
         self.gains.iter().map(|gain| gain.shape.size(n_devices, n_states)).sum()
     }
 }
 
-/// What is known when a command is worked out.
-pub(crate) struct Seen<'a, R: Real> {
-    /// Displacements of the coordinates, as measured or estimated.
+/// Input of a control law at a sample.
+pub(crate) struct Measurement<'a, R: Real> {
+    /// Displacements of the coordinates, true or estimated.
     pub(crate) displacement: &'a [R],
     /// Their velocities.
     pub(crate) velocity: &'a [R],
@@ -112,17 +111,17 @@ pub(crate) struct Seen<'a, R: Real> {
     pub(crate) force: &'a [R],
     /// Velocity of the ground [m/s].
     pub(crate) ground_velocity: R,
-    /// How each device is elongated when the ground alone moves back by 1 m.
+    /// Elongation of each device per displacement of the ground: e r.
     pub(crate) ground_reach: &'a [f64],
     /// Largest command of each device.
     pub(crate) largest: &'a [f64],
-    /// Force over command, one per device, where the law wants it.
+    /// Damper force as a function of the command, one per device, if the law needs it.
     pub(crate) curves: &'a [ForceCurve<R>],
-    /// Time from sample to sample [s].
+    /// Sampling interval [s].
     pub(crate) sample_time: f64,
 }
 
-/// The numbers of a law in lanes.
+/// Gains and tables of a law, in lanes.
 pub(crate) struct Gains<'a, R> {
     pub(crate) spec: &'static LawSpec,
     pub(crate) columns: &'a [R],
@@ -141,23 +140,23 @@ impl<R: Real> Gains<'_, R> {
         start
     }
 
-    /// A gain that a device has one of.
+    /// Entry of a device gain.
     #[inline(always)]
     fn of_device(&self, gain: usize, device: usize) -> R {
         self.columns[self.start(gain) + device]
     }
 
-    /// The product of a state gain of a device with the state.
+    /// Product of the state gain of a device with the state.
     #[inline(always)]
-    fn of_state(&self, gain: usize, device: usize, seen: &Seen<'_, R>) -> R {
+    fn of_state(&self, gain: usize, device: usize, measured: &Measurement<'_, R>) -> R {
         let start = self.start(gain) + device * self.n_states;
         let weights = &self.columns[start..start + self.n_states];
-        let (of_displacement, of_velocity) = weights.split_at(seen.displacement.len());
+        let (of_displacement, of_velocity) = weights.split_at(measured.displacement.len());
         let mut sum = R::splat(0.0);
-        for (weight, value) in of_displacement.iter().zip(seen.displacement) {
+        for (weight, value) in of_displacement.iter().zip(measured.displacement) {
             sum = weight.mul_add(*value, sum);
         }
-        for (weight, value) in of_velocity.iter().zip(seen.velocity) {
+        for (weight, value) in of_velocity.iter().zip(measured.velocity) {
             sum = weight.mul_add(*value, sum);
         }
         sum
@@ -171,12 +170,17 @@ trait ControlLaw {
     /// Name, prose, gains.
     const SPEC: LawSpec;
 
-    /// Commands of all devices; what leaves the admitted range is cut off by the caller.
+    /// Commands of all devices; the caller limits them to the admitted range.
     ///
-    /// Where what it needs is not a number the command is none either, so that the caller knows.
-    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, memory: &mut [R], command: &mut [R]);
+    /// A command must not be a number if one of its inputs is not a number: the caller then sends zero.
+    fn command<R: Lanes>(
+        gains: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        memory: &mut [R],
+        command: &mut [R],
+    );
 
-    /// Refuses tables of sizes that it cannot read.
+    /// Refuses tables of the wrong size.
     fn check_tables(_: &[Vec<f64>]) -> Result<(), DynamicsError> {
         Ok(())
     }
@@ -186,14 +190,14 @@ macro_rules! laws {
     ($($module:ident::$law:ident,)+) => {
         /// Every control law.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        #[allow(missing_docs)] // each says what it is in its spec
+        #[allow(missing_docs)] // described in their specs
         pub enum Law { $($law,)+ }
 
         impl Law {
             /// All laws.
             pub const ALL: &[Self] = &[$(Self::$law,)+];
 
-            /// What the law says of itself.
+            /// Description of the law.
             #[must_use]
             pub fn spec(self) -> &'static LawSpec {
                 match self { $(Self::$law => const { &<$module::$law as ControlLaw>::SPEC },)+ }
@@ -201,9 +205,9 @@ macro_rules! laws {
 
             #[inline(always)]
             pub(crate) fn command<R: Lanes>(
-                self, gains: &Gains<'_, R>, seen: &Seen<'_, R>, memory: &mut [R], command: &mut [R],
+                self, gains: &Gains<'_, R>, measured: &Measurement<'_, R>, memory: &mut [R], command: &mut [R],
             ) {
-                match self { $(Self::$law => $module::$law::command(gains, seen, memory, command),)+ }
+                match self { $(Self::$law => $module::$law::command(gains, measured, memory, command),)+ }
             }
 
             pub(crate) fn check_tables(self, tables: &[Vec<f64>]) -> Result<(), DynamicsError> {
@@ -242,25 +246,25 @@ impl Law {
     }
 }
 
-/// How each device is elongated when the ground alone moves back by 1 m: e r.
+/// Elongation of each device per displacement of the ground: e r.
 pub(crate) fn ground_reach(devices: &SparseRows, influence: &[f64]) -> Vec<f64> {
     (0..devices.len()).map(|device| devices.dot(device, influence)).collect()
 }
 
-/// `yes` where a number is above zero, else zero; not a number where it is none.
+/// `yes` if `number` is above zero, else zero; not a number if `number` is not.
 #[inline(always)]
 fn where_positive<R: Real>(number: R, yes: R) -> R {
     let otherwise = if_known(number, R::splat(0.0));
     R::select(R::splat(0.0).less(number), yes, otherwise)
 }
 
-/// `value`, but not a number where `by`, which it was chosen by, is none: a comparison would hide it.
+/// `value`; not a number if `by`, which it was chosen by, is not a number, which the comparison alone would hide.
 #[inline(always)]
 fn if_known<R: Real>(by: R, value: R) -> R {
     R::select(by.equal(by), value, R::splat(f64::NAN))
 }
 
-/// A number cut off below and above.
+/// `number` limited to the range from `lower` to `upper`.
 #[inline(always)]
 pub(crate) fn within<R: Real>(number: R, lower: R, upper: R) -> R {
     let from_below = R::select(number.less(lower), lower, number);

@@ -1,6 +1,6 @@
 //! A constant command: passive off, passive on, and all between.
 
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape};
 use crate::lanes::Lanes;
 
 /// The same command throughout.
@@ -26,7 +26,7 @@ impl ControlLaw for Passive {
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(gains: &Gains<'_, R>, _: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+    fn command<R: Lanes>(gains: &Gains<'_, R>, _: &Measurement<'_, R>, _: &mut [R], command: &mut [R]) {
         for (device, command) in command.iter_mut().enumerate() {
             *command = gains.of_device(0, device);
         }

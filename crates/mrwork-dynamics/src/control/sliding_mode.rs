@@ -1,7 +1,7 @@
 //! Sliding-mode control: the state is driven to a surface S s = 0 and kept there.
 
 use super::clipped_optimal::{GAIN, clipped};
-use super::{ControlLaw, GainSpec, Gains, LawSpec, Seen, Shape, if_known, within};
+use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, if_known, within};
 use crate::lanes::Lanes;
 use crate::real::Real;
 
@@ -46,12 +46,17 @@ impl ControlLaw for SlidingMode {
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, _: &mut [R], command: &mut [R]) {
+    fn command<R: Lanes>(
+        gains: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        _: &mut [R],
+        command: &mut [R],
+    ) {
         for (device, command) in command.iter_mut().enumerate() {
-            let layer = saturated(gains.of_state(1, device, seen), gains.of_device(3, device));
-            let equivalent = gains.of_state(0, device, seen);
+            let layer = saturated(gains.of_state(1, device, measured), gains.of_device(3, device));
+            let equivalent = gains.of_state(0, device, measured);
             let wanted = gains.of_device(2, device).mul_add(layer, -equivalent);
-            *command = clipped(wanted, seen.force[device], R::splat(seen.largest[device]));
+            *command = clipped(wanted, measured.force[device], R::splat(measured.largest[device]));
         }
     }
 }
@@ -103,16 +108,21 @@ impl ControlLaw for AdaptiveSlidingMode {
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, memory: &mut [R], command: &mut [R]) {
+    fn command<R: Lanes>(
+        gains: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        memory: &mut [R],
+        command: &mut [R],
+    ) {
         for (device, (command, switching)) in command.iter_mut().zip(memory).enumerate() {
-            let distance = gains.of_state(1, device, seen);
+            let distance = gains.of_state(1, device, measured);
             let boundary = gains.of_device(3, device);
-            let growth = gains.of_device(2, device) * R::splat(seen.sample_time) * distance.abs();
+            let growth = gains.of_device(2, device) * R::splat(measured.sample_time) * distance.abs();
             let change = R::select(boundary.less(distance.abs()), growth, -growth);
             *switching = within(*switching + change, gains.of_device(4, device), gains.of_device(5, device));
-            let equivalent = gains.of_state(0, device, seen);
+            let equivalent = gains.of_state(0, device, measured);
             let wanted = switching.mul_add(saturated(distance, boundary), -equivalent);
-            *command = clipped(wanted, seen.force[device], R::splat(seen.largest[device]));
+            *command = clipped(wanted, measured.force[device], R::splat(measured.largest[device]));
         }
     }
 }
@@ -163,20 +173,26 @@ impl ControlLaw for SuperTwisting {
     };
 
     #[inline(always)]
-    fn command<R: Lanes>(gains: &Gains<'_, R>, seen: &Seen<'_, R>, memory: &mut [R], command: &mut [R]) {
+    fn command<R: Lanes>(
+        gains: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        memory: &mut [R],
+        command: &mut [R],
+    ) {
         for (device, (command, integral)) in command.iter_mut().zip(memory).enumerate() {
-            let distance = gains.of_state(0, device, seen);
+            let distance = gains.of_state(0, device, measured);
             let side =
                 R::select(distance.equal(R::splat(0.0)), R::splat(0.0), R::splat(1.0).copysign(distance));
-            let rise = gains.of_device(4, device) * R::splat(-seen.sample_time);
+            let rise = gains.of_device(4, device) * R::splat(-measured.sample_time);
             *integral = rise.mul_add(side, *integral);
             let reach = gains.of_device(3, device) * distance.abs().sqrt();
             let wanted = *integral - reach * side;
-            let [f_0, _, f_max] = seen.curves[device].points(seen.deformation[device], seen.rate[device]);
+            let [f_0, _, f_max] =
+                measured.curves[device].points(measured.deformation[device], measured.rate[device]);
             let push = gains.of_device(2, device);
-            let free = push.mul_add(f_0, gains.of_state(1, device, seen));
-            let slope = push * (f_max - f_0) * R::splat(1.0 / seen.largest[device]);
-            // Where the current changes nothing, none is sent.
+            let free = push.mul_add(f_0, gains.of_state(1, device, measured));
+            let slope = push * (f_max - f_0) * R::splat(1.0 / measured.largest[device]);
+            // Zero current if the force does not depend on it.
             let still = slope.equal(R::splat(0.0));
             *command = R::select(still, if_known(free, R::splat(0.0)), (wanted - free) / slope);
         }

@@ -1,6 +1,6 @@
 //! Bingham model of Stanway, Sproston and Stevens (1987).
 
-use super::{DamperModel, DamperSpec, Motion, Severity};
+use super::model::{DamperModel, DamperSpec, Motion, Severity};
 use crate::elementary::tanh;
 use crate::parameters::parameters;
 use crate::real::Real;

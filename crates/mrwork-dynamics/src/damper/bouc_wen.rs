@@ -1,7 +1,7 @@
 //! Bouc-Wen model in the form of Spencer et al. (1997).
 
+use super::model::{DamperModel, DamperSpec, Motion, Severity};
 use super::normalised_bouc_wen::fastest_relaxation;
-use super::{DamperModel, DamperSpec, Motion, Severity};
 use crate::elementary::{Exponent, powf};
 use crate::parameters::parameters;
 use crate::real::Real;

@@ -1,6 +1,6 @@
 //! Dahl's model of solid friction (1968).
 
-use super::{DamperModel, DamperSpec, Motion, Severity};
+use super::model::{DamperModel, DamperSpec, Motion, Severity};
 use crate::parameters::parameters;
 use crate::real::Real;
 

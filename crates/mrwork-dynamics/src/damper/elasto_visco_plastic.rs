@@ -1,6 +1,6 @@
 //! Elasto-visco-plastic model: a spring in series with a core that yields smoothly.
 
-use super::{DamperModel, DamperSpec, Motion, Severity};
+use super::model::{DamperModel, DamperSpec, Motion, Severity};
 use crate::elementary::exp;
 use crate::parameters::parameters;
 use crate::real::Real;

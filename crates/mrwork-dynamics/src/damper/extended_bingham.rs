@@ -1,6 +1,6 @@
 //! Extended Bingham model of Gamota and Filisko.
 
-use super::{DamperModel, DamperSpec, Motion, Severity};
+use super::model::{DamperModel, DamperSpec, Motion, Severity};
 use crate::parameters::parameters;
 use crate::real::Real;
 

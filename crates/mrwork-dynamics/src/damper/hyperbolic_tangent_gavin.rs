@@ -1,6 +1,6 @@
 //! Hyperbolic tangent model of Gavin (2001).
 
-use super::{DamperModel, DamperSpec, Motion, Severity};
+use super::model::{DamperModel, DamperSpec, Motion, Severity};
 use crate::elementary::tanh;
 use crate::parameters::parameters;
 use crate::real::Real;

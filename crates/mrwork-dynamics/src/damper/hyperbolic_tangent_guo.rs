@@ -1,6 +1,6 @@
 //! Hyperbolic tangent model of Guo, Yang and Pan (2006).
 
-use super::{DamperModel, DamperSpec, Motion, Severity};
+use super::model::{DamperModel, DamperSpec, Motion, Severity};
 use crate::elementary::tanh;
 use crate::parameters::parameters;
 use crate::real::Real;

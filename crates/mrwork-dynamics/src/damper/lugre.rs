@@ -1,6 +1,6 @@
 //! Modified `LuGre` model of Jimenez and Alvarez-Icaza (2005).
 
-use super::{DamperModel, DamperSpec, Motion, Severity};
+use super::model::{DamperModel, DamperSpec, Motion, Severity};
 use crate::parameters::parameters;
 use crate::real::Real;
 
@@ -25,7 +25,7 @@ impl DamperModel for LuGre {
                       but for f0. Modified: the friction of the original falls as the speed grows (Stribeck), \
                       which MR dampers do not show, and here it does not. The published force has two more terms, \
                       sigma_0 z V and sigma_b v V with the voltage V: linear laws of the current on sigma_0 and \
-                      sigma_2, whose constant parts are called sigma_a and sigma_2 there. Keep the yield force \
+                      sigma_2, whose constant parts are called sigma_a and sigma_2 there. ForceOutput the yield force \
                       sigma_0/a0 in mind when bounds are set: sigma_0 and a0 alone say little.",
         source: "Jimenez, Alvarez-Icaza, Struct. Control Health Monit. 12(1), 2005, 91-116; \
                  after Canudas de Wit et al., IEEE Trans. Autom. Control 40(3), 1995, 419-425",

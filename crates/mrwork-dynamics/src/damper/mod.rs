@@ -1,4 +1,4 @@
-//! Damper models: what an author writes, and the list of all that exist.
+//! The registry of damper models: one model per file, written over the trait of [`model`].
 
 mod bingham;
 mod bouc_wen;
@@ -7,7 +7,9 @@ mod elasto_visco_plastic;
 mod extended_bingham;
 mod hyperbolic_tangent_gavin;
 mod hyperbolic_tangent_guo;
+mod ideal_actuator;
 mod lugre;
+pub mod model;
 mod modified_bouc_wen;
 mod non_symmetric_bouc_wen;
 mod non_symmetric_bouc_wen_displacement;
@@ -15,16 +17,13 @@ mod normalised_bouc_wen;
 mod normalised_modified_bouc_wen;
 mod polynomial_fitting;
 mod shear_thinning_modified_bouc_wen;
-mod static_hysteretic;
+pub(crate) mod static_hysteretic;
 mod viscous_dahl;
 
 use crate::any_damper::Damper;
-pub(crate) use static_hysteretic::StaticHysteretic;
+pub use model::{DamperModel, DamperSpec, Motion, Severity, State};
 
-use crate::parameters::{FromSlice, ParamSpec};
-use crate::real::Real;
-
-/// Every damper model, by one line each.
+/// Every damper model, one line each.
 pub static REGISTRY: &[&dyn Damper] = &[
     &bingham::Bingham,
     &bouc_wen::BoucWen,
@@ -41,7 +40,7 @@ pub static REGISTRY: &[&dyn Damper] = &[
     &normalised_modified_bouc_wen::NormalisedModifiedBoucWen,
     &polynomial_fitting::PolynomialFitting,
     &shear_thinning_modified_bouc_wen::ShearThinningModifiedBoucWen,
-    &StaticHysteretic,
+    &static_hysteretic::StaticHysteretic,
     &viscous_dahl::ViscousDahl,
 ];
 
@@ -51,108 +50,11 @@ pub fn find(name: &str) -> Option<&'static dyn Damper> {
     REGISTRY.iter().copied().find(|damper| damper.spec().name == name)
 }
 
-/// What a model says of itself.
-#[derive(Clone, Copy, Debug)]
-pub struct DamperSpec {
-    /// Name in code and on the command line.
-    pub name: &'static str,
-    /// Name in prose.
-    pub title: &'static str,
-    /// Equations, in the letters of the parameters.
-    pub equation: &'static str,
-    /// What the model is good for, and its traps.
-    pub description: &'static str,
-    /// Where the equations come from.
-    pub source: &'static str,
-    /// Where the nominal parameter values come from, and whether they were verified.
-    pub nominal_source: &'static str,
-    /// Parameters, in order.
-    pub parameters: &'static [ParamSpec],
-    /// Internal states.
-    pub n_states: usize,
-    /// Whether `f(-x, -v) = -f(x, v)` once the offset parameters are zero.
-    pub odd: bool,
-    /// Whether the offset parameters do no more than add a constant force.
-    pub offset_adds: bool,
-    /// Whether the states move while the damper is held still: a series dashpot creeps, a loop does not.
-    pub relaxes: bool,
-}
-
-/// Elongation of the damper and its rate.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Motion<R> {
-    /// Displacement [m].
-    pub displacement: R,
-    /// Velocity [m/s].
-    pub velocity: R,
-}
-
-/// How severe a loading is, as far as stiffness depends on it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Severity {
-    /// Largest speed [m/s].
-    pub peak_velocity: f64,
-    /// Largest acceleration with which the velocity changes sign [m/s^2].
-    pub reversal_acceleration: f64,
-}
-
-impl Motion<f64> {
-    /// The same motion in every lane.
-    #[inline(always)]
-    pub fn splat<R: Real>(self) -> Motion<R> {
-        Motion { displacement: R::splat(self.displacement), velocity: R::splat(self.velocity) }
-    }
-}
-
-/// The internal states of a model: an array, one entry per state.
-pub trait State<R: Real>: Copy {
-    /// `self + step * rate`.
-    fn advance(self, step: R, rate: Self) -> Self;
-    /// States from and to plain numbers, entry by entry.
-    fn from_fn(value: impl FnMut(usize) -> R) -> Self;
-    /// Hands every entry to `receive(index, value)`.
-    fn for_each(self, receive: impl FnMut(usize, R));
-}
-
-impl<R: Real, const N: usize> State<R> for [R; N] {
-    #[inline(always)]
-    fn advance(self, step: R, rate: Self) -> Self {
-        let mut next = self;
-        for i in 0..N {
-            next[i] = step.mul_add(rate[i], self[i]);
-        }
-        next
-    }
-    #[inline(always)]
-    fn from_fn(value: impl FnMut(usize) -> R) -> Self {
-        core::array::from_fn(value)
-    }
-    #[inline(always)]
-    fn for_each(self, mut receive: impl FnMut(usize, R)) {
-        for (index, value) in self.into_iter().enumerate() {
-            receive(index, value);
-        }
-    }
-}
-
-/// A damper model: its equations, written once over `R: Real`.
-///
-/// All functions must be `#[inline(always)]`: they run inside a loop compiled for each instruction set.
-pub trait DamperModel: Sync {
-    /// Name, prose, parameters.
-    const SPEC: DamperSpec;
-    /// The struct that `parameters!` declares.
-    type Parameters<R: Real>: FromSlice<R>;
-    /// `[R; n]` for a model with n states.
-    type State<R: Real>: State<R>;
-
-    /// Time derivative of the states.
-    fn rate<R: Real>(p: &Self::Parameters<R>, state: Self::State<R>, motion: Motion<R>) -> Self::State<R>;
-
-    /// Force with which the damper resists [N].
-    fn force<R: Real>(p: &Self::Parameters<R>, state: Self::State<R>, motion: Motion<R>) -> R;
-
-    /// Upper bound of the fastest relaxation of the states [1/s] under such a loading; 0 without states, not
-    /// a finite number where the states have no bound.
-    fn stiffness_bound(p: &Self::Parameters<f64>, loading: Severity) -> f64;
+/// The device of a closed loop with that name: a damper model or the ideal actuator.
+#[must_use]
+pub fn find_device(name: &str) -> Option<&'static dyn Damper> {
+    find(name).or_else(|| {
+        let actuator: &'static dyn Damper = &ideal_actuator::IdealActuator;
+        (actuator.spec().name == name).then_some(actuator)
+    })
 }

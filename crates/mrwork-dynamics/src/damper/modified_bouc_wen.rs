@@ -1,8 +1,8 @@
 //! Modified Bouc-Wen model of Spencer et al. (1997).
 
 use super::bouc_wen::{Hysteresis, Normalised, normalised};
+use super::model::{DamperModel, DamperSpec, Motion, Severity};
 use super::normalised_modified_bouc_wen::fastest_relaxation;
-use super::{DamperModel, DamperSpec, Motion, Severity};
 use crate::parameters::parameters;
 use crate::real::Real;
 

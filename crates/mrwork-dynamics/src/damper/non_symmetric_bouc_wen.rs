@@ -1,7 +1,7 @@
 //! Non-symmetric Bouc-Wen model of Kwok et al., its shift following the state of the loop.
 
+use super::model::{DamperModel, DamperSpec, Motion, Severity};
 use super::normalised_bouc_wen::{Hysteresis, fastest_relaxation};
-use super::{DamperModel, DamperSpec, Motion, Severity};
 use crate::elementary::tanh;
 use crate::parameters::parameters;
 use crate::real::Real;

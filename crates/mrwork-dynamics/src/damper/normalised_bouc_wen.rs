@@ -1,6 +1,6 @@
 //! Normalised Bouc-Wen model of Ikhouane and Rodellar.
 
-use super::{DamperModel, DamperSpec, Motion, Severity};
+use super::model::{DamperModel, DamperSpec, Motion, Severity};
 use crate::elementary::{Exponent, powf};
 use crate::parameters::parameters;
 use crate::real::Real;

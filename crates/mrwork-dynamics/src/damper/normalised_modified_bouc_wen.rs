@@ -1,7 +1,7 @@
 //! Modified Bouc-Wen model with the loop of Ikhouane and Rodellar.
 
+use super::model::{DamperModel, DamperSpec, Motion, Severity};
 use super::normalised_bouc_wen::{self, Hysteresis};
-use super::{DamperModel, DamperSpec, Motion, Severity};
 use crate::parameters::parameters;
 use crate::real::Real;
 

@@ -1,6 +1,6 @@
 //! Polynomial-fitting model: a sigmoid mean and a Gaussian thickness over velocity.
 
-use super::{DamperModel, DamperSpec, Motion, Severity};
+use super::model::{DamperModel, DamperSpec, Motion, Severity};
 use crate::elementary::{exp, tanh};
 use crate::parameters::parameters;
 use crate::real::Real;

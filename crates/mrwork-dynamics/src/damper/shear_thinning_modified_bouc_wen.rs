@@ -1,8 +1,8 @@
 //! Modified Bouc-Wen model whose dashpot thins with velocity.
 
+use super::model::{DamperModel, DamperSpec, Motion, Severity};
 use super::normalised_bouc_wen::Hysteresis;
 use super::normalised_modified_bouc_wen::{fastest_relaxation, series_rate};
-use super::{DamperModel, DamperSpec, Motion, Severity};
 use crate::elementary::exp;
 use crate::parameters::parameters;
 use crate::real::Real;

@@ -1,6 +1,6 @@
 //! Static hysteretic model of Kwok et al. (2006).
 
-use super::{DamperModel, DamperSpec, Motion, Severity};
+use super::model::{DamperModel, DamperSpec, Motion, Severity};
 use crate::elementary::tanh;
 use crate::parameters::parameters;
 use crate::real::Real;

@@ -1,7 +1,7 @@
 //! Viscous and Dahl model of Ikhouane and Dyke (2007).
 
 use super::dahl::build_up;
-use super::{DamperModel, DamperSpec, Motion, Severity};
+use super::model::{DamperModel, DamperSpec, Motion, Severity};
 use crate::parameters::parameters;
 use crate::real::Real;
 

@@ -4,7 +4,7 @@ use core::arch::x86_64::*;
 use core::ops::{Add, Div, Mul, Neg, Sub};
 
 use super::{AVX2_GROUPS, AVX2_MIDDLE_GROUPS, GROUPS, LaneJob, Lanes, MIDDLE_GROUPS, Pack};
-use crate::lanes::Apart;
+use crate::lanes::OutOfLine;
 use crate::real::{
     Bits, EXPONENT_BIAS_AT_TWO_TO_52, MANTISSA_BITS, ONE_BITS, Real, SIXTEENTH_ALIGNER, SQRT_HALF_BITS,
     TWO_TO_52,
@@ -78,7 +78,7 @@ pub(super) unsafe fn run_middle_avx2<J: LaneJob>(runs: usize, job: J) -> J::Outp
 /// The processor must have the enabled features.
 #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
 #[inline(never)]
-unsafe fn apart_avx512<A: Apart>(work: A) {
+unsafe fn out_of_line_avx512<W: OutOfLine>(work: W) {
     work.run();
 }
 
@@ -86,14 +86,14 @@ unsafe fn apart_avx512<A: Apart>(work: A) {
 /// The processor must have the enabled features.
 #[target_feature(enable = "avx2,fma")]
 #[inline(never)]
-unsafe fn apart_avx2<A: Apart>(work: A) {
+unsafe fn out_of_line_avx2<W: OutOfLine>(work: W) {
     work.run();
 }
 
 const SIGN_BIT: i64 = i64::MIN;
 
 macro_rules! vector {
-    ($name:ident, $width:literal, $inner:ty, $apart:ident,
+    ($name:ident, $width:literal, $inner:ty, $out_of_line:ident,
      $add:ident $sub:ident $mul:ident $div:ident $load:ident $store:ident) => {
         #[derive(Clone, Copy)]
         pub(super) struct $name($inner);
@@ -119,9 +119,9 @@ macro_rules! vector {
                 }
             }
             #[inline(always)]
-            fn apart<A: Apart>(work: A) {
-                // Whoever computes with these vectors has entered their instruction set.
-                unsafe { $apart(work) }
+            fn out_of_line<W: OutOfLine>(work: W) {
+                // A vector of this type exists only within its instruction set.
+                unsafe { $out_of_line(work) }
             }
         }
     };
@@ -136,9 +136,9 @@ macro_rules! vector {
     };
 }
 
-vector!(Avx512, 8, __m512d, apart_avx512,
+vector!(Avx512, 8, __m512d, out_of_line_avx512,
     _mm512_add_pd _mm512_sub_pd _mm512_mul_pd _mm512_div_pd _mm512_loadu_pd _mm512_storeu_pd);
-vector!(Avx2, 4, __m256d, apart_avx2,
+vector!(Avx2, 4, __m256d, out_of_line_avx2,
     _mm256_add_pd _mm256_sub_pd _mm256_mul_pd _mm256_div_pd _mm256_loadu_pd _mm256_storeu_pd);
 
 impl Neg for Avx512 {

@@ -4,10 +4,10 @@ use mrwork_dynamics::any_damper::Damper;
 use mrwork_dynamics::current_law::CurrentLaws;
 use mrwork_dynamics::dispatch::InstructionSet;
 use mrwork_dynamics::loading::LoadingHistory;
-use mrwork_dynamics::simulate::{Row, Settings, force_histories};
+use mrwork_dynamics::simulate::{CandidateResult, Settings, force_histories};
 
 pub const fn settings(threads: usize, instruction_set: InstructionSet) -> Settings<'static> {
-    Settings { substep_factor: 1, threads, instruction_set, stop: &|| false }
+    Settings { step_factor: 1, threads, instruction_set, stop: &|| false }
 }
 
 pub fn default() -> Settings<'static> {
@@ -44,7 +44,7 @@ pub fn forces(
     theta: &[f64],
     loading: &LoadingHistory,
     settings: Settings<'_>,
-) -> (Vec<Row>, Vec<f64>) {
+) -> (Vec<CandidateResult>, Vec<f64>) {
     let n_batch = theta.len() / damper.spec().parameters.len();
     let mut force = vec![0.0; n_batch * loading.n_time()];
     let rows = force_histories(damper, &constant(damper), theta, loading, &mut force, settings)

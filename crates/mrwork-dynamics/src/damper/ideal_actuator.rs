@@ -1,6 +1,6 @@
-//! An actuator that gives the force it is told: no damper, but it sits where one would.
+//! An ideal actuator: the force equals the command. Not a damper, but a device of a closed loop.
 
-use crate::damper::{DamperModel, DamperSpec, Motion, Severity};
+use super::model::{DamperModel, DamperSpec, Motion, Severity};
 use crate::parameters::parameters;
 use crate::real::Real;
 
@@ -8,7 +8,7 @@ parameters! {
     f: "N", Linear, -1e300 .. 1e300, nominal 0.0, "resisting force, which follows the command";
 }
 
-/// The device of the active bound; not in the registry, because it is not a damper.
+/// The device of the law `active`. Not in the registry of dampers.
 pub struct IdealActuator;
 
 impl DamperModel for IdealActuator {

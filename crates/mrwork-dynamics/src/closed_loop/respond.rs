@@ -1,0 +1,115 @@
+//! A batch of runs: checked, simulated, and repeated with a shorter step where a damper requires one.
+
+use super::batch::{Batch, n_samples};
+use super::history;
+use super::reductions::width;
+use super::resolution::{building_bound, damper_bound, steps_for};
+use super::round::{Output, round};
+use crate::any_damper::Damper;
+use crate::error::{DynamicsError, Outcome};
+use crate::integrate::MAX_SUBSTEP_FACTOR;
+use crate::settings::Settings;
+
+/// Displacement of a floor [m] beyond which a run counts as diverged: an unstable gain may take long to overflow.
+const LARGEST_DISPLACEMENT: f64 = 1e3;
+
+/// Result of one run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RunResult {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// Integration steps per control sample, 0 if no admitted number is sufficient.
+    pub steps: u32,
+}
+
+/// Simulates a batch in which all devices are of the model `damper`.
+///
+/// Summaries are written to `summary`, shape (runs, width of [`super::RUN_QUANTITIES`]), and histories, if requested, to one
+/// vector per run, shape (samples of its motion, width of [`super::HISTORY_SIGNALS`]). The summary of a run that did not
+/// reach its end is infinite.
+///
+/// # Errors
+/// If the arguments do not match, or the batch was cancelled.
+pub fn respond(
+    damper: &dyn Damper,
+    batch: &Batch<'_>,
+    summary: &mut [f64],
+    mut histories: Option<&mut [Vec<f64>]>,
+    settings: Settings<'_>,
+) -> Result<Vec<RunResult>, DynamicsError> {
+    batch.check()?;
+    if !(1..=MAX_SUBSTEP_FACTOR).contains(&settings.step_factor) {
+        return Err(DynamicsError::StepFactor { found: settings.step_factor, most: MAX_SUBSTEP_FACTOR });
+    }
+    let width = width(batch.building);
+    let expected = batch.runs.len() * width;
+    if summary.len() != expected {
+        return Err(DynamicsError::MatrixSize { name: "summary", found: summary.len(), expected });
+    }
+    if let Some(histories) = &histories {
+        let samples =
+            batch.runs.iter().map(|run| n_samples(&batch.motions[run.motion as usize], batch.hardware));
+        let expected = samples.map(|samples| samples * history::width(batch.building));
+        if !histories.iter().map(Vec::len).eq(expected) {
+            let (found, expected) = (histories.len(), batch.runs.len());
+            return Err(DynamicsError::MatrixSize { name: "histories", found, expected });
+        }
+    }
+    summary.fill(f64::INFINITY);
+    for rows in histories.iter_mut().flat_map(|histories| histories.iter_mut()) {
+        rows.fill(f64::INFINITY);
+    }
+    let first_steps: Vec<Option<u32>> = (0..batch.n_draws())
+        .map(|draw| steps_for(batch.hardware, building_bound(damper, batch, draw)))
+        .collect();
+    let unresolved = RunResult { outcome: Outcome::Unresolved, steps: 0 };
+    let mut results = vec![unresolved; batch.runs.len()];
+    let mut tried_finer = vec![false; batch.runs.len()];
+    let mut pending: Vec<(usize, u32)> = (0..batch.runs.len())
+        .filter_map(|run| {
+            let steps = first_steps[batch.runs[run].draw as usize]?;
+            Some((run, steps * settings.step_factor))
+        })
+        .collect();
+    let mut output = Output { summary, histories, width };
+    while !pending.is_empty() {
+        let mut finer = Vec::new();
+        for (run, steps, lane) in round(damper, batch, &pending, &mut output, settings)? {
+            let step = batch.hardware.sample_time / f64::from(steps);
+            let draw = batch.runs[run].draw as usize;
+            let finite = is_bounded(output.row(run), batch.building.n_floors());
+            let wanted = if finite {
+                let bound = damper_bound(damper, batch, draw, &lane.severity, step);
+                steps_for(batch.hardware, bound).map(|own| own * settings.step_factor)
+            } else if tried_finer[run] {
+                Some(0)
+            } else {
+                tried_finer[run] = true;
+                Some(steps * 4)
+            };
+            match wanted {
+                Some(wanted) if wanted > steps => finer.push((run, wanted)),
+                Some(_) => {
+                    let outcome = match (finite, lane.command_invalid) {
+                        (false, _) => Outcome::Diverged,
+                        (true, true) => Outcome::FailedSafe,
+                        (true, false) => Outcome::Finished,
+                    };
+                    results[run] = RunResult { outcome, steps };
+                }
+                None => output.invalidate_history(run),
+            }
+            if results[run].outcome == Outcome::Unresolved || !finite {
+                output.row(run).fill(f64::INFINITY);
+            }
+        }
+        pending = finer;
+    }
+    Ok(results)
+}
+
+/// Whether a summary, which begins with the peak floor displacements, is finite and within bounds.
+fn is_bounded(row: &[f64], n_floors: usize) -> bool {
+    let displacements = &row[..n_floors];
+    row.iter().all(|value| value.is_finite()) && displacements.iter().all(|&peak| peak < LARGEST_DISPLACEMENT)
+}

@@ -1,0 +1,340 @@
+"""Every array that crosses into Rust is checked there: another shape, dtype or layout is refused, never a panic.
+
+The sweep reads `_rust` itself: this file is about the compiled module, below the public names.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mrwork import _rust
+
+REFUSALS = (ValueError, TypeError, LookupError, OverflowError, MemoryError)
+N_TIME = 8
+N, DEVICES, STATES = 3, 2, 6
+MODEL = "static_hysteretic"
+NOMINAL = np.array(
+    [p["nominal"] for s in _rust.damper_specs() if s["name"] == MODEL for p in s["parameters"]]
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Call:
+    """A function of the module with arguments that it accepts; `free` are axes whose length is free."""
+
+    function: Callable[..., Any]
+    arguments: dict[str, Any]
+    free: dict[str, tuple[int, ...]]
+
+
+def building_arguments() -> dict[str, Any]:
+    chain = 2.0 * np.eye(N) - np.eye(N, k=1) - np.eye(N, k=-1)
+    return {
+        "mass": np.eye(N),
+        "damping": chain,
+        "stiffness": 100.0 * chain,
+        "influence": np.ones(N),
+        "floors": np.eye(N)[: N - 1],
+        "storeys": np.eye(N) - np.eye(N, k=-1),
+        "devices": np.eye(N)[:DEVICES],
+    }
+
+
+def respond_arguments() -> dict[str, Any]:
+    # A regulator whose command inverts the curve, an observer, two draws, three candidates, two motions.
+    rng = np.random.default_rng(1)
+    observer = (
+        [0, 1],
+        [1],
+        0.9 * np.eye(STATES),
+        1e-3 * np.ones((STATES, DEVICES)),
+        1e-3 * np.ones((STATES, 3)),
+        np.ones((3, STATES)),
+        np.ones((3, DEVICES)),
+    )
+    return {
+        "building": _rust.Building(**building_arguments()),
+        "model": MODEL,
+        "laws": (None, False),
+        "theta": np.tile(NOMINAL, (2, DEVICES, 1)),
+        "places": [(1.0, False), (2.0, True)],
+        "ranges": [[0.0, 2.0], [0.0, 1.0]],
+        "law": "inverse_direct",
+        "gains": rng.normal(size=(3, DEVICES * STATES)),
+        "tables": [],
+        "curve": ((["linear"] + ["constant"] * (len(NOMINAL) - 1), False), np.insert(NOMINAL, 1, 10.0)),
+        "motions": [(0.01, np.ones(4)), (0.01, np.ones(3))],
+        "runs": np.array([[0, 0, 0], [1, 1, 1], [2, 0, 1], [2, 1, 0]], dtype=np.uint32),
+        "streams": np.arange(4, dtype=np.uint64),
+        "sample_time": 1e-3,
+        "steps": 1,
+        "delay_steps": 0,
+        "command_rate": np.inf,
+        "sensors": [[0.1, 0.0], [0.0, 1e-3], [0.0, 0.0]],
+        "faults": [("force", 0, 1, 3, None)],
+        "observer": observer,
+        "histories": True,
+    }
+
+
+def calls() -> dict[str, Call]:
+    displacement = np.sin(np.arange(N_TIME))
+    history = _rust.LoadingHistory(0.01, displacement)
+    theta = np.tile(NOMINAL, (3, 1))
+    batch = {"model": MODEL, "theta": theta, "loading": history}
+    point = {"model": MODEL, "theta": NOMINAL, "state": np.zeros(0), "displacement": 0.0, "velocity": 0.0}
+    every = (0, 1)
+    return {
+        "LoadingHistory": Call(
+            function=_rust.LoadingHistory,
+            arguments={
+                "dt": 0.01,
+                "displacement": displacement,
+                "velocity": displacement.copy(),
+                "command": displacement.copy(),
+            },
+            free={},
+        ),
+        "Building": Call(
+            function=_rust.Building,
+            arguments=building_arguments(),
+            free={"floors": (0,), "storeys": (0,), "devices": (0,)},
+        ),
+        "misfits": Call(
+            function=_rust.misfits,
+            arguments={**batch, "force": np.zeros(N_TIME), "limits": np.full(3, np.inf)},
+            free={},
+        ),
+        "force_histories": Call(function=_rust.force_histories, arguments=batch, free={"theta": (0,)}),
+        "sensitivities": Call(function=_rust.sensitivities, arguments=batch, free={"theta": (0,)}),
+        "rate": Call(function=_rust.rate, arguments=point, free={}),
+        "force": Call(function=_rust.force, arguments=point, free={}),
+        "flops_per_step": Call(
+            function=_rust.flops_per_step, arguments={"model": MODEL, "theta": NOMINAL}, free={}
+        ),
+        # Runs name rows of theta and gains and a motion, so more of these is no error.
+        "respond": Call(
+            function=_rust.respond,
+            arguments=respond_arguments(),
+            free={"theta": (0,), "gains": (0,), "motions[0][1]": every, "motions[1][1]": every},
+        ),
+    }
+
+
+CALLS = calls()
+
+
+def arrays_in(value: Any, name: str) -> Iterator[tuple[str, np.ndarray]]:
+    """Every array in an argument, with its place."""
+    if isinstance(value, np.ndarray):
+        yield name, value
+    elif isinstance(value, (list, tuple)):
+        for index, entry in enumerate(value):
+            yield from arrays_in(entry, f"{name}[{index}]")
+
+
+def with_array(value: Any, name: str, wanted: str, array: Any) -> Any:
+    """The argument with the array at the place `wanted` replaced."""
+    if name == wanted:
+        return array
+    if isinstance(value, (list, tuple)):
+        entries = [with_array(entry, f"{name}[{i}]", wanted, array) for i, entry in enumerate(value)]
+        return type(value)(entries)
+    return value
+
+
+def called(call: Call, argument: str, place: str, array: Any) -> BaseException | None:
+    """The refusal of the call with this array at `place`, `None` where it is accepted."""
+    arguments = dict(call.arguments)
+    arguments[argument] = with_array(arguments[argument], argument, place, array)
+    try:
+        call.function(**arguments)
+    except REFUSALS as error:
+        return error
+    return None
+
+
+CASES = [
+    pytest.param(CALLS[name], argument, place, array, id=f"{name}-{place}")
+    for name in CALLS
+    for argument, value in CALLS[name].arguments.items()
+    for place, array in arrays_in(value, argument)
+]
+every_array = pytest.mark.parametrize(("call", "argument", "place", "array"), CASES)
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_the_calls_of_this_sweep_are_accepted(name):
+    CALLS[name].function(**CALLS[name].arguments)
+
+
+def test_the_sweep_knows_every_function_that_takes_an_array():
+    functions = {name for name in dir(_rust) if callable(getattr(_rust, name)) and not name.startswith("_")}
+    without_arrays = {
+        "control_laws",
+        "current_laws",
+        "damper_specs",
+        "fma_peak",
+        "history_signals",
+        "instruction_set",
+        "run_quantities",
+    }
+    assert functions == set(CALLS) | without_arrays
+
+
+@every_array
+def test_an_axis_of_another_length_is_refused_in_one_sentence(call, argument, place, array):
+    for axis in range(array.ndim):
+        if axis in call.free.get(place, ()):
+            continue
+        # The first axis of a batch may only shrink where nothing else has its length.
+        for count in (-1, 1, array.shape[axis]):
+            if array.shape[axis] + count < 0 or count == 0:
+                continue
+            shape = list(array.shape)
+            shape[axis] += count
+            other = np.ones(shape, dtype=array.dtype)
+            error = called(call, argument, place, other)
+            assert isinstance(error, ValueError), (place, array.shape, other.shape)
+            assert "\n" not in str(error)
+
+
+@every_array
+def test_a_transposed_array_is_refused(call, argument, place, array):
+    if array.ndim < 2 or array.shape[0] == array.shape[-1]:
+        return
+    transposed = np.ascontiguousarray(array.T)
+    assert isinstance(called(call, argument, place, transposed), ValueError), (place, array.shape)
+
+
+@every_array
+def test_other_dimensions_are_refused(call, argument, place, array):
+    for other in (array[None].copy(), array[..., None].copy(), np.array(1.0, dtype=array.dtype)):
+        assert isinstance(called(call, argument, place, other), (TypeError, ValueError)), other.shape
+    if array.ndim > 1:
+        assert isinstance(called(call, argument, place, array.ravel()), (TypeError, ValueError))
+
+
+@every_array
+def test_other_dtypes_are_refused(call, argument, place, array):
+    for dtype in (np.float32, np.float16, np.int64, np.int8, np.bool_, np.complex128, object, "U8"):
+        assert isinstance(called(call, argument, place, np.ones_like(array).astype(dtype)), TypeError), dtype
+
+
+@every_array
+def test_things_that_are_no_arrays_are_refused(call, argument, place, array):
+    for other in (array.tolist(), "text", {}, 1.0):
+        assert isinstance(called(call, argument, place, other), (TypeError, ValueError)), other
+
+
+@every_array
+def test_arrays_in_pieces_are_refused_or_give_the_same(call, argument, place, array):
+    if array.size < 2 or array.dtype != np.float64:
+        return
+    double = np.repeat(array, 2, axis=-1)
+    pieces = [double[..., ::2], array[::-1].copy()[::-1]]
+    if array.ndim > 1 and min(array.shape) > 1:
+        pieces.append(np.asfortranarray(array))
+    for piece in pieces:
+        assert np.array_equal(piece, array)
+        if piece.flags.c_contiguous:
+            continue
+        error = called(call, argument, place, piece)
+        assert isinstance(error, ValueError), place
+        assert "C-contiguous" in str(error)
+
+
+@every_array
+def test_numbers_that_are_no_numbers_never_panic(call, argument, place, array):
+    for bad in (np.nan, np.inf, -np.inf, 1e308, -1.0):
+        if array.dtype == np.float64:
+            called(call, argument, place, np.full_like(array, bad))
+    if array.dtype != np.float64:
+        called(call, argument, place, np.full_like(array, np.iinfo(array.dtype).max))
+
+
+@pytest.mark.parametrize(("what", "columns"), [("two columns", 2), ("four columns", 4), ("none", 0)])
+def test_runs_of_another_width_are_refused_with_the_right_one(what, columns):
+    # An array of two columns made the module panic, one of four lost its last.
+    runs = np.zeros((4, columns), dtype=np.uint32)
+    with pytest.raises(ValueError, match=rf"`runs` has shape \(4, {columns}\), expected .* = 3"):
+        _rust.respond(**{**respond_arguments(), "runs": runs})
+
+
+def test_theta_of_another_shape_is_not_read_as_other_draws():
+    # (1, 4, columns) holds as many numbers as two draws of two devices.
+    theta = np.tile(NOMINAL, (1, 4, 1))
+    with pytest.raises(
+        ValueError, match=r"`theta` has shape \(1, 4, 7\), expected \(draws, devices = 2, columns = 7\)"
+    ):
+        _rust.respond(**{**respond_arguments(), "theta": theta})
+
+
+def test_a_column_major_theta_is_not_read_as_transposed():
+    with pytest.raises(ValueError, match="`theta` must be C-contiguous"):
+        _rust.respond(**{**respond_arguments(), "theta": np.asfortranarray(respond_arguments()["theta"])})
+
+
+def test_streams_fewer_than_runs_do_not_drop_runs():
+    with pytest.raises(ValueError, match=r"`streams` has shape \(3\), expected \(runs = 4\)"):
+        _rust.respond(**{**respond_arguments(), "streams": np.arange(3, dtype=np.uint64)})
+
+
+def test_no_draws_are_refused():
+    theta = np.empty((0, DEVICES, len(NOMINAL)))
+    with pytest.raises(ValueError, match="run 0 asks for draw 0, there are 0"):
+        _rust.respond(**{**respond_arguments(), "theta": theta})
+    nothing = {"theta": theta, "runs": np.empty((0, 3), np.uint32), "streams": np.empty(0, np.uint64)}
+    summary, *_ = _rust.respond(**{**respond_arguments(), **nothing})
+    assert summary.shape[0] == 0
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"sample_time": 0.0},
+        {"sample_time": np.nan},
+        {"sample_time": -1.0},
+        {"sample_time": 1e-300},
+        {"steps": 0},
+        {"steps": 2**32 - 1},
+        {"steps": -1},
+        {"delay_steps": 2**63},
+        {"step_factor": 0},
+        {"step_factor": 1000},
+        {"threads": -1},
+        {"places": []},
+        {"places": [(1.0, False)] * 3},
+        {"ranges": [[0.0, 1.0]]},
+        {"ranges": [[1.0, 0.0], [0.0, 1.0]]},
+        {"ranges": [[0.0], [1.0]]},
+        {"sensors": [[0.0, 0.0]]},
+        {"faults": [("force", 9, 0, 1, None)]},
+        {"faults": [("coil", 0, 0, 1, None)]},
+        {"tables": [np.ones(3)]},
+        {"motions": []},
+        {"motions": [(0.01, np.ones(1))]},
+        {"model": "none"},
+        {"law": "none"},
+        {"law": "fuzzy"},
+        {"curve": None},
+        {"curve": ((["linear"], False), NOMINAL)},
+        {"laws": (["linear"], False)},
+        {"laws": (["spline"] * len(NOMINAL), False)},
+    ],
+    ids=str,
+)
+def test_settings_that_make_no_sense_are_refused(wrong):
+    with pytest.raises(REFUSALS):
+        _rust.respond(**{**respond_arguments(), **wrong})
+
+
+@pytest.mark.parametrize(("threads", "seconds"), [(10**6, 0.01), (1, np.nan), (1, -1.0), (1, 1e9)])
+def test_a_peak_that_could_not_be_measured_is_refused(threads, seconds):
+    with pytest.raises(ValueError, match="give at most"):
+        _rust.fma_peak(threads, seconds)
