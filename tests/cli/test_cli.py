@@ -276,7 +276,7 @@ def test_an_interrupt_before_anything_is_found_leaves_the_earlier_run(tmp_path: 
 
 
 def test_importing_and_asking_for_help_load_nothing_heavy() -> None:
-    heavy = "{'jax', 'matplotlib', 'scipy.optimize', 'optimistix', 'jinja2', 'numba'}"
+    heavy = "{'jax', 'matplotlib', 'numpy', 'scipy', 'optimistix', 'jinja2', 'numba'}"
     check = f"import sys; print(sorted({heavy} & set(sys.modules)))"
     imported = subprocess.run(
         [sys.executable, "-c", f"import mrwork; {check}"], capture_output=True, text=True, check=True

@@ -235,9 +235,8 @@ def test_the_command_line_writes_the_best_run_and_all_that_was_compared(tmp_path
 def test_the_command_line_refuses_in_a_sentence(
     tmp_path: Path, arguments: tuple[str, ...], word: str
 ) -> None:
-    options = parser().parse_args(
-        ["identify", "synthetic:rd1005_1a", *arguments, "--out", str(tmp_path / "run")]
-    )
+    words = ["identify", "synthetic:rd1005_1a", *arguments, "--out", str(tmp_path / "run")]
+    options = parser(words).parse_args(words)
     with pytest.raises(MrworkError, match=word):
         options.run(options)
     assert list(tmp_path.iterdir()) == []

@@ -15,19 +15,19 @@ from typing import NoReturn
 from mrwork import __version__
 from mrwork.errors import MrworkError
 
-_VERBS = (
-    "models",
-    "check",
-    "identify",
-    "profile",
-    "sample",
-    "calibrate",
-    "predict",
-    "plan",
-    "respond",
-    "convert",
-    "bench",
-)
+_VERBS = {
+    "models": "list the damper models, or show one in full",
+    "check": "print what is found in test records, without fitting",
+    "identify": "identify a damper model from test records",
+    "profile": "say which parameters of a stored fit the data settle, with intervals",
+    "sample": "sample the posterior of an identified damper",
+    "calibrate": "calibrate a run's prediction bands on tests that its fit has not seen",
+    "predict": "run a stored fit on other tests",
+    "plan": "say which test narrows a band of a stored fit most",
+    "respond": "simulate a building with MR dampers under earthquakes",
+    "convert": "convert Bouc-Wen parameters between conventions",
+    "bench": "measure speed beside jax and numba",
+}
 
 
 class _Parser(argparse.ArgumentParser):
@@ -38,12 +38,11 @@ class _Parser(argparse.ArgumentParser):
 
 
 def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
-    """The command line: of the verb that `arguments` begin with, else of all.
+    """The command line: in full for the first verb among `arguments`, of the others the name and what they do.
 
-    A verb may want libraries that take a second to load; the others do not wait for them.
+    A verb may want libraries that take a second to load; neither the others nor the help wait for them.
     """
-    first = arguments[0] if arguments else ""
-    wanted = (first,) if first in _VERBS else () if first == "--version" else _VERBS
+    wanted = next((each for each in arguments if each in _VERBS), "")
     root = _Parser(
         prog="mrwork",
         description="Identify magnetorheological dampers from test records.",
@@ -51,8 +50,11 @@ def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
     )
     root.add_argument("--version", action="version", version=f"mrwork {__version__}")
     verbs = root.add_subparsers(title="verbs", metavar="VERB", required=True, parser_class=_Parser)
-    for verb in wanted:
-        import_module(f"mrwork.cli.{verb}").add_parser(verbs)
+    for verb, purpose in _VERBS.items():
+        if verb == wanted:
+            import_module(f"mrwork.cli.{verb}").add_parser(verbs)
+        else:
+            verbs.add_parser(verb, help=purpose)
     return root
 
 

@@ -14,7 +14,7 @@ from mrwork.cli.options import add_json
 
 def add_parser(verbs: Any) -> None:
     """Declare the verb and what it can measure."""
-    parser = verbs.add_parser("bench", help="measure speed beside jax and numba")
+    parser = verbs.add_parser("bench")
     subjects = parser.add_subparsers(title="subjects", metavar="SUBJECT", required=True)
     kernels = subjects.add_parser(
         "kernels", help="Runge-Kutta steps per second of a batch of Bouc-Wen candidates beside jax and numba"

@@ -34,7 +34,6 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb."""
     parser = verbs.add_parser(
         "calibrate",
-        help="calibrate a run's prediction bands on tests that its fit has not seen",
         description="Measure how far the model is off on tests that the fit has not seen, and keep it with the run: "
         "mrwork predict RUN --level then draws bands from it. Without files, the run's own tests are left out in turn "
         "and predicted by identifying without them.",

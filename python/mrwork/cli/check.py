@@ -18,7 +18,7 @@ from mrwork.records import DamperTest, Finding, mislabelled
 
 def add_parser(verbs: Any) -> None:
     """Declare the verb."""
-    parser = verbs.add_parser("check", help="print what is found in test records, without fitting")
+    parser = verbs.add_parser("check")
     add_files(parser)
     add_json(parser)
     parser.set_defaults(run=run)

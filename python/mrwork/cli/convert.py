@@ -44,7 +44,6 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb."""
     parser = verbs.add_parser(
         "convert",
-        help="convert Bouc-Wen parameters between conventions",
         description="Bouc-Wen parameters from one convention to another, equal in force. "
         f"spencer: {' '.join(_SPENCER)}; normalised: {' '.join(_NORMALISED)}; opensees: {' '.join(_OPENSEES)} "
         "(c0 is a dashpot in parallel). SI units.",

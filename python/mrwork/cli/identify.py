@@ -39,7 +39,6 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb."""
     parser = verbs.add_parser(
         "identify",
-        help="identify a damper model from test records",
         description="Identify one damper model from one or several tests of the same damper.",
     )
     add_files(parser)

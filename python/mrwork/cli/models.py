@@ -13,7 +13,7 @@ from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 
 def add_parser(verbs: Any) -> None:
     """Declare the verb."""
-    parser = verbs.add_parser("models", help="list the damper models, or show one in full")
+    parser = verbs.add_parser("models")
     parser.add_argument("name", nargs="?", metavar="NAME", help="model to show")
     add_json(parser)
     parser.set_defaults(run=run)

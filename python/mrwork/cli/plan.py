@@ -36,7 +36,6 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb."""
     parser = verbs.add_parser(
         "plan",
-        help="say which test narrows a band of a stored fit most",
         description="Rank sinusoidal tests that could be made next by how much of a band's variance each takes away.",
     )
     parser.add_argument("place", type=Path, metavar="RUN", help="run directory of mrwork identify")

@@ -22,7 +22,6 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb."""
     parser = verbs.add_parser(
         "predict",
-        help="run a stored fit on other tests",
         description="Simulate the motion of other tests with a stored fit and compare the force.",
     )
     parser.add_argument("fit", type=Path, metavar="RUN", help="run directory of mrwork identify")

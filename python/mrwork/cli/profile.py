@@ -32,7 +32,6 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb."""
     parser = verbs.add_parser(
         "profile",
-        help="say which parameters of a stored fit the data settle, with intervals",
         description="Profile the likelihood of a fit in each parameter: intervals that may stay open, verdicts, and "
         "the directions that the data do not see.",
     )

@@ -31,7 +31,6 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb."""
     parser = verbs.add_parser(
         "respond",
-        help="simulate a building with MR dampers under earthquakes",
         description="Simulate a building with its dampers and control laws under ground motions, as a study file says.",
     )
     parser.add_argument("study", nargs="?", type=Path, metavar="STUDY.toml", help="what to simulate")

@@ -26,7 +26,6 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb."""
     parser = verbs.add_parser(
         "sample",
-        help="sample the posterior of an identified damper",
         description="Sample the posterior of the parameters of a run of mrwork identify, from its own tests. Writes "
         f"{CHAIN}, the chain as it grows, and {DRAWS}, the draws for ArviZ, into the run directory.",
     )
