@@ -1,4 +1,4 @@
-"""No verb loads JAX in a fresh process, and no number depends on whether it was loaded before."""
+"""No verb loads JAX in a fresh process, nor SciPy where it need not; no number depends on what was loaded before."""
 
 from __future__ import annotations
 
@@ -60,6 +60,10 @@ def fit(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("verb", VERBS)
 def test_no_verb_loads_jax(verb: str, fit: Path) -> None:
     in_fresh_process(f"{LOAD}{VERBS[verb]}{NO_JAX}", fit)
+
+
+def test_a_plain_model_is_identified_without_scipy() -> None:
+    in_fresh_process(f"{TESTS}mr.identify('bingham', test)\nassert 'scipy' not in sys.modules")
 
 
 def test_the_command_that_identifies_and_reports_loads_no_jax(tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq, minimize_scalar
 
 from mrwork.buildings.free_vibration import ModeEstimate, checked, mode_estimate
 from mrwork.errors import RecordError
@@ -127,6 +126,8 @@ class _Spectrum:
 
     def refined(self, omega: float, sides: tuple[float, float]) -> tuple[float, tuple[float, float]]:
         """Peak and points of half power, exactly, from a guess of each."""
+        from scipy.optimize import brentq, minimize_scalar
+
         near = 0.25 * (sides[1] - sides[0])
         search = minimize_scalar(
             lambda w: -self.power(w), bounds=(omega - near, omega + near), options={"xatol": 1e-6 * near}
@@ -200,6 +201,8 @@ def _decay(width: float, duration: float) -> float | None:
         s = np.array([decay, decay + 0.5j * width])
         top, side = np.abs(-np.expm1(-s * duration) / s)
         return float((side / top) ** 2 - 0.5)
+
+    from scipy.optimize import brentq
 
     # The width grows with the decay, from that of a steady sine up to twice the decay and never beyond.
     smallest = 1e-9 / duration

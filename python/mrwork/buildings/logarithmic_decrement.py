@@ -6,8 +6,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import curve_fit
-from scipy.signal import butter, sosfiltfilt
 
 from mrwork.buildings.fourier_peak import fourier_peak
 from mrwork.buildings.free_vibration import ModeEstimate, checked, mode_estimate
@@ -56,6 +54,8 @@ def logarithmic_decrement(
     period = 1.0 / start.frequency
     margin = 0.0
     if band is not None:
+        from scipy.signal import butter, sosfiltfilt
+
         nyquist = 0.5 / dt
         sections = butter(
             _FILTER_ORDER,
@@ -80,6 +80,8 @@ def logarithmic_decrement(
         return np.asarray(offset + sides * amplitude * np.exp(-decay * time))
 
     first = (0.0, float(np.ptp(values)) / 2.0, start.decay)
+    from scipy.optimize import curve_fit
+
     fitted, covariance = curve_fit(envelope, times - times[0], values, p0=first)
     residuals = values - envelope(times - times[0], *fitted)
     decay, decay_error = float(fitted[2]), float(np.sqrt(covariance[2, 2])) * _kinship(sides * residuals)

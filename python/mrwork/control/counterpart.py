@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import least_squares, lsq_linear
 
 from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec, damper
@@ -173,6 +172,8 @@ def _fitted(spec: DamperSpec, cycles: _Cycles, largest: float) -> tuple[float, .
     def residuals(shape: Floats) -> Floats:
         return _projected(cycles, shape, largest, None)[1]
 
+    from scipy.optimize import least_squares
+
     starts = [
         np.array([np.log(steepness / speed), np.log(width * stroke), delta, delta])
         for steepness, delta in ((5.0, 0.5), (50.0, 1.0), (500.0, 3.0))
@@ -231,6 +232,8 @@ def _projected(
     if limits is None:
         solution = np.linalg.lstsq(scaled, cycles.force, rcond=None)[0]
     else:
+        from scipy.optimize import lsq_linear
+
         names = ("c", "c", "k", "k", "alpha", "alpha", "alpha", "f0", "f0")
         low, high = (np.array([limits[name][side] for name in names]) * sizes for side in (0, 1))
         solution = lsq_linear(scaled, cycles.force, bounds=(low, high), method="bvls").x

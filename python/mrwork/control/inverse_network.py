@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import least_squares
 
 from mrwork.control.excitation import random_loading
 from mrwork.control.inverse_samples import N_SAMPLES, InverseSamples, known, network_inputs, samples_shown
@@ -253,6 +252,8 @@ def _trained(
             [0.5],
         ]
     )
+    from scipy.optimize import least_squares
+
     found = least_squares(residuals, start, jac=jacobian, method="lm", max_nfev=_MAX_STEPS).x
     W1 = found[:shapes].reshape(n_hidden, n_inputs) @ to_features
     return W1, found[shapes : shapes + n_hidden], found[shapes + n_hidden : -1], float(found[-1])

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.signal
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.control.plant import Plant
@@ -117,8 +116,10 @@ def placed_surface(plant: Plant, poles: ArrayLike) -> SlidingSurface:
             f"{wanted.size} poles were given; the surface of {plant.n_devices} devices takes {n_rest}, "
             f"each with a negative real part"
         )
+    from scipy.signal import place_poles
+
     try:
-        placed = scipy.signal.place_poles(A[:n_rest, :n_rest], A[:n_rest, n_rest:], wanted)
+        placed = place_poles(A[:n_rest, :n_rest], A[:n_rest, n_rest:], wanted)
     except ValueError as error:
         raise SettingError(f"the poles of the surface cannot be placed: {error}") from error
     return _surface(plant, back, A, np.asarray(placed.gain_matrix, dtype=np.float64))

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.linearisation import linearised
@@ -63,6 +62,8 @@ def _descended(
     max_evaluations: int,
     on_step: Callable[[int, float], None] | None,
 ) -> Descended:
+    from scipy.optimize import least_squares  # slow to load, and no need of plain models
+
     at = _Linearisations(objective, box, on_step)
     # In coordinates of unit sensitivity from the start on, so that the length of a step is about the change of the
     # residuals that it makes. MINPACK's first step is up to a hundred of its units, which could leave the valley.

@@ -8,6 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.records.savitzky_golay import savitzky_golay, weights
+
 _ORDER: Final = 3
 _BAND_POWER: Final = 0.999
 # A cubic Savitzky-Golay derivative over a window of half width m [s] is too small by (omega m)^4 / 504 for
@@ -57,17 +59,11 @@ class Smoother:
 
     def smooth(self, signal: NDArray[np.float64]) -> NDArray[np.float64]:
         """Signal without what is faster than the window."""
-        from scipy.signal import savgol_filter  # half a second to load, and not needed to list models
-
-        return np.asarray(savgol_filter(signal, self.window, _ORDER), dtype=np.float64)
+        return savitzky_golay(signal, self.window, _ORDER)
 
     def derivative(self, signal: NDArray[np.float64], order: int = 1) -> NDArray[np.float64]:
         """Time derivative of the smoothed signal."""
-        from scipy.signal import savgol_filter
-
-        return np.asarray(
-            savgol_filter(signal, self.window, _ORDER, deriv=order, delta=self.dt), dtype=np.float64
-        )
+        return savitzky_golay(signal, self.window, _ORDER, derivative=order, step=self.dt)
 
     def noise(self, removed: NDArray[np.float64]) -> float:
         """Estimate the standard deviation of a signal's white noise from what `smooth` removed."""
@@ -79,9 +75,7 @@ class Smoother:
         return float(np.sqrt(np.sum(self._weights(order) ** 2)))
 
     def _weights(self, order: int) -> NDArray[np.float64]:
-        from scipy.signal import savgol_coeffs
-
-        return np.asarray(savgol_coeffs(self.window, _ORDER, deriv=order, delta=self.dt), dtype=np.float64)
+        return weights(self.window, _ORDER, derivative=order, step=self.dt)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter
 
 from mrwork.uncertainty.noise.model import SIGMA, Array, Noise, NoiseParameter, gaussian, rms
 
@@ -30,6 +29,8 @@ class Ar1(Noise):
         return np.concatenate([first, gaussian(innovation, sigma * np.sqrt(1.0 - phi**2))], axis=1)
 
     def _draw(self, force: Array, noise: Array, rng: np.random.Generator) -> Array:
+        from scipy.signal import lfilter
+
         white = rng.standard_normal(force.shape)
         return np.array(
             [
@@ -57,6 +58,8 @@ class Arma11(Noise):
     )
 
     def _log_densities(self, residual: Array, force: Array, noise: Array) -> Array:
+        from scipy.signal import lfilter
+
         sigma, phi, theta = noise.T
         per_innovation = 1.0 + (phi + theta) ** 2 / (1.0 - phi**2)
         deviation = sigma / np.sqrt(per_innovation)
@@ -72,6 +75,8 @@ class Arma11(Noise):
         return result
 
     def _draw(self, force: Array, noise: Array, rng: np.random.Generator) -> Array:
+        from scipy.signal import lfilter
+
         # Enough samples before the first that what they began with is forgotten.
         warm_up = 500
         white = rng.standard_normal((force.shape[0], warm_up + force.shape[1]))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.special import gammaln
 
 from mrwork.uncertainty.noise.model import LOG_2_PI, SIGMA, Array, Noise, NoiseParameter, gaussian, rms
 
@@ -42,6 +41,8 @@ class StudentT(Noise):
     )
 
     def _log_densities(self, residual: Array, force: Array, noise: Array) -> Array:
+        from scipy.special import gammaln
+
         sigma, nu = noise[:, :1], noise[:, 1:2]
         constant = gammaln(0.5 * (nu + 1.0)) - gammaln(0.5 * nu) - 0.5 * np.log(np.pi * nu) - np.log(sigma)
         return np.asarray(constant - 0.5 * (nu + 1.0) * np.log1p((residual / sigma) ** 2 / nu))

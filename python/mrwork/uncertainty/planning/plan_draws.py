@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import spearmanr
 
 from mrwork.errors import SettingError
 from mrwork.identification.nuisance import without_nuisance
@@ -81,6 +80,8 @@ def checked_with_draws(
         told = counted >= _LEAST and now > 0.0
         drawn = 1.0 - float(np.mean(_variances(gram, weights))) / now if told else None
         gains.append(replace(gain, drawn=drawn))
+    from scipy.stats import spearmanr
+
     pairs = [(each.gain, each.drawn) for each in gains if each.drawn is not None]
     agreement = float(spearmanr(*np.array(pairs).T).statistic) if len(pairs) > 2 else None
     return Check(plan=replace(plan, gains=tuple(gains)), agreement=agreement, least_effective=least)
