@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from mrwork.cli.progress import choice_described, described
-from mrwork.identification.run import Progress
+from mrwork.identification.progress import Progress
 from mrwork.uncertainty.choice.comparison import ChoiceProgress
 
 BEGAN = Progress(

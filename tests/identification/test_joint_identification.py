@@ -13,7 +13,7 @@ from mrwork.identification.free_run import judge
 from mrwork.identification.identify import IdentificationInterrupted, identify
 from mrwork.identification.nuisance import nuisance_of, without_nuisance
 from mrwork.identification.objective import Objective
-from mrwork.identification.run import Progress
+from mrwork.identification.progress import Progress
 from mrwork.records import DamperTest, Observation
 from mrwork.records.window import excerpt
 from mrwork.search import EfficientGA, StopRules

@@ -26,7 +26,7 @@ from mrwork.cli import main
 from mrwork.errors import JournalError
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify
-from mrwork.identification.run import Progress
+from mrwork.identification.progress import Progress
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
 from mrwork.store import Journal

@@ -17,7 +17,7 @@ from mrwork.cli.progress import ProgressLine
 from mrwork.cli.run_page import renew_dossier
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
-from mrwork.identification.refit import identify_again
+from mrwork.identification.identify import identify_again
 from mrwork.records import DamperTest
 from mrwork.report.calibration_json import write_calibration
 from mrwork.report.fit.predictions import write_predictions

@@ -22,10 +22,9 @@ from mrwork.cli.observe import nuisances_of, observed
 from mrwork.cli.options import parse_bounds, reading_of
 from mrwork.cli.progress import ChoiceLine
 from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
-from mrwork.identification.multistart import Multistart
+from mrwork.identification.settings import Search
 from mrwork.report.run_directory import FIT, MODELS, RANKING, check_destination
 from mrwork.report.unfinished_comparison import StepJournals
-from mrwork.search import EfficientGA
 from mrwork.uncertainty.bands.left_out import Fold
 from mrwork.uncertainty.choice.families import ALL
 
@@ -67,7 +66,7 @@ def is_choice(options: argparse.Namespace) -> bool:
     return several
 
 
-def run(options: argparse.Namespace, search: Multistart | EfficientGA | None) -> int:
+def run(options: argparse.Namespace, search: Search | None) -> int:
     """Identify and rank, write the run directory of the best, say what came out."""
     # What weighs models loads SciPy, which no other identification needs so soon.
     from mrwork.uncertainty.choice.choose import ChoiceInterrupted, choose_model

@@ -25,9 +25,9 @@ from mrwork.cli.options import add_files, add_json, parse_bounds, reading_of
 from mrwork.cli.progress import ProgressLine
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
-from mrwork.identification.fit import Engine
 from mrwork.identification.identify import IdentificationInterrupted, identify
 from mrwork.identification.multistart import Multistart
+from mrwork.identification.settings import Engine, Search
 from mrwork.identification.warm_start import start_from
 from mrwork.records import DamperTest
 from mrwork.report.run_directory import check_destination, read_fit
@@ -177,7 +177,7 @@ def _with_laws(plain: DamperSpec, tests: tuple[DamperTest, ...], options: argpar
     return plain.with_current_laws(laws, unit=command_unit(tests, options)) if laws else plain
 
 
-def _search(options: argparse.Namespace) -> Multistart | EfficientGA | None:
+def _search(options: argparse.Namespace) -> Search | None:
     """What the command line asks for; `None` leaves it to the model."""
     genetic = options.population is not None or options.generations is not None
     if options.search == "multistart":

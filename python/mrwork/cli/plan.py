@@ -138,7 +138,6 @@ def _candidates(options: argparse.Namespace, opened: OpenedRun) -> tuple[Candida
 def _draws(opened: OpenedRun, known: Knowledge, rng: np.random.Generator) -> tuple[NDArray[np.float64], str]:
     """Draws in the order of the model of `known`, and what they are of."""
     from mrwork.report.stored_draws import read_draws
-    from mrwork.uncertainty.identifiability.verdicts import given_bounds
     from mrwork.uncertainty.planning.plan_draws import normal_draws
 
     draws = read_draws(opened.place, opened.fit)
@@ -146,7 +145,7 @@ def _draws(opened: OpenedRun, known: Knowledge, rng: np.random.Generator) -> tup
         return normal_draws(known, _DRAWS, rng), "the linearised posterior"
     stored = draws.theta(opened.fit.spec.names)
     few = stored[rng.choice(len(stored), size=min(2 * _DRAWS, len(stored)), replace=False)]
-    form = identifiable_form(opened.fit.spec, given_bounds(opened.fit))
+    form = identifiable_form(opened.fit.spec, opened.fit.settings.bounds)
     return np.asarray(form.forth(few)), "the posterior"
 
 

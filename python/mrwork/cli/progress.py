@@ -6,7 +6,7 @@ import math
 import sys
 from typing import TYPE_CHECKING
 
-from mrwork.identification.run import Progress
+from mrwork.identification.progress import Progress
 
 if TYPE_CHECKING:
     from mrwork.study.run import StudyProgress

@@ -6,6 +6,7 @@ from .free_run import judge as judge
 from .identify import IdentificationInterrupted as IdentificationInterrupted
 from .multistart import Multistart as Multistart
 from .objective import Objective as Objective
-from .run import Progress as Progress
+from .progress import Progress as Progress
 from .search_ranges import search_box as search_box
+from .settings import FitSettings as FitSettings
 from .warm_start import start_from as start_from

@@ -8,13 +8,12 @@ from typing import Any, Literal
 from mrwork.dampers.parameters import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
+from mrwork.identification.settings import FitSettings
 from mrwork.identification.verdict import Identifiability
 from mrwork.records import AS_IT_IS, Observation
 from mrwork.summary import Summarised, Summary, listed, rounded
 
 FitStatus = Literal["converged", "not_converged", "interrupted", "stopped"]
-# Where the last descent runs: in lanes, with derivatives of dual numbers, or on the JAX twin.
-Engine = Literal["lanes", "twin"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +80,11 @@ class SearchTrace:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance:
-    """What it takes to get the same numbers again."""
+    """What it takes to get the same numbers again.
+
+    `settings` is a record for JSON: of a fit, what `Fit.settings` reads, the windows of the tests, and what the command
+    line adds.
+    """
 
     versions: dict[str, str]
     instruction_set: str
@@ -127,6 +130,18 @@ class Fit(Summarised):
             return plain
         laws = dict(zip(plain.names, self.current.laws, strict=True))
         return plain.with_current_laws(laws, unit=self.current.unit, lagged=self.current.lagged)
+
+    @property
+    def settings(self) -> FitSettings:
+        """The settings of the identification.
+
+        Raises
+        ------
+        RecordError
+            Where their record cannot be read.
+        """
+        apart = {"nuisances": self.nuisances, "rng": self.provenance.rng}
+        return FitSettings.of_record(self.provenance.settings | apart)
 
     @property
     def theta(self) -> tuple[float, ...]:

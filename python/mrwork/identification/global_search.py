@@ -1,8 +1,8 @@
-"""Where the last descents start: at what many descents or a genetic search found, of the model or at each command."""
+"""Global search: starting points of the final least-squares fits."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,7 +21,9 @@ from mrwork.identification.multistart import (
     search_starts,
 )
 from mrwork.identification.objective import Objective
+from mrwork.identification.problem import Problem
 from mrwork.identification.search_ranges import search_box
+from mrwork.identification.settings import Start
 from mrwork.records.window import excerpt
 from mrwork.search import EfficientGA, GAState, SearchInterrupted, SearchResult, run_search
 from mrwork.search.loop import GenerationEvent
@@ -50,6 +52,21 @@ class Exploration:
     trace: SearchTrace
     descended: bool = False
 
+    def with_starts(self, spec: DamperSpec, given: Sequence[Start]) -> Exploration:
+        """The same with `given` starts after its own, which are parameters of the model asked for, `spec`.
+
+        A parameter that a start does not name has the value of the best start that was found; one that lies outside
+        the bounds is pulled inside.
+        """
+        box = self.form.box
+        found = np.asarray(self.form.back(self.starts[0]))
+        whole = [
+            np.array([start.get(name, own) for name, own in zip(spec.names, found, strict=True)])
+            for start in given
+        ]
+        inside = [box.inside(np.clip(self.form.forth(theta), box.lower, box.upper)) for theta in whole]
+        return replace(self, starts=np.array([*self.starts, *inside]))
+
 
 class ExplorationInterrupted(KeyboardInterrupt):
     """Ctrl-C during an exploration; `theta` is the best so far, shape (n_params,)."""
@@ -60,9 +77,7 @@ class ExplorationInterrupted(KeyboardInterrupt):
         self.trace = trace
 
 
-def explore(
-    objective: Objective, form: Form, search: Multistart | EfficientGA, *, rng: int, on_search: OnSearch
-) -> Exploration:
+def explore(problem: Problem, *, on_search: OnSearch) -> Exploration:
     """Search the parameters of a plain model, or genetically those of the plain model at each command.
 
     Raises
@@ -72,6 +87,7 @@ def explore(
     ExplorationInterrupted
         On Ctrl-C, carrying the best so far.
     """
+    objective, form, search, rng = problem.objective, problem.form, problem.search, problem.settings.rng
     if isinstance(search, Multistart):
         return _descend_plain(objective, form, search, rng=rng, on_search=on_search)
     if form.spec.current is None:
@@ -176,15 +192,7 @@ def _explore_levels(
     searches: list[SearchResult[GAState]] = []
 
     def at(command: float) -> Objective:
-        return Objective.of(
-            plain,
-            levels[command],
-            nuisances=objective.nuisances,
-            power=objective.power,
-            threads=objective.threads,
-            tally=objective.tally,
-            journal=objective.journal,
-        )
+        return objective.on(plain, levels[command])
 
     def on_generation(event: GenerationEvent[GAState]) -> None:
         share = event.generation / search.stop.max_generations
@@ -219,15 +227,7 @@ def _explore_levels(
         theta = joint_starts(form.spec, fits, 1, rng=rng)[0]
         raise ExplorationInterrupted(theta, _trace(searches)) from interrupt
     fits.sort(key=lambda fit: fit.command)
-    joint = Objective.of(
-        form.spec,
-        excerpts,
-        nuisances=objective.nuisances,
-        power=objective.power,
-        threads=objective.threads,
-        tally=objective.tally,
-        journal=objective.journal,
-    )
+    joint = objective.on(form.spec, excerpts)
     starts = joint_starts(form.spec, fits, _JOINT_STARTS, rng=rng)
     searched = search_box(plain, box, excerpts)
     joint_form = replace(

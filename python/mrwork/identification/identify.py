@@ -5,25 +5,23 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.errors import SettingError, SimulationError
-from mrwork.identification.equivalent import identifiable_form
-from mrwork.identification.fit import Engine, Fit, FitStatus, SearchTrace
+from mrwork.errors import SimulationError
+from mrwork.identification.fit import Fit, FitStatus, SearchTrace
 from mrwork.identification.global_search import ExplorationInterrupted, explore
 from mrwork.identification.interruptible import interruptible
-from mrwork.identification.multistart import Multistart
-from mrwork.identification.nuisance import NuisanceName, offsets_left_to
-from mrwork.identification.objective import Objective
-from mrwork.identification.provenance import premises_of
-from mrwork.identification.run import Progress, Run, Stage, Unit
-from mrwork.identification.warm_start import Start, check_starts, with_starts
+from mrwork.identification.nuisance import NuisanceName
+from mrwork.identification.problem import Problem
+from mrwork.identification.progress import Progress, Stopped, Watch
+from mrwork.identification.provenance import fingerprint_of
+from mrwork.identification.result import fit_at
+from mrwork.identification.settings import Engine, FitSettings, Search, Start
 from mrwork.records import DamperTest
-from mrwork.search import EfficientGA
 from mrwork.store import Journal
 
 if TYPE_CHECKING:
@@ -39,15 +37,11 @@ class IdentificationInterrupted(KeyboardInterrupt):
         self.fit = fit
 
 
-class _Stopped(KeyboardInterrupt):
-    """The callback wants no more: a run ends the way Ctrl-C ends it, but with a result."""
-
-
 def identify(
     model: DamperSpec | str,
     tests: DamperTest | Sequence[DamperTest],
     *,
-    search: Multistart | EfficientGA | None = None,
+    search: Search | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     nuisances: Sequence[NuisanceName] = (),
     starts: Sequence[Start] = (),
@@ -123,82 +117,64 @@ def identify(
     >>> fit.fit_percent  # doctest: +SKIP
     92.08
     """
-    began = time.perf_counter() - (0.0 if journal is None else journal.seconds_before)
-    spec = damper(model) if isinstance(model, str) else model
-    tests = (tests,) if isinstance(tests, DamperTest) else tuple(tests)
-    search = search or (Multistart() if spec.current is None else EfficientGA())
-    if spec.current is not None and isinstance(search, Multistart):
-        raise SettingError(
-            f"`search` is Multistart, this {spec.name} has current laws; give EfficientGA, or leave it out"
-        )
-    bounds = offsets_left_to(tuple(nuisances), spec) | dict(bounds or {})
-    form = identifiable_form(spec, bounds)
-    check_starts(spec, form, starts)
-    objective = Objective.of(
-        form.spec, tests, nuisances=tuple(nuisances), power=power, threads=threads, journal=journal
-    )
-    if not form.box.free:
-        raise SettingError(f"every parameter of {spec.name} is fixed; leave at least one free")
-    _check_engine(engine, objective)
-    run = Run(
-        spec=spec,
-        form=form,
-        objective=objective,
+    settings = FitSettings(
         search=search,
-        bounds=bounds,
+        bounds=dict(bounds or {}),
         starts=tuple(dict(start) for start in starts),
+        power=power,
         engine=engine,
+        nuisances=tuple(nuisances),
         rng=rng,
-        began=began,
     )
+    return identify_with(model, tests, settings, threads=threads, on_progress=on_progress, journal=journal)
 
+
+def identify_with(
+    model: DamperSpec | str,
+    tests: DamperTest | Sequence[DamperTest],
+    settings: FitSettings,
+    *,
+    threads: int = 0,
+    on_progress: Callable[[Progress], bool | None] | None = None,
+    journal: Journal | None = None,
+) -> Fit:
+    """`identify` with settings that are one value."""
+    began = time.perf_counter() - (0.0 if journal is None else journal.seconds_before)
+    problem = Problem.of(
+        damper(model) if isinstance(model, str) else model,
+        (tests,) if isinstance(tests, DamperTest) else tuple(tests),
+        settings,
+        threads=threads,
+        journal=journal,
+    )
+    spec, objective = problem.spec, problem.objective
     if journal is not None:
-        premises = premises_of(
-            spec,
-            tests,
-            search=search,
-            bounds=bounds,
-            nuisances=tuple(nuisances),
-            starts=run.starts,
-            power=power,
-            engine=engine,
-            rng=rng,
-        )
-        journal.agree("identification", premises)
+        journal.agree("identification", fingerprint_of(problem))
         journal.carry(objective.tally)
-
-    def tell(
-        stage: Stage,
-        count: int,
-        unit: Unit,
-        misfit: float,
-        share: float,
-        *,
-        generation: int = 0,
-        median: float = np.nan,
-    ) -> None:
-        if on_progress is None or (journal is not None and journal.recalling):
-            return
-        progress = run.progress(stage, count, unit, misfit, share, generation=generation, median=median)
-        if on_progress(progress):
-            raise _Stopped
+    watch = Watch(began=began, tally=objective.tally, on_progress=on_progress, journal=journal)
 
     def on_search(generation: int, misfit: float, median: float, share: float) -> None:
         count = objective.tally.simulations
-        tell("search", count, "simulations", misfit, share, generation=generation, median=median)
+        watch.tell("search", count, "simulations", misfit, share, generation=generation, median=median)
 
     def ended(interrupt: KeyboardInterrupt, theta: NDArray[np.float64], trace: SearchTrace) -> Fit:
         """The best found so far: returned where the callback wanted no more, else carried by an interrupt."""
         if journal is not None:
             # A refinement that is left behind on its thread must not go on writing.
             journal.close()
+
+        def so_far(trace: SearchTrace, status: FitStatus) -> Fit:
+            return fit_at(
+                problem, theta, errors=None, trace=trace, steps=0, status=status, seconds=watch.seconds
+            )
+
         if _was_stopped(interrupt):
             reason = trace.stop_reason.replace("interrupted", "callback")
-            return run.fit(theta, None, replace(trace, stop_reason=reason), 0, "stopped")
-        raise IdentificationInterrupted(run.fit(theta, None, trace, 0, "interrupted")) from interrupt
+            return so_far(replace(trace, stop_reason=reason), "stopped")
+        raise IdentificationInterrupted(so_far(trace, "interrupted")) from interrupt
 
     try:
-        explored = explore(objective, form, search, rng=rng, on_search=on_search)
+        explored = explore(problem, on_search=on_search)
     except ExplorationInterrupted as interrupt:
         return ended(interrupt, interrupt.theta, interrupt.trace)
     except KeyboardInterrupt as interrupt:
@@ -207,42 +183,56 @@ def identify(
         raise SimulationError(
             f"no candidate of {spec.name} could be simulated before the run was stopped; let it go on for longer"
         ) from interrupt
-    explored = with_starts(explored, spec, starts)
-    run = replace(run, form=explored.form)
+    explored = explored.with_starts(spec, problem.settings.starts)
+    problem = replace(problem, form=explored.form)
     best = explored.starts[0]
 
     def on_start(descended: Descended, share: float) -> None:
         nonlocal best
         best = descended.theta
-        tell("screening", round(share * 100), "%", descended.misfit, share)
+        watch.tell("screening", round(share * 100), "%", descended.misfit, share)
 
     def on_step(steps: int, misfit: float) -> None:
-        tell("refinement", steps, "steps", misfit, 0.0)
+        watch.tell("refinement", steps, "steps", misfit, 0.0)
 
     def polish() -> Polished:
         # SciPy's optimisers are slow to load and needed from here on only.
         from mrwork.identification.polish import polish
 
-        return polish(objective, explored, engine=engine, on_start=on_start, on_step=on_step)
+        return polish(objective, explored, engine=problem.settings.engine, on_start=on_start, on_step=on_step)
 
     try:
         polished = interruptible(polish)
     except KeyboardInterrupt as interrupt:
         return ended(interrupt, best, explored.trace)
-    status: FitStatus = "converged" if polished.converged else "not_converged"
-    return run.fit(polished.theta, polished.standard_errors, explored.trace, polished.steps, status)
+    return fit_at(
+        problem,
+        polished.theta,
+        errors=polished.standard_errors,
+        trace=explored.trace,
+        steps=polished.steps,
+        status="converged" if polished.converged else "not_converged",
+        seconds=watch.seconds,
+    )
 
 
-def _check_engine(engine: Engine, objective: Objective) -> None:
-    """Refuse what an engine cannot do before anything is searched."""
-    if engine not in get_args(Engine):
-        raise SettingError(f"`engine` is {engine!r}; choose one of {', '.join(get_args(Engine))}")
-    if engine == "twin":
-        objective.refuse_observation()
+def identify_again(
+    fit: Fit,
+    tests: tuple[DamperTest, ...],
+    *,
+    threads: int = 0,
+    on_progress: Callable[[Progress], bool | None] | None = None,
+) -> Fit:
+    """Identify from other tests with the model and the settings of an earlier fit, in lanes.
+
+    Neither the earlier fit nor its starts are started from: these have seen tests that may have been left out.
+    """
+    settings = replace(fit.settings, starts=(), engine="lanes")
+    return identify_with(fit.spec, tests, settings, threads=threads, on_progress=on_progress)
 
 
 def _was_stopped(interrupt: BaseException | None) -> bool:
     """Whether it was the callback that ended the run, whatever this was turned into since."""
-    while interrupt is not None and not isinstance(interrupt, _Stopped):
+    while interrupt is not None and not isinstance(interrupt, Stopped):
         interrupt = interrupt.__cause__
     return interrupt is not None

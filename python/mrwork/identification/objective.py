@@ -28,9 +28,7 @@ _ROWS = 64
 # Limits are this much above what a threshold allows: sums are rounded in another order than the misfit is.
 _MARGIN = 1.0 + 1e-9
 # The power of the root mean square, which is that of least squares.
-_PLAIN = 2.0
-# Beyond it powers of the NRMSE lose the better tests to rounding, and no descent follows the mean.
-_LARGEST_POWER = 16.0
+ROOT_MEAN_SQUARE = 2.0
 
 T = TypeVar("T")
 
@@ -79,7 +77,7 @@ class Objective:
     tests: tuple[DamperTest, ...]
     histories: tuple[_rust.LoadingHistory, ...]
     nuisances: tuple[NuisanceName, ...] = ()
-    power: float = _PLAIN
+    power: float = ROOT_MEAN_SQUARE
     threads: int = 0
     tally: Tally = field(default_factory=Tally)
     journal: Journal | None = None
@@ -91,7 +89,7 @@ class Objective:
         tests: tuple[DamperTest, ...],
         *,
         nuisances: tuple[NuisanceName, ...] = (),
-        power: float = _PLAIN,
+        power: float = ROOT_MEAN_SQUARE,
         threads: int = 0,
         tally: Tally | None = None,
         journal: Journal | None = None,
@@ -99,11 +97,6 @@ class Objective:
         """Spline the motions of the tests once, for all candidates."""
         if not tests:
             raise RecordError("no test was given to identify from; name at least one file")
-        if not _PLAIN <= power <= _LARGEST_POWER:
-            raise SettingError(
-                f"the power of the mean over tests is {power:g}; give 2, where all weigh the same, "
-                f"up to {_LARGEST_POWER:g}, where hardly any but the worst counts"
-            )
         histories = tuple(loading_of(test, spec).history() for test in tests)
         return cls(
             spec=spec,
@@ -116,6 +109,18 @@ class Objective:
             journal=journal,
         )
 
+    def on(self, spec: DamperSpec, tests: tuple[DamperTest, ...]) -> Objective:
+        """The same misfit of another model on other tests, in the same tally and journal."""
+        return Objective.of(
+            spec,
+            tests,
+            nuisances=self.nuisances,
+            power=self.power,
+            threads=self.threads,
+            tally=self.tally,
+            journal=self.journal,
+        )
+
     def once(self, step: str, kind: type[T], compute: Callable[[], T], *inputs: object) -> T:
         """What `compute` makes of these inputs, a dataclass `kind`; recalled where the journal has it."""
         if self.journal is None:
@@ -126,12 +131,12 @@ class Objective:
     @property
     def is_plain(self) -> bool:
         """Whether the misfit is the root mean square of the NRMSE."""
-        return self.power == _PLAIN
+        return self.power == ROOT_MEAN_SQUARE
 
     @property
     def plain(self) -> Objective:
         """The same with the root mean square of the NRMSE."""
-        return replace(self, power=_PLAIN)
+        return replace(self, power=ROOT_MEAN_SQUARE)
 
     @property
     def is_direct(self) -> bool:

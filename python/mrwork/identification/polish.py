@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.identification.equivalent import Form
-from mrwork.identification.fit import Engine
 from mrwork.identification.global_search import Exploration
 from mrwork.identification.levenberg_marquardt import Descended, descend
 from mrwork.identification.levenberg_marquardt_batch import descend_all
 from mrwork.identification.objective import Objective
 from mrwork.identification.screen import best_few
+from mrwork.identification.settings import Engine
 from mrwork.identification.standard_error import jacobian, standard_errors
 
 _LAST_EVALUATIONS = 100

@@ -1,46 +1,32 @@
-"""What it takes to get the same numbers again."""
+"""What it takes to get the same numbers again: the provenance of a fit, and the fingerprint of its inputs."""
 
 from __future__ import annotations
 
 import platform
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 
 from mrwork import _rust
-from mrwork.dampers.spec import DamperSpec
-from mrwork.identification.fit import Engine, Provenance
-from mrwork.identification.multistart import Multistart
-from mrwork.identification.nuisance import NuisanceName
-from mrwork.records import DamperTest
-from mrwork.search import EfficientGA
+from mrwork.identification.fit import Provenance
+from mrwork.identification.problem import Problem
 from mrwork.store import digest_of
 
 _PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
+# Settings that a fit has as fields of their own.
+_APART = ("nuisances", "rng")
 
 
-def provenance_of(
-    tests: tuple[DamperTest, ...],
-    *,
-    search: Multistart | EfficientGA,
-    bounds: Mapping[str, tuple[float, float]],
-    starts: Sequence[Mapping[str, float]],
-    power: float,
-    engine: Engine,
-    rng: int,
-) -> Provenance:
+def provenance_of(problem: Problem) -> Provenance:
     """Versions, inputs by hash, and settings of an identification."""
+    tests = problem.objective.tests
+    record = problem.settings.as_record()
     return Provenance(
         versions={"python": platform.python_version()} | {name: _version(name) for name in _PACKAGES},
         instruction_set=_rust.instruction_set(),
         inputs={test.path or test.name: test.sha256 for test in tests},
-        settings={
-            "search": asdict(search),
-            "bounds": {name: list(pair) for name, pair in bounds.items()},
-            "starts": [dict(start) for start in starts],
-            "power": power,
-            "engine": engine,
+        settings={name: value for name, value in record.items() if name not in _APART}
+        | {
             "windows": {
                 test.path or test.name: {
                     "start": test.start_time,
@@ -51,34 +37,21 @@ def provenance_of(
                 for test in tests
             },
         },
-        rng=rng,
+        rng=problem.settings.rng,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
     )
 
 
-def premises_of(
-    spec: DamperSpec,
-    tests: tuple[DamperTest, ...],
-    *,
-    search: Multistart | EfficientGA,
-    bounds: Mapping[str, tuple[float, float]],
-    nuisances: Sequence[NuisanceName],
-    starts: Sequence[Mapping[str, float]],
-    power: float,
-    engine: Engine,
-    rng: int,
-) -> dict[str, object]:
-    """All that the result of an identification follows from, bit for bit: what a journal and who resumes it share."""
+def fingerprint_of(problem: Problem) -> dict[str, object]:
+    """All that the result follows from, bit for bit: a journal has it, and a run that resumes must have the same."""
+    settings = problem.settings.as_record()
     return {
-        "model": spec.name,
-        "current_laws": None if spec.current is None else asdict(spec.current),
-        "seed": rng,
-        "bounds": {name: list(bounds[name]) for name in sorted(bounds)},
-        "nuisances": list(nuisances),
-        "starts": [dict(start) for start in starts],
-        "power": power,
-        "engine": engine,
-        "search": {"kind": type(search).__name__} | asdict(search),
+        "model": problem.spec.name,
+        "current_laws": None if problem.spec.current is None else asdict(problem.spec.current),
+        "seed": settings.pop("rng"),
+        # The order in which bounds are given decides nothing.
+        "bounds": dict(sorted(settings.pop("bounds").items())),
+        **settings,
         "test": [
             {
                 "name": test.name,
@@ -91,7 +64,7 @@ def premises_of(
                 # Windows, repairs and units of columns all show here.
                 "signals": digest_of(test.dt, test.displacement, test.velocity, test.force, test.observation),
             }
-            for test in tests
+            for test in problem.objective.tests
         ],
         "version": {name: _version(name) for name in _PACKAGES},
     }

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from math import isfinite
-
-import numpy as np
 
 from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import Fit
-from mrwork.identification.global_search import Exploration
+from mrwork.identification.settings import Start
 
 # Laws that a law becomes by adding coefficients that change nothing.
 _RAISED: Mapping[LawName, tuple[LawName, ...]] = {
@@ -23,8 +20,6 @@ _RAISED: Mapping[LawName, tuple[LawName, ...]] = {
     "cubic": (),
     "exponential": (),
 }
-
-Start = Mapping[str, float]
 
 
 def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
@@ -99,19 +94,3 @@ def check_starts(spec: DamperSpec, form: Form, starts: Sequence[Start]) -> None:
                 f"{spec.name} is identified as {form.spec.name}, which takes a start only as a whole; "
                 f"give {', '.join(missing)} too"
             )
-
-
-def with_starts(explored: Exploration, spec: DamperSpec, starts: Sequence[Start]) -> Exploration:
-    """The exploration with these starts after its own.
-
-    A parameter that a start does not name has the value of the best start that was found; one that lies outside the
-    bounds is pulled inside.
-    """
-    box = explored.form.box
-    found = np.asarray(explored.form.back(explored.starts[0]))
-    given = [
-        np.array([start.get(name, own) for name, own in zip(spec.names, found, strict=True)])
-        for start in starts
-    ]
-    inside = [box.inside(np.clip(explored.form.forth(theta), box.lower, box.upper)) for theta in given]
-    return replace(explored, starts=np.array([*explored.starts, *inside]))

@@ -9,15 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError, SimulationError
-from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
 from mrwork.identification.nuisance import NuisanceName, nuisance_of
-from mrwork.identification.objective import Objective
+from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.records.observation import delayed
 from mrwork.report.stored_draws import StoredDraws
 from mrwork.uncertainty.bands.parametric import simulate_draws
-from mrwork.uncertainty.identifiability.verdicts import given_bounds
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.target import Target
 from mrwork.uncertainty.posterior.walkers import first_walkers
@@ -43,11 +41,12 @@ def parameter_draws(
         theta = stored.theta(fit.spec.names)
         chosen = np.linspace(0, len(theta) - 1, min(_DRAWS, len(theta))).astype(int)
         return ParameterDraws(theta=theta[chosen], origin="the posterior")
-    form = identifiable_form(fit.spec, given_bounds(fit))
-    start = np.asarray(form.box.inside(np.asarray(form.forth(np.array(fit.theta)))))
-    objective = Objective.of(form.spec, tuple(tests), nuisances=fit.nuisances)
+    problem = Problem.of_fit(fit, tuple(tests))
+    form, start = problem.form, problem.inside(fit.theta)
     try:
-        target = Target.of(form, objective, noise_model("iid"), start=start, priors={}, tempering=None)
+        target = Target.of(
+            form, problem.objective, noise_model("iid"), start=start, priors={}, tempering=None
+        )
         position = first_walkers(target, start, _DRAWS, np.random.default_rng(0))
     except (SettingError, np.linalg.LinAlgError):
         return None

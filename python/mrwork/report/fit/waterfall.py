@@ -63,9 +63,8 @@ def _note(count: int, reached: int) -> str:
 
 
 def _closeness(fit: Fit) -> float:
-    search = fit.provenance.settings.get("search")
-    value = search.get("closeness") if isinstance(search, dict) else None
-    return float(value) if isinstance(value, int | float) else Multistart().closeness
+    search = fit.settings.search
+    return search.closeness if isinstance(search, Multistart) else Multistart().closeness
 
 
 def descents_in_words(fit: Fit) -> str:

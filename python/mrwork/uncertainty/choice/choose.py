@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.fit import Fit
-from mrwork.identification.identify import identify
-from mrwork.identification.multistart import Multistart
+from mrwork.identification.identify import identify_with
 from mrwork.identification.nuisance import NuisanceName
-from mrwork.identification.run import Progress
+from mrwork.identification.progress import Progress
+from mrwork.identification.settings import FitSettings, Search
 from mrwork.records import DamperTest
-from mrwork.search import EfficientGA
 from mrwork.store import Journal
 from mrwork.uncertainty.bands.left_out import Fold, folds_of
 from mrwork.uncertainty.choice.comparison import Choice, ChoiceProgress, Course, JournalOf
@@ -37,7 +37,7 @@ def choose_model(
     leave_out: Fold = "test",
     laws: Mapping[str, LawName] | None = None,
     unit: CommandUnit = "A",
-    search: Multistart | EfficientGA | None = None,
+    search: Search | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     nuisances: Sequence[NuisanceName] = (),
     power: float = 2.0,
@@ -89,6 +89,7 @@ def choose_model(
     >>> choice = mr.choose_model(tests, ["dahl", "normalised_bouc_wen"])  # doctest: +SKIP
     >>> print(choice.ranking.sentence)  # doctest: +SKIP
     """
+    settings = FitSettings(search=search, nuisances=tuple(nuisances), power=power, rng=rng)
     tests = (tests,) if isinstance(tests, DamperTest) else tuple(tests)
     compared, remarks = families(models, laws=laws or {}, unit=unit, bounds=bounds or {})
     remarks += command_remark(tests, has_laws=bool(laws))
@@ -111,18 +112,8 @@ def choose_model(
         tell: Callable[[Progress], None],
         journal: Journal | None,
     ) -> Fit:
-        return identify(
-            family.spec,
-            these,
-            search=search,
-            bounds=family.bounds,
-            nuisances=nuisances,
-            power=power,
-            rng=rng,
-            threads=threads,
-            on_progress=tell,
-            journal=journal,
-        )
+        own = replace(settings, bounds=family.bounds)
+        return identify_with(family.spec, these, own, threads=threads, on_progress=tell, journal=journal)
 
     likelihood = Likelihood(noise=noise_model(noise), sampled=sampled, rng=rng, threads=threads)
     try:

@@ -10,7 +10,7 @@ from typing import TypeVar
 
 from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
 from mrwork.identification.fit import Fit
-from mrwork.identification.run import Progress
+from mrwork.identification.progress import Progress
 from mrwork.records import DamperTest
 from mrwork.store import Journal
 from mrwork.summary import Summarised, Summary

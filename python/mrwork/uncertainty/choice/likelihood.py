@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.identification.equivalent import Form, identifiable_form
+from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
-from mrwork.identification.objective import Objective
+from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.store import Journal, digest_of
 from mrwork.uncertainty.autocorrelation import effective_samples
@@ -116,10 +116,10 @@ def target_of(
     fit: Fit, tests: tuple[DamperTest, ...], noise: Noise, *, temper: float, threads: int = 0
 ) -> tuple[Target, Array]:
     """The posterior of a fit's family with even priors, and where the fit lies, shape (n_params,) of its form."""
-    form = _form(fit)
-    theta = np.asarray(form.box.inside(np.asarray(form.forth(np.array(fit.theta)))))
-    objective = Objective.of(form.spec, tests, nuisances=fit.nuisances, threads=threads)
-    return Target.of(form, objective, noise, start=theta, priors={}, tempering=temper), theta
+    problem = Problem.of_fit(fit, tests, threads=threads)
+    theta = problem.inside(fit.theta)
+    target = Target.of(problem.form, problem.objective, noise, start=theta, priors={}, tempering=temper)
+    return target, theta
 
 
 def residuals_of(fit: Fit, tests: tuple[DamperTest, ...]) -> tuple[Array, ...]:
@@ -135,9 +135,4 @@ def variance_of(fit: Fit, tests: tuple[DamperTest, ...]) -> float:
 
 def free_parameters(fit: Fit) -> int:
     """How many parameters were free, in the form that was searched."""
-    return len(_form(fit).box.free)
-
-
-def _form(fit: Fit) -> Form:
-    bounds = {name: (pair[0], pair[1]) for name, pair in fit.provenance.settings["bounds"].items()}
-    return identifiable_form(fit.spec, bounds)
+    return len(identifiable_form(fit.spec, fit.settings.bounds).box.free)

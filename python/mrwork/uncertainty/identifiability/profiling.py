@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import SettingError, UnknownNameError
-from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
-from mrwork.identification.objective import Objective
+from mrwork.identification.objective import ROOT_MEAN_SQUARE
+from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
 from mrwork.uncertainty.identifiability.curvature import Scaled, curvature, linearise
 from mrwork.uncertainty.identifiability.profile import Profiles, profile_of
 from mrwork.uncertainty.identifiability.scale import Scale, scaled_ranges
-from mrwork.uncertainty.identifiability.verdicts import given_bounds
 from mrwork.uncertainty.identifiability.walk import Descent, End, Place, descent, places, signed_root, walk
 
 # A fit that gives way by more than this in the likelihood ratio was not at its minimum.
@@ -89,18 +88,17 @@ def profile_likelihood(
     """
     if not 0.0 < level < 1.0:
         raise SettingError(f"`level` is {level:g}; give a probability between 0 and 1, as 0.95")
-    power = float(fit.provenance.settings.get("power", 2.0))
-    if power != 2.0:
+    power = fit.settings.power
+    if power != ROOT_MEAN_SQUARE:
         raise SettingError(
             f"the fit made a mean with power {power:g} small, a likelihood ratio is of least squares; "
             "identify again without a power"
         )
     began = time.perf_counter()
-    form = identifiable_form(fit.spec, given_bounds(fit))
-    spec, box = form.spec, form.box
-    theta = np.clip(form.forth(np.array(fit.theta)), box.lower, box.upper)
+    problem = Problem.of_fit(fit, tuple(tests), threads=threads)
+    objective, spec, box = problem.objective, problem.form.spec, problem.form.box
+    theta = np.clip(problem.form.forth(np.array(fit.theta)), box.lower, box.upper)
     wanted = _wanted(box, parameters)
-    objective = Objective.of(spec, tuple(tests), nuisances=fit.nuisances, threads=threads)
     scale = Scale.of(box, scaled_ranges(spec, box, objective.tests, theta), theta)
     scaled = Scaled.of(box, scale, theta)
     derivatives = linearise(objective, box.free)

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
-from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.estimate import remark_of
 from mrwork.identification.fit import Fit
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
+from mrwork.identification.problem import Problem
 from mrwork.identification.verdict import Identifiability, Verdict
 from mrwork.records import DamperTest
 from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
@@ -33,18 +33,18 @@ def identifiability_of(
     verdict, but the direction that made it necessary is named. A parameter on its bound counts as known for the others.
     """
     spec, theta = fit.spec, np.array(fit.theta)
-    box = Box.of(spec).with_bounds(given_bounds(fit))
+    problem = Problem.of_fit(fit, tuple(tests), threads=threads)
+    box = Box.of(spec).with_bounds(problem.settings.bounds)
     held = {each.name for each in fit.estimates if each.remark == "fixed"}
-    objective = Objective.of(spec, tuple(tests), nuisances=fit.nuisances, threads=threads)
+    objective = problem.objective.on(spec, problem.objective.tests)
     residuals = objective.residuals(theta[None])[0]
     interior = [index for index in box.free if remark_of(box, index, theta[index]) == ""]
     inside = box.with_bounds({name: (value, value) for name, value in _on_bound(box, theta, interior)})
     ranges = scaled_ranges(spec, box, objective.tests, theta)
-    form = identifiable_form(spec, given_bounds(fit))
-    if form.spec is spec:
+    if problem.form.spec is spec:
         jacobian = _jacobian(objective, inside, theta)
     else:
-        jacobian = _through(form, objective, theta)[:, interior]
+        jacobian = _through(problem, theta)[:, interior]
     scale = Scale.of(box, ranges, theta)
     # Signed, so that a negative value goes up with its size, and products and ratios come out as they are.
     sign = np.where(scale.of_range | (theta >= 0.0), 1.0, -1.0)
@@ -81,18 +81,13 @@ def _jacobian(objective: Objective, box: Box, theta: NDArray[np.float64]) -> NDA
     return np.asarray(jacobian[0].T)
 
 
-def _through(form: Form, objective: Objective, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+def _through(problem: Problem, theta: NDArray[np.float64]) -> NDArray[np.float64]:
     """Derivative for a model with redundant parameters, by the chain rule through its form without: exact in them."""
-    there = np.asarray(form.box.inside(np.clip(form.forth(theta), form.box.lower, form.box.upper)))
-    own = Objective.of(form.spec, objective.tests, nuisances=objective.nuisances, threads=objective.threads)
+    form = problem.form
     mapped = form.forth.jacobian(theta)
-    return np.asarray(_jacobian(own, form.box, there) @ mapped[list(form.box.free)])
-
-
-def given_bounds(fit: Fit) -> dict[str, tuple[float, float]]:
-    """The bounds that the fit was given, by parameter."""
-    pairs = fit.provenance.settings.get("bounds", {})
-    return {name: (float(lower), float(upper)) for name, (lower, upper) in pairs.items()}
+    return np.asarray(
+        _jacobian(problem.objective, form.box, problem.inside(theta)) @ mapped[list(form.box.free)]
+    )
 
 
 def _on_bound(box: Box, theta: NDArray[np.float64], interior: Sequence[int]) -> list[tuple[str, float]]:

@@ -10,17 +10,15 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, SimulationError, UnknownNameError
-from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
 from mrwork.identification.nuisance import NuisanceName, without_nuisance
-from mrwork.identification.objective import Objective
+from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.simulate import Outcome, simulate_forces
 from mrwork.summary import Summarised, Summary, of_unit, rounded
 from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
 from mrwork.uncertainty.identifiability.curvature import Scaled, curvature, linearise
 from mrwork.uncertainty.identifiability.scale import Scale, scaled_ranges
-from mrwork.uncertainty.identifiability.verdicts import given_bounds
 from mrwork.uncertainty.planning.candidates import Candidate, motion_of
 
 # In the parameters' own coordinates.
@@ -178,10 +176,9 @@ def plan_next_test(
 
 def knowledge_of(fit: Fit, tests: Sequence[DamperTest], *, threads: int = 0) -> Knowledge:
     """The linearised posterior of a fit."""
-    form = identifiable_form(fit.spec, given_bounds(fit))
-    spec, box = form.spec, form.box
-    theta = np.asarray(box.inside(np.clip(form.forth(np.array(fit.theta)), box.lower, box.upper)))
-    objective = Objective.of(spec, tuple(tests), nuisances=fit.nuisances, threads=threads)
+    problem = Problem.of_fit(fit, tuple(tests), threads=threads)
+    objective, spec, box = problem.objective, problem.form.spec, problem.form.box
+    theta = problem.inside(fit.theta)
     ranges = scaled_ranges(spec, box, objective.tests, theta)
     scale = Scale.of(box, ranges, theta)
     scaled = Scaled.of(box, scale, theta)

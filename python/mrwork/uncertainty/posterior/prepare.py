@@ -8,9 +8,8 @@ import numpy as np
 
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
-from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
-from mrwork.identification.objective import Objective
+from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.prior import Prior
@@ -44,10 +43,9 @@ def prepared(
             f"the start is a fit of {start.model} with other laws or parameters than this {spec.name}; "
             "sample the model that was fitted"
         )
-    bounds = {name: (pair[0], pair[1]) for name, pair in start.provenance.settings["bounds"].items()}
-    form = identifiable_form(spec, bounds)
-    theta = np.asarray(form.box.inside(np.asarray(form.forth(np.array(start.theta)))))
-    objective = Objective.of(form.spec, tests, nuisances=start.nuisances, threads=threads)
+    problem = Problem.of_fit(start, tests, threads=threads)
+    form, objective = problem.form, problem.objective
+    theta = problem.inside(start.theta)
     if not np.isfinite(objective(theta[None])[0]):
         raise SettingError(
             f"the fit of {spec.name} cannot be simulated on these tests; give those of the fit"
@@ -62,7 +60,7 @@ def prepared(
     return Sampling(
         spec=spec,
         target=target,
-        bounds=bounds,
+        bounds=problem.settings.bounds,
         priors=priors,
         start=theta,
         walkers=walkers,

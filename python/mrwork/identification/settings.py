@@ -1,0 +1,123 @@
+"""Settings of an identification: all that decides its result beside the model and the tests."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from typing import Any, Literal, get_args, get_type_hints
+
+from mrwork.errors import RecordError, SettingError
+from mrwork.identification.multistart import Multistart
+from mrwork.identification.nuisance import NuisanceName
+from mrwork.identification.objective import ROOT_MEAN_SQUARE
+from mrwork.search import EfficientGA
+
+Search = Multistart | EfficientGA
+SEARCHES: Mapping[str, type[Search]] = {"multistart": Multistart, "genetic": EfficientGA}
+
+# Where the last descent runs: in lanes, with derivatives of dual numbers, or on the JAX twin.
+Engine = Literal["lanes", "twin"]
+
+# Values of parameters by name.
+Start = Mapping[str, float]
+
+# Beyond it powers of the NRMSE lose the better tests to rounding, and no descent follows the mean.
+_LARGEST_POWER = 16.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitSettings:
+    """Settings of `identify`, which explains each. All of them are recorded with a fit and in its journal.
+
+    An option is declared here and nowhere else: its record, the fingerprint of a run and the checks of single values
+    follow from the fields. `search` is `None` where it is left to the model.
+
+    Raises
+    ------
+    SettingError
+        Where a power, an engine or a nuisance parameter is impossible.
+    """
+
+    search: Search | None = None
+    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    starts: tuple[Start, ...] = ()
+    power: float = ROOT_MEAN_SQUARE
+    engine: Engine = "lanes"
+    nuisances: tuple[NuisanceName, ...] = ()
+    rng: int = 0
+
+    def __post_init__(self) -> None:
+        if self.engine not in get_args(Engine):
+            raise SettingError(f"`engine` is {self.engine!r}; choose one of {', '.join(get_args(Engine))}")
+        if not ROOT_MEAN_SQUARE <= self.power <= _LARGEST_POWER:
+            raise SettingError(
+                f"the power of the mean over tests is {self.power:g}; give 2, where all weigh the same, "
+                f"up to {_LARGEST_POWER:g}, where hardly any but the worst counts"
+            )
+        unknown = [name for name in self.nuisances if name not in get_args(NuisanceName)]
+        if unknown:
+            raise SettingError(
+                f"`nuisances` names {unknown[0]!r}; choose from {', '.join(get_args(NuisanceName))}"
+            )
+
+    def as_record(self) -> dict[str, Any]:
+        """Plain values of all fields, for JSON; a search says its `kind`."""
+        return {each.name: _plain(getattr(self, each.name)) for each in fields(self)}
+
+    @classmethod
+    def of_record(cls, record: Mapping[str, Any]) -> FitSettings:
+        """Undo `as_record`. What a record of another version does not have is at its default; the rest is ignored.
+
+        Raises
+        ------
+        RecordError
+            Where the record is not one of settings.
+        """
+        try:
+            known = {each.name: record[each.name] for each in fields(cls) if each.name in record}
+            search = known.pop("search", None)
+            return cls(
+                search=None if search is None else _search_of(search),
+                **{name: _restored(value) for name, value in known.items()},
+            )
+        except (TypeError, ValueError, KeyError, AttributeError) as reason:
+            raise RecordError(
+                f"the settings of this fit cannot be read ({reason}); run `mrwork identify` again"
+            ) from None
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {name: _plain(entry) for name, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    if is_dataclass(value):
+        kind = next(name for name, search in SEARCHES.items() if type(value) is search)
+        return {"kind": kind} | asdict(value)  # type: ignore[arg-type] # an instance, no class
+    return value
+
+
+def _restored(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {name: _restored(entry) for name, entry in value.items()}
+    return tuple(_restored(entry) for entry in value) if isinstance(value, list | tuple) else value
+
+
+def _search_of(record: Mapping[str, Any]) -> Search:
+    kind = record.get("kind")
+    if kind is None:
+        # Records of version 0.1 do not say it; then there were two, with no field in common.
+        kind = "genetic" if "population" in record else "multistart"
+    search: Search = _built(SEARCHES[kind], record)
+    return search
+
+
+def _built(kind: type, record: Mapping[str, Any]) -> Any:
+    hints = get_type_hints(kind)
+    values = {each.name: record[each.name] for each in fields(kind) if each.name in record}
+    return kind(
+        **{
+            name: _built(hints[name], value) if isinstance(value, Mapping) else value
+            for name, value in values.items()
+        }
+    )
