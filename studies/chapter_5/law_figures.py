@@ -94,7 +94,7 @@ def loop_figure(outcome: SetOutcome, model: Model, *, over_velocity: bool) -> Fi
                 xytext=(0, 4),
                 textcoords="offset points",
                 ha="right" if over_velocity else "center",
-                fontsize=9.5,
+                fontsize=style.SMALL_TEXT_SIZE,
             )
         axes.margins(y=0.12)
         finish_loop(axes, over_velocity=over_velocity)

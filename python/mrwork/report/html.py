@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from mrwork.identification.fit import Fit
 from mrwork.records.damper_test import DamperTest, Finding
-from mrwork.report import figures, numbers, style, tables
+from mrwork.report import figures, font, numbers, style, tables
 from mrwork.report.comparison import Comparison
 from mrwork.report.cycles import zoom_window
 from mrwork.report.fit.section import Absent, Panel, Section, panel
@@ -284,10 +284,10 @@ def styles() -> str:
         "accent": style.MODEL,
         "alert": style.RESIDUAL,
         "panel": style.WINDOW,
-        "fonts": ", ".join(f'"{name}"' for name in style.FONTS) + ", sans-serif",
+        "fonts": ", ".join(f'"{name}"' for name in style.PAGE_FONTS) + ", sans-serif",
     }
     variables = "".join(f"--{name}: {value};" for name, value in colours.items())
-    return f":root {{{variables}}}\n{resource('report.css')}"
+    return f"{font.font_faces()}:root {{{variables}}}\n{resource('report.css')}"
 
 
 def resource(name: str) -> str:

@@ -51,7 +51,7 @@ def _draw(axes: Axes, gains: list[Gain], best: Gain, most: float) -> None:
             f"{100.0 * each.gain:.0f}",
             ha="center",
             va="center",
-            fontsize=9.0,
+            fontsize=style.SMALL_TEXT_SIZE,
             fontweight="bold" if each is best else "normal",
             color="white" if each.gain > _DARK * most else style.INK,
         )

@@ -117,7 +117,7 @@ def _mark_open(axes: Axes, way: int) -> None:
         ha="right" if way > 0 else "left",
         va="center",
         color=style.RESIDUAL,
-        fontsize=9.0,
+        fontsize=style.SMALL_TEXT_SIZE,
     )
 
 

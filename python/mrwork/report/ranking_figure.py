@@ -55,7 +55,7 @@ def _draw(axes: Axes, row: int, own: Standing, edge: float) -> None:
             xytext=(8, 0),
             textcoords="offset points",
             va="center",
-            fontsize=9.0,
+            fontsize=style.SMALL_TEXT_SIZE,
         )
         return
     filled = colour if own.verdict != "as good" else "white"
@@ -71,5 +71,10 @@ def _draw(axes: Axes, row: int, own: Standing, edge: float) -> None:
     )
     if own.verdict in ("chosen", "as good"):
         axes.annotate(
-            own.verdict, (percent, row), xytext=(0, 6), textcoords="offset points", ha="center", fontsize=9.0
+            own.verdict,
+            (percent, row),
+            xytext=(0, 6),
+            textcoords="offset points",
+            ha="center",
+            fontsize=style.SMALL_TEXT_SIZE,
         )

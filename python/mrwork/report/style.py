@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import matplotlib
 
+from mrwork.report import font
+
 if TYPE_CHECKING:
     from matplotlib.typing import RcKeyType
 
@@ -28,7 +30,8 @@ BAND = "#d9e6f0"
 BAND_EDGE = "#8fb3cf"
 PARAMETER_BAND = "#e0913a"
 
-FONTS = (
+# Of the text of a page, which the reader's machine has; figures bring their own, see `font`.
+PAGE_FONTS = (
     "Source Sans 3",
     "Source Sans Pro",
     "Segoe UI",
@@ -40,19 +43,26 @@ FONTS = (
 )
 
 # A panel is as wide as one of two columns on a desk screen and as the whole of a phone, so that its
-# text is legible on both without a second drawing. Inches, at 10.5 point text.
+# text is legible on both without a second drawing. Inches.
 PANEL_WIDTH = 5.0
 PANEL_HEIGHT = 3.75
 
+# Points. The letters of the figures' font are large for their size.
+TEXT_SIZE = 9.5
+SMALL_TEXT_SIZE = 9.1
+
 _RC: dict[RcKeyType, Any] = {
-    "font.family": ["sans-serif"],
-    "font.sans-serif": list(FONTS),
-    "font.size": 10.5,
-    "axes.titlesize": 10.5,
-    "axes.labelsize": 10.5,
-    "xtick.labelsize": 10.0,
-    "ytick.labelsize": 10.0,
-    "legend.fontsize": 10.0,
+    "font.family": [font.FAMILY],
+    "mathtext.fontset": "custom",
+    "mathtext.rm": font.FAMILY,
+    "mathtext.it": font.FAMILY,
+    "mathtext.bf": f"{font.FAMILY}:bold",
+    "font.size": TEXT_SIZE,
+    "axes.titlesize": TEXT_SIZE,
+    "axes.labelsize": TEXT_SIZE,
+    "xtick.labelsize": SMALL_TEXT_SIZE,
+    "ytick.labelsize": SMALL_TEXT_SIZE,
+    "legend.fontsize": SMALL_TEXT_SIZE,
     "text.color": INK,
     "axes.labelcolor": INK,
     "axes.titlecolor": INK,
@@ -94,6 +104,7 @@ _RC: dict[RcKeyType, Any] = {
 @contextmanager
 def drawn_in_style() -> Iterator[None]:
     """Draw and save inside this: the caller's matplotlib settings come back afterwards."""
+    font.register()
     with matplotlib.rc_context(_RC):
         yield
 

@@ -9,7 +9,7 @@ from html import escape
 import matplotlib
 from matplotlib.figure import Figure
 
-from mrwork.report import style
+from mrwork.report import font, style
 
 # Without a date the same figure is the same file.
 _NO_DATE = {"Date": None}
@@ -30,11 +30,11 @@ def png_bytes(figure: Figure) -> bytes:
 
 
 def inline_svg(figure: Figure, *, identifier: str, description: str) -> str:
-    """An `<svg>` element that scales with its column; its letters are text, `description` is read aloud.
+    """An `<svg>` element that scales with its column; its letters are text in the font that the page brings, `description` is read aloud.
 
     `identifier` keeps the element's names apart from those of the other figures of the page.
     """
-    text = _saved(figure, font_type="none")
+    text = _saved(figure, font_type="none").replace(f"'{font.SHIPPED_FAMILY}'", f"'{font.FAMILY}'")
     view_box = re.search(r'viewBox="([^"]+)"', text)
     body = text[text.index(">", text.index("<svg")) + 1 : text.rindex("</svg>")]
     body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)

@@ -41,7 +41,9 @@ def autocorrelation_figure(comparison: Comparison) -> Figure:
         axes.plot(drawn * test.dt, rho[drawn], color=style.RESIDUAL, linewidth=1.4, label="residual")
         if cycle < lags:
             axes.axvline(cycle * test.dt, color=style.FAINT_INK, linewidth=0.9, linestyle=(0, (1.2, 1.8)))
-            axes.text(cycle * test.dt, 1.13, "one cycle", ha="center", va="top", fontsize=10.0)
+            axes.text(
+                cycle * test.dt, 1.13, "one cycle", ha="center", va="top", fontsize=style.SMALL_TEXT_SIZE
+            )
         axes.set_ylim(min(-0.25, float(rho.min()) - 0.08), 1.12)
         axes.set_xlim(0.0, lags * test.dt)
         finish(axes, "Autocorrelation")

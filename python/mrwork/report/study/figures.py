@@ -16,7 +16,7 @@ from mrwork.study.results import StudyResults
 
 _LEFT_OF_NAMES = 0.95
 _KEY_LINE = 0.178
-_KEY_FONT = 9.3
+_KEY_FONT = style.SMALL_TEXT_SIZE
 _BAR = 0.30
 _TONES = {"damping": style.BAND_EDGE, "devices": style.MODEL, "left": style.RULE}
 
