@@ -31,6 +31,16 @@ def test_a_constant_residual_is_hardly_more_than_one_sample() -> None:
     assert effective_samples([np.full(1000, 0.2)]) < 3.0
 
 
+def test_a_correlation_that_comes_back_counts_no_more_than_the_least_before_it() -> None:
+    # About zero, 1 + a cos has the correlation (1 + a^2/2 cos) / (1 + a^2/2), and returns to 1 with every period.
+    n_time, half_square = 20_000, 0.5 * 0.8**2
+    phase = 2.0 * np.pi * np.arange(n_time) / 400.0
+    rho = (1.0 + half_square * np.cos(phase)) / (1.0 + half_square) * (1.0 - np.arange(n_time) / n_time)
+    expected = 1.0 + 2.0 * np.minimum.accumulate(rho)[1:].sum()
+    assert autocorrelation_time(1.0 + 0.8 * np.cos(phase)) == pytest.approx(expected, rel=0.01)
+    assert expected < 0.7 * (1.0 + 2.0 * rho[1:].sum())
+
+
 def test_the_unit_of_the_residuals_does_not_matter() -> None:
     series = np.cumsum(np.random.default_rng(1).standard_normal(500))
     assert autocorrelation_time(1e6 * series) == pytest.approx(autocorrelation_time(series))

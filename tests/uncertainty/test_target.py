@@ -15,10 +15,10 @@ from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.records import Observation
 from mrwork.simulate import Loading, simulate_force
+from mrwork.uncertainty.autocorrelation import effective_samples
 from mrwork.uncertainty.noise import NOISES, noise_model
 from mrwork.uncertainty.posterior.prior import Lognormal, Normal
 from mrwork.uncertainty.posterior.space import Space
-from mrwork.uncertainty.posterior.tempering import independent_samples
 from mrwork.uncertainty.posterior.walkers import first_walkers
 
 SPENCER = damper("normalised_bouc_wen")
@@ -150,7 +150,7 @@ def test_correlated_residuals_are_worth_what_theory_says(phi: float) -> None:
     residual = NOISES["ar1"].draw(
         np.zeros((8, 20_000)), np.tile([1.0, phi], (8, 1)), np.random.default_rng(4)
     )
-    worth = np.mean([independent_samples(row) for row in residual])
+    worth = effective_samples(residual) / len(residual)
     # (1 - phi) / (1 + phi); the estimate of 8 rows scatters by a few per cent.
     assert worth / 20_000 == pytest.approx((1.0 - phi) / (1.0 + phi), rel=0.15)
 

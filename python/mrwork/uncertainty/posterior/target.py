@@ -14,10 +14,10 @@ from mrwork.identification.equivalent import Form
 from mrwork.identification.nuisance import without_nuisance
 from mrwork.identification.objective import Objective
 from mrwork.simulate import Outcome, simulate_forces
+from mrwork.uncertainty.autocorrelation import effective_samples
 from mrwork.uncertainty.noise import Iid, Noise
 from mrwork.uncertainty.posterior.prior import Prior
 from mrwork.uncertainty.posterior.space import Space
-from mrwork.uncertainty.posterior.tempering import independent_samples
 
 Array = NDArray[np.float64]
 Tempering = Literal["effective"] | float
@@ -83,7 +83,7 @@ class Target:
             tempering = 1.0 if noise.name in _CORRELATED else "effective"
         if tempering == "effective":
             residuals = [residual[0] for residual, _, _ in target.residuals(start[None])]
-            share = sum(independent_samples(each) for each in residuals) / objective.n_time
+            share = effective_samples(residuals) / objective.n_time
         else:
             share = float(tempering)
             if not 0.0 < share <= 1.0:
