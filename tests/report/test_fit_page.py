@@ -8,6 +8,7 @@ import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import headless_browser
 import numpy as np
@@ -16,12 +17,18 @@ from report_samples import comparison, fit
 from test_report import Page
 
 from mrwork.cli import main
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError
-from mrwork.report.fit.page import dossier_page
+from mrwork.identification import free_run
+from mrwork.identification.identify import identify
+from mrwork.records.window import cut
+from mrwork.report.fit.page import comparisons_of, dossier_page
 from mrwork.report.fit.predictions import read_predictions, write_predictions
 from mrwork.report.fit.rewrite_page import write_dossier
 from mrwork.report.fit.waterfall import waterfall_panel
+from mrwork.report.fit_json import fit_from_json, json_document
 from mrwork.report.run_directory import read_fit
+from mrwork.synthetic import synthetic_test
 from mrwork.uncertainty.bands.prediction import Prediction
 
 READING = ["--every", "5"]
@@ -212,3 +219,23 @@ def test_on_a_telephone_nothing_runs_off_the_side_and_all_can_be_read(
     across, window = tab.ask(_WIDE)
     assert across <= window == 390
     assert tab.ask(_TEXT % READABLE) == []
+
+
+def test_the_forces_of_a_result_are_simulated_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    runs: list[str] = []
+    simulated = free_run.simulate_forces
+
+    def counted(spec: DamperSpec, *arguments: Any, **settings: Any) -> Any:
+        runs.append(spec.name)
+        return simulated(spec, *arguments, **settings)
+
+    monkeypatch.setattr(free_run, "simulate_forces", counted)
+    tests = [cut(synthetic_test(name), every=8) for name in ("spencer1997", "spencer1997_fast")]
+    found = identify("bingham", tests)
+    shown = comparisons_of(found, tests)
+    assert runs == ["bingham"] * len(tests)
+    # Read from its file, a fit has no forces: they are simulated then, to the same bits.
+    again = fit_from_json(json_document(found.as_dict()), origin="fit.json")
+    assert again.forces == ()
+    for one, other in zip(shown, comparisons_of(again, tests), strict=True):
+        np.testing.assert_array_equal(one.model_force, other.model_force)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
 
 from mrwork.dampers.parameters import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
@@ -100,7 +103,8 @@ class Fit(Summarised):
 
     `evaluations` counts simulated candidates, those of the search and of the screening that follows it;
     `refinement_steps` counts those of the last descent, one simulation with its derivatives each. `identifiability` is
-    what `uncertainty.identifiability_of` made of it, `None` where nobody asked.
+    what `uncertainty.identifiability_of` made of it, `None` where nobody asked. `forces` are those of the free
+    runs, one for each test, [N], shape (n_time,); a fit that was read from its file has none.
     """
 
     model: str
@@ -121,6 +125,7 @@ class Fit(Summarised):
     current: CurrentLaws | None = None
     nuisances: tuple[NuisanceName, ...] = ()
     identifiability: Identifiability | None = None
+    forces: tuple[NDArray[np.float64], ...] = field(default=(), compare=False)
 
     @property
     def spec(self) -> DamperSpec:
@@ -149,8 +154,10 @@ class Fit(Summarised):
         return tuple(estimate.value for estimate in self.estimates)
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain nested dictionaries and lists, ready for JSON."""
-        return asdict(self)
+        """Plain nested dictionaries and lists, ready for JSON; without the forces, which follow from the rest."""
+        document = asdict(replace(self, forces=()))
+        del document["forces"]
+        return document
 
     def _summary(self) -> Summary:
         window = "" if len(self.quality) == 1 else f" on {len(self.quality)} tests"

@@ -35,7 +35,8 @@ def fit_at(
     """
     spec, objective = problem.spec, problem.objective
     values = np.asarray(problem.form.back(theta))
-    quality = tuple(judge(spec, values, test, nuisances=objective.nuisances)[1] for test in objective.tests)
+    runs = [judge(spec, values, test, nuisances=objective.nuisances) for test in objective.tests]
+    quality = tuple(each for _, each in runs)
     nrmse = _rms([each.nrmse for each in quality])
     return Fit(
         model=spec.name,
@@ -59,6 +60,7 @@ def fit_at(
         provenance=provenance_of(problem),
         current=spec.current,
         nuisances=objective.nuisances,
+        forces=tuple(force for force, _ in runs),
     )
 
 

@@ -62,13 +62,12 @@ _PLAN = Absent(
 
 
 def comparisons_of(fit: Fit, tests: Sequence[DamperTest]) -> tuple[Comparison, ...]:
-    """The tests of a fit, each with the force that its model gives."""
+    """The tests of a fit, each with the force that its model gives; simulated where the fit was read from its file."""
     theta = np.array(fit.theta)
+    forces = fit.forces or tuple(judge(fit.spec, theta, test, nuisances=fit.nuisances)[0] for test in tests)
     return tuple(
-        Comparison(
-            test=test, model_force=judge(fit.spec, theta, test, nuisances=fit.nuisances)[0], quality=quality
-        )
-        for test, quality in zip(tests, fit.quality, strict=True)
+        Comparison(test=test, model_force=force, quality=quality)
+        for test, force, quality in zip(tests, forces, fit.quality, strict=True)
     )
 
 
