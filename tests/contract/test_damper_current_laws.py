@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from damper_samples import DT, N_TIME, noise, sine
 
+from mrwork.dampers.parameters import current_laws, polynomial_laws
 from mrwork.errors import MrworkError, SettingError, UnknownNameError
 from mrwork.simulate import Outcome, simulate_force, simulate_forces
 from mrwork.twins._base import parameters_at, simulate
@@ -150,3 +151,24 @@ def test_laws_that_do_not_exist_are_refused(spec):
         spec.with_current_laws({name: "parabolic"})
     with pytest.raises(MrworkError, match="has current laws already"):
         with_laws(spec).with_current_laws({})
+
+
+def test_polynomial_laws_are_those_of_the_core_in_the_order_of_their_degree():
+    assert polynomial_laws() == ("constant", "linear", "quadratic", "cubic")
+    for degree, name in enumerate(polynomial_laws()):
+        assert (current_laws()[name].degree, current_laws()[name].n_coefficients) == (degree, degree + 1)
+    assert current_laws()["exponential"].degree is None
+
+
+def test_a_law_is_raised_to_those_that_contain_it():
+    raised = {
+        law.name: [other.name for other in current_laws().values() if law.raised_to(other)]
+        for law in current_laws().values()
+    }
+    assert raised == {
+        "constant": ["linear", "quadratic", "cubic", "exponential"],
+        "linear": ["quadratic", "cubic"],
+        "quadratic": ["cubic"],
+        "cubic": [],
+        "exponential": [],
+    }

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.dampers.parameters import LawName
+from mrwork.dampers.parameters import LawName, current_laws, polynomial_laws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.simulate import Loading, simulate_force
@@ -19,7 +19,6 @@ _MODEL = "static_hysteretic"
 
 # Powers of the command in each parameter, those of Kwok et al. (2006) for the RD-1005-3.
 _DEGREES = {"c": 1, "k": 1, "alpha": 2, "beta": 0, "delta": 1, "x_s": 0, "f0": 1}
-_LAWS: tuple[LawName, ...] = ("constant", "linear", "quadratic", "cubic", "exponential")
 
 _N_COMMANDS = 7
 _N_MOTIONS = 3  # amplitudes, and as many peak velocities at each
@@ -109,7 +108,7 @@ def static_counterpart(
     if not 0.0 < largest_command < np.inf:
         raise SettingError(f"`largest_command` is {largest_command}; give a positive number")
     cycles = _simulated(spec, values, largest_command, amplitude, velocity)
-    laws: dict[str, LawName] = {name: _LAWS[degree] for name, degree in _DEGREES.items()}
+    laws: dict[str, LawName] = {name: polynomial_laws()[degree] for name, degree in _DEGREES.items()}
     fitted_spec = damper(_MODEL).with_current_laws(laws, unit=spec.current.unit)
     fitted = _fitted(fitted_spec, cycles, largest_command)
     return StaticCounterpart(
@@ -121,8 +120,11 @@ def _is_counterpart(spec: DamperSpec) -> bool:
     """Whether a model is static hysteretic with laws of no higher degree than the counterpart's."""
     if spec.name != _MODEL or spec.current is None:
         return False
-    degrees = (_LAWS.index(law) for law in spec.current.laws)
-    return all(degree <= _DEGREES[each.name] for degree, each in zip(degrees, spec.plain, strict=True))
+    degrees = (current_laws()[law].degree for law in spec.current.laws)
+    return all(
+        degree is not None and degree <= _DEGREES[each.name]
+        for degree, each in zip(degrees, spec.plain, strict=True)
+    )
 
 
 def _simulated(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Literal
+from typing import Literal, cast
 
 from mrwork import _rust
 from mrwork.errors import UnknownNameError
@@ -59,8 +59,8 @@ def laws_in_order(
             raise UnknownNameError(
                 f"{model} has no parameter {name!r} to follow the command; it has {', '.join(names)}"
             )
-        if law not in _coefficient_counts():
-            known = ", ".join(_coefficient_counts())
+        if law not in current_laws():
+            known = ", ".join(current_laws())
             raise UnknownNameError(f"no current law is called {law!r}; choose one of {known}")
     return tuple(laws.get(name, "constant") for name in names)
 
@@ -93,9 +93,36 @@ _DRIVER_RATE = ParamSpec(
 )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CurrentLaw:
+    """A law by which a parameter follows the command, as the core declares it; `degree` is `None` unless polynomial."""
+
+    name: LawName
+    n_coefficients: int
+    degree: int | None
+
+    def raised_to(self, other: CurrentLaw) -> bool:
+        """Whether this law is the other one with further coefficients at zero."""
+        if self.degree is None:
+            return False
+        return self.degree == 0 if other.degree is None else self.degree < other.degree
+
+
 @cache
-def _coefficient_counts() -> dict[str, int]:
-    return {name: count for name, count, *_ in _rust.current_laws()}
+def current_laws() -> Mapping[LawName, CurrentLaw]:
+    """Every current law by name; polynomials in the order of their degree."""
+    laws = (
+        CurrentLaw(name=cast("LawName", name), n_coefficients=count, degree=degree)
+        for name, count, degree in _rust.current_laws()
+    )
+    return {law.name: law for law in laws}
+
+
+@cache
+def polynomial_laws() -> tuple[LawName, ...]:
+    """Names of the polynomial laws: the entry at n has degree n and n + 1 coefficients."""
+    polynomials = [law for law in current_laws().values() if law.degree is not None]
+    return tuple(law.name for law in sorted(polynomials, key=lambda law: law.n_coefficients))
 
 
 def _coefficients(parameter: ParamSpec, law: LawName, unit: CommandUnit) -> list[ParamSpec]:
@@ -104,7 +131,7 @@ def _coefficients(parameter: ParamSpec, law: LawName, unit: CommandUnit) -> list
         return [parameter]
     widest = max(abs(parameter.lower), abs(parameter.upper))
     entries = []
-    for power in range(_coefficient_counts()[law]):
+    for power in range(current_laws()[law].n_coefficients):
         exponent = law == "exponential" and power == 2
         bound = 20.0 if exponent else widest
         divisor = (
@@ -134,7 +161,7 @@ def _coefficients(parameter: ParamSpec, law: LawName, unit: CommandUnit) -> list
 def _equation(name: str, law: LawName) -> str:
     if law == "exponential":
         return f"{name} = {name}.0 + {name}.1 exp({name}.2 u)"
-    powers = ["", " u", " u^2", " u^3"][: _coefficient_counts()[law]]
+    powers = ["", " u", " u^2", " u^3"][: current_laws()[law].n_coefficients]
     return f"{name} = " + " + ".join(f"{name}.{power}{factor}" for power, factor in enumerate(powers))
 
 

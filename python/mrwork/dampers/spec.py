@@ -19,6 +19,7 @@ from mrwork.dampers.parameters import (
     coefficients,
     law_equations,
     laws_in_order,
+    polynomial_laws,
 )
 from mrwork.dampers.presets import PUBLISHED_SETS, PublishedSet
 from mrwork.errors import SettingError, UnknownNameError
@@ -158,13 +159,12 @@ class Preset:
 
 
 def _preset(plain: DamperSpec, entry: PublishedSet) -> Preset:
-    degrees: tuple[LawName, ...] = ("constant", "linear", "quadratic", "cubic")
     laws: dict[str, LawName] = {}
     theta: list[float] = []
     for name in plain.names:
         value = entry.values[name]
         coefficients = value if isinstance(value, tuple) else (value,)
-        laws[name] = degrees[len(coefficients) - 1]
+        laws[name] = polynomial_laws()[len(coefficients) - 1]
         theta += coefficients
     spec = plain
     if entry.unit is not None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.parameters import LawName
+from mrwork.dampers.parameters import LawName, current_laws
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.identification.levenberg_marquardt import Descended, descend
@@ -33,8 +33,6 @@ _SPREAD = 0.25
 
 # Range of the exponent of a law [1/A or 1/V].
 _EXPONENT = 5.0
-
-_DEGREE: Mapping[LawName, int] = {"constant": 0, "linear": 1, "quadratic": 2, "cubic": 3, "exponential": 1}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +61,7 @@ def levels_of(spec: DamperSpec, tests: tuple[DamperTest, ...]) -> dict[float, tu
     }
     current = spec.current
     if current is not None:
-        needed = 1 + max(_DEGREE[law] for law in current.laws)
+        needed = 1 + max(_fitted_degree(law) for law in current.laws)
         if len(levels) < needed:
             raise SettingError(
                 f"the tests run at {len(levels)} command(s), the laws asked for need {needed}; "
@@ -166,8 +164,9 @@ def _through(
         if law == "constant":
             theta.append(float(np.median(column)))
             continue
-        degree = min(_DEGREE[law], len(commands) - 1)
-        straight = list(np.polyfit(commands, column, degree)[::-1]) + [0.0] * (_DEGREE[law] - degree)
+        wanted = _fitted_degree(law)
+        degree = min(wanted, len(commands) - 1)
+        straight = list(np.polyfit(commands, column, degree)[::-1]) + [0.0] * (wanted - degree)
         if law == "exponential":
             # a + b exp(-u) with the end values of the straight line.
             lowest, highest = commands.min(), commands.max()
@@ -200,3 +199,9 @@ def law_box(spec: DamperSpec, searched: Box, commands: NDArray[np.float64], *, m
             reach /= largest ** int(power)
         bounds[parameter.name] = (max(-reach, whole.lower[index]), min(reach, whole.upper[index]))
     return whole.with_bounds(bounds)
+
+
+def _fitted_degree(law: LawName) -> int:
+    """Degree of the polynomial that is fitted over the commands; an exponential is drawn through a straight line."""
+    degree = current_laws()[law].degree
+    return 1 if degree is None else degree

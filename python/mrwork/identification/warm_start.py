@@ -5,21 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from math import isfinite
 
-from mrwork.dampers.parameters import LawName
+from mrwork.dampers.parameters import LawName, current_laws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import Fit
 from mrwork.identification.settings import Start
-
-# Laws that a law becomes by adding coefficients that change nothing.
-_RAISED: Mapping[LawName, tuple[LawName, ...]] = {
-    "constant": ("linear", "quadratic", "cubic", "exponential"),
-    "linear": ("quadratic", "cubic"),
-    "quadratic": ("cubic",),
-    "cubic": (),
-    "exponential": (),
-}
 
 
 def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
@@ -44,7 +35,7 @@ def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
     start: dict[str, float] = {}
     for name in (each.name for each in plain.parameters if units.get(each.name) == each.unit):
         was, law = _law_of(earlier, name), _law_of(model, name)
-        if law != was and law not in _RAISED[was]:
+        if law != was and not current_laws()[was].raised_to(current_laws()[law]):
             raise SettingError(
                 f"{name} is {was} in the earlier fit and {law} in {model.name}; "
                 "a start can keep a law or raise its degree"

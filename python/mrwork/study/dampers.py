@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.dampers.parameters import CommandUnit, LawName
+from mrwork.dampers.parameters import CommandUnit, LawName, polynomial_laws
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import RecordError
 from mrwork.study.declared import Place, suggestion
@@ -17,8 +17,6 @@ from mrwork.study.schema import DamperTable
 
 Identified = Callable[[Path], tuple[DamperSpec, tuple[float, ...]]]
 """The model and the parameters of the run in a folder."""
-
-_DEGREES: tuple[LawName, ...] = ("constant", "linear", "quadratic", "cubic")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,11 +156,11 @@ def _changed(draft: _Draft, table: DamperTable) -> _Draft:
         _refuse_unknown(draft.plain, name, place)
         coefficients = given if isinstance(given, tuple) else (given,)
         values[name] = coefficients
-        if not 1 <= len(coefficients) <= len(_DEGREES):
+        if not 1 <= len(coefficients) <= len(polynomial_laws()):
             place.within(name).refuse(
-                f"{name} has {len(coefficients)} coefficients; give 1 to {len(_DEGREES)}"
+                f"{name} has {len(coefficients)} coefficients; give 1 to {len(polynomial_laws())}"
             )
-        laws[name] = _DEGREES[len(coefficients) - 1]
+        laws[name] = polynomial_laws()[len(coefficients) - 1]
     place = table.place.within("laws")
     for name, law in (table.laws or {}).items():
         _refuse_unknown(draft.plain, name, place)

@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from mrwork.dampers.parameters import CurrentLaws
+from mrwork.dampers.parameters import CurrentLaws, current_laws
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import UnknownNameError
 
@@ -59,9 +59,6 @@ def power(base: Array, exponent: Array) -> Array:
     return jnp.where(positive, jnp.where(positive, base, 1.0) ** exponent, 0.0)
 
 
-_DEGREE = {"constant": 0, "linear": 1, "quadratic": 2, "cubic": 3}
-
-
 def parameters_at(spec: DamperSpec, theta: Array, received: Array) -> Any:
     """Parameters of the plain model, as the twin's `Theta`, where the coil gets this command; see `CurrentLaws`."""
     columns = iter(theta[index] for index in range(len(spec.parameters)))
@@ -70,12 +67,13 @@ def parameters_at(spec: DamperSpec, theta: Array, received: Array) -> Any:
     values = []
     for parameter, law in zip(spec.plain, spec.current.laws, strict=True):
         value = next(columns)
-        if law == "exponential":
+        degree = current_laws()[law].degree
+        if degree is None:  # the exponential
             value = value + next(columns) * jnp.exp(next(columns) * received)
         else:
-            for power in range(1, _DEGREE[law] + 1):
+            for power in range(1, degree + 1):
                 value = value + next(columns) * received**power
-        values.append(value if law == "constant" else jnp.clip(value, parameter.lower, parameter.upper))
+        values.append(value if degree == 0 else jnp.clip(value, parameter.lower, parameter.upper))
     return twin_of(spec).Theta(*values)
 
 
