@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,7 +10,9 @@ import numpy as np
 import pytest
 
 from mrwork.closed_loop.evaluation import SCORE, criteria, criterion, ratio, score, values
+from mrwork.closed_loop.responses import History, Responses, history_signals, run_quantities
 from mrwork.errors import UnknownNameError
+from mrwork.study.run_result import RunResult
 
 FLOORS = (
     "peak_displacement",
@@ -76,3 +79,34 @@ def test_names_are_unique_and_labels_name_their_paper() -> None:
 def test_an_unknown_criterion_is_refused_with_those_there_are() -> None:
     with pytest.raises(UnknownNameError, match=r"no criterion is called 'j1'.*peak_drift"):
         criterion("j1")
+
+
+def names_of(record: type) -> list[str]:
+    return [field.name for field in fields(record)]
+
+
+def test_results_have_every_quantity_of_the_core_and_no_other() -> None:
+    own = {"shape", "outcome", "steps", "histories"}
+    assert [name for name in names_of(Responses) if name not in own] == [
+        each.name for each in run_quantities()
+    ]
+    assert names_of(History) == ["time", *(each.name for each in history_signals())]
+
+
+def test_a_study_keeps_quantities_of_the_core_alone() -> None:
+    assert set(names_of(RunResult)) - {"outcome", "steps"} <= {each.name for each in run_quantities()}
+
+
+def test_every_quantity_is_declared_with_axis_unit_and_description() -> None:
+    for quantity in (*run_quantities(), *history_signals()):
+        assert quantity.axis in ("run", "floor", "storey", "device", "state")
+        assert quantity.unit
+        assert quantity.description
+
+
+def test_units_of_criteria_are_those_of_their_quantities() -> None:
+    units = {entry.name: entry.unit for entry in criteria()}
+    assert units["peak_drift"] == "m"
+    assert units["peak_acceleration"] == "m/s2"
+    assert units["peak_force_share"] == "1"
+    assert units["device_energy"] == "J"

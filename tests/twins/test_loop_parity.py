@@ -14,6 +14,7 @@ import mrwork as mr
 from mrwork.buildings.shear import shear_building
 from mrwork.closed_loop.devices import Device
 from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.responses import run_quantities
 from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws import ControlLaw
 from mrwork.dampers.spec import DamperSpec
@@ -151,6 +152,7 @@ def test_rust_and_twin_keep_the_same_of_a_run(case: Case) -> None:
         delay=case.delay * factor,
         believed=(believed,),
     ).summary()  # fmt: skip
+    assert set(expected) == {quantity.name for quantity in run_quantities()}
     for name, values in expected.items():
         if name != "energy_error":  # in Rust the largest of several balances
             np.testing.assert_allclose(

@@ -1,36 +1,105 @@
-"""What a batch of runs leaves behind: peaks, mean squares and energies, histories on request."""
+"""Results of closed-loop simulations: peaks, mean squares and energies; histories if requested."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork import _rust
 from mrwork.buildings.matrices import Building
 from mrwork.summary import Summarised, Summary, rounded
 
 Floats = NDArray[np.float64]
 
 ENERGY_TOLERANCE = 1e-6
-"""Energy errors above this are said: 1e-8 is normal, a chattering law or too long a step makes more."""
+"""Energy errors above this are reported: 1e-8 is normal, a chattering law or too long a step makes more."""
 
 
-# Quantities that a summary shows, and their units.
-_SHOWN = (
-    ("peak_drift", "m"),
-    ("peak_acceleration", "m/s^2"),
-    ("peak_force", "N"),
-    ("peak_current", "A"),
-    ("energy_error", "1"),
-)
+Axis = Literal["run", "floor", "storey", "device", "state"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quantity:
+    """A quantity of a run or a signal of its history, as the core declares it.
+
+    `axis` says what it has one number for: the run, each floor, storey, device or state.
+    """
+
+    name: str
+    axis: Axis
+    unit: str
+    description: str
+
+
+@cache
+def run_quantities() -> tuple[Quantity, ...]:
+    """Quantities that the core returns for a run, in the order of its columns."""
+    return _declared(_rust.run_quantities())
+
+
+@cache
+def history_signals() -> tuple[Quantity, ...]:
+    """Signals that the core returns for the history of a run, in the order of its columns."""
+    return _declared(_rust.history_signals())
+
+
+def _declared(entries: Sequence[tuple[str, str, str, str]]) -> tuple[Quantity, ...]:
+    return tuple(
+        Quantity(name=name, axis=cast("Axis", axis), unit=unit, description=description)
+        for name, axis, unit, description in entries
+    )
+
+
+def unit_of(name: str) -> str:
+    """Unit of a quantity of a run or a signal of its history."""
+    return _by_name()[name].unit
+
+
+def axis_of(name: str) -> Axis:
+    """Axis of a quantity of a run or a signal of its history."""
+    return _by_name()[name].axis
+
+
+@cache
+def _by_name() -> dict[str, Quantity]:
+    return {each.name: each for each in (*history_signals(), *run_quantities())}
+
+
+def columns_by_name(
+    rows: Floats, quantities: Sequence[Quantity], counts: Sequence[tuple[str, int]]
+) -> dict[str, Floats]:
+    """Columns of the core by name; a quantity with one number for a run has no second axis.
+
+    Parameters
+    ----------
+    counts
+        Columns of each quantity for a building; see `_rust.Building.summary_layout`.
+    """
+    found: dict[str, Floats] = {}
+    start = 0
+    for quantity, (_, count) in zip(quantities, counts, strict=True):
+        columns = rows[:, start : start + count]
+        found[quantity.name] = columns[:, 0] if quantity.axis == "run" else columns
+        start += count
+    return found
+
+
+# What a summary on the screen shows.
+_SHOWN = ("peak_drift", "peak_acceleration", "peak_force", "peak_current", "energy_error")
+_SHOWN_SIGNALS = ("drift", "acceleration", "force", "current")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class History(Summarised):
     """One run over time, at the control samples; first axis n_time.
 
-    Energies are those spent since the beginning [J]; `state` is [q; q'], shape (n_time, 2n).
+    The signals and their units are declared by the core, see `history_signals`. Energies are accumulated from the start
+    [J]; `state` is [q; q'], shape (n_time, 2n).
     """
 
     time: Floats
@@ -63,13 +132,8 @@ class History(Summarised):
             title=f"History of one run: {len(self.time)} samples, {self.time[-1]:g} s",
             columns=("quantity", "largest", "unit"),
             rows=[
-                (name.replace("_", " "), rounded(float(np.abs(getattr(self, name)).max())), unit)
-                for name, unit in (
-                    ("drift", "m"),
-                    ("acceleration", "m/s^2"),
-                    ("force", "N"),
-                    ("current", "A"),
-                )
+                (name.replace("_", " "), rounded(float(np.abs(getattr(self, name)).max())), unit_of(name))
+                for name in _SHOWN_SIGNALS
             ],
         )
 
@@ -78,10 +142,10 @@ class History(Summarised):
 class Responses(Summarised):
     """Runs in the order candidate, motion, draw, the last the fastest; infinite where a run did not end.
 
-    Quantities of floors, storeys and devices have a second axis for these. Peaks and mean squares are taken at every
-    integration step, accelerations are absolute. `energy_error` is the largest imbalance of input, kinetic, strain,
-    damping and device energy during the run, over the energy turned over. `steps` counts integration steps per sample,
-    `shape` the candidates, motions and draws.
+    The quantities and their units are declared by the core, see `run_quantities`; those of floors, storeys and devices
+    have a second axis. Peaks and mean squares are taken over all integration steps; accelerations are absolute.
+    `energy_error` is the largest imbalance of input, kinetic, strain, damping and device energy during the run, over
+    the largest energy. `steps` counts integration steps per sample, `shape` the candidates, motions and draws.
     """
 
     shape: tuple[int, int, int]
@@ -123,9 +187,9 @@ class Responses(Summarised):
                 (
                     name.replace("_", " "),
                     *(rounded(float(value)) for value in np.quantile(largest, [0.0, 0.5, 1.0])),
-                    unit,
+                    unit_of(name),
                 )
-                for name, unit in _SHOWN
+                for name in _SHOWN
                 for largest in [_largest(getattr(self, name))]
             ],
         )

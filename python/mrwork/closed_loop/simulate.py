@@ -14,7 +14,13 @@ from mrwork.closed_loop.core_arguments import curve_of, dampers_of, matrices_of
 from mrwork.closed_loop.devices import Device
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.observed import observer_arrays
-from mrwork.closed_loop.responses import History, Responses
+from mrwork.closed_loop.responses import (
+    History,
+    Responses,
+    columns_by_name,
+    history_signals,
+    run_quantities,
+)
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
@@ -130,13 +136,14 @@ def _responses(
     parts: list[Any], building: _rust.Building, hardware: Hardware, shape: tuple[int, int, int]
 ) -> Responses:
     summary = np.concatenate([part[0] for part in parts])
-    quantities = _split(summary, building.summary_layout)
+    quantities = columns_by_name(summary, run_quantities(), building.summary_layout)
     histories = None
     if parts[0][3] is not None:
         layout = building.history_layout
         histories = tuple(
             History(
-                time=np.arange(len(rows), dtype=np.float64) * hardware.sample_time, **_split(rows, layout)
+                time=np.arange(len(rows), dtype=np.float64) * hardware.sample_time,
+                **columns_by_name(rows, history_signals(), layout),
             )
             for part in parts
             for rows in part[3]
@@ -148,18 +155,3 @@ def _responses(
         histories=histories,
         **quantities,
     )
-
-
-_SINGLE = {"ground_acceleration", "peak_base_shear", "rms_base_shear", "energy_error"}
-
-
-def _split(rows: Floats, layout: list[tuple[str, int]]) -> dict[str, Floats]:
-    """Columns by name; what a building has one of loses its axis."""
-    found = {}
-    start = 0
-    for name, count in layout:
-        columns = rows[:, start : start + count]
-        energy = name.endswith("_energy") and name != "device_energy"
-        found[name] = columns[:, 0] if name in _SINGLE or energy else columns
-        start += count
-    return found

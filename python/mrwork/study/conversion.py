@@ -3,75 +3,70 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any, get_type_hints
 
 import numpy as np
 
 from mrwork.closed_loop.responses import History as Trace
-from mrwork.closed_loop.responses import Responses
+from mrwork.closed_loop.responses import Quantity, Responses, history_signals, run_quantities
 from mrwork.simulate import Outcome
 from mrwork.study.results import Key, Motion, Row, StudyResults
 from mrwork.study.run_result import History, RunResult
 from mrwork.study.study import Arrangement, Study
 
+# What a study keeps of a run, with its type.
+_KEPT = get_type_hints(RunResult)
+
 
 def result_of(responses: Responses, run: int, arrangement: Arrangement) -> RunResult:
     """One run of a batch, its floors and storeys those of the bare building."""
-    floors, storeys = list(arrangement.floors), list(arrangement.storeys)
-    # What is put in without being a device, as isolators, strokes too.
-    others = [number for number in arrangement.strokes if number < responses.peak_drift.shape[1]]
-    stroke = responses.peak_stroke[run] if arrangement.devices else responses.peak_drift[run, others]
-    devices = slice(len(arrangement.devices))
-    # An ideal actuator is told a force, which is no current.
-    active = arrangement.law is not None and arrangement.law.name == "active"
-    driven = slice(0) if active else devices
+    kept: dict[str, Any] = {}
+    for quantity in run_quantities():
+        if quantity.name in _KEPT:
+            values = getattr(responses, quantity.name)[(run, *_selected(quantity, arrangement))]
+            kept[quantity.name] = float(values) if _KEPT[quantity.name] is float else np.asarray(values)
+    if not arrangement.devices:
+        # Equipment that is not a device, as isolators, has a stroke too.
+        others = [number for number in arrangement.strokes if number < responses.peak_drift.shape[1]]
+        kept["peak_stroke"] = responses.peak_drift[run, others]
+    if arrangement.law is not None and arrangement.law.name == "active":
+        # The command of an ideal actuator is a force, not a current.
+        kept |= {name: kept[name][:0] for name in ("mean_current", "rms_current")}
     return RunResult(
         outcome=Outcome(int(responses.outcome[run])).name.lower(),
-        peak_displacement=responses.peak_displacement[run, floors],
-        rms_displacement=responses.rms_displacement[run, floors],
-        peak_drift=responses.peak_drift[run, storeys],
-        rms_drift=responses.rms_drift[run, storeys],
-        peak_acceleration=responses.peak_acceleration[run, floors],
-        rms_acceleration=responses.rms_acceleration[run, floors],
-        peak_base_shear=np.asarray(responses.peak_base_shear[run]),
-        rms_base_shear=np.asarray(responses.rms_base_shear[run]),
-        peak_force=responses.peak_force[run, devices],
-        peak_stroke=stroke,
-        mean_current=responses.mean_current[run, driven],
-        rms_current=responses.rms_current[run, driven],
-        input_energy=float(responses.input_energy[run]),
-        kinetic_energy=float(responses.kinetic_energy[run]),
-        strain_energy=float(responses.strain_energy[run]),
-        damping_energy=float(responses.damping_energy[run]),
-        device_energy=responses.device_energy[run, devices],
-        energy_error=float(responses.energy_error[run]),
         steps=int(responses.steps[run]),
+        **kept,
     )
+
+
+def _selected(quantity: Quantity, arrangement: Arrangement) -> tuple[list[int] | slice, ...]:
+    """Index of the columns that belong to the bare building and the devices of the arrangement."""
+    match quantity.axis:
+        case "floor":
+            return (list(arrangement.floors),)
+        case "storey":
+            return (list(arrangement.storeys),)
+        case "device":
+            return (slice(len(arrangement.devices)),)
+        case _:
+            return ()
 
 
 def history_of(trace: Trace, arrangement: Arrangement) -> History:
     """A run in time, its floors and storeys those of the bare building."""
-    floors, storeys = list(arrangement.floors), list(arrangement.storeys)
-    devices = slice(len(arrangement.devices))
     energies = (
         trace.input_energy,
         trace.kinetic_energy(arrangement.building),
         trace.strain_energy(arrangement.building),
         trace.damping_energy,
-        trace.device_energy[:, devices].sum(axis=1),
+        trace.device_energy[:, : len(arrangement.devices)].sum(axis=1),
     )
-    return History(
-        time=trace.time,
-        ground_acceleration=trace.ground_acceleration,
-        displacement=trace.displacement[:, floors],
-        acceleration=trace.acceleration[:, floors],
-        drift=trace.drift[:, storeys],
-        deformation=trace.deformation[:, devices],
-        rate=trace.rate[:, devices],
-        force=trace.force[:, devices],
-        command=trace.command[:, devices],
-        current=trace.current[:, devices],
-        energy=np.stack(energies, axis=1),
-    )
+    kept = {
+        signal.name: getattr(trace, signal.name)[(slice(None), *_selected(signal, arrangement))]
+        for signal in history_signals()
+        if signal.name in History.__slots__
+    }
+    return History(time=trace.time, energy=np.stack(energies, axis=1), **kept)
 
 
 def results_of(
