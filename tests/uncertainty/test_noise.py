@@ -1,9 +1,11 @@
 """Noise models: densities against closed forms, draws against densities, estimates from draws."""
 
+import jax
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, t
 
+import mrwork.twins._base  # noqa: F401  (sets double precision)
 from mrwork.errors import UnknownNameError
 from mrwork.uncertainty.noise import NOISES, Iid, noise_model
 
@@ -42,6 +44,16 @@ def test_density_of_heavy_tails_is_that_of_student() -> None:
     residual = np.linspace(-1.0, 1.0, 41)[None]
     ours = noise_model("student_t").log_densities(residual, residual, np.array([[0.1, 6.0]]))
     np.testing.assert_allclose(ours, t.logpdf(residual, 6.0, scale=0.1), rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", [each.name for each in NOISES.values() if each.differentiable])
+def test_differentiable_noise_has_one_density_in_numpy_and_jax(name: str, force: np.ndarray) -> None:
+    noise = np.tile(PARAMETERS[name], (3, 1))
+    residual = 0.1 * np.random.default_rng(5).standard_normal((3, force.size))
+    arrays = (residual, np.repeat(force, 3, axis=0), noise)
+    ours = NOISES[name].log_densities(*arrays)
+    traced = jax.jit(NOISES[name].log_densities)(*arrays)
+    np.testing.assert_allclose(traced, ours, rtol=1e-11, atol=1e-11)
 
 
 def test_independent_noise_needs_only_the_sum_of_squares() -> None:

@@ -20,13 +20,16 @@ class Ar1(Noise):
 
     name = "ar1"
     title = "AR(1)"
+    correlated = True
     parameters = (SIGMA, _PHI)
 
     def _log_densities(self, residual: Array, force: Array, noise: Array) -> Array:
+        xp = residual.__array_namespace__()
         sigma, phi = noise[:, :1], noise[:, 1:2]
         first = gaussian(residual[:, :1], sigma)
         innovation = residual[:, 1:] - phi * residual[:, :-1]
-        return np.concatenate([first, gaussian(innovation, sigma * np.sqrt(1.0 - phi**2))], axis=1)
+        result: Array = xp.concat([first, gaussian(innovation, sigma * xp.sqrt(1.0 - phi**2))], axis=1)
+        return result
 
     def _draw(self, force: Array, noise: Array, rng: np.random.Generator) -> Array:
         from scipy.signal import lfilter
@@ -49,6 +52,9 @@ class Arma11(Noise):
 
     name = "arma11"
     title = "ARMA(1,1)"
+    correlated = True
+    # A recursion, left to SciPy's filter.
+    differentiable = False
     parameters = (
         SIGMA,
         _PHI,

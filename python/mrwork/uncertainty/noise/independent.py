@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from mrwork.uncertainty.noise.model import LOG_2_PI, SIGMA, Array, Noise, NoiseParameter, gaussian, rms
+from mrwork.uncertainty.noise.model import (
+    LOG_2_PI,
+    SIGMA,
+    Array,
+    Noise,
+    NoiseParameter,
+    gaussian,
+    log_gamma,
+    rms,
+)
 
 
 class Iid(Noise):
@@ -41,11 +50,13 @@ class StudentT(Noise):
     )
 
     def _log_densities(self, residual: Array, force: Array, noise: Array) -> Array:
-        from scipy.special import gammaln
-
         sigma, nu = noise[:, :1], noise[:, 1:2]
-        constant = gammaln(0.5 * (nu + 1.0)) - gammaln(0.5 * nu) - 0.5 * np.log(np.pi * nu) - np.log(sigma)
-        return np.asarray(constant - 0.5 * (nu + 1.0) * np.log1p((residual / sigma) ** 2 / nu))
+        xp = residual.__array_namespace__()
+        constant = (
+            log_gamma(0.5 * (nu + 1.0)) - log_gamma(0.5 * nu) - 0.5 * xp.log(np.pi * nu) - xp.log(sigma)
+        )
+        result: Array = constant - 0.5 * (nu + 1.0) * xp.log1p((residual / sigma) ** 2 / nu)
+        return result
 
     def _draw(self, force: Array, noise: Array, rng: np.random.Generator) -> Array:
         return noise[:, :1] * rng.standard_t(noise[:, 1:2], size=force.shape)
@@ -88,4 +99,5 @@ class Amplitude(Noise):
 
     @staticmethod
     def _deviation(force: Array, noise: Array) -> Array:
-        return np.hypot(noise[:, :1], noise[:, 1:2] * force)
+        result: Array = force.__array_namespace__().hypot(noise[:, :1], noise[:, 1:2] * force)
+        return result

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from importlib import import_module
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,11 +38,17 @@ SIGMA = NoiseParameter(
 
 
 class Noise(ABC):
-    """A noise model. Batches are rows: residual and force (n_batch, n_time), noise parameters (n_batch, n_noise)."""
+    """A noise model. Batches are rows: residual and force (n_batch, n_time), noise parameters (n_batch, n_noise).
+
+    `correlated` noise depends on the residuals before: its likelihood counts the samples for what they are worth. The
+    density of `differentiable` noise is written on the array API and takes JAX arrays as well.
+    """
 
     name: ClassVar[NoiseName]
     title: ClassVar[str]
     parameters: ClassVar[tuple[NoiseParameter, ...]]
+    correlated: ClassVar[bool] = False
+    differentiable: ClassVar[bool] = True
 
     def log_densities(self, residual: Array, force: Array, noise: Array) -> Array:
         """Log density of each sample given those before it, shape (n_batch, n_time); a row's sum is its log-likelihood.
@@ -76,7 +83,18 @@ class Noise(ABC):
 
 def gaussian(residual: Array, deviation: Array) -> Array:
     """Log density of a normal residual of this deviation."""
-    return np.asarray(-0.5 * (residual / deviation) ** 2 - np.log(deviation) - 0.5 * LOG_2_PI)
+    xp = deviation.__array_namespace__()
+    result: Array = -0.5 * (residual / deviation) ** 2 - xp.log(deviation) - 0.5 * LOG_2_PI
+    return result
+
+
+def log_gamma(values: Array) -> Array:
+    """Logarithm of the gamma function, for arrays of NumPy or JAX: the array API has none."""
+    of_numpy = values.__array_namespace__() is np
+    # By name, for both are slow to load, and JAX is not to be needed.
+    special: Any = import_module("scipy.special" if of_numpy else "jax.scipy.special")
+    result: Array = special.gammaln(values)
+    return result
 
 
 def rms(residual: Array) -> float:

@@ -24,8 +24,6 @@ Tempering = Literal["effective"] | float
 
 # Rows whose histories are held in memory at once.
 _ROWS = 64
-# Whose residuals remember those before: their likelihood counts the samples by itself.
-_CORRELATED = ("ar1", "arma11")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,7 +78,7 @@ class Target:
             temper=1.0,
         )
         if tempering is None:
-            tempering = 1.0 if noise.name in _CORRELATED else "effective"
+            tempering = 1.0 if noise.correlated else "effective"
         if tempering == "effective":
             residuals = [residual[0] for residual, _, _ in target.residuals(start[None])]
             share = effective_samples(residuals) / objective.n_time

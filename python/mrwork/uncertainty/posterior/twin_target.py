@@ -8,11 +8,9 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from jax.scipy.stats import norm, t
 
 from mrwork.errors import SettingError
 from mrwork.twins._base import simulate
-from mrwork.uncertainty.noise import NoiseName
 from mrwork.uncertainty.posterior.target import Target
 
 LogDensity = Callable[[Array], Array]
@@ -26,11 +24,11 @@ def twin_log_posterior(target: Target, substeps: tuple[int, ...]) -> LogDensity:
     Raises
     ------
     SettingError
-        Where the target has an observation model, nuisance parameters or ARMA(1,1) noise: the twin knows none of them.
+        Where the target has an observation model, nuisance parameters or a noise that is not differentiable.
     """
     objective, space = target.objective, target.space
-    noise_density = _NOISES.get(target.noise.name)
-    if noise_density is None or not objective.is_direct:
+    log_densities: Any = target.noise.log_densities
+    if not (target.noise.differentiable and objective.is_direct):
         raise SettingError(
             "the twin has the likelihood of a plain simulated force with iid, student_t, ar1 or amplitude noise; "
             "sample this target by the ensemble alone"
@@ -50,7 +48,8 @@ def twin_log_posterior(target: Target, substeps: tuple[int, ...]) -> LogDensity:
         ):
             found = simulate(objective.spec, theta, motions, test.dt, _command(target, test))[test.n_settle :]
             about_mean = (found - jnp.mean(force)) / deviation
-            total = total + noise_density((found - force) / deviation, about_mean, noise)
+            residual = (found - force) / deviation
+            total = total + jnp.sum(log_densities(residual[None], about_mean[None], noise[None]))
         density = space.log_prior(values) + target.temper * total
         return jnp.where(inside & jnp.isfinite(density), density, -jnp.inf)
 
@@ -68,30 +67,3 @@ def _command(target: Target, test: Any) -> float:
     if current is None:
         return 0.0
     return float(test.current if current.unit == "A" else test.voltage)
-
-
-def _iid(residual: Array, force: Array, noise: Array) -> Array:
-    return jnp.sum(norm.logpdf(residual, scale=noise[0]))
-
-
-def _student_t(residual: Array, force: Array, noise: Array) -> Array:
-    return jnp.sum(t.logpdf(residual, noise[1], scale=noise[0]))
-
-
-def _ar1(residual: Array, force: Array, noise: Array) -> Array:
-    sigma, phi = noise[0], noise[1]
-    innovation = residual[1:] - phi * residual[:-1]
-    first = norm.logpdf(residual[0], scale=sigma)
-    return first + jnp.sum(norm.logpdf(innovation, scale=sigma * jnp.sqrt(1.0 - phi**2)))
-
-
-def _amplitude(residual: Array, force: Array, noise: Array) -> Array:
-    return jnp.sum(norm.logpdf(residual, scale=jnp.hypot(noise[0], noise[1] * force)))
-
-
-_NOISES: dict[NoiseName, Callable[[Array, Array, Array], Array]] = {
-    "iid": _iid,
-    "student_t": _student_t,
-    "ar1": _ar1,
-    "amplitude": _amplitude,
-}
