@@ -94,16 +94,16 @@ def test_thresholds_leave_the_same_journal(tmp_path):
 )
 def test_another_search_is_refused_by_name(tmp_path, changed, sentence):
     path = tmp_path / "journal.jsonl"
-    searched(shortened("efficient_ga"), Journal(path))
+    searched(shortened("genetic"), Journal(path))
     with pytest.raises(JournalError, match=sentence):
-        searched(shortened("efficient_ga"), Journal(path, resume=True), **changed)
+        searched(shortened("genetic"), Journal(path, resume=True), **changed)
 
 
 def test_other_settings_are_refused_by_name(tmp_path):
     path = tmp_path / "journal.jsonl"
-    searched(shortened("efficient_ga"), Journal(path))
+    searched(shortened("genetic"), Journal(path))
     with pytest.raises(JournalError, match=r"settings\.population is 60 there and 61 here"):
-        searched(replace(shortened("efficient_ga"), population=61), Journal(path, resume=True))
+        searched(replace(shortened("genetic"), population=61), Journal(path, resume=True))
     with pytest.raises(JournalError, match="optimiser is EfficientGA there and StandardGA here"):
         searched(shortened("standard_ga"), Journal(path, resume=True))
 

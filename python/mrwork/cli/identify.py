@@ -27,12 +27,11 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
 from mrwork.identification.identify import IdentificationInterrupted, identify
 from mrwork.identification.multistart import Multistart
-from mrwork.identification.settings import Engine, Search
+from mrwork.identification.settings import SEARCHES, Engine, Search, search_named
 from mrwork.identification.warm_start import start_from
 from mrwork.records import DamperTest
 from mrwork.report.run_directory import check_destination, read_fit
 from mrwork.report.unfinished import begin_journal, discard_journal, is_copy, resume_journal
-from mrwork.search import EfficientGA
 
 
 def add_parser(verbs: Any) -> None:
@@ -88,8 +87,9 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the search, default 0")
     parser.add_argument(
         "--search",
-        choices=["multistart", "genetic"],
-        help="how a plain model is searched: by descents from many starts (default), or by the efficient GA",
+        choices=list(SEARCHES),
+        help="how the parameters are searched: by default a plain model by descents from many starts (multistart), "
+        "one with laws by the efficient genetic algorithm (genetic)",
     )
     parser.add_argument(
         "--engine",
@@ -97,8 +97,13 @@ def add_parser(verbs: Any) -> None:
         default="lanes",
         help="where the last descent runs: in lanes (default), or on the JAX twin, slower, for comparison",
     )
-    parser.add_argument("--population", type=int, metavar="N", help="chromosomes of a genetic search")
-    parser.add_argument("--generations", type=int, metavar="N", help="most generations of a genetic search")
+    parser.add_argument(
+        "--population",
+        type=int,
+        metavar="N",
+        help="candidates of a generation; not for multistart",
+    )
+    parser.add_argument("--generations", type=int, metavar="N", help="most generations; not for multistart")
     parser.add_argument("--threads", type=int, default=0, metavar="N", help="threads, default all")
     parser.add_argument("--out", type=Path, metavar="DIR", help="run directory, default out/TEST-MODEL")
     parser.add_argument(
@@ -179,18 +184,21 @@ def _with_laws(plain: DamperSpec, tests: tuple[DamperTest, ...], options: argpar
 
 def _search(options: argparse.Namespace) -> Search | None:
     """What the command line asks for; `None` leaves it to the model."""
-    genetic = options.population is not None or options.generations is not None
-    if options.search == "multistart":
-        if genetic or options.law:
-            raise SettingError(
-                "--search multistart takes neither --population, --generations nor --law; leave them or --search out"
-            )
-        return Multistart()
-    if options.search is None and not genetic:
+    sized = options.population is not None or options.generations is not None
+    if options.search == "multistart" and (sized or options.law):
+        raise SettingError(
+            "--search multistart takes neither --population, --generations nor --law; leave them or --search out"
+        )
+    if options.search is None and not sized:
         return None
-    search = EfficientGA()
+    search = search_named(options.search or "genetic")
+    if isinstance(search, Multistart):
+        return search
+    # A protocol is not known to be a dataclass, but every search of the registry is one.
+    settings: Any = search
     if options.population is not None:
-        search = replace(search, population=options.population)
+        settings = replace(settings, population=options.population)
     if options.generations is not None:
-        search = replace(search, stop=replace(search.stop, max_generations=options.generations))
-    return search
+        settings = replace(settings, stop=replace(settings.stop, max_generations=options.generations))
+    found: Search = settings
+    return found

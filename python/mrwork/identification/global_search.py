@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from mrwork.identification.problem import Problem
 from mrwork.identification.search_ranges import search_box
 from mrwork.identification.settings import Start
 from mrwork.records.window import excerpt
-from mrwork.search import EfficientGA, GAState, SearchInterrupted, SearchResult, run_search
+from mrwork.search import Optimiser, SearchInterrupted, SearchResult, run_search
 from mrwork.search.loop import GenerationEvent
 
 # Of a plain model, and of a model whose starts are drawn through fits at each command.
@@ -78,7 +79,7 @@ class ExplorationInterrupted(KeyboardInterrupt):
 
 
 def explore(problem: Problem, *, on_search: OnSearch) -> Exploration:
-    """Search the parameters of a plain model, or genetically those of the plain model at each command.
+    """Search the parameters of a plain model, or with laws those of the plain model at each command.
 
     Raises
     ------
@@ -135,11 +136,11 @@ def _course(found: Found) -> SearchTrace:
 
 
 def _explore_plain(
-    objective: Objective, form: Form, search: EfficientGA, *, rng: int, on_search: OnSearch
+    objective: Objective, form: Form, search: Optimiser[Any], *, rng: int, on_search: OnSearch
 ) -> Exploration:
     box = search_box(form.spec, form.box, objective.tests)
 
-    def on_generation(event: GenerationEvent[GAState]) -> None:
+    def on_generation(event: GenerationEvent[Any]) -> None:
         share = event.generation / search.stop.max_generations
         on_search(event.generation, event.best_misfit, event.median_misfit, share)
 
@@ -164,7 +165,7 @@ def _explore_plain(
 
 
 def _explore_levels(
-    objective: Objective, form: Form, search: EfficientGA, *, rng: int, on_search: OnSearch
+    objective: Objective, form: Form, search: Optimiser[Any], *, rng: int, on_search: OnSearch
 ) -> Exploration:
     # SciPy's optimisers are slow to load and needed from here on only.
     from mrwork.dampers.spec import damper
@@ -189,12 +190,12 @@ def _explore_levels(
     levels = levels_of(form.spec, excerpts)
     commands = sorted(levels)
     fits: list[LevelFit] = []
-    searches: list[SearchResult[GAState]] = []
+    searches: list[SearchResult[Any]] = []
 
     def at(command: float) -> Objective:
         return objective.on(plain, levels[command])
 
-    def on_generation(event: GenerationEvent[GAState]) -> None:
+    def on_generation(event: GenerationEvent[Any]) -> None:
         share = event.generation / search.stop.max_generations
         on_search(event.generation, event.best_misfit, event.median_misfit, share / len(levels))
 
@@ -255,7 +256,7 @@ def _reached(form: Form, reach: Box) -> Box:
     return form.box.with_bounds(narrowed)
 
 
-def _trace(searches: list[SearchResult[GAState]]) -> SearchTrace:
+def _trace(searches: list[SearchResult[Any]]) -> SearchTrace:
     """Traces one after the other; `evaluations` goes on counting."""
     evaluations: list[int] = []
     for search in searches:
@@ -269,7 +270,7 @@ def _trace(searches: list[SearchResult[GAState]]) -> SearchTrace:
     )
 
 
-def _check_found(spec: DamperSpec, found: SearchResult[GAState]) -> None:
+def _check_found(spec: DamperSpec, found: SearchResult[Any]) -> None:
     if len(found.elite) == 0:
         raise _nothing_found(spec, found.evaluations)
 

@@ -20,7 +20,7 @@ from mrwork.identification.problem import Problem
 from mrwork.identification.progress import Progress, Stopped, Watch
 from mrwork.identification.provenance import fingerprint_of
 from mrwork.identification.result import fit_at
-from mrwork.identification.settings import Engine, FitSettings, Search, Start
+from mrwork.identification.settings import Engine, FitSettings, Search, Start, search_named
 from mrwork.records import DamperTest
 from mrwork.store import Journal
 
@@ -41,7 +41,7 @@ def identify(
     model: DamperSpec | str,
     tests: DamperTest | Sequence[DamperTest],
     *,
-    search: Search | None = None,
+    search: Search | str | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     nuisances: Sequence[NuisanceName] = (),
     starts: Sequence[Start] = (),
@@ -54,9 +54,9 @@ def identify(
 ) -> Fit:
     """Identify one damper model from one or several tests of the same damper.
 
-    A plain model is descended from many starts in lanes. If asked it is searched genetically instead, and its best
-    finds are screened. A model with current laws starts from fits at each command. All end in lanes, with exact
-    derivatives; the last descent can be had on the JAX twin for comparison.
+    A plain model is descended from many starts in lanes. If asked it is searched by another algorithm instead, and
+    its best finds are screened. A model with current laws starts from fits at each command. All end in lanes, with
+    exact derivatives; the last descent can be had on the JAX twin for comparison.
 
     Parameters
     ----------
@@ -65,7 +65,8 @@ def identify(
     tests
         One test or several; each weighs the same, whatever its length and force, unless `power` says otherwise.
     search
-        Settings of the search; default `Multistart()`, for a model with current laws `EfficientGA()`.
+        A search with its settings, or its name in the registry; default `Multistart()`, for a model with current laws
+        `EfficientGA()`.
     bounds
         Parameter name to (lower, upper); equal bounds hold it fixed. Others have their admissible range.
     nuisances
@@ -102,7 +103,7 @@ def identify(
         Where a bound or a power is impossible, a start cannot be used, `Multistart` is to search current laws, or the
         twin is asked to follow an observation model.
     UnknownNameError
-        Where a start names what the model does not have.
+        Where a start names what the model does not have, or there is no such search.
     SimulationError
         Where no candidate at all could be simulated.
     JournalError
@@ -118,7 +119,7 @@ def identify(
     92.08
     """
     settings = FitSettings(
-        search=search,
+        search=search_named(search) if isinstance(search, str) else search,
         bounds=dict(bounds or {}),
         starts=tuple(dict(start) for start in starts),
         power=power,

@@ -59,7 +59,8 @@ class Problem:
         settings = _completed(settings, spec)
         if spec.current is not None and isinstance(settings.search, Multistart):
             raise SettingError(
-                f"`search` is Multistart, this {spec.name} has current laws; give EfficientGA, or leave it out"
+                f"`search` is Multistart, this {spec.name} has current laws; "
+                "give an optimiser such as EfficientGA, or leave it out"
             )
         check_starts(spec, identifiable_form(spec, settings.bounds), settings.starts)
         problem = cls._prepared(spec, tests, settings, threads=threads, journal=journal)

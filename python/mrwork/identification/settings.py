@@ -6,14 +6,17 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
 from typing import Any, Literal, get_args, get_type_hints
 
-from mrwork.errors import RecordError, SettingError
+from mrwork.errors import RecordError, SettingError, UnknownNameError
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.objective import ROOT_MEAN_SQUARE
-from mrwork.search import EfficientGA
+from mrwork.search.loop import Optimiser
+from mrwork.search.registry import OPTIMISERS, PEERS
 
-Search = Multistart | EfficientGA
-SEARCHES: Mapping[str, type[Search]] = {"multistart": Multistart, "genetic": EfficientGA}
+# Any: each optimiser has states of its own kind.
+Search = Multistart | Optimiser[Any]
+# Every search by the name that a user gives and a record keeps, with its default settings.
+SEARCHES: Mapping[str, Search] = {"multistart": Multistart(), **OPTIMISERS, **PEERS}
 
 # Where the last descent runs: in lanes, with derivatives of dual numbers, or on the JAX twin.
 Engine = Literal["lanes", "twin"]
@@ -92,7 +95,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(entry) for entry in value]
     if is_dataclass(value):
-        kind = next(name for name, search in SEARCHES.items() if type(value) is search)
+        kind = next(name for name, search in SEARCHES.items() if type(value) is type(search))
         return {"kind": kind} | asdict(value)  # type: ignore[arg-type] # an instance, no class
     return value
 
@@ -108,7 +111,7 @@ def _search_of(record: Mapping[str, Any]) -> Search:
     if kind is None:
         # Records of version 0.1 do not say it; then there were two, with no field in common.
         kind = "genetic" if "population" in record else "multistart"
-    search: Search = _built(SEARCHES[kind], record)
+    search: Search = _built(type(SEARCHES[kind]), record)
     return search
 
 
@@ -121,3 +124,16 @@ def _built(kind: type, record: Mapping[str, Any]) -> Any:
             for name, value in values.items()
         }
     )
+
+
+def search_named(name: str) -> Search:
+    """The search called `name`, with its default settings.
+
+    Raises
+    ------
+    UnknownNameError
+        Where there is none; the message lists those there are.
+    """
+    if name not in SEARCHES:
+        raise UnknownNameError(f"there is no search called {name!r}; choose one of {', '.join(SEARCHES)}")
+    return SEARCHES[name]

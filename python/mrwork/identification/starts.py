@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from mrwork.identification.levenberg_marquardt import Descended, descend
 from mrwork.identification.objective import Objective
 from mrwork.identification.search_ranges import search_box
 from mrwork.records import DamperTest
-from mrwork.search import EfficientGA, GAState, SearchResult, run_search
+from mrwork.search import Optimiser, SearchResult, run_search
 from mrwork.search.loop import GenerationEvent
 from mrwork.simulate import loading_of
 
@@ -41,7 +42,7 @@ class LevelFit:
 
     command: float
     finds: NDArray[np.float64]
-    search: SearchResult[GAState] | None
+    search: SearchResult[Any] | None
 
 
 def levels_of(spec: DamperSpec, tests: tuple[DamperTest, ...]) -> dict[float, tuple[DamperTest, ...]]:
@@ -75,9 +76,9 @@ def search_level(
     box: Box,
     command: float,
     *,
-    search: EfficientGA,
+    search: Optimiser[Any],
     rng: int,
-    on_generation: Callable[[GenerationEvent[GAState]], None],
+    on_generation: Callable[[GenerationEvent[Any]], None],
 ) -> LevelFit:
     """Fit the plain model at one command from a genetic search."""
     searched = search_box(objective.spec, box, objective.tests)

@@ -30,8 +30,9 @@ def png_bytes(figure: Figure) -> bytes:
 
 
 def inline_svg(figure: Figure, *, identifier: str, description: str) -> str:
-    """An `<svg>` element that scales with its column; its letters are text in the font that the page brings, `description` is read aloud.
+    """An `<svg>` element that scales with its column; `description` is read aloud.
 
+    Its letters are text in the font that the page brings along.
     `identifier` keeps the element's names apart from those of the other figures of the page.
     """
     text = _saved(figure, font_type="none").replace(f"'{font.SHIPPED_FAMILY}'", f"'{font.FAMILY}'")

@@ -15,7 +15,7 @@ from mrwork.search.standard_genetic import StandardGA
 # Any: each optimiser has states of its own kind.
 OPTIMISERS: Mapping[str, Optimiser[Any]] = {
     "standard_ga": StandardGA(),
-    "efficient_ga": EfficientGA(),
+    "genetic": EfficientGA(),
     "particle_swarm": ParticleSwarm(),
     "particle_swarm_constriction": CONSTRICTION,
     "differential_evolution": DifferentialEvolution(),
