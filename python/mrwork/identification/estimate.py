@@ -35,7 +35,7 @@ def estimates_of(
         remark: Remark = ""
         if parameter.name in form.held:
             remark = "fixed"
-        elif form.spec is spec:
+        elif form.spec == spec:
             remark = remark_of(form.box, index, value)
         error = None
         if errors is not None and remark == "":

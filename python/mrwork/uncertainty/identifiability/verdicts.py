@@ -32,8 +32,8 @@ def identifiability_of(
     Of a parameter that the fit held to settle a scale that no data settle, as `A` of the Spencer Bouc-Wen, there is no
     verdict, but the direction that made it necessary is named. A parameter on its bound counts as known for the others.
     """
-    spec, theta = fit.spec, np.array(fit.theta)
     problem = Problem.of_fit(fit, tuple(tests), threads=threads)
+    spec, theta = problem.spec, np.array(fit.theta)
     box = Box.of(spec).with_bounds(problem.settings.bounds)
     held = {each.name for each in fit.estimates if each.remark == "fixed"}
     objective = problem.objective.on(spec, problem.objective.tests)
@@ -41,7 +41,7 @@ def identifiability_of(
     interior = [index for index in box.free if remark_of(box, index, theta[index]) == ""]
     inside = box.with_bounds({name: (value, value) for name, value in _on_bound(box, theta, interior)})
     ranges = scaled_ranges(spec, box, objective.tests, theta)
-    if problem.form.spec is spec:
+    if problem.form.spec == spec:
         jacobian = _jacobian(objective, inside, theta)
     else:
         jacobian = _through(problem, theta)[:, interior]
