@@ -14,11 +14,10 @@ from mrwork.dampers.spec import damper, damper_models
 from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
-from mrwork.identification.free_run import judge
+from mrwork.identification.free_run import fit_quality, judge
 from mrwork.identification.identify import IdentificationInterrupted, identify
 from mrwork.identification.objective import Objective
 from mrwork.identification.progress import Progress
-from mrwork.identification.quality import fit_quality
 from mrwork.identification.search_ranges import search_box
 from mrwork.identification.standard_error import covariance
 from mrwork.records import DamperTest

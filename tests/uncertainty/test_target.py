@@ -122,7 +122,8 @@ def test_histories_and_sums_of_squares_tell_the_same(rng: np.random.Generator) -
     position = positions(rng)
     # A gain of 1 + 1e-13 wants the history, and changes nothing that shows.
     observed = replace(small_test(), observation=Observation(gain=1.0 + 1e-13))
-    of_histories = replace(target, objective=replace(target.objective, tests=(observed,)))
+    objective = target.objective
+    of_histories = replace(target, objective=objective.on(objective.spec, (observed,)))
     assert not of_histories.objective.is_direct
     np.testing.assert_allclose(of_histories(position), target(position), rtol=1e-9)
 

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from mrwork.bench.search_job import SearchJob
-from mrwork.identification.objective import weight_of
 
 Array = NDArray[np.float64]
 RESOLUTION = 1.4
@@ -79,7 +78,7 @@ class NumbaObjective:
             force=test.force,
             dt=test.dt,
             first=test.n_settle,
-            weight=weight_of(test, 1),
+            weight=job.objective.compared[0].weight(1),
             peak_velocity=history.peak_velocity,
             reversal_acceleration=history.reversal_acceleration,
         )

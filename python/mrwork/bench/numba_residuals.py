@@ -20,7 +20,6 @@ from scipy.interpolate import CubicSpline
 
 from mrwork.bench.numba_objective import FASTMATH, FORMS, MAX_SUBSTEPS, RESOLUTION
 from mrwork.bench.refine_job import RefineJob
-from mrwork.identification.objective import weight_of
 
 Array = NDArray[np.float64]
 
@@ -67,7 +66,7 @@ class NumbaResiduals:
         self.begin = np.concatenate([[0], np.cumsum([test.n_time for test in tests])])
         self.first = np.array([test.n_settle for test in tests])
         self.out = np.concatenate([[0], np.cumsum([test.n_time - test.n_settle for test in tests])])
-        self.weight = np.array([weight_of(test, len(tests)) for test in tests])
+        self.weight = np.array([each.weight(len(tests)) for each in job.objective.compared])
         self.dt = np.array([test.dt for test in tests])
         self.peak = np.array([history.peak_velocity for history in histories])
         self.reversal = np.array([history.reversal_acceleration for history in histories])

@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from mrwork.bench.attempt import Attempt, AttemptEnded, RustObjective
 from mrwork.bench.search_job import SearchJob
 from mrwork.bench.search_peers import pyswarms
-from mrwork.identification.objective import weight_of
 
 Solver = Literal["RK45", "LSODA"]
 SOLVERS: tuple[Solver, ...] = ("RK45", "LSODA")
@@ -61,7 +60,7 @@ def misfit_by(solver: Solver, job: SearchJob) -> Callable[[NDArray[np.float64]],
 
     test = job.test
     time_axis = test.time - test.start_time
-    weight = weight_of(test, 1)
+    weight = job.objective.compared[0].weight(1)
 
     def misfit(theta: NDArray[np.float64]) -> float:
         c, k, x0, k_w, rho, sigma, n, mu, share, w_s = theta.tolist()

@@ -6,13 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import SimulationError
-from mrwork.identification.fit import FitQuality
-from mrwork.identification.nuisance import NuisanceName, nuisance_of
-from mrwork.identification.quality import fit_quality
+from mrwork.identification.fit import ErrorNorms, FitQuality
+from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
+from mrwork.identification.residual import ObservedTest
 from mrwork.records import DamperTest
-from mrwork.records.observation import delayed
-from mrwork.simulate import Outcome, loading_of, simulate_forces
 
 
 def judge(
@@ -35,14 +32,47 @@ def judge(
     SimulationError
         Where the simulation diverges or cannot be resolved.
     """
-    result = simulate_forces(
-        spec, theta[None], loading_of(test, spec).history(), substep_factor=substep_factor
+    observed = ObservedTest.of(spec, test, nuisances)
+    force, nuisance, substeps = observed.predicted(theta, substep_factor=substep_factor)
+    return force, fit_quality(test, force, substeps=substeps, nuisance=nuisance)
+
+
+def fit_quality(
+    test: DamperTest, force: NDArray[np.float64], *, substeps: int, nuisance: Nuisance = NONE
+) -> FitQuality:
+    """Compare a free-run force [N], shape (n_time,), as the rig would have recorded it, with the measured one.
+
+    `E_t = e_t/s_F` and likewise `E_x`, `E_v`, with `e_t^2 = int r^2 dt`, `e_x^2 = int r^2 |x'| dt`,
+    `e_v^2 = int r^2 |v'| dt` and `s_F^2 = int (F - mean F)^2 dt` (Spencer et al. 1997, eqs. 13-16);
+    `fit % = 100 (1 - |r|/|F - mean F|)`, `NRMSE = rms(r)/std(F)`.
+    """
+    counted = test.counted
+    residual = (force - test.force)[counted]
+    deviation = test.force[counted] - test.force[counted].mean()
+    velocity = test.velocity[counted]
+    acceleration = np.gradient(test.velocity, test.dt)[counted]
+    s_F = np.trapezoid(deviation**2)
+    norms = (np.trapezoid(residual**2 * weight) / s_F for weight in (1.0, abs(velocity), abs(acceleration)))
+    e_t, e_x, e_v = (float(np.sqrt(norm)) for norm in norms)
+    rmse = float(np.sqrt(np.mean(residual**2)))
+    nrmse = rmse / float(np.std(test.force[counted]))
+    return FitQuality(
+        test=test.name,
+        fit_percent=100.0 * (1.0 - nrmse),
+        nrmse=nrmse,
+        rmse_n=rmse,
+        error_norms=ErrorNorms(time=e_t, displacement=e_x, velocity=e_v),
+        residual_autocorrelation=_lag_one(residual),
+        n_time=residual.size,
+        settle_seconds=test.n_settle * test.dt,
+        substeps=substeps,
+        observation=test.observation,
+        nuisance=nuisance,
     )
-    outcome = Outcome(result.outcome[0])
-    if outcome is not Outcome.FINISHED:
-        raise SimulationError(f"{spec.name} on {test.name} ended as {outcome.name.lower()}: {outcome.remedy}")
-    force = test.observation.observe(result.force[0], test.dt)
-    nuisance = nuisance_of(force[test.counted], test.force[test.counted], test.dt, nuisances)
-    if nuisances:
-        force = nuisance.level * delayed(force, nuisance.delay / test.dt) + nuisance.offset
-    return force, fit_quality(test, force, substeps=int(result.substeps[0]), nuisance=nuisance)
+
+
+def _lag_one(residual: NDArray[np.float64]) -> float:
+    """Correlation of the residual with itself one sample later."""
+    centred = residual - residual.mean()
+    power = float(centred @ centred)
+    return float(centred[1:] @ centred[:-1]) / power if power > 0.0 else 0.0

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.identification.nuisance import linearised_without_nuisance
-from mrwork.identification.objective import Objective, weight_of
-from mrwork.records import AS_IT_IS
-from mrwork.simulate import Outcome, simulate_sensitivities
+from mrwork.identification.objective import Objective
 
 # Numbers of a Jacobian that are held in memory beside the one that is returned: 64 MiB.
 _NUMBERS = 1 << 23
@@ -48,22 +44,9 @@ def _block(
     slices = [slice(end - length, end) for end, length in zip(ends, lengths, strict=True)]
 
     def fill(index: int, threads: int) -> None:
-        test = objective.tests[index]
-        run = simulate_sensitivities(
-            objective.spec, theta, objective.histories[index], columns=columns, threads=threads
-        )
-        failed = run.outcome != Outcome.FINISHED
-        run.force[failed] = 0.0
-        run.jacobian[failed] = 0.0
-        observed, slope = run.force, run.jacobian
-        if test.observation != AS_IT_IS:
-            observed = test.observation.observe(observed, test.dt)
-            slope = replace(test.observation, offset=0.0).observe(slope, test.dt)
-        counted = test.counted
-        own, derivative = linearised_without_nuisance(
-            observed[:, counted], slope[..., counted], test.force[counted], objective.nuisances
-        )
-        weight = weight_of(test, len(objective.tests))
+        each = objective.compared[index]
+        own, derivative, failed = each.linearised(theta, columns, threads=threads)
+        weight = each.weight(len(objective.compared))
         np.multiply(own, weight, out=residuals[:, slices[index]])
         np.multiply(derivative, weight, out=jacobian[..., slices[index]])
         residuals[failed, slices[index]] = 1.0

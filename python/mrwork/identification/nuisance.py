@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec
+from mrwork.records.observation import delayed
 
 NuisanceName = Literal["offset", "level", "delay"]
 
@@ -30,6 +31,10 @@ class Nuisance:
             (self.delay, f"late by {1e3 * self.delay:.3g} ms"),
         ]
         return ", ".join(text for value, text in parts if value != 0.0)
+
+    def applied(self, force: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
+        """`force` [N], shape (n_time,), sampled every `dt` [s], as the channel of this test would have it."""
+        return np.asarray(self.level * delayed(force, self.delay / dt) + self.offset)
 
 
 NONE = Nuisance()

@@ -12,15 +12,10 @@ from numpy.typing import NDArray
 from mrwork import _rust
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
-from mrwork.identification.nuisance import NuisanceName, without_nuisance
+from mrwork.identification.nuisance import NuisanceName
+from mrwork.identification.residual import ObservedTest
 from mrwork.records import AS_IT_IS, DamperTest
-from mrwork.simulate import (
-    Misfits,
-    Outcome,
-    loading_of,
-    simulate_forces,
-    simulate_misfits,
-)
+from mrwork.simulate import Misfits, Outcome, simulate_misfits
 from mrwork.store import Journal, digest_of
 
 # Rows whose residuals are held in memory at once where a misfit needs the whole history.
@@ -74,8 +69,7 @@ class Objective:
     """
 
     spec: DamperSpec
-    tests: tuple[DamperTest, ...]
-    histories: tuple[_rust.LoadingHistory, ...]
+    compared: tuple[ObservedTest, ...]
     nuisances: tuple[NuisanceName, ...] = ()
     power: float = ROOT_MEAN_SQUARE
     threads: int = 0
@@ -97,11 +91,9 @@ class Objective:
         """Spline the motions of the tests once, for all candidates."""
         if not tests:
             raise RecordError("no test was given to identify from; name at least one file")
-        histories = tuple(loading_of(test, spec).history() for test in tests)
         return cls(
             spec=spec,
-            tests=tests,
-            histories=histories,
+            compared=tuple(ObservedTest.of(spec, test, nuisances) for test in tests),
             nuisances=nuisances,
             power=power,
             threads=threads,
@@ -127,6 +119,16 @@ class Objective:
             return compute()
         names = [test.name for test in self.tests]
         return self.journal.once(step, digest_of(self.spec.name, names, *inputs), kind, compute)
+
+    @property
+    def tests(self) -> tuple[DamperTest, ...]:
+        """The tests."""
+        return tuple(each.test for each in self.compared)
+
+    @property
+    def histories(self) -> tuple[_rust.LoadingHistory, ...]:
+        """Their splined motions."""
+        return tuple(each.history for each in self.compared)
 
     @property
     def is_plain(self) -> bool:
@@ -178,7 +180,7 @@ class Objective:
             )
         if thresholds is not None:
             return self._limited(theta, thresholds)
-        own = [weight_of(test, 1) ** 2 for test in self.tests]
+        own = [each.weight(1) ** 2 for each in self.compared]
         squared = [run.squared_error * weight for run, weight in zip(self.misfits(theta), own, strict=True)]
         return self._mean(np.array(squared))
 
@@ -192,8 +194,8 @@ class Objective:
         # What the tests may still add to the sum of powers of the NRMSE.
         allowance = n_tests * thresholds**self.power
         for index in sorted(range(n_tests), key=lambda index: -self.tally.told.get(index, np.inf)):
-            test = self.tests[index]
-            weight = weight_of(test, 1) ** 2
+            test = self.compared[index].test
+            weight = self.compared[index].weight(1) ** 2
             allowed = np.maximum(allowance[remaining], 0.0) ** (2.0 / self.power)
             run = self._simulated(index, theta[remaining], allowed * (_MARGIN / weight))
             substeps[remaining] = run.substeps
@@ -233,13 +235,13 @@ class Objective:
     def _simulated(
         self, index: int, theta: NDArray[np.float64], limits: NDArray[np.float64] | None = None
     ) -> Misfits:
-        test, history = self.tests[index], self.histories[index]
+        each = self.compared[index]
         run = simulate_misfits(
             self.spec,
             theta,
-            history,
-            test.force,
-            first=test.n_settle,
+            each.history,
+            each.test.force,
+            first=each.test.n_settle,
             limits=limits,
             threads=self.threads,
         )
@@ -266,18 +268,8 @@ class Objective:
     def _parts(self, theta: NDArray[np.float64], *, failure: float) -> Iterator[NDArray[np.float64]]:
         """Weighted residuals test by test, shape (n_batch, n_counted); rows that failed have this value."""
         self.tally.simulations += len(theta)
-        for test, history in zip(self.tests, self.histories, strict=True):
-            run = simulate_forces(self.spec, theta, history, threads=self.threads)
-            failed = run.outcome != Outcome.FINISHED
-            run.force[failed] = 0.0
-            observed = test.observation.observe(run.force, test.dt)[:, test.counted]
-            residuals = without_nuisance(observed, test.force[test.counted], self.nuisances)
-            residuals *= weight_of(test, len(self.tests))
+        for each in self.compared:
+            residuals, failed = each.residuals(theta, threads=self.threads)
+            residuals *= each.weight(len(self.compared))
             residuals[failed] = failure
             yield residuals
-
-
-def weight_of(test: DamperTest, n_tests: int) -> float:
-    """What residuals [N] are multiplied by, so that the sum of their squares over all tests is the squared misfit."""
-    force = test.force[test.counted]
-    return float(1.0 / np.sqrt(np.var(force) * force.size * n_tests))

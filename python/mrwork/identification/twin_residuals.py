@@ -11,7 +11,7 @@ import numpy as np
 
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.nuisance import NuisanceName
-from mrwork.identification.objective import Objective, weight_of
+from mrwork.identification.objective import Objective
 from mrwork.simulate import loading_of
 from mrwork.twins._base import simulate
 
@@ -92,15 +92,15 @@ class TwinResiduals:
 def arrays_of(objective: Objective, substeps: tuple[int, ...]) -> tuple[RecordArrays, ...]:
     """What the tests of an objective give the twin, with so many sub-steps each."""
     entries = []
-    for test, history, count in zip(objective.tests, objective.histories, substeps, strict=True):
-        command = loading_of(test, objective.spec).command
+    for each, count in zip(objective.compared, substeps, strict=True):
+        command = loading_of(each.test, objective.spec).command
         entries.append(
             RecordArrays(
-                dt=jnp.asarray(test.dt),
-                motion=jnp.asarray(history.stages(count)),
+                dt=jnp.asarray(each.test.dt),
+                motion=jnp.asarray(each.history.stages(count)),
                 command=jnp.asarray(0.0 if command is None else command),
-                force=jnp.asarray(test.force[test.counted]),
-                weight=jnp.asarray(weight_of(test, len(objective.tests))),
+                force=jnp.asarray(each.measured),
+                weight=jnp.asarray(each.weight(len(objective.compared))),
             )
         )
     return tuple(entries)

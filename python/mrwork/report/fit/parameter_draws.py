@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.fit import Fit
-from mrwork.identification.nuisance import NuisanceName, nuisance_of
 from mrwork.identification.problem import Problem
+from mrwork.identification.residual import ObservedTest
 from mrwork.records import DamperTest
-from mrwork.records.observation import delayed
 from mrwork.report.stored_draws import StoredDraws
 from mrwork.uncertainty.bands.parametric import simulate_draws
 from mrwork.uncertainty.noise import noise_model
@@ -65,9 +64,5 @@ def drawn_forces(fit: Fit, draws: ParameterDraws, test: DamperTest) -> Array | N
         return None
     if not fit.nuisances:
         return forces
-    return np.array([_relieved(force, test, fit.nuisances) for force in forces])
-
-
-def _relieved(force: Array, test: DamperTest, nuisances: tuple[NuisanceName, ...]) -> Array:
-    found = nuisance_of(force[test.counted], test.force[test.counted], test.dt, nuisances)
-    return np.asarray(found.level * delayed(force, found.delay / test.dt) + found.offset)
+    observed = ObservedTest.of(fit.spec, test, fit.nuisances)
+    return np.array([observed.relieved(force)[0] for force in forces])

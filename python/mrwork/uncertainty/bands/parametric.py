@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SimulationError
+from mrwork.identification.residual import ObservedTest
 from mrwork.records import DamperTest
-from mrwork.simulate import Outcome, loading_of, simulate_forces
 from mrwork.uncertainty.bands.band import Band
 from mrwork.uncertainty.noise import Noise
 
@@ -32,14 +32,13 @@ def simulate_draws(
     SimulationError
         Where more than a tenth of the draws cannot be simulated; fewer are left out.
     """
-    run = simulate_forces(spec, theta, loading_of(test, spec).history(), threads=threads)
-    finished = run.outcome == Outcome.FINISHED
-    if np.mean(finished) < 0.9:
+    forces, failed = ObservedTest.of(spec, test).forces(theta, threads=threads)
+    if np.mean(~failed) < 0.9:
         raise SimulationError(
-            f"{np.count_nonzero(~finished)} of {len(theta)} draws cannot be simulated on {test.path or test.name}; "
+            f"{np.count_nonzero(failed)} of {len(theta)} draws cannot be simulated on {test.path or test.name}; "
             "the posterior reaches where the model is too stiff: narrow the prior, or sample the record more finely"
         )
-    return np.asarray(test.observation.observe(run.force[finished], test.dt))
+    return forces[~failed]
 
 
 def parameter_band(forces: NDArray[np.float64], level: float) -> Band:

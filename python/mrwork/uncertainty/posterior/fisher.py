@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.identification.linearisation import linearised
-from mrwork.identification.objective import weight_of
 from mrwork.uncertainty.posterior.target import Target
 
 Array = NDArray[np.float64]
@@ -30,8 +29,8 @@ def residual_slope(target: Target, position: Array) -> tuple[Array, Array]:
     n_tests = len(objective.tests)
     own = np.concatenate(
         [
-            np.full(test.n_time - test.n_settle, 1.0 / (weight_of(test, n_tests) * deviation))
-            for test, deviation in zip(objective.tests, target.deviations, strict=True)
+            np.full(each.measured.size, 1.0 / (each.weight(n_tests) * deviation))
+            for each, deviation in zip(objective.compared, target.deviations, strict=True)
         ]
     )
     return residuals[0] * own, np.asarray(space.slope(values).T @ (slopes[0] * own))

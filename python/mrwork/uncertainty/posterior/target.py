@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import Form
-from mrwork.identification.nuisance import without_nuisance
 from mrwork.identification.objective import Objective
-from mrwork.simulate import Outcome, simulate_forces
 from mrwork.uncertainty.autocorrelation import effective_samples
 from mrwork.uncertainty.noise import Iid, Noise
 from mrwork.uncertainty.posterior.prior import Prior
@@ -74,7 +72,7 @@ class Target:
             objective=objective,
             noise=noise,
             space=Space.of(form, noise, priors),
-            deviations=tuple(float(np.std(test.force[test.counted])) for test in objective.tests),
+            deviations=tuple(each.deviation for each in objective.compared),
             temper=1.0,
         )
         if tempering is None:
@@ -125,15 +123,10 @@ class Target:
         """
         objective = self.objective
         objective.tally.simulations += len(theta)
-        each = zip(objective.tests, objective.histories, self.deviations, strict=True)
-        for test, history, deviation in each:
-            run = simulate_forces(objective.spec, theta, history, threads=objective.threads)
-            failed = run.outcome != Outcome.FINISHED
-            run.force[failed] = 0.0
-            observed = test.observation.observe(run.force, test.dt)[:, test.counted]
-            measured = test.force[test.counted]
-            residual = without_nuisance(observed, measured, objective.nuisances) / deviation
-            force = residual + (measured - measured.mean()) / deviation
+        for each, deviation in zip(objective.compared, self.deviations, strict=True):
+            residual, failed = each.residuals(theta, threads=objective.threads)
+            residual /= deviation
+            force = residual + (each.measured - each.measured.mean()) / deviation
             residual[failed] = 0.0
             force[failed] = 0.0
             yield residual, force, failed

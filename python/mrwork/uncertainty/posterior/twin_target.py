@@ -37,7 +37,7 @@ def twin_log_posterior(target: Target, substeps: tuple[int, ...]) -> LogDensity:
         jnp.asarray(history.stages(count))
         for history, count in zip(objective.histories, substeps, strict=True)
     ]
-    measured = [jnp.asarray(test.force[test.counted]) for test in objective.tests]
+    measured = [jnp.asarray(each.measured) for each in objective.compared]
 
     def log_posterior(position: Array) -> Array:
         values, inside = space.values(position)

@@ -1,0 +1,119 @@
+"""The observed residual: simulate a test, observe it as its rig did, count, relieve of nuisances, weigh.
+
+Whatever compares a model with tests asks here: misfits and descents, likelihoods, predictions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork import _rust
+from mrwork.dampers.spec import DamperSpec
+from mrwork.errors import SimulationError
+from mrwork.identification.nuisance import (
+    Nuisance,
+    NuisanceName,
+    linearised_without_nuisance,
+    nuisance_of,
+    without_nuisance,
+)
+from mrwork.records import AS_IT_IS, DamperTest
+from mrwork.simulate import Outcome, loading_of, simulate_forces, simulate_sensitivities
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ObservedTest:
+    """One test as a model is compared with it; its `history` is splined once, for all candidates.
+
+    Residuals are the model's force less the measured one [N], over the samples that count, with the nuisance
+    parameters at their best for each candidate.
+    """
+
+    spec: DamperSpec
+    test: DamperTest
+    history: _rust.LoadingHistory
+    nuisances: tuple[NuisanceName, ...] = ()
+
+    @classmethod
+    def of(cls, spec: DamperSpec, test: DamperTest, nuisances: tuple[NuisanceName, ...] = ()) -> ObservedTest:
+        """Spline the motion of the test."""
+        return cls(spec=spec, test=test, history=loading_of(test, spec).history(), nuisances=nuisances)
+
+    @property
+    def measured(self) -> Array:
+        """The measured force that counts [N], shape (n_counted,)."""
+        return self.test.force[self.test.counted]
+
+    @property
+    def deviation(self) -> float:
+        """Standard deviation of the measured force that counts [N]."""
+        return float(np.std(self.measured))
+
+    def weight(self, n_tests: int) -> float:
+        """Factor of residuals [N] that makes the sum of their squares over all tests the squared misfit."""
+        measured = self.measured
+        return float(1.0 / np.sqrt(np.var(measured) * measured.size * n_tests))
+
+    def forces(self, theta: Array, *, threads: int = 0) -> tuple[Array, NDArray[np.bool_]]:
+        """Force of each row of `theta` as recorded [N], shape (n_batch, n_time), and which rows failed.
+
+        A row that failed is that of a force of zero.
+        """
+        run = simulate_forces(self.spec, theta, self.history, threads=threads)
+        failed = run.outcome != Outcome.FINISHED
+        run.force[failed] = 0.0
+        return self.test.observation.observe(run.force, self.test.dt), failed
+
+    def residuals(self, theta: Array, *, threads: int = 0) -> tuple[Array, NDArray[np.bool_]]:
+        """Residuals of each row of `theta` [N], shape (n_batch, n_counted), and which rows failed."""
+        force, failed = self.forces(theta, threads=threads)
+        return without_nuisance(force[:, self.test.counted], self.measured, self.nuisances), failed
+
+    def linearised(
+        self, theta: Array, columns: Sequence[int], *, threads: int = 0
+    ) -> tuple[Array, Array, NDArray[np.bool_]]:
+        """Residuals with their exact derivatives, from one simulation of each row, and which rows failed.
+
+        Derivatives with respect to columns of `theta`, shape (n_batch, n_columns, n_counted), zero where a row failed.
+        """
+        run = simulate_sensitivities(self.spec, theta, self.history, columns=columns, threads=threads)
+        failed = run.outcome != Outcome.FINISHED
+        run.force[failed] = 0.0
+        run.jacobian[failed] = 0.0
+        observation, dt, counted = self.test.observation, self.test.dt, self.test.counted
+        force, slope = run.force, run.jacobian
+        if observation != AS_IT_IS:
+            force = observation.observe(force, dt)
+            slope = replace(observation, offset=0.0).observe(slope, dt)
+        residuals, derivative = linearised_without_nuisance(
+            force[:, counted], slope[..., counted], self.measured, self.nuisances
+        )
+        return residuals, derivative, failed
+
+    def relieved(self, force: Array) -> tuple[Array, Nuisance]:
+        """One recorded `force` [N], shape (n_time,), with the nuisance parameters at their best, and these."""
+        nuisance = nuisance_of(force[self.test.counted], self.measured, self.test.dt, self.nuisances)
+        return nuisance.applied(force, self.test.dt) if self.nuisances else force, nuisance
+
+    def predicted(self, theta: Array, *, substep_factor: int = 1) -> tuple[Array, Nuisance, int]:
+        """Force of one set of parameters as recorded [N], shape (n_time,), its nuisance parameters, its sub-steps.
+
+        Raises
+        ------
+        SimulationError
+            Where the simulation diverges or cannot be resolved.
+        """
+        run = simulate_forces(self.spec, theta[None], self.history, substep_factor=substep_factor)
+        outcome = Outcome(run.outcome[0])
+        if outcome is not Outcome.FINISHED:
+            raise SimulationError(
+                f"{self.spec.name} on {self.test.name} ended as {outcome.name.lower()}: {outcome.remedy}"
+            )
+        force, nuisance = self.relieved(self.test.observation.observe(run.force[0], self.test.dt))
+        return force, nuisance, int(run.substeps[0])
