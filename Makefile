@@ -26,7 +26,7 @@ lint: $(VENV)/.built $(VENV)/.dev
 	$(BIN)/ruff check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	cd python && MYPYPATH=. ../$(BIN)/stubtest mrwork._rust
+	cd python && MYPYPATH=. ../$(BIN)/stubtest --mypy-config-file ../pyproject.toml mrwork._rust
 
 format: $(VENV)/.dev
 	cargo fmt

@@ -57,7 +57,7 @@ pub enum DynamicsError {
     NoColumn {
         /// The model.
         model: &'static str,
-        /// The column asked for.
+        /// The column.
         column: usize,
         /// Number of columns.
         n_columns: usize,
@@ -155,7 +155,7 @@ pub enum DynamicsError {
         /// The entries it should have.
         expected: &'static str,
     },
-    /// The caller asked to stop.
+    /// The caller cancelled.
     #[error("the simulation was cancelled")]
     Cancelled,
     /// No threads to run on.

@@ -1,5 +1,5 @@
-//! The one time-stepping rule: classical Runge-Kutta on the record's own grid, with as many equal
-//! sub-steps per sample as the candidate's stiffness asks for.
+//! The time-stepping rule: classical Runge-Kutta on the grid of the record, with a number of equal sub-steps per sample
+//! that follows from the stiffness of the candidate.
 
 use crate::current_law::CurrentLaws;
 use crate::damper::model::{DamperModel, Motion, Severity, State};
@@ -7,21 +7,19 @@ use crate::loading::LoadingHistory;
 use crate::parameters::FromSlice;
 use crate::real::Real;
 
-/// Most sub-steps per sample interval that a candidate may ask for.
+/// Most sub-steps per sample interval of a candidate.
 ///
-/// Fits to measured tests at 100 to 1000 Hz take 1 to 64; a candidate far beyond has run away, and would hold up a
-/// search for the rest.
+/// Fits to measured tests at 100 to 1000 Hz take 1 to 64; a candidate far beyond would only delay a search.
 pub const MAX_SUBSTEPS: u32 = 256;
 
-/// Most times that count may be multiplied.
+/// Largest factor on that number.
 pub const MAX_SUBSTEP_FACTOR: u32 = 64;
 
 /// Largest product of step and stiffness bound. Classical Runge-Kutta is stable to 2.78; on measured tests at
 /// 1.4 the fit differs from the resolved one by less than 0.01 points, at 2.8 by up to 0.15.
 pub(crate) const RESOLUTION: f64 = 1.4;
 
-/// Bound of the fastest relaxation of the states [1/s] at the stiffest of these commands; not a finite number where the
-/// states have no bound.
+/// Upper bound of the fastest relaxation rate of the states [1/s] over these commands; not finite if unbounded.
 pub(crate) fn stiffness_bound<M: DamperModel>(
     theta: &[f64],
     laws: &CurrentLaws,

@@ -1,4 +1,4 @@
-//! The ideal active force: what a linear regulator wants, given in full.
+//! Ideal active control: the force of a linear regulator without limits.
 
 use super::clipped_optimal::GAIN;
 use super::{ControlLaw, Gains, LawSpec, Measurement};

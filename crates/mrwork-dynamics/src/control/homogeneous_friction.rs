@@ -3,7 +3,7 @@
 use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, where_positive};
 use crate::lanes::Lanes;
 
-/// On while the force is below what the last peak calls for.
+/// On while the force is below the friction wanted at the last peak.
 pub struct ModulatedHomogeneousFriction;
 
 impl ControlLaw for ModulatedHomogeneousFriction {

@@ -1,4 +1,4 @@
-//! The inverse of the damper as a small network: from motion and wanted force to command.
+//! The inverse of the damper as a small neural network: command as a function of motion and wanted force.
 
 use super::clipped_optimal::GAIN;
 use super::{ControlLaw, Gains, LawSpec, Measurement, within};

@@ -13,7 +13,7 @@ parameters! {
     => per_v_s: R = R::splat(1.0) / v_s;
 }
 
-/// Coulomb friction, smoothed, beside a dashpot.
+/// Smoothed Coulomb friction in parallel with a dashpot.
 pub struct Bingham;
 
 impl DamperModel for Bingham {

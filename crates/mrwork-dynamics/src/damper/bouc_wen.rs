@@ -61,7 +61,7 @@ impl DamperModel for BoucWen {
     }
 }
 
-/// The loop [gamma, beta, A, n], made ready for many steps.
+/// The loop [gamma, beta, A, n], with what every step needs computed once.
 #[derive(Clone, Copy)]
 pub struct Hysteresis<R: Real> {
     gamma: R,
@@ -76,7 +76,7 @@ impl<R: Real> Hysteresis<R> {
         Self { gamma, beta, a, exponent: Exponent::of(n) }
     }
 
-    /// z' driven at the velocity v.
+    /// z' at the velocity v.
     #[inline(always)]
     pub(super) fn rate(&self, z: R, v: R) -> R {
         let power = powf(z.abs(), &self.exponent);
@@ -94,7 +94,7 @@ pub(super) struct Normalised {
     pub sigma: f64,
 }
 
-/// `None` where the loop [gamma, beta, A, n] has no bound, and so its stiffness has none.
+/// `None` if the state of the loop [gamma, beta, A, n] is unbounded, and with it the stiffness.
 pub(super) fn normalised([gamma, beta, a, n]: [f64; 4]) -> Option<Normalised> {
     let sum = beta + gamma;
     let z_max = (a / sum).powf(1.0 / n);

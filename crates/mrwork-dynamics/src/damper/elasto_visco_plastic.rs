@@ -62,9 +62,9 @@ impl DamperModel for ElastoViscoPlastic {
 
     /// The spring force relaxes at `k_s/q' + r`, `k_s = rho f_y`, fastest where the core is fastest, at |u| = |v|.
     ///
-    /// While the core gives way, u itself runs off at u' |q''|/q', at most `k_s (v - u)/(2 c v_r)`, reached where
-    /// `f_y/v_r sech^2(u/v_r) = c`; v there is what the acceleration after a reversal has made of it over the travel
-    /// that turns the spring round, 2/rho.
+    /// While the core yields, u grows at the rate u' |q''|/q', at most `k_s (v - u)/(2 c v_r)`, reached where
+    /// `f_y/v_r sech^2(u/v_r) = c`; v there follows from the acceleration after a reversal over the travel that reverses
+    /// the spring force, 2/rho.
     fn stiffness_bound(p: &Parameters<f64>, loading: Severity) -> f64 {
         let Severity { peak_velocity, reversal_acceleration } = loading;
         let stiffness = p.rho * p.f_y;
@@ -77,8 +77,8 @@ impl DamperModel for ElastoViscoPlastic {
     }
 }
 
-/// The core in terms of `e = exp(-2 |u|/v_r)`: tanh is (1 - e)/(1 + e), and sech^2 = 4 e/(1 + e)^2 keeps its digits
-/// where 1 - tanh^2 would lose them all, which is where a small c leaves the slope to it.
+/// The core in terms of `e = exp(-2 |u|/v_r)`: tanh is (1 - e)/(1 + e), and sech^2 = 4 e/(1 + e)^2 stays accurate where
+/// 1 - tanh^2 cancels, which matters for a small c.
 struct Core<R> {
     e: R,
     one_plus_e: R,

@@ -15,7 +15,7 @@ parameters! {
     per_tau: R = R::splat(1.0) / tau;
 }
 
-/// A Bingham element, a Kelvin-Voigt element and a spring, one behind the other.
+/// A Bingham element, a Kelvin-Voigt element and a spring in series.
 pub struct ExtendedBingham;
 
 impl DamperModel for ExtendedBingham {
@@ -57,7 +57,7 @@ impl DamperModel for ExtendedBingham {
         (p.rho * p.f_c).mul_add(motion.displacement - x_b - x_k, p.f0)
     }
 
-    /// The rates are linear, before yield and beyond; no eigenvalue exceeds the sum of the diagonal.
+    /// The rates are linear before and after yield; no eigenvalue exceeds the sum of the diagonal.
     fn stiffness_bound(p: &Parameters<f64>, _: Severity) -> f64 {
         p.rho * p.f_c / p.c0 + (1.0 + p.a) / p.tau
     }

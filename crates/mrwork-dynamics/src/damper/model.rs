@@ -1,4 +1,4 @@
-//! The trait that a damper model implements, and what its functions take.
+//! The trait of damper models and the types of its functions.
 
 use crate::parameters::{FromSlice, ParamSpec};
 use crate::real::Real;
@@ -14,9 +14,9 @@ pub struct DamperSpec {
     pub equation: &'static str,
     /// Use and limitations of the model.
     pub description: &'static str,
-    /// Where the equations come from.
+    /// Source of the equations.
     pub source: &'static str,
-    /// Where the nominal parameter values come from, and whether they were verified.
+    /// Source of the nominal values, and whether they were verified.
     pub nominal_source: &'static str,
     /// Parameters, in order.
     pub parameters: &'static [ParamSpec],

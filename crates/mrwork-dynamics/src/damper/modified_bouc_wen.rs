@@ -6,7 +6,7 @@ use super::normalised_modified_bouc_wen::fastest_relaxation;
 use crate::parameters::parameters;
 use crate::real::Real;
 
-/// Motionr voltage at which the nominal values hold [V].
+/// Driver voltage of the nominal values [V].
 const VOLTAGE: f64 = 2.25;
 
 parameters! {
@@ -24,7 +24,7 @@ parameters! {
     mobility: R = R::splat(1.0) / (c0 + c1);
 }
 
-/// The Bouc-Wen element behind a dashpot.
+/// The Bouc-Wen element in series with a dashpot.
 pub struct ModifiedBoucWen;
 
 impl DamperModel for ModifiedBoucWen {

@@ -19,7 +19,7 @@ parameters! {
     => hysteresis: Hysteresis<R> = Hysteresis::of([rho, sigma, n]);
 }
 
-/// The Bouc-Wen element with its redundancy taken out.
+/// The Bouc-Wen element without its redundant parameter.
 pub struct NormalisedBoucWen;
 
 impl DamperModel for NormalisedBoucWen {
@@ -59,7 +59,7 @@ impl DamperModel for NormalisedBoucWen {
     }
 }
 
-/// The loop [rho, sigma, n], made ready for many steps.
+/// The loop [rho, sigma, n], with what every step needs computed once.
 #[derive(Clone, Copy)]
 pub struct Hysteresis<R: Real> {
     rho: R,
@@ -73,7 +73,7 @@ impl<R: Real> Hysteresis<R> {
         Self { rho, sigma, exponent: Exponent::of(n) }
     }
 
-    /// w' driven at the velocity v.
+    /// w' at the velocity v.
     #[inline(always)]
     pub(super) fn rate(&self, w: R, v: R) -> R {
         let power = powf(w.abs(), &self.exponent);

@@ -22,7 +22,7 @@ parameters! {
     mobility: R = R::splat(1.0) / (c0 + c1);
 }
 
-/// The modified Bouc-Wen model with its redundancy taken out.
+/// The modified Bouc-Wen model without its redundant parameter.
 pub struct NormalisedModifiedBoucWen;
 
 impl DamperModel for NormalisedModifiedBoucWen {
@@ -78,18 +78,17 @@ pub(super) fn series_rate<R: Real>(
     c0.mul_add(motion.velocity, elastic) * mobility
 }
 
-/// Share of the relaxation of a saturated loop that counts. There it only has to be stable: w is within a few
-/// per cent of +-1, and an error falls to less than a half with each sub-step. So step times relaxation may be 2.15
-/// there instead of 1.4.
+/// Weight of the relaxation rate of a saturated loop. There the step only has to be stable: w is within a few per cent of
+/// +-1, and an error falls to less than a half with each sub-step. So step times relaxation rate may be 2.15 instead of 1.4.
 const SATURATED: f64 = 0.65;
 
 /// Largest relaxation of y and w along a trajectory [1/s].
 ///
 /// The loop is driven at `g = (c1 v - k_w w - k0 (x - y))/(c0 + c1)`. While it loads, `k_w w` opposes c1 v, so |g| is at
 /// most c1 |v|/(c0 + c1), and so is its acceleration; where it is saturated, less by `k_w/(c0 + c1)`. On its knee g is
-/// what that acceleration has made of it since the reversal, over a travel of 2/rho. Through g, w pulls back on
-/// itself at `rho k_w/(c0 + c1)` times the slope of the loop, 2 sigma at most, or 1; and y on itself at k0/(c0 + c1).
-/// A record that starts in motion crosses its first knee at full velocity, and errs there for a few sub-steps.
+/// the integral of that acceleration since the reversal, over a travel of 2/rho. Through g, w has a feedback on itself at
+/// `rho k_w/(c0 + c1)` times the slope of the loop, at most 2 sigma or 1; y has one at k0/(c0 + c1). A record that starts
+/// in motion crosses its first knee at full velocity and is inaccurate there for a few sub-steps.
 pub(super) fn fastest_relaxation(
     [c0, k0, c1, k_w]: [f64; 4],
     [rho, sigma, n]: [f64; 3],

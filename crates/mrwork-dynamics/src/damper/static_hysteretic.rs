@@ -56,7 +56,7 @@ impl DamperModel for StaticHysteretic {
 }
 
 impl StaticHysteretic {
-    /// The force where `tanh(x/x_s)` is known already.
+    /// The force for a given `side = tanh(x/x_s)`.
     #[inline(always)]
     pub(crate) fn force_on_side<R: Real>(p: &Parameters<R>, side: R, motion: Motion<R>) -> R {
         let Motion { displacement: x, velocity: v } = motion;

@@ -12,7 +12,7 @@ parameters! {
     f0: "N", Offset, -1e8 .. 1e8, nominal 40.0, "force offset";
 }
 
-/// Dahl's friction beside a dashpot.
+/// Dahl's friction in parallel with a dashpot.
 pub struct ViscousDahl;
 
 impl DamperModel for ViscousDahl {
