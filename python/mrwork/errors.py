@@ -40,8 +40,9 @@ class JournalError(MrworkError, ValueError):
 class Interrupted(KeyboardInterrupt):
     """Ctrl-C during a long computation; `result` is what it had found so far.
 
-    The type of the result is that of the function that was interrupted. It is a KeyboardInterrupt, no MrworkError:
-    whoever does not ask for the result sees Ctrl-C as always.
+    The result is of the type that the docstring of the interrupted function names; a function that calls another one
+    and is interrupted in it raises its own. It is a KeyboardInterrupt, no MrworkError: whoever does not ask for the
+    result sees Ctrl-C as always.
     """
 
     def __init__(self, result: Any, task: str = "computation") -> None:

@@ -11,11 +11,11 @@ import pytest
 
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import damper, damper_models
-from mrwork.errors import RecordError, SettingError, SimulationError
+from mrwork.errors import Interrupted, RecordError, SettingError, SimulationError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
 from mrwork.identification.free_run import fit_quality, judge
-from mrwork.identification.identify import IdentificationInterrupted, identify
+from mrwork.identification.identify import identify
 from mrwork.identification.objective import Objective
 from mrwork.identification.progress import Progress
 from mrwork.identification.search_ranges import search_box
@@ -127,9 +127,9 @@ def test_stopping_early_returns_the_best_found_so_far(record: DamperTest) -> Non
         if len(seen) == 3:
             signal.raise_signal(signal.SIGINT)
 
-    with pytest.raises(IdentificationInterrupted) as stop:
+    with pytest.raises(Interrupted) as stop:
         identify("normalised_bouc_wen", record, rng=1, on_progress=interrupt_in_the_third_generation)
-    best = stop.value.fit
+    best = stop.value.result
     assert best.status == "interrupted"
     assert best.fit_percent == pytest.approx(seen[-1].fit_percent, abs=1e-9)
     assert all(estimate.standard_error is None for estimate in best.estimates)
@@ -143,9 +143,9 @@ def test_an_interrupt_during_refinement_keeps_the_screened_best(record: DamperTe
             signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
         stages.append(progress.stage)
 
-    with pytest.raises(IdentificationInterrupted) as stop:
+    with pytest.raises(Interrupted) as stop:
         identify("normalised_bouc_wen", record, search=SEARCH, rng=1, on_progress=interrupt_once_refining)
-    assert stop.value.fit.fit_percent > 99.0
+    assert stop.value.result.fit_percent > 99.0
 
 
 def test_quality_of_a_perfect_model_is_perfect_and_of_the_mean_is_zero(record: DamperTest) -> None:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from mrwork.dampers.spec import damper
-from mrwork.errors import RecordError, SettingError
+from mrwork.errors import Interrupted, RecordError, SettingError
 from mrwork.identification.free_run import judge
-from mrwork.identification.identify import IdentificationInterrupted, identify
+from mrwork.identification.identify import identify
 from mrwork.identification.nuisance import nuisance_of, without_nuisance
 from mrwork.identification.objective import Objective
 from mrwork.identification.progress import Progress
@@ -187,9 +187,9 @@ def test_an_interrupt_of_the_first_search_keeps_its_best(tests: tuple[DamperTest
         if progress.stage == "search" and progress.count > 500:
             raise KeyboardInterrupt
 
-    with pytest.raises(IdentificationInterrupted) as caught:
+    with pytest.raises(Interrupted) as caught:
         identify(PRESET.spec, tests, search=SEARCH, bounds=FIXED, rng=2, on_progress=interrupt)
-    kept = caught.value.fit
+    kept = caught.value.result
     assert kept.status == "interrupted"
     assert kept.spec == PRESET.spec
     # One command was looked at: every law is flat, and fits that command better than nothing.

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mrwork.cli import main
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import damper
-from mrwork.errors import SettingError
+from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.identify import identify
 from mrwork.identification.levenberg_marquardt import descend
@@ -19,7 +19,6 @@ from mrwork.identification.levenberg_marquardt_batch import descend_all
 from mrwork.identification.multistart import (
     Found,
     Multistart,
-    MultistartInterrupted,
     distinct_minima,
     search_starts,
 )
@@ -97,9 +96,9 @@ def test_an_interrupt_keeps_the_best_so_far() -> None:
         if len(found.best) == 4:
             raise KeyboardInterrupt
 
-    with pytest.raises(MultistartInterrupted) as interrupt:
+    with pytest.raises(Interrupted) as interrupt:
         search_starts(objective(), FORM.box, SEARCHED, Multistart(), rng=0, on_iteration=stop)
-    found = interrupt.value.found
+    found = interrupt.value.result
     assert found.stop_reason == "interrupted"
     assert objective()(found.theta[:1])[0] == found.misfit[0] == found.best[-1]
 

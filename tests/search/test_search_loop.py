@@ -11,11 +11,10 @@ import numpy as np
 import pytest
 from search_problems import flat, half_failing, sphere, with_floor
 
-from mrwork.errors import SettingError
+from mrwork.errors import Interrupted, SettingError
 from mrwork.search import (
     EfficientGA,
     EliteRule,
-    SearchInterrupted,
     StopRules,
     arrays_of,
     run_replicates,
@@ -210,7 +209,7 @@ def interrupted_after(completed, calls):
 @pytest.mark.parametrize("completed", [0, 5])
 def test_interrupt_carries_what_the_completed_generations_found(completed):
     calls = []
-    with pytest.raises(SearchInterrupted) as caught:
+    with pytest.raises(Interrupted) as caught:
         run_search(EfficientGA(), interrupted_after(completed, calls), rng=0, n_params=3)
     result = caught.value.result
     assert isinstance(caught.value, KeyboardInterrupt)
@@ -223,9 +222,9 @@ def test_interrupted_search_goes_on_as_if_it_never_was():
     optimiser = only_capped(20)
     settings = {"rng": 0, "n_params": 3, "replicates": [0, 3]}
     whole = run_replicates(optimiser, sphere, **settings)
-    with pytest.raises(SearchInterrupted) as caught:
+    with pytest.raises(Interrupted) as caught:
         run_replicates(optimiser, interrupted_after(7, []), **settings)
-    resumed = run_replicates(optimiser, sphere, **settings, state=caught.value.run.state)
+    resumed = run_replicates(optimiser, sphere, **settings, state=caught.value.result.state)
     assert_same_bits(whole.state, resumed.state)
 
 

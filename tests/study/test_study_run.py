@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from command_line import printed
 
-from mrwork.errors import JournalError
+from mrwork.errors import Interrupted, JournalError
 from mrwork.report.study.stored_histories import Histories
 from mrwork.report.unfinished import begin_journal
 from mrwork.simulate import Outcome
 from mrwork.store import Journal
 from mrwork.study.reading import read_study
 from mrwork.study.results import StudyResults
-from mrwork.study.run import StudyInterrupted, StudyProgress, run_study
+from mrwork.study.run import StudyProgress, run_study
 from mrwork.study.run_result import History
 from mrwork.study.study import Study
 
@@ -120,9 +120,9 @@ def test_the_ideal_force_does_not_depend_on_how_many_dampers_it_replaces(path: P
 
 def test_an_interrupted_study_has_what_is_done_and_resumes_to_the_bit(study: Study, tmp_path: Path) -> None:
     whole = ran(study, tmp_path / "whole")
-    with pytest.raises(StudyInterrupted) as interrupted:
+    with pytest.raises(Interrupted) as interrupted:
         ran(study, tmp_path / "journal", interrupt=4)
-    assert len(interrupted.value.results.runs) == 4
+    assert len(interrupted.value.result.runs) == 4
     lines = (tmp_path / "journal").read_text().count("\n")
     resumed = ran(study, tmp_path / "journal", resume=True)
     assert resumed.rows == whole.rows
@@ -268,7 +268,7 @@ def test_the_verb_goes_on_with_a_killed_study(
         if progress.done == 4:
             raise KeyboardInterrupt
 
-    with pytest.raises(StudyInterrupted):
+    with pytest.raises(Interrupted):
         run_study(study, journal=journal, kept=histories.kept, keep=histories.keep, on_progress=on_progress)
     journal.close()
     resumed = json.loads(printed(capsys, "respond", path, "--out", out, "--json", "--resume"))

@@ -14,12 +14,12 @@ import pytest
 from sinusoidal_tests import MOTIONS, PER_CYCLE, sinusoidal_test
 
 from mrwork.cli import parser
-from mrwork.errors import MrworkError, SettingError, UnknownNameError
+from mrwork.errors import Interrupted, MrworkError, SettingError, UnknownNameError
 from mrwork.identification.multistart import Multistart
 from mrwork.records import DamperTest
 from mrwork.report.unfinished_comparison import StepJournals
 from mrwork.store import Journal
-from mrwork.uncertainty.choice.choose import ChoiceInterrupted, choose_model
+from mrwork.uncertainty.choice.choose import choose_model
 from mrwork.uncertainty.choice.comparison import Choice, ChoiceProgress
 from mrwork.uncertainty.choice.held_out import halves
 
@@ -115,12 +115,12 @@ def test_interrupted_and_resumed_is_as_if_nothing_had_happened(
         )
     if (model, task) == ("dahl", "left out 1"):
         # Nothing was judged yet.
-        assert not isinstance(interrupted.value, ChoiceInterrupted)
+        assert not isinstance(interrupted.value, Interrupted)
     else:
-        assert isinstance(interrupted.value, ChoiceInterrupted)
-        missing = interrupted.value.choice.ranking.missing
+        assert isinstance(interrupted.value, Interrupted)
+        missing = interrupted.value.result.ranking.missing
         assert missing == (("viscous_dahl",) if model == "viscous_dahl" else ())
-        assert all(each.elpd is None for each in interrupted.value.choice.ranking.standings)
+        assert all(each.elpd is None for each in interrupted.value.result.ranking.standings)
     resumed = choose_model(two, compared, search=FEW, threads=1, journal_of=StepJournals(place, resume=True))
     assert standings(resumed) == standings(whole)
     assert resumed.ranking.sentence == whole.ranking.sentence

@@ -10,12 +10,12 @@ import pytest
 from posterior_samples import MODEL, small_fit, small_test
 from scipy.stats import norm
 
-from mrwork.errors import JournalError, SettingError
+from mrwork.errors import Interrupted, JournalError, SettingError
 from mrwork.uncertainty.posterior.diagnosis import diagnose, next_check
 from mrwork.uncertainty.posterior.draws import Draws, summary_of
 from mrwork.uncertainty.posterior.ensemble import Ensemble
 from mrwork.uncertainty.posterior.prior import Normal, Uniform
-from mrwork.uncertainty.posterior.sample import SamplingInterrupted, SamplingProgress, sample_posterior
+from mrwork.uncertainty.posterior.sample import SamplingProgress, sample_posterior
 
 
 def standard_normal(position: np.ndarray) -> np.ndarray:
@@ -148,12 +148,12 @@ def test_an_interrupted_chain_goes_on_to_the_same_bits_on_any_threads(tmp_path: 
         )
 
     whole = sampled("whole.h5", threads=1)
-    with pytest.raises(SamplingInterrupted) as interrupted:
+    with pytest.raises(Interrupted) as interrupted:
         sampled("pieces.h5", threads=threads, on_progress=interrupt)
-    assert 40 < interrupted.value.steps < whole.n_steps
-    kept = interrupted.value.draws
+    assert 40 < interrupted.value.result.n_steps < whole.n_steps
+    kept = interrupted.value.result.draws()
     assert kept.status == "interrupted"
-    assert kept.n_steps == interrupted.value.steps
+    assert kept.n_steps == interrupted.value.result.n_steps
     again = sampled("pieces.h5", threads=threads, resume=True)
     assert again.n_steps == whole.n_steps
     np.testing.assert_array_equal(again.theta, whole.theta)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import damper
-from mrwork.errors import MrworkError, SettingError, UnknownNameError
+from mrwork.errors import Interrupted, MrworkError, SettingError, UnknownNameError
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify
 from mrwork.identification.levenberg_marquardt import descend
@@ -23,7 +23,6 @@ from mrwork.uncertainty.identifiability.curvature import Scaled, curvature
 from mrwork.uncertainty.identifiability.profile import Profile, Profiles
 from mrwork.uncertainty.identifiability.profiling import (
     ProfileProgress,
-    ProfilesInterrupted,
     profile_likelihood,
 )
 from mrwork.uncertainty.identifiability.verdicts import identifiability_of
@@ -208,9 +207,9 @@ def test_an_interrupt_keeps_what_there_is(fit: Fit, test: DamperTest, found: Pro
         if progress.points >= 10:
             raise KeyboardInterrupt
 
-    with pytest.raises(ProfilesInterrupted) as interrupt:
+    with pytest.raises(Interrupted) as interrupt:
         profile_likelihood(fit, [test], on_progress=stop)
-    kept = interrupt.value.profiles
+    kept = interrupt.value.result
     assert kept.status == "interrupted"
     assert sum(len(each.values) - 1 for each in kept.profiles) >= 10
     assert {each.lower_end for each in kept.profiles} <= {"interrupted", "closed", "bound"}

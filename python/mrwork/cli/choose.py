@@ -21,7 +21,7 @@ from mrwork.cli.laws import command_unit, laws_of
 from mrwork.cli.observe import nuisances_of, observed
 from mrwork.cli.options import parse_bounds, reading_of
 from mrwork.cli.progress import ChoiceLine
-from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
+from mrwork.errors import Interrupted, JournalError, MrworkError, OutputError, SettingError
 from mrwork.identification.settings import Search
 from mrwork.report.run_directory import FIT, MODELS, RANKING, check_destination
 from mrwork.report.unfinished_comparison import StepJournals
@@ -69,7 +69,7 @@ def is_choice(options: argparse.Namespace) -> bool:
 def run(options: argparse.Namespace, search: Search | None) -> int:
     """Identify and rank, write the run directory of the best, say what came out."""
     # What weighs models loads SciPy, which no other identification needs so soon.
-    from mrwork.uncertainty.choice.choose import ChoiceInterrupted, choose_model
+    from mrwork.uncertainty.choice.choose import choose_model
 
     models: str | list[str] = ALL if options.model == ALL else options.model.split(",")
     reading = reading_of(options)
@@ -96,8 +96,8 @@ def run(options: argparse.Namespace, search: Search | None) -> int:
             on_progress=line,
             journal_of=journals,
         )
-    except ChoiceInterrupted as interrupt:
-        choice, status = interrupt.choice, 130
+    except Interrupted as interrupt:
+        choice, status = interrupt.result, 130
     except MrworkError as error:
         # What cannot be compared at all is not worth going on with; another disk or another setting may be.
         if not options.resume and not isinstance(error, JournalError | OutputError):

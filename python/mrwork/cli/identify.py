@@ -24,8 +24,8 @@ from mrwork.cli.observe import add_observation, nuisances_of, observed
 from mrwork.cli.options import add_files, add_json, parse_bounds, reading_of
 from mrwork.cli.progress import ProgressLine
 from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
-from mrwork.identification.identify import IdentificationInterrupted, identify
+from mrwork.errors import Interrupted, JournalError, MrworkError, OutputError, SettingError
+from mrwork.identification.identify import identify
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.settings import SEARCHES, Engine, Search, search_named
 from mrwork.identification.warm_start import start_from
@@ -154,8 +154,8 @@ def run(options: argparse.Namespace) -> int:
             on_progress=line,
             journal=journal,
         )
-    except IdentificationInterrupted as interrupt:
-        fit, status = interrupt.fit, 130
+    except Interrupted as interrupt:
+        fit, status = interrupt.result, 130
     except MrworkError as error:
         # What cannot be identified at all is not worth going on with; another disk or another setting may be.
         hopeless = not options.resume and not isinstance(error, JournalError | OutputError)

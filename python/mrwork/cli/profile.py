@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.options import add_json
 from mrwork.cli.run_page import renew_dossier
-from mrwork.errors import SettingError
+from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.verdict import Identifiability
 from mrwork.report.additions import add_to_run
@@ -58,7 +58,7 @@ def run(options: argparse.Namespace) -> int:
     if options.threads < 0:
         raise SettingError(f"--threads is {options.threads}; it cannot be negative")
     # SciPy's optimisers are slow to load, and not wanted where help is.
-    from mrwork.uncertainty.identifiability.profiling import ProfilesInterrupted, profile_likelihood
+    from mrwork.uncertainty.identifiability.profiling import profile_likelihood
     from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
     opened = reopen(options.place)
@@ -73,8 +73,8 @@ def run(options: argparse.Namespace) -> int:
             threads=options.threads,
             on_progress=line,
         )
-    except ProfilesInterrupted as interrupt:
-        profiles, status = interrupt.profiles, 130
+    except Interrupted as interrupt:
+        profiles, status = interrupt.result, 130
     finally:
         line.close()
     seen = identifiability_of(opened.fit, opened.tests, threads=options.threads)

@@ -16,7 +16,7 @@ from mrwork import __version__
 from mrwork.cli.identified import note
 from mrwork.cli.options import add_json
 from mrwork.cli.progress import StudyLine
-from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
+from mrwork.errors import Interrupted, JournalError, MrworkError, OutputError, SettingError
 from mrwork.store import digest_of
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def run(options: argparse.Namespace) -> int:
     from mrwork.report.study.stored_histories import Histories
     from mrwork.report.unfinished import begin_journal, discard_journal, is_copy, resume_journal
     from mrwork.study.reading import read_study
-    from mrwork.study.run import StudyInterrupted, run_study
+    from mrwork.study.run import run_study
 
     began = time.perf_counter()
     study = read_study(options.study, _identified, seed=options.seed)
@@ -93,8 +93,8 @@ def run(options: argparse.Namespace) -> int:
             check_step=options.check_step,
             threads=options.threads,
         )
-    except StudyInterrupted as interrupt:
-        results, status = interrupt.results, 130
+    except Interrupted as interrupt:
+        results, status = interrupt.result, 130
     except MrworkError as error:
         hopeless = not options.resume and not isinstance(error, JournalError | OutputError)
         if hopeless or is_copy(place, journal):

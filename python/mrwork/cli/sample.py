@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from mrwork.cli.options import add_json
 from mrwork.cli.progress import SamplingLine
 from mrwork.cli.run_page import renew_dossier
-from mrwork.errors import OutputError, SettingError
+from mrwork.errors import Interrupted, OutputError, SettingError
 from mrwork.report.reopen import reopen
 from mrwork.report.run_directory import CHAIN, DRAWS
 from mrwork.uncertainty.posterior.prior import parse_prior
@@ -71,7 +71,7 @@ def run(options: argparse.Namespace) -> int:
     priors = dict(parse_prior(text) for text in options.prior)
     opened = reopen(options.run_directory)
     # ArviZ, emcee and HDF5 take seconds to load.
-    from mrwork.uncertainty.posterior.sample import SamplingInterrupted, sample_posterior
+    from mrwork.uncertainty.posterior.sample import sample_posterior
 
     line = SamplingLine(quiet=options.quiet or options.json)
     try:
@@ -90,11 +90,11 @@ def run(options: argparse.Namespace) -> int:
             resume=options.resume,
             on_progress=line,
         )
-    except SamplingInterrupted as interrupt:
+    except Interrupted as interrupt:
         line.close()
         print(
-            f"mrwork: interrupted; {interrupt.steps} steps are kept in {opened.place / CHAIN}, the same with --resume "
-            "goes on",
+            f"mrwork: interrupted; {interrupt.result.n_steps} steps are kept in {opened.place / CHAIN}, "
+            "the same with --resume goes on",
             file=sys.stderr,
         )
         return 130

@@ -3,7 +3,6 @@ from .fit import Fit as Fit
 from .fit import FitQuality as FitQuality
 from .fit import SearchTrace as SearchTrace
 from .free_run import judge as judge
-from .identify import IdentificationInterrupted as IdentificationInterrupted
 from .multistart import Multistart as Multistart
 from .objective import Objective as Objective
 from .progress import Progress as Progress

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import SimulationError
+from mrwork.errors import Interrupted, SimulationError
 from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import SearchTrace
 from mrwork.identification.multistart import (
     Found,
     Multistart,
-    MultistartInterrupted,
     distinct_minima,
     search_starts,
 )
@@ -26,7 +25,7 @@ from mrwork.identification.problem import Problem
 from mrwork.identification.search_ranges import search_box
 from mrwork.identification.settings import Start
 from mrwork.records.window import excerpt
-from mrwork.search import Optimiser, SearchInterrupted, SearchResult, run_search
+from mrwork.search import Optimiser, SearchResult, run_search
 from mrwork.search.loop import GenerationEvent
 
 # Of a plain model, and of a model whose starts are drawn through fits at each command.
@@ -69,15 +68,6 @@ class Exploration:
         return replace(self, starts=np.array([*self.starts, *inside]))
 
 
-class ExplorationInterrupted(KeyboardInterrupt):
-    """Ctrl-C during an exploration; `theta` is the best so far, shape (n_params,)."""
-
-    def __init__(self, theta: NDArray[np.float64], trace: SearchTrace) -> None:
-        super().__init__("exploration interrupted")
-        self.theta = theta
-        self.trace = trace
-
-
 def explore(problem: Problem, *, on_search: OnSearch) -> Exploration:
     """Search the parameters of a plain model, or with laws those of the plain model at each command.
 
@@ -85,8 +75,8 @@ def explore(problem: Problem, *, on_search: OnSearch) -> Exploration:
     ------
     SimulationError
         Where no candidate could be simulated.
-    ExplorationInterrupted
-        On Ctrl-C, carrying the best so far.
+    Interrupted
+        On Ctrl-C, carrying an exploration whose one start is the best so far.
     """
     objective, form, search, rng = problem.objective, problem.form, problem.search, problem.settings.rng
     if isinstance(search, Multistart):
@@ -109,11 +99,11 @@ def _descend_plain(
         found = search_starts(
             objective, form.box, box, search, rng=rng, mirrored=form.mirrored, on_iteration=on_iteration
         )
-    except MultistartInterrupted as interrupt:
-        found = interrupt.found
+    except Interrupted as interrupt:
+        found = interrupt.result
         if not len(found.theta):
-            raise
-        raise ExplorationInterrupted(found.theta[0], _course(found)) from interrupt
+            raise KeyboardInterrupt from interrupt
+        raise _interrupted(objective, form, found.theta[0], _course(found)) from interrupt
     if not len(found.theta):
         raise _nothing_found(form.spec, found.evaluations[-1])
     return Exploration(
@@ -153,12 +143,12 @@ def _explore_plain(
             on_generation=on_generation,
             journal=objective.journal,
         )
-    except SearchInterrupted as interrupt:
+    except Interrupted as interrupt:
         result = interrupt.result
         if not np.isfinite(result.best_misfit):
-            raise
+            raise KeyboardInterrupt from interrupt
         theta = np.asarray(box.theta_from_unit(result.best_unit))
-        raise ExplorationInterrupted(theta, _trace([result])) from interrupt
+        raise _interrupted(objective, form, theta, _trace([result])) from interrupt
     _check_found(form.spec, found)
     starts = np.asarray(box.theta_from_unit(found.elite[:_STARTS]))
     return Exploration(objective=objective, form=form, starts=starts, trace=_trace([found]))
@@ -218,15 +208,15 @@ def _explore_levels(
                 best = float(here(neighbour.finds[:1])[0])
                 on_search(0, best, np.nan, len(fits) / len(levels))
     except KeyboardInterrupt as interrupt:
-        if isinstance(interrupt, SearchInterrupted) and np.isfinite(interrupt.result.best_misfit):
+        if isinstance(interrupt, Interrupted) and np.isfinite(interrupt.result.best_misfit):
             searched = search_box(plain, box, levels[commands[middle]])
             find = np.asarray(searched.theta_from_unit(interrupt.result.best_unit))
             fits.append(LevelFit(command=commands[middle], finds=find[None], search=None))
             searches.append(interrupt.result)
         if not fits:
-            raise
+            raise KeyboardInterrupt from interrupt
         theta = joint_starts(form.spec, fits, 1, rng=rng)[0]
-        raise ExplorationInterrupted(theta, _trace(searches)) from interrupt
+        raise _interrupted(objective, form, theta, _trace(searches)) from interrupt
     fits.sort(key=lambda fit: fit.command)
     joint = objective.on(form.spec, excerpts)
     starts = joint_starts(form.spec, fits, _JOINT_STARTS, rng=rng)
@@ -240,6 +230,13 @@ def _explore_levels(
         starts=np.array([joint_form.box.inside(start) for start in starts]),
         trace=_trace(searches),
     )
+
+
+def _interrupted(
+    objective: Objective, form: Form, best: NDArray[np.float64], trace: SearchTrace
+) -> Interrupted:
+    so_far = Exploration(objective=objective, form=form, starts=best[None], trace=trace)
+    return Interrupted(so_far, "exploration")
 
 
 def _reached(form: Form, reach: Box) -> Box:

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.errors import SimulationError
+from mrwork.errors import Interrupted, SimulationError
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace
-from mrwork.identification.global_search import ExplorationInterrupted, explore
+from mrwork.identification.global_search import explore
 from mrwork.identification.interruptible import interruptible
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.problem import Problem
@@ -27,14 +27,6 @@ from mrwork.store import Journal
 if TYPE_CHECKING:
     from mrwork.identification.levenberg_marquardt import Descended
     from mrwork.identification.polish import Polished
-
-
-class IdentificationInterrupted(KeyboardInterrupt):
-    """Ctrl-C during an identification; `fit` is the best found so far."""
-
-    def __init__(self, fit: Fit) -> None:
-        super().__init__("identification interrupted")
-        self.fit = fit
 
 
 def identify(
@@ -108,8 +100,8 @@ def identify(
         Where no candidate at all could be simulated.
     JournalError
         Where the journal is of another identification; the message names what differs.
-    IdentificationInterrupted
-        On Ctrl-C, carrying the best found so far.
+    Interrupted
+        On Ctrl-C, carrying the `Fit` at the best found so far.
 
     Examples
     --------
@@ -172,12 +164,12 @@ def identify_with(
         if _was_stopped(interrupt):
             reason = trace.stop_reason.replace("interrupted", "callback")
             return so_far(replace(trace, stop_reason=reason), "stopped")
-        raise IdentificationInterrupted(so_far(trace, "interrupted")) from interrupt
+        raise Interrupted(so_far(trace, "interrupted"), "identification") from interrupt
 
     try:
         explored = explore(problem, on_search=on_search)
-    except ExplorationInterrupted as interrupt:
-        return ended(interrupt, interrupt.theta, interrupt.trace)
+    except Interrupted as interrupt:
+        return ended(interrupt, interrupt.result.starts[0], interrupt.result.trace)
     except KeyboardInterrupt as interrupt:
         if not _was_stopped(interrupt):
             raise

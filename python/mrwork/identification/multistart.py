@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
-from mrwork.errors import SettingError
+from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.levenberg_marquardt_batch import Minima, descend_all
 from mrwork.identification.objective import Objective
 from mrwork.search.cube import latin_hypercube
@@ -76,14 +76,6 @@ class Found:
     median: tuple[float, ...]
 
 
-class MultistartInterrupted(KeyboardInterrupt):
-    """Ctrl-C during a search; `found` is what it had."""
-
-    def __init__(self, found: Found) -> None:
-        super().__init__("search interrupted")
-        self.found = found
-
-
 def search_starts(
     objective: Objective,
     box: Box,
@@ -108,8 +100,8 @@ def search_starts(
 
     Raises
     ------
-    MultistartInterrupted
-        On Ctrl-C once a candidate was simulated.
+    Interrupted
+        On Ctrl-C once a candidate was simulated, carrying what was `Found`.
     """
     n_free = len(searched.free)
     streams = Streams(rng=rng, replicate=np.zeros(1, dtype=np.int64), generation=np.zeros(1, dtype=np.int64))
@@ -143,7 +135,7 @@ def search_starts(
             image[:, list(mirrored)] *= -1.0
             descend(image)
     except KeyboardInterrupt as interrupt:
-        raise MultistartInterrupted(course.found("interrupted")) from interrupt
+        raise Interrupted(course.found("interrupted"), "search") from interrupt
     return course.found(reason)
 
 

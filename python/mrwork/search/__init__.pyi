@@ -11,7 +11,6 @@ from .loop import GenerationEvent as GenerationEvent
 from .loop import Objective as Objective
 from .loop import OnGeneration as OnGeneration
 from .loop import Optimiser as Optimiser
-from .loop import SearchInterrupted as SearchInterrupted
 from .loop import run_replicates as run_replicates
 from .loop import run_search as run_search
 from .particle_swarm import CONSTRICTION as CONSTRICTION

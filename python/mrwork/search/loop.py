@@ -10,12 +10,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.errors import SettingError
+from mrwork.errors import Interrupted, SettingError
 from mrwork.search.elite import EliteRule
 from mrwork.search.proposal import Proposal
 from mrwork.search.recorded import Generation, agree_on_search, recalled_generation, record_generation
@@ -92,23 +92,6 @@ class GenerationEvent(Generic[StateT]):
 OnGeneration = Callable[[GenerationEvent[StateT]], bool | None]
 
 
-class SearchInterrupted(KeyboardInterrupt):
-    """Ctrl-C during a search; `run` holds what the completed generations found."""
-
-    # Any: an exception cannot be generic, and the state's type is the caller's own optimiser's.
-    run: ReplicatedSearch[Any]
-
-    def __init__(self, run: ReplicatedSearch[Any]) -> None:
-        generations = max(result.generations for result in run.results)
-        super().__init__(f"search interrupted after {generations} generations")
-        self.run = run
-
-    @property
-    def result(self) -> SearchResult[Any]:
-        """That of the best replicate."""
-        return self.run.best
-
-
 def run_search(
     optimiser: Optimiser[StateT],
     objective: Objective | AbortableObjective,
@@ -121,6 +104,11 @@ def run_search(
 ) -> SearchResult[StateT]:
     """Minimise a batch objective over the unit cube, once: replicate 0 of `run_replicates`.
 
+    Raises
+    ------
+    Interrupted
+        On Ctrl-C, carrying the `SearchResult` of the completed generations.
+
     Examples
     --------
     >>> import numpy as np
@@ -130,16 +118,19 @@ def run_search(
     >>> bool(np.all(np.abs(result.best_unit - 0.3) < 0.05))
     True
     """
-    run = run_replicates(
-        optimiser,
-        objective,
-        rng=rng,
-        n_params=n_params,
-        replicates=(0,),
-        state=state,
-        on_generation=on_generation,
-        journal=journal,
-    )
+    try:
+        run = run_replicates(
+            optimiser,
+            objective,
+            rng=rng,
+            n_params=n_params,
+            replicates=(0,),
+            state=state,
+            on_generation=on_generation,
+            journal=journal,
+        )
+    except Interrupted as interrupt:
+        raise Interrupted(interrupt.result.results[0], "search") from interrupt
     return run.results[0]
 
 
@@ -184,8 +175,8 @@ def run_replicates(
 
     Raises
     ------
-    SearchInterrupted
-        On Ctrl-C, carrying the results of the completed generations with reason "interrupted".
+    Interrupted
+        On Ctrl-C, carrying the `ReplicatedSearch` of the completed generations with reason "interrupted".
     SettingError
         Where not even a first generation is allowed, or `state` belongs to another search.
     JournalError
@@ -225,7 +216,9 @@ def run_replicates(
                 reason = "callback"
                 break
     except KeyboardInterrupt as interrupt:
-        raise SearchInterrupted(results_of(state, "interrupted", time.perf_counter() - began)) from interrupt
+        raise Interrupted(
+            results_of(state, "interrupted", time.perf_counter() - began), "search"
+        ) from interrupt
     return results_of(state, reason, time.perf_counter() - began)
 
 

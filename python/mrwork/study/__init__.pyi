@@ -1,5 +1,4 @@
 from .reading import read_study as read_study
 from .results import StudyResults as StudyResults
-from .run import StudyInterrupted as StudyInterrupted
 from .run import run_study as run_study
 from .study import Study as Study

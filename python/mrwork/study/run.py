@@ -15,6 +15,7 @@ from mrwork.closed_loop.responses import Responses
 from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws import ControlLaw
 from mrwork.dampers.spec import damper
+from mrwork.errors import Interrupted
 from mrwork.motions import GroundMotion
 from mrwork.store import Journal
 from mrwork.store.plain import plain, rebuilt
@@ -37,14 +38,6 @@ class StudyProgress:
     wanted: int
     label: str
     seconds: float
-
-
-class StudyInterrupted(KeyboardInterrupt):
-    """The study was interrupted; `results` are those of the runs that are done."""
-
-    def __init__(self, results: StudyResults) -> None:
-        super().__init__("study interrupted")
-        self.results = results
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -78,8 +71,8 @@ def run_study(
 
     Raises
     ------
-    StudyInterrupted
-        On Ctrl-C, with the runs that are done.
+    Interrupted
+        On Ctrl-C, carrying the `StudyResults` of the runs that are done.
     JournalError
         Where the journal is of another study.
     """
@@ -117,7 +110,7 @@ def run_study(
                 for motion, result in _runs(study, arrangement, journal, set(), threads, step_factor=2):
                     halved[row, motion] = result
     except KeyboardInterrupt:
-        raise StudyInterrupted(results()) from None
+        raise Interrupted(results(), "study") from None
     return results()
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.dampers.spec import DamperSpec
+from mrwork.errors import Interrupted
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify_with
 from mrwork.identification.nuisance import NuisanceName
@@ -20,14 +21,6 @@ from mrwork.uncertainty.choice.families import ALL, Family, command_remark, fami
 from mrwork.uncertainty.choice.held_out import ONE_TEST
 from mrwork.uncertainty.choice.likelihood import Likelihood
 from mrwork.uncertainty.noise import noise_model
-
-
-class ChoiceInterrupted(KeyboardInterrupt):
-    """Ctrl-C during a comparison; `choice` is that among the families that were done."""
-
-    def __init__(self, choice: Choice) -> None:
-        super().__init__("choice of model interrupted")
-        self.choice = choice
 
 
 def choose_model(
@@ -79,8 +72,8 @@ def choose_model(
         Where nothing can be left out, or no family could be judged.
     UnknownNameError
         Where a model is unknown, or a law or bound names what no family has.
-    ChoiceInterrupted
-        On Ctrl-C once a family was judged, carrying the choice so far.
+    Interrupted
+        On Ctrl-C once a family was judged, carrying the `Choice` so far.
 
     Examples
     --------
@@ -122,6 +115,6 @@ def choose_model(
         course.weigh(likelihood)
     except KeyboardInterrupt as interrupt:
         if not course.judged:
-            raise
-        raise ChoiceInterrupted(course.conclude()) from interrupt
+            raise KeyboardInterrupt from interrupt
+        raise Interrupted(course.conclude(), "choice of model") from interrupt
     return course.conclude()

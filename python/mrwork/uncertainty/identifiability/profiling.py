@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
-from mrwork.errors import SettingError, UnknownNameError
+from mrwork.errors import Interrupted, SettingError, UnknownNameError
 from mrwork.identification.fit import Fit
 from mrwork.identification.objective import ROOT_MEAN_SQUARE
 from mrwork.identification.problem import Problem
@@ -27,14 +27,6 @@ from mrwork.uncertainty.identifiability.walk import Descent, End, Place, descent
 _BETTER = 0.5
 # About a better fit, where one is found, all begins again.
 _MOST_ROUNDS = 3
-
-
-class ProfilesInterrupted(KeyboardInterrupt):
-    """Ctrl-C during profiles; `profiles` is what there is so far, its ends "interrupted"."""
-
-    def __init__(self, profiles: Profiles) -> None:
-        super().__init__("profiles interrupted")
-        self.profiles = profiles
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,8 +75,8 @@ def profile_likelihood(
         Where the model has no such parameter.
     SettingError
         Where a parameter is fixed, the level is no probability, or the fit was not one of least squares.
-    ProfilesInterrupted
-        On Ctrl-C, carrying what there is.
+    Interrupted
+        On Ctrl-C, carrying the `Profiles` so far, whose ends are "interrupted".
     """
     if not 0.0 < level < 1.0:
         raise SettingError(f"`level` is {level:g}; give a probability between 0 and 1, as 0.95")
@@ -172,7 +164,7 @@ def profile_likelihood(
             if signed_root(origin.squared, best.squared, dof) ** 2 < _BETTER:
                 break
     except KeyboardInterrupt as interrupt:
-        raise ProfilesInterrupted(result(sides, "interrupted")) from interrupt
+        raise Interrupted(result(sides, "interrupted"), "profiling") from interrupt
     return result(sides, "finished")
 
 

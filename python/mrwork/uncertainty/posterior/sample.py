@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.errors import SettingError
+from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
 from mrwork.uncertainty.posterior.chain_file import ChainFile
@@ -39,18 +39,12 @@ class SamplingProgress:
     diagnosis: Diagnosis | None
 
 
-class SamplingInterrupted(KeyboardInterrupt):
-    """Ctrl-C during a sampling; `draws` of what there is are made when they are asked for."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChainSoFar:
+    """A chain of `n_steps` that was interrupted; its draws take a while and are made when they are asked for."""
 
-    def __init__(self, steps: int, conclude: Callable[[], Draws]) -> None:
-        super().__init__(f"sampling interrupted after {steps} steps")
-        self.steps = steps
-        self._conclude = conclude
-
-    @property
-    def draws(self) -> Draws:
-        """The draws so far."""
-        return self._conclude()
+    n_steps: int
+    draws: Callable[[], Draws]
 
 
 def sample_posterior(
@@ -122,8 +116,8 @@ def sample_posterior(
         Where `store` cannot be resumed; the message says why.
     OutputError
         Where it cannot be written.
-    SamplingInterrupted
-        On Ctrl-C, with what there is; it is in `store` too.
+    Interrupted
+        On Ctrl-C, carrying a `ChainSoFar`, which is in `store` too.
 
     Examples
     --------
@@ -168,10 +162,13 @@ def sample_posterior(
         if ensemble.n_steps == 0:
             raise
         seconds = time.perf_counter() - began
-        raise SamplingInterrupted(
-            ensemble.n_steps,
-            lambda: sampling.draws(ensemble, sampling.diagnosis(ensemble), seconds=seconds, interrupted=True),
-        ) from interrupt
+        so_far = ChainSoFar(
+            n_steps=ensemble.n_steps,
+            draws=lambda: sampling.draws(
+                ensemble, sampling.diagnosis(ensemble), seconds=seconds, interrupted=True
+            ),
+        )
+        raise Interrupted(so_far, "sampling") from interrupt
     return sampling.draws(ensemble, diagnosis, seconds=time.perf_counter() - began)
 
 
