@@ -17,7 +17,7 @@ demo: $(VENV)/.built
 
 test: $(VENV)/.built $(VENV)/.dev
 	cargo test --quiet --release --workspace
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal
 
 lint: $(VENV)/.built $(VENV)/.dev
 	cargo fmt --check
