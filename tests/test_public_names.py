@@ -111,8 +111,6 @@ def test_studies_and_readme_import_no_deeper_than_a_namespace(place: str, source
             else []
         )
     ]
-    # The designs of laws still live beside the reader of study files.
-    imported = [name for name in imported if not re.match(r"mrwork\.study\.(law_|declared)", name)]
     deep = [name for name in imported if (name.startswith("mrwork") and name.count(".") > 1) or "._" in name]
     assert not deep, f"{place} imports {deep}; give the names to a namespace"
 

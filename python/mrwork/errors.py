@@ -21,6 +21,14 @@ class SettingError(MrworkError, ValueError):
     """An option, bound or argument is outside what it may be."""
 
 
+class InvalidSettingError(SettingError):
+    """One setting of a declared table is out of range or clashes with another; `key` is its name."""
+
+    def __init__(self, key: str, sentence: str) -> None:
+        super().__init__(sentence)
+        self.key = key
+
+
 class UnknownNameError(MrworkError, LookupError):
     """A model, parameter or data set of that name is not registered."""
 

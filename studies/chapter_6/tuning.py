@@ -10,15 +10,11 @@ import numpy as np
 
 from frame_runs import FRAME, LARGEST_CURRENT, LEVELS, Bench, Figures, figures, pair
 from mrwork.closed_loop import Device
-from mrwork.control import ControlLaw, control_law
+from mrwork.control import ControlLaw, Design, DesignProblem, control_law, settings_of
 from mrwork.errors import SettingError
-from mrwork.study.declared import Place, built
-from mrwork.study.law_designs import Design, Subject, designed
-from mrwork.study.law_settings import SETTINGS
 from tried_settings import CURRENTS, MANY_CURRENTS, NETWORK, Settings, about, grid
 
 _STEPS_ABOUT = 48
-_PLACE = Place(origin="chapter 6")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -125,17 +121,17 @@ def _design(law: str, settings: Settings, current: float, sample_time: float) ->
         regulator = {name: value for name, value in settings.items() if name not in NETWORK}
         gains = _design("clipped_optimal", regulator, current, sample_time).gains
         return replace(_trained(network, current, sample_time), gains=gains)
-    return designed(law, built(SETTINGS[law], settings, _PLACE), _subject(law, current, sample_time))
+    return settings_of(law, settings).design(_problem(law, current, sample_time))
 
 
 @cache
 def _trained(network: tuple[tuple[str, float], ...], current: float, sample_time: float) -> Design:
-    settings = built(SETTINGS["inverse_network"], {**dict(network), "control_weight": 1e-6}, _PLACE)
-    return designed("inverse_network", settings, _subject("inverse_network", current, sample_time))
+    settings = settings_of("inverse_network", {**dict(network), "control_weight": 1e-6})
+    return settings.design(_problem("inverse_network", current, sample_time))
 
 
-def _subject(law: str, current: float, sample_time: float) -> Subject:
-    return Subject(building=FRAME, devices=(_device(law, current),), sample_time=sample_time)
+def _problem(law: str, current: float, sample_time: float) -> DesignProblem:
+    return DesignProblem(building=FRAME, devices=(_device(law, current),), sample_time=sample_time)
 
 
 def _device(law: str, current: float) -> Device:
@@ -151,5 +147,5 @@ def _law(name: str, designs: Sequence[Design], device: Device) -> ControlLaw:
     }
     curve = None
     if control_law(name).wants_curve:
-        curve = Subject(building=FRAME, devices=(device,), sample_time=1e-3).curve
+        curve = DesignProblem(building=FRAME, devices=(device,), sample_time=1e-3).curve
     return ControlLaw(name=name, gains=gains, tables=designs[0].tables, curve=curve)

@@ -22,8 +22,8 @@ from loop_samples import (
 )
 
 import mrwork as mr
+from mrwork.buildings.devices import Device
 from mrwork.buildings.matrices import Building
-from mrwork.closed_loop.devices import Device
 from mrwork.closed_loop.hardware import Fault, Hardware
 from mrwork.closed_loop.observed import loop_observer
 from mrwork.closed_loop.responses import History

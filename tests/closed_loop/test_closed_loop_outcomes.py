@@ -12,7 +12,7 @@ import pytest
 from loop_samples import devices, five_storeys, friction, law_with_gains, plant_with, rd1005, still, sweep
 
 import mrwork as mr
-from mrwork.closed_loop.devices import Device
+from mrwork.buildings.devices import Device
 from mrwork.closed_loop.hardware import Fault, Hardware
 from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws import ControlLaw

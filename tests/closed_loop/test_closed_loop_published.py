@@ -8,8 +8,8 @@ import pytest
 from loop_samples import sweep
 
 import mrwork as mr
+from mrwork.buildings.devices import Device
 from mrwork.buildings.published import building
-from mrwork.closed_loop.devices import Device
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import Responses
 from mrwork.closed_loop.simulate import simulate_loop

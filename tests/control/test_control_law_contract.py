@@ -23,7 +23,7 @@ from loop_samples import (
 )
 
 from mrwork import _rust
-from mrwork.closed_loop.devices import Device
+from mrwork.buildings.devices import Device
 from mrwork.closed_loop.hardware import Fault, Hardware
 from mrwork.closed_loop.responses import History, Responses
 from mrwork.closed_loop.simulate import simulate_loop

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrwork.buildings.devices import Device
 from mrwork.buildings.matrices import Building
-from mrwork.closed_loop.devices import Device
 from mrwork.closed_loop.responses import History
 from mrwork.control.laws import ControlLaw
 from mrwork.motions.ground_motion import GroundMotion

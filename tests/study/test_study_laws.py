@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mrwork.buildings.devices import Device
 from mrwork.buildings.published import building
-from mrwork.closed_loop.devices import Device
+from mrwork.control.designs.problem import Design, DesignProblem
+from mrwork.control.designs.registry import SETTINGS, LawSettings
 from mrwork.control.laws import ControlLaw, control_laws
 from mrwork.control.lqr import regulator_of_outputs
 from mrwork.control.outputs import accelerations
@@ -14,10 +16,7 @@ from mrwork.control.published_regulators import published_regulator, regulator_a
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.study.control_laws import laws_text
-from mrwork.study.declared import Place, built
-from mrwork.study.design_problem import Subject
-from mrwork.study.law_designs import Design, designed
-from mrwork.study.law_settings import SETTINGS
+from mrwork.study.declared import Place, built, said_at
 from mrwork.study.lines import parse
 
 # What each law is told here; those that need nothing are told nothing.
@@ -38,7 +37,7 @@ TOLD = {
 }
 
 
-def subject(name: str = "uts", preset: str = "kwok2006", model: str = "static_hysteretic") -> Subject:
+def subject(name: str = "uts", preset: str = "kwok2006", model: str = "static_hysteretic") -> DesignProblem:
     frame, published = building(name), damper(model).preset(preset)
     device = Device(
         name="damper in storey 1",
@@ -48,13 +47,15 @@ def subject(name: str = "uts", preset: str = "kwok2006", model: str = "static_hy
         differential=preset == "kwok2006",
         largest_command=published.largest_command or 0.0,
     )
-    return Subject(building=frame, devices=(device,), sample_time=1e-3)
+    return DesignProblem(building=frame, devices=(device,), sample_time=1e-3)
 
 
-def design(law: str, text: str, on: Subject | None = None) -> Design:
+def design(law: str, text: str, on: DesignProblem | None = None) -> Design:
     document, lines = parse(text, "study.toml")
-    settings: object = built(SETTINGS[law], document, Place(origin="study.toml", lines=lines))
-    return designed(law, settings, on or subject())
+    place = Place(origin="study.toml", lines=lines)
+    settings: LawSettings = built(SETTINGS[law], document, place)
+    with said_at(place):
+        return settings.design(on or subject())
 
 
 def test_every_law_of_the_registry_has_settings() -> None:

@@ -10,7 +10,8 @@ import pytest
 
 from mrwork.buildings.from_file import KEYS
 from mrwork.errors import SettingError
-from mrwork.study.declared import Place, built, is_required
+from mrwork.keys import is_required
+from mrwork.study.declared import Place, built
 from mrwork.study.lines import parse
 from mrwork.study.print_schema import in_words, schema_text, tables
 from mrwork.study.schema import StudyTable

@@ -11,8 +11,8 @@ import pytest
 from loop_twin_samples import LAG, STEP
 
 import mrwork as mr
+from mrwork.buildings.devices import Device
 from mrwork.buildings.shear import shear_building
-from mrwork.closed_loop.devices import Device
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import run_quantities
 from mrwork.closed_loop.simulate import simulate_loop

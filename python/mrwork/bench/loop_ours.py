@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 
 from mrwork.bench.loop_workload import KEPT, LAG, LARGEST_COMMAND, N_REDUCTIONS, STEP, Floats, LoopWorkload
+from mrwork.buildings.devices import Device
 from mrwork.buildings.published import building
-from mrwork.closed_loop.devices import Device
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import Responses
 from mrwork.closed_loop.simulate import simulate_loop

@@ -1,4 +1,3 @@
-from .devices import Device as Device
 from .evaluation import SCORE as SCORE
 from .evaluation import STANDARD_GRAVITY as STANDARD_GRAVITY
 from .evaluation import Criterion as Criterion
@@ -12,4 +11,5 @@ from .hardware import Hardware as Hardware
 from .observed import loop_observer as loop_observer
 from .responses import History as History
 from .responses import Responses as Responses
+from .simulate import Device as Device
 from .simulate import simulate_loop as simulate_loop

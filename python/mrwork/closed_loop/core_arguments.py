@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
+from mrwork.buildings.devices import Device
 from mrwork.buildings.matrices import Building
-from mrwork.closed_loop.devices import Device
 from mrwork.control.laws import ControlLaw
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork import _rust
+from mrwork.buildings.devices import Device
 from mrwork.buildings.matrices import Building
 from mrwork.closed_loop.core_arguments import curve_of, dampers_of, matrices_of
-from mrwork.closed_loop.devices import Device
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.observed import observer_arrays
 from mrwork.closed_loop.responses import (
@@ -24,6 +24,8 @@ from mrwork.closed_loop.responses import (
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
+
+__all__ = ["Device", "simulate_loop"]
 
 Floats = NDArray[np.float64]
 

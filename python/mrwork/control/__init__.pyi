@@ -1,5 +1,12 @@
 from .counterpart import StaticCounterpart as StaticCounterpart
 from .counterpart import static_counterpart as static_counterpart
+from .designs.problem import Design as Design
+from .designs.problem import DesignProblem as DesignProblem
+from .designs.registry import SETTINGS as SETTINGS
+from .designs.registry import LawSettings as LawSettings
+from .designs.registry import design_law as design_law
+from .designs.registry import law_of as law_of
+from .designs.registry import settings_of as settings_of
 from .fuzzy import FuzzyTable as FuzzyTable
 from .fuzzy import fuzzy_table as fuzzy_table
 from .inverse_network import InverseNetwork as InverseNetwork

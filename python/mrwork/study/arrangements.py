@@ -6,11 +6,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from mrwork.buildings import Building
+from mrwork.buildings.devices import Device
 from mrwork.buildings.from_file import building_from_table
-from mrwork.closed_loop.devices import Device
+from mrwork.control.designs.problem import DesignProblem
 from mrwork.study.control_laws import PASSIVE_OFF, chosen_law, constant_command
 from mrwork.study.declared import said_at
-from mrwork.study.design_problem import Subject
 from mrwork.study.results import Row
 from mrwork.study.schema import BaselineTable, DamperTable, StudyTable
 from mrwork.study.study import Arrangement, arranged
@@ -38,7 +38,7 @@ def arrangements(
         found.append(arranged(bare, off, building, devices, constant_command(devices, 0.0)))
     found += [_baseline(baseline, table, bare, folder) for baseline in table.baseline]
     first = table.damper[0] if devices else None
-    subject = Subject(
+    subject = DesignProblem(
         building=building,
         devices=devices,
         sample_time=sample_time,

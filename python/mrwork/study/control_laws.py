@@ -8,12 +8,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.closed_loop.devices import Device
+from mrwork.buildings.devices import Device
+from mrwork.control.designs.problem import DesignProblem
+from mrwork.control.designs.registry import SETTINGS, LawSettings, law_of
 from mrwork.control.laws import ControlLaw, control_laws
 from mrwork.study.declared import built, said_at, suggestion
-from mrwork.study.design_problem import Subject
-from mrwork.study.law_designs import designed
-from mrwork.study.law_settings import SETTINGS
 from mrwork.study.print_schema import key_lines
 from mrwork.study.schema import ControllerTable
 
@@ -26,7 +25,7 @@ _CONSTANT = {
 _WIDTH = 110
 
 
-def chosen_law(table: ControllerTable, subject: Subject) -> tuple[str, ControlLaw | None]:
+def chosen_law(table: ControllerTable, problem: DesignProblem) -> tuple[str, ControlLaw | None]:
     """Title and law of a table; none for the best constant command, which only runs can tell.
 
     Raises
@@ -38,21 +37,18 @@ def chosen_law(table: ControllerTable, subject: Subject) -> tuple[str, ControlLa
     if table.law in _CONSTANT:
         for name in table.settings or {}:
             place.within("settings", name).refuse(f"{table.law} has no settings; leave {name} out")
-        largest = min(device.largest_command for device in subject.devices)
+        largest = min(device.largest_command for device in problem.devices)
         command = largest if table.law == PASSIVE_ON else 0.0
-        law = None if table.law == BEST_PASSIVE else constant_command(subject.devices, command)
+        law = None if table.law == BEST_PASSIVE else constant_command(problem.devices, command)
         return _CONSTANT[table.law], law
     specs = {spec.name: spec for spec in control_laws()}
     if table.law not in specs:
         known = [*specs, *_CONSTANT]
         near = suggestion(table.law, known)
         place.within("law").refuse(f"no control law is called {table.law!r}{near}")
-    settings: object = built(SETTINGS[table.law], table.settings or {}, place.within("settings"))
+    settings: LawSettings = built(SETTINGS[table.law], table.settings or {}, place.within("settings"))
     with said_at(place.within("settings")):
-        design = designed(table.law, settings, subject)
-        curve = subject.curve if specs[table.law].wants_curve else None
-    law = ControlLaw(name=table.law, gains=design.gains, tables=design.tables, curve=curve)
-    return specs[table.law].title, law
+        return specs[table.law].title, law_of(table.law, settings, problem)
 
 
 def constant_command(devices: Sequence[Device], command: float) -> ControlLaw:

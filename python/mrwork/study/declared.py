@@ -6,21 +6,19 @@ printed from the same.
 
 from __future__ import annotations
 
-import math
 import types
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from dataclasses import Field, dataclass, field, fields, is_dataclass
 from difflib import get_close_matches
 from typing import Any, Literal, NoReturn, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
-from mrwork.errors import MrworkError, SettingError
+from mrwork.errors import InvalidSettingError, MrworkError, SettingError
+from mrwork.keys import described, is_required, out_of_range
 from mrwork.study.lines import Path
 from mrwork.study.quantities import number_of
 
 T = TypeVar("T")
-
-_REQUIRED: Any = MISSING
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,34 +58,11 @@ def said_at(place: Place) -> Iterator[None]:
     """Begin what goes wrong inside with the place it comes from."""
     try:
         yield
+    except InvalidSettingError as error:
+        place.within(error.key).refuse(str(error))
     except MrworkError as error:
         text = str(error)
         raise SettingError(text if text.startswith(f"{place.origin},") else f"{place}: {text}") from error
-
-
-def key(
-    says: str,
-    *,
-    unit: str = "",
-    default: Any = _REQUIRED,
-    least: float = -math.inf,
-    above: float = -math.inf,
-) -> Any:
-    """A key of a table.
-
-    Parameters
-    ----------
-    says
-        What it means.
-    unit
-        SI unit of a number; it may then also come as a text with another unit.
-    default
-        What it is where the document does not say; without one it must.
-    least, above
-        A number is no less than the one, and more than the other.
-    """
-    notes = {"says": says, "unit": unit, "least": least, "above": above}
-    return field(metadata=notes) if default is MISSING else field(default=default, metadata=notes)
 
 
 def built(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
@@ -113,17 +88,6 @@ def built(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
     if "place" in hints:
         values["place"] = place
     return kind(**values)
-
-
-def is_required(entry: Field[Any]) -> bool:
-    """Whether a document must say it."""
-    return entry.default is MISSING and entry.default_factory is MISSING
-
-
-def described(entry: Field[Any]) -> str:
-    """What a key means, and its unit."""
-    unit = entry.metadata["unit"]
-    return f"{entry.metadata['says']}{f' [{unit}]' if unit else ''}"
 
 
 def suggestion(name: object, known: Sequence[str], *, otherwise: str = "choose one of") -> str:
@@ -180,15 +144,8 @@ def _plain(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
 
 
 def _ranged(value: float, place: Place, entry: Field[Any]) -> float:
-    least, above = entry.metadata["least"], entry.metadata["above"]
-    name = _name(place)
-    # An infinite rate is no limit, and a broken sensor may say nan; nothing else is not finite.
-    if (math.isnan(value) and name != "value") or (math.isinf(value) and entry.default != math.inf):
-        place.refuse(f"{name} is {value}; give a finite number")
-    if value < least:
-        place.refuse(f"{name} is {value:g}; it can be no less than {least:g}")
-    if value <= above:
-        place.refuse(f"{name} is {value:g}; it must be more than {above:g}")
+    if refusal := out_of_range(_name(place), value, entry):
+        place.refuse(refusal)
     return value
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from mrwork.buildings import Building
 from mrwork.buildings.brace import with_brace
-from mrwork.closed_loop.devices import Device
+from mrwork.buildings.devices import Device
 from mrwork.study.dampers import ChosenDamper, Identified, chosen_damper
 from mrwork.study.declared import said_at
 from mrwork.study.schema import DamperTable

@@ -11,7 +11,7 @@ from dataclasses import Field, fields, is_dataclass
 from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hints
 
 from mrwork.buildings import from_file
-from mrwork.study.declared import is_required
+from mrwork.keys import is_required
 from mrwork.study.schema import StudyTable
 
 _WIDTH = 110

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from mrwork.buildings import Building
+from mrwork.buildings.devices import Device
 from mrwork.buildings.from_file import building_from_table
-from mrwork.closed_loop.devices import Device
 from mrwork.errors import RecordError
 from mrwork.motions import GroundMotion
 from mrwork.study.arrangements import arrangements

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.closed_loop.devices import Device
+from mrwork.buildings.devices import Device
 from mrwork.closed_loop.evaluation import STANDARD_GRAVITY, score, values
 from mrwork.closed_loop.responses import Responses
 from mrwork.closed_loop.simulate import simulate_loop

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from mrwork.dampers.parameters import CommandUnit, LawName
-from mrwork.study.declared import Place, key
+from mrwork.keys import key
+from mrwork.study.declared import Place
 
 Synthetic = Literal["kanai_tajimi", "clough_penzien"]
 Signal = Literal["acceleration", "deformation", "force", "command"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mrwork.buildings import Building
-from mrwork.closed_loop.devices import Device
+from mrwork.buildings.devices import Device
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.control.laws import ControlLaw
 from mrwork.motions import GroundMotion

@@ -1,15 +1,15 @@
-"""What a control law is designed on: the building with its devices."""
+"""What a control law is designed on, the building with its devices, and what a design consists of."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.buildings import Building
-from mrwork.closed_loop.devices import Device
+from mrwork.buildings.devices import Device
 from mrwork.control.counterpart import static_counterpart
 from mrwork.control.plant import Plant, plant_of
 from mrwork.dampers.spec import DamperSpec
@@ -22,7 +22,7 @@ _ANY = (1.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Subject:
+class DesignProblem:
     """What a law is designed on.
 
     `sample_time` [s] is that of the loop, `amplitude` [m] and `velocity` [m/s] the least and the largest that the
@@ -69,3 +69,11 @@ class Subject:
     def each(self, number: float) -> Floats:
         """The same number for every device."""
         return np.full(len(self.devices), number)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Design:
+    """Gains of a law by name: one number for each device, or a row over the state; and arrays that it looks up."""
+
+    gains: Mapping[str, Floats] = field(default_factory=dict)
+    tables: Mapping[str, Floats] = field(default_factory=dict)

@@ -1,0 +1,1 @@
+"""Designs of the control laws: settings declared once, and the numbers that follow from them."""

@@ -1,0 +1,118 @@
+"""Laws that follow the force of a linear quadratic regulator."""
+
+# `key` is a dataclass field with notes.
+# ruff: noqa: RUF009
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.control.designs.problem import Design, DesignProblem
+from mrwork.control.inverse_network import InverseNetwork, train_inverse_network
+from mrwork.control.lqr import Regulator, regulator_of_outputs, regulator_of_state
+from mrwork.control.outputs import accelerations, displacements, drifts, stacked, velocities
+from mrwork.errors import InvalidSettingError
+from mrwork.keys import check_keys, key
+
+Floats = NDArray[np.float64]
+Weights = float | tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RegulatorSettings:
+    """A linear quadratic regulator: one weight for all floors or storeys, or one for each; by default the energy."""
+
+    control_weight: float = key("R of the force [1/N2]", above=0.0)
+    accelerations: Weights | None = key(
+        "weights of absolute floor accelerations [(s2/m)2]", default=None, least=0.0
+    )
+    drifts: Weights | None = key("weights of drifts [1/m2]", default=None, least=0.0)
+    displacements: Weights | None = key("weights of floor displacements [1/m2]", default=None, least=0.0)
+    velocities: Weights | None = key("weights of floor velocities [(s/m)2]", default=None, least=0.0)
+    energy: float | None = key("weight of twice the energy of the building [1/J]", default=None, above=0.0)
+
+    def __post_init__(self) -> None:
+        check_keys(self)
+
+    def design(self, problem: DesignProblem) -> Design:
+        """The gain of the regulator."""
+        return Design(gains={"gain": self.regulator(problem).gain})
+
+    def regulator(self, problem: DesignProblem) -> Regulator:
+        """The regulator of these weights."""
+        plant = problem.plant
+        outputs = (
+            ("accelerations", accelerations, self.accelerations),
+            ("drifts", drifts, self.drifts),
+            ("displacements", displacements, self.displacements),
+            ("velocities", velocities, self.velocities),
+        )
+        weighed = [(name, make(plant), weights) for name, make, weights in outputs if weights is not None]
+        if not weighed:
+            return regulator_of_state(plant, (self.energy or 1.0) * plant.energy, self.control_weight)
+        if self.energy is not None:
+            raise InvalidSettingError(
+                "energy", f"a regulator weighs the energy or outputs such as {weighed[0][0]}; keep one"
+            )
+        weights = [_each(name, given, len(made.names)) for name, made, given in weighed]
+        return regulator_of_outputs(
+            plant, stacked(*(made for _, made, _ in weighed)), np.concatenate(weights), self.control_weight
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClippedSettings(RegulatorSettings):
+    """A regulator whose wanted force is clipped in proportion."""
+
+    full_force: float = key("wanted force at which the largest command is sent", unit="N", above=0.0)
+
+    def design(self, problem: DesignProblem) -> Design:
+        """The gain, and the full force of each device."""
+        gain = self.regulator(problem).gain
+        return Design(gains={"gain": gain, "full_force": problem.each(self.full_force)})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NetworkSettings(RegulatorSettings):
+    """A regulator whose wanted force a trained network turns into a command."""
+
+    amplitude: float = key("elongation that is to be expected", unit="m", above=0.0)
+    velocity: float = key("its rate", unit="m/s", above=0.0)
+    hidden: int = key("units of the hidden layer", default=12, least=1)
+    seed: int = key("seed of its training", default=0, least=0)
+
+    def design(self, problem: DesignProblem) -> Design:
+        """The gain, and the trained network."""
+        device = problem.devices[0]
+        network = train_inverse_network(
+            device.spec,
+            device.draws[0],
+            largest_command=device.largest_command,
+            amplitude=self.amplitude,
+            velocity=self.velocity,
+            sample_time=problem.sample_time,
+            n_hidden=self.hidden,
+            rng=self.seed,
+        )
+        return Design(gains={"gain": self.regulator(problem).gain}, tables=_network_tables(network))
+
+
+def _network_tables(network: InverseNetwork) -> dict[str, Floats]:
+    """The network with its scales folded in, and how far its inputs reach.
+
+    A row for each hidden unit holds its bias, the weights of its inputs and its weight in the output.
+    """
+    layer = np.column_stack([network.b1, network.W1 / network.input_scale, network.w2 * network.output_scale])
+    output = np.array([network.b2 * network.output_scale])
+    return {"layer": layer.ravel(), "output": output, "reach": network.input_scale}
+
+
+def _each(name: str, given: Weights, count: int) -> Floats:
+    if isinstance(given, tuple) and len(given) != count:
+        raise InvalidSettingError(
+            name, f"{name} has {len(given)} weights, and there are {count}; give one for each, or one for all"
+        )
+    return np.full(count, given) if isinstance(given, float) else np.array(given)

@@ -1,0 +1,51 @@
+"""A script designs a law without a file, and is refused as a study file is."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import mrwork as mr
+from mrwork.control import DesignProblem, design_law
+from mrwork.errors import InvalidSettingError, MrworkError
+
+
+def problem() -> DesignProblem:
+    frame, rd1005 = mr.building("uts"), mr.damper("static_hysteretic").preset("kwok2006")
+    damper = mr.Device(
+        name="storey 1", spec=rd1005.spec, theta=rd1005.theta, row=frame.storeys[0], largest_command=1.88
+    )
+    return DesignProblem(building=frame, devices=[damper], sample_time=1e-3)
+
+
+def test_a_designed_law_is_the_one_made_by_hand() -> None:
+    law = design_law("clipped_optimal", problem(), control_weight=1e-7, drifts=1.0)
+    plant = problem().plant
+    outputs = mr.control.drifts(plant)
+    by_hand = mr.control.regulator_of_outputs(plant, outputs, np.ones(len(outputs.names)), 1e-7)
+    np.testing.assert_array_equal(np.asarray(law.gains["gain"]), by_hand.gain)
+
+
+@pytest.mark.parametrize(
+    ("law", "settings", "words"),
+    [
+        ("clipped_optimal", {}, "has no control_weight; give R of the force"),
+        ("clipped_optimal", {"control_weight": -1.0}, "must be more than 0"),
+        ("clipped_optimal", {"control_weight": float("nan")}, "give a finite number"),
+        ("clipped_optimal", {"control_wieght": 1.0}, "has no setting 'control_wieght'"),
+        ("clipped_optimal", {"control_weight": 1e-7, "drifts": [1.0, 2.0]}, "one for each, or one for all"),
+        ("passive", {"command": 5.0}, "the driver gives 1.88 at most"),
+        ("clipped_optimum", {"control_weight": 1.0}, "clipped_optimum"),
+    ],
+)
+def test_a_setting_that_cannot_be_is_refused(law: str, settings: dict[str, Any], words: str) -> None:
+    with pytest.raises(MrworkError, match=words):
+        design_law(law, problem(), **settings)
+
+
+def test_a_refusal_names_its_setting() -> None:
+    with pytest.raises(InvalidSettingError) as refusal:
+        design_law("passive", problem(), command=5.0)
+    assert refusal.value.key == "command"
