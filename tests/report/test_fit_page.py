@@ -17,10 +17,9 @@ from report_samples import comparison, fit
 from test_report import Page
 
 from mrwork.cli import main
-from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError
-from mrwork.identification import free_run
 from mrwork.identification.identify import identify
+from mrwork.identification.residual import ObservedTest
 from mrwork.records.window import cut
 from mrwork.report.fit.page import comparisons_of, dossier_page
 from mrwork.report.fit.predictions import read_predictions, write_predictions
@@ -223,17 +222,17 @@ def test_on_a_telephone_nothing_runs_off_the_side_and_all_can_be_read(
 
 def test_the_forces_of_a_result_are_simulated_once(monkeypatch: pytest.MonkeyPatch) -> None:
     runs: list[str] = []
-    simulated = free_run.simulate_forces
+    predicted = ObservedTest.predicted
 
-    def counted(spec: DamperSpec, *arguments: Any, **settings: Any) -> Any:
-        runs.append(spec.name)
-        return simulated(spec, *arguments, **settings)
+    def counted(observed: ObservedTest, *arguments: Any, **settings: Any) -> Any:
+        runs.append(observed.test.name)
+        return predicted(observed, *arguments, **settings)
 
-    monkeypatch.setattr(free_run, "simulate_forces", counted)
+    monkeypatch.setattr(ObservedTest, "predicted", counted)
     tests = [cut(synthetic_test(name), every=8) for name in ("spencer1997", "spencer1997_fast")]
     found = identify("bingham", tests)
     shown = comparisons_of(found, tests)
-    assert runs == ["bingham"] * len(tests)
+    assert runs == [test.name for test in tests]
     # Read from its file, a fit has no forces: they are simulated then, to the same bits.
     again = fit_from_json(json_document(found.as_dict()), origin="fit.json")
     assert again.forces == ()

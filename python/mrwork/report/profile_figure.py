@@ -7,7 +7,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from mrwork.report import style
 from mrwork.report.numbers import shortest
@@ -155,5 +154,7 @@ def _line(profile: Profile, left: float, right: float) -> tuple[NDArray[np.float
     signed = np.sqrt(ratio) * np.sign(values - profile.estimate)
     ends = np.log([left, right]) if profile.log else np.array([left, right])
     grid = np.linspace(max(ends[0], position[0]), min(ends[1], position[-1]), _LINE_POINTS)
+    from scipy.interpolate import PchipInterpolator
+
     drawn = np.asarray(PchipInterpolator(position, signed)(grid)) ** 2
     return np.exp(grid) if profile.log else grid, drawn

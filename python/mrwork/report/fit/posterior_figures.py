@@ -10,8 +10,6 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, MaxNLocator, NullLocator
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
-from scipy.stats import rankdata
 
 from mrwork.report import style
 from mrwork.report.fit.canvas import small_axes
@@ -47,6 +45,8 @@ def trace_figure(name: str, chain: Array) -> Figure:
 
 def rank_figure(name: str, chain: Array, ess: float) -> Figure:
     """Share of each sixteenth of the ranks in four groups of walkers, draws of shape (n_walkers, n_kept)."""
+    from scipy.stats import rankdata
+
     rank = rankdata(chain).reshape(chain.shape) / chain.size
     groups = np.array_split(rank, _GROUPS)
     # A group has a fourth of the effective draws; their counts scatter as those of independent ones.
@@ -115,6 +115,8 @@ def _pair(
     up: tuple[float, float],
     fitted: tuple[float | None, float | None],
 ) -> None:
+    from scipy.ndimage import gaussian_filter
+
     count, x, y = np.histogram2d(first, second, bins=_CELLS, range=(across, up))
     smooth = gaussian_filter(count, _SMOOTH)
     ordered = np.sort(smooth.ravel())[::-1]

@@ -6,7 +6,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator
 from numpy.typing import NDArray
-from scipy.stats import norm
 
 from mrwork.report import style
 from mrwork.report.comparison import Comparison
@@ -54,13 +53,15 @@ def autocorrelation_figure(comparison: Comparison) -> Figure:
 
 def quantile_figure(comparison: Comparison) -> Figure:
     """Sorted residuals, in their deviation, against what normal ones would be."""
+    from scipy.special import ndtr, ndtri
+
     residual = np.sort(comparison.residual[comparison.test.counted])
     share = (np.arange(residual.size) + 0.5) / residual.size
-    ends = np.asarray(norm.ppf(share[[0, -1]]))
+    ends = np.asarray(ndtri(share[[0, -1]]))
     drawn = np.unique(
-        np.searchsorted(share, norm.cdf(np.linspace(ends[0], ends[1], _QUANTILES))).clip(0, residual.size - 1)
+        np.searchsorted(share, ndtr(np.linspace(ends[0], ends[1], _QUANTILES))).clip(0, residual.size - 1)
     )
-    expected = norm.ppf(share[drawn])
+    expected = ndtri(share[drawn])
     found = (residual[drawn] - residual.mean()) / (float(np.std(residual)) or 1.0)
     with style.drawn_in_style():
         figure, axes = column_axes()
