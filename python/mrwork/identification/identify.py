@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,6 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, SimulationError
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace
 from mrwork.identification.global_search import explore
-from mrwork.identification.interruptible import interruptible
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.problem import Problem
 from mrwork.identification.progress import Progress, Stopped, Watch
@@ -27,6 +27,12 @@ from mrwork.store import Journal
 if TYPE_CHECKING:
     from mrwork.identification.levenberg_marquardt import Descended
     from mrwork.identification.polish import Polished
+
+
+T = TypeVar("T")
+
+# How often a wait for compiled code looks for Ctrl-C [s].
+_WATCH = 0.05
 
 
 def identify(
@@ -195,7 +201,7 @@ def identify_with(
         return polish(objective, explored, engine=problem.settings.engine, on_start=on_start, on_step=on_step)
 
     try:
-        polished = interruptible(polish)
+        polished = _interruptible(polish)
     except KeyboardInterrupt as interrupt:
         return ended(interrupt, best, explored.trace)
     return fit_at(
@@ -229,3 +235,26 @@ def _was_stopped(interrupt: BaseException | None) -> bool:
     while interrupt is not None and not isinstance(interrupt, Stopped):
         interrupt = interrupt.__cause__
     return interrupt is not None
+
+
+def _interruptible(work: Callable[[], T]) -> T:
+    """Run `work` where Ctrl-C can reach the caller while compiled code holds no interpreter.
+
+    On an interrupt the work is left behind on its thread; it ends with the process.
+    """
+    outcome: list[T] = []
+    failure: list[BaseException] = []
+
+    def body() -> None:
+        try:
+            outcome.append(work())
+        except BaseException as error:  # handed to the caller's thread, whatever it is
+            failure.append(error)
+
+    thread = threading.Thread(target=body, name="mrwork-refinement", daemon=True)
+    thread.start()
+    while thread.is_alive():
+        thread.join(_WATCH)
+    if failure:
+        raise failure[0]
+    return outcome[0]

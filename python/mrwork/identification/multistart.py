@@ -110,16 +110,16 @@ def search_starts(
     misfit = objective(starts)
     order = np.argsort(misfit, kind="stable")
     order = order[np.isfinite(misfit[order])]
-    course = _Course(objective, starts[order], misfit[order])
+    descents = _Descents(objective, starts[order], misfit[order])
     most = settings.most_rounds * settings.most_iterations
 
     def descend(chosen: NDArray[np.float64]) -> None:
         def tell(minima: Minima) -> None:
-            course.go_on(minima)
+            descents.go_on(minima)
             if on_iteration is not None:
-                on_iteration(course.found(""), min(len(course.best) / most, 1.0))
+                on_iteration(descents.found(""), min(len(descents.best) / most, 1.0))
 
-        course.end(
+        descents.end(
             descend_all(objective, box, chosen, max_iterations=settings.most_iterations, on_iteration=tell)
         )
 
@@ -127,16 +127,16 @@ def search_starts(
     try:
         for first in range(0, min(order.size, settings.most_rounds * settings.starts), settings.starts):
             descend(starts[order[first : first + settings.starts]])
-            if course.n_at_best(settings.closeness) >= settings.found:
+            if descents.n_at_best(settings.closeness) >= settings.found:
                 reason = "found_again"
                 break
         if mirrored and order.size:
-            image = course.found("").theta[:1].copy()
+            image = descents.found("").theta[:1].copy()
             image[:, list(mirrored)] *= -1.0
             descend(image)
     except KeyboardInterrupt as interrupt:
-        raise Interrupted(course.found("interrupted"), "search") from interrupt
-    return course.found(reason)
+        raise Interrupted(descents.found("interrupted"), "search") from interrupt
+    return descents.found(reason)
 
 
 def distinct_minima(box: Box, theta: NDArray[np.float64], misfit: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -153,7 +153,7 @@ def distinct_minima(box: Box, theta: NDArray[np.float64], misfit: NDArray[np.flo
     return theta[[0, *others[:1]]]
 
 
-class _Course:
+class _Descents:
     """What has been found so far: the samples, the minima where descents ended, those under way."""
 
     def __init__(self, objective: Objective, theta: NDArray[np.float64], misfit: NDArray[np.float64]) -> None:

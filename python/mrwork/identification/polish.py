@@ -1,4 +1,4 @@
-"""From starts to the result: screen them, finish the best, say how sure its parameters are."""
+"""From starts to the result: short descents from all, long ones from the best, standard errors there."""
 
 from __future__ import annotations
 
@@ -9,16 +9,21 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.dampers.coordinates import Box
 from mrwork.identification.equivalent import Form
 from mrwork.identification.global_search import Exploration
 from mrwork.identification.levenberg_marquardt import Descended, descend
 from mrwork.identification.levenberg_marquardt_batch import descend_all
+from mrwork.identification.multistart import distinct_minima
 from mrwork.identification.objective import Objective
-from mrwork.identification.screen import best_few
 from mrwork.identification.settings import Engine
 from mrwork.identification.standard_error import jacobian, standard_errors
 
+# Evaluations of the last descent; of screening: those of every start, of the best few, and how many these are.
 _LAST_EVALUATIONS = 100
+_FIRST_EVALUATIONS = 15
+_SEMIFINALISTS = 4
+_SCREENING_EVALUATIONS = 60
 
 # Called with the steps so far and the misfit.
 OnStep = Callable[[int, float], None]
@@ -111,3 +116,52 @@ def _judged(objective: Objective, form: Form, ended: Descended) -> Polished:
     return Polished(
         theta=ended.theta, standard_errors=errors, steps=ended.evaluations, converged=ended.converged
     )
+
+
+def best_few(
+    objective: Objective,
+    box: Box,
+    starts: NDArray[np.float64],
+    *,
+    mirrored: tuple[int, ...],
+    on_start: Callable[[Descended, float], None],
+) -> NDArray[np.float64]:
+    """Descend a little from every start, shape (n_starts, n_params), and to the end from the best of them.
+
+    Returns the `distinct_minima`, shape (1 or 2, n_params).
+
+    Parameters
+    ----------
+    mirrored
+        Parameters whose signs can be changed together with little effect, but through a barrier that no
+        descent crosses; the best minimum is tried again from its mirror image.
+    on_start
+        Called after every descent with the best so far and the share of the work done.
+    """
+    done = 0
+    total = len(starts) + min(_SEMIFINALISTS, len(starts)) + bool(mirrored)
+    found: list[Descended] = []
+
+    def follow(start: NDArray[np.float64], max_evaluations: int) -> Descended:
+        nonlocal done
+        descended = descend(objective, box, start, max_evaluations=max_evaluations)
+        found.append(descended)
+        done += 1
+        on_start(min(found, key=_misfit), done / total)
+        return descended
+
+    first = sorted((follow(start, _FIRST_EVALUATIONS) for start in starts), key=_misfit)
+    last = sorted(
+        (follow(each.theta, _SCREENING_EVALUATIONS) for each in first[:_SEMIFINALISTS]), key=_misfit
+    )
+    if mirrored:
+        image = last[0].theta.copy()
+        image[list(mirrored)] *= -1.0
+        last = sorted([*last, follow(image, _SCREENING_EVALUATIONS)], key=_misfit)
+    return distinct_minima(
+        box, np.array([each.theta for each in last]), np.array([each.misfit for each in last])
+    )
+
+
+def _misfit(descended: Descended) -> float:
+    return descended.misfit

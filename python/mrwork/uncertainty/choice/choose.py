@@ -16,7 +16,7 @@ from mrwork.identification.settings import FitSettings, Search
 from mrwork.records import DamperTest
 from mrwork.store import Journal
 from mrwork.uncertainty.bands.left_out import Fold, folds_of
-from mrwork.uncertainty.choice.comparison import Choice, ChoiceProgress, Course, JournalOf
+from mrwork.uncertainty.choice.comparison import Choice, ChoiceProgress, JournalOf, RunningComparison
 from mrwork.uncertainty.choice.families import ALL, Family, command_remark, families
 from mrwork.uncertainty.choice.held_out import ONE_TEST
 from mrwork.uncertainty.choice.likelihood import Likelihood
@@ -89,7 +89,7 @@ def choose_model(
     if len(tests) == 1:
         remarks += (ONE_TEST,)
     n_folds = len(folds_of(tests, leave_out)) if len(tests) > 1 else 1
-    course = Course(
+    comparison = RunningComparison(
         tests=tests,
         compared=compared,
         leave_out=leave_out,
@@ -111,10 +111,10 @@ def choose_model(
     likelihood = Likelihood(noise=noise_model(noise), sampled=sampled, rng=rng, threads=threads)
     try:
         for number in range(1, len(compared) + 1):
-            course.judge(number, fit_of)
-        course.weigh(likelihood)
+            comparison.judge(number, fit_of)
+        comparison.weigh(likelihood)
     except KeyboardInterrupt as interrupt:
-        if not course.judged:
+        if not comparison.judged:
             raise KeyboardInterrupt from interrupt
-        raise Interrupted(course.conclude(), "choice of model") from interrupt
-    return course.conclude()
+        raise Interrupted(comparison.conclude(), "choice of model") from interrupt
+    return comparison.conclude()

@@ -67,7 +67,7 @@ class ChoiceProgress:
 
 
 @dataclass(slots=True, kw_only=True)
-class Course:
+class RunningComparison:
     """A comparison under way; `evidence` and `fits` by model, as they come."""
 
     tests: tuple[DamperTest, ...]
