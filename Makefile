@@ -34,8 +34,8 @@ format: $(VENV)/.dev
 	$(BIN)/ruff check --fix
 
 bench: $(VENV)/.built $(VENV)/.dev
-	$(BIN)/mrwork bench kernels
-	$(BIN)/mrwork bench models
+	$(BIN)/python studies/speed/study.py kernels
+	$(BIN)/python studies/speed/study.py models
 
 clean:
 	rm -rf $(VENV) target out

@@ -7,7 +7,7 @@ import numpy as np
 from jax import Array
 
 import mrwork as mr
-from mrwork.bench.loop_workload import LAG, LoopWorkload
+from benchmarks.loop_workload import LAG, LoopWorkload
 from mrwork.dampers.presets import PUBLISHED_SETS
 from mrwork.twins.loop.ground import half_steps
 from mrwork.twins.loop.plant import LoopDevice, LoopPlant

@@ -13,8 +13,8 @@ from jax import Array
 from loop_twin_samples import LARGEST, STEP, a_ground, five_storeys, two_storeys
 
 import mrwork as mr
-from mrwork.bench.loop_plain import PlainLoop
-from mrwork.bench.loop_workload import KEPT, LAG, LARGEST_COMMAND, loop_workload
+from benchmarks.loop_plain import PlainLoop
+from benchmarks.loop_workload import KEPT, LAG, LARGEST_COMMAND, loop_workload
 from mrwork.errors import SettingError
 from mrwork.twins.loop.ground import half_steps
 from mrwork.twins.loop.laws import ClippedOptimal, LqrDirect, Passive

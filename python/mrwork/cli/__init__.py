@@ -26,7 +26,6 @@ _VERBS = {
     "plan": "say which test narrows a band of a stored fit most",
     "respond": "simulate a building with MR dampers under earthquakes",
     "convert": "convert Bouc-Wen parameters between conventions",
-    "bench": "measure speed beside jax and numba",
 }
 
 

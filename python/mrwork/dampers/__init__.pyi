@@ -10,6 +10,7 @@ from .coordinates import Box as Box
 from .parameters import CurrentLaws as CurrentLaws
 from .parameters import LawName as LawName
 from .parameters import ParamSpec as ParamSpec
+from .presets import PUBLISHED_SETS as PUBLISHED_SETS
 from .presets import PublishedSet as PublishedSet
 from .spec import DamperSpec as DamperSpec
 from .spec import Preset as Preset

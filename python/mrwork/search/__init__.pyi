@@ -1,6 +1,7 @@
 from .ceiling import Ceiling as Ceiling
 from .course import Course as Course
 from .course import Trace as Trace
+from .cube import latin_hypercube as latin_hypercube
 from .differential_evolution import DifferentialEvolution as DifferentialEvolution
 from .efficient_genetic import EfficientGA as EfficientGA
 from .efficient_genetic import GAState as GAState
@@ -16,6 +17,7 @@ from .loop import run_search as run_search
 from .particle_swarm import CONSTRICTION as CONSTRICTION
 from .particle_swarm import ParticleSwarm as ParticleSwarm
 from .particle_swarm import SwarmState as SwarmState
+from .peers.peer import library as library
 from .population import PopulationState as PopulationState
 from .proposal import Proposal as Proposal
 from .registry import OPTIMISERS as OPTIMISERS
@@ -29,5 +31,6 @@ from .state import arrays_of as arrays_of
 from .state import select as select
 from .state import state_from_arrays as state_from_arrays
 from .stop_rules import StopRules as StopRules
+from .streams import Streams as Streams
 from .termination import ExpectedTermination as ExpectedTermination
 from .termination import expected_termination as expected_termination

@@ -1,0 +1,49 @@
+"""What goes to a process of `study.py posterior`, and what it tells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """How much is measured; `choose_variant` looks for the fastest way to compile the peers."""
+
+    steps: int
+    walkers: int
+    nuts_warmup: int
+    nuts_draws: int
+    choose_variant: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setup:
+    """What was found before the turns began; `missing` libraries take no part."""
+
+    test: str
+    synthetic: bool
+    n_time: int
+    n_dim: int
+    fit_percent: float
+    temper: float
+    threads: int
+    missing: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SamplerRow:
+    """One sampler: `seconds` without `compile_seconds`; the least bulk ESS of all parameters, after the burn-in.
+
+    `simulating_share` is the part of the seconds spent in densities; those of NUTS have no such part.
+    """
+
+    sampler: str
+    threads: int
+    seconds: float
+    compile_seconds: float
+    ess_min: float
+    ess_per_second: float
+    rhat: float
+    evaluations: int
+    simulating_share: float | None
+    settings: str
