@@ -16,8 +16,9 @@ import pytest
 from report_samples import comparison, fit
 from test_report import Page
 
+import mrwork as mr
 from mrwork.cli import main
-from mrwork.errors import RecordError
+from mrwork.errors import MrworkError, RecordError
 from mrwork.identification.identify import identify
 from mrwork.identification.residual import ObservedTest
 from mrwork.records.window import cut
@@ -93,6 +94,32 @@ def test_every_verb_adds_its_section(whole: Path) -> None:
     assert "Profile likelihood" in text
     for command in ("mrwork profile RUN", "mrwork sample RUN", "mrwork calibrate RUN TESTS"):
         assert f"<code>{command}</code>" not in text
+
+
+def test_a_run_folder_is_read_back(plain: Path, whole: Path) -> None:
+    run = mr.load(plain)
+    assert run.fit.fit_percent > 90.0
+    assert [run.draws, run.profiles, run.calibration, run.plan, run.ranking] == [None] * 5
+    run = mr.load(whole)
+    assert run.draws is not None
+    names = tuple(each.name for each in run.fit.estimates)
+    assert run.draws.theta(names).shape[1] == len(names)
+    assert run.profiles is not None
+    assert {profile.name for profile in run.profiles.profiles} <= {each.name for each in run.fit.estimates}
+    assert run.calibration is not None
+    assert len(run.calibration.tests) == len(LEFT_OUT)
+    assert run.plan is not None
+    text = repr(run)
+    assert "fit, draws, profiles, calibration, plan" in text
+    assert text.count("\n") < 30
+
+
+def test_what_is_no_run_folder_is_refused_in_a_sentence(tmp_path: Path) -> None:
+    with pytest.raises(MrworkError, match="run directory"):
+        mr.load(tmp_path)
+    (tmp_path / "results.json").write_text("{}")
+    with pytest.raises(RecordError, match="folder of a study"):
+        mr.load(tmp_path)
 
 
 def test_the_page_is_well_formed_and_small_and_its_links_lead_somewhere(whole: Path) -> None:

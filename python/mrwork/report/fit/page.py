@@ -21,10 +21,10 @@ from mrwork.report.fit.ranking import ranking_section
 from mrwork.report.fit.residuals import residual_section
 from mrwork.report.fit.section import Absent, Section
 from mrwork.report.fit.stored_bands import read_bands
-from mrwork.report.fit_json import Record, record_from_json
 from mrwork.report.html import identification_report
 from mrwork.report.run_directory import PLAN, PROFILES, RANKING
 from mrwork.report.stored_draws import read_draws
+from mrwork.report.stored_run import read_addition
 from mrwork.uncertainty.choice.verdict import Ranking
 from mrwork.uncertainty.identifiability.profile import Profiles
 from mrwork.uncertainty.planning.plan_draws import Check
@@ -90,7 +90,7 @@ def dossier_page(
     """
     sections: list[Section] = []
     absent: list[Absent] = []
-    profiles = _stored(Profiles, place, PROFILES, name="profiles", verb="profile")
+    profiles = read_addition(Profiles, place, PROFILES, name="profiles", verb="profile")
     if fit.identifiability is not None:
         sections.append(identifiability_section(fit, fit.identifiability, profiles))
     if profiles is None:
@@ -110,13 +110,13 @@ def dossier_page(
         sections.append(coverage_section(bands))
     else:
         absent.append(_BANDS)
-    ranking = ranking or _stored(Ranking, place, RANKING, name="ranking", verb="identify")
+    ranking = ranking or read_addition(Ranking, place, RANKING, name="ranking", verb="identify")
     if ranking is not None:
         sections.append(ranking_section(ranking))
     else:
         absent.append(_RANKING)
     spec = fit.spec
-    plan = _stored(Check, place, PLAN, name="plan", verb="plan")
+    plan = read_addition(Check, place, PLAN, name="plan", verb="plan")
     if plan is not None:
         sections.append(plan_section(plan, None if spec.current is None else spec.current.unit))
     else:
@@ -130,11 +130,3 @@ def dossier_page(
         sections=sections,
         absent=absent,
     )
-
-
-def _stored(kind: type[Record], place: Path | None, file: str, *, name: str, verb: str) -> Record | None:
-    """What a verb has left in a run directory, if it has."""
-    if place is None or not (place / file).is_file():
-        return None
-    text = (place / file).read_text(encoding="utf-8")
-    return record_from_json(kind, text, origin=str(place / file), name=name, verb=verb)
