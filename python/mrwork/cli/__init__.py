@@ -60,8 +60,9 @@ def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run a command line and leave the process with its exit status."""
     arguments = sys.argv[1:] if arguments is None else arguments
-    options = parser(arguments).parse_args(arguments)
     try:
+        # Inside, for the modules of a verb take a moment to load, and Ctrl-C may come then.
+        options = parser(arguments).parse_args(arguments)
         status = int(options.run(options))
         sys.stdout.flush()
     except MrworkError as error:
