@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import measured_data
@@ -248,10 +247,22 @@ def test_a_quick_run_has_all_rows(job: SearchJob, capsys: pytest.CaptureFixture[
     assert (setup["synthetic"], setup["n_time"], setup["missing"]) == (True, N_TIME, [])
 
 
+# A background job of a shell ignores SIGINT, and its children inherit that.
+_HEEDING_CTRL_C = """
+import pathlib, runpy, signal, sys
+signal.signal(signal.SIGINT, signal.default_int_handler)
+sys.argv = sys.argv[1:]
+sys.path.insert(0, str(pathlib.Path(sys.argv[0]).parent))
+runpy.run_path(sys.argv[0], run_name="__main__")
+"""
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent in another way there")
 def test_an_interrupted_run_keeps_what_it_measured(job: SearchJob) -> None:
     command = [
         sys.executable,
+        "-c",
+        _HEEDING_CTRL_C,
         str(measured_data.ROOT / "studies" / "speed" / "study.py"),
         "identify",
         "--quick",
@@ -259,11 +270,7 @@ def test_an_interrupted_run_keeps_what_it_measured(job: SearchJob) -> None:
         "1000",
         "--json",
     ]
-    # A background job of a shell ignores SIGINT, and so would its children.
-    heeding = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=heeding
-    ) as run:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
         assert run.stderr is not None
         # The line of the third attempt: two have been told.
         attempts = 0
