@@ -8,7 +8,7 @@ import pytest
 
 from mrwork.errors import RecordError
 from mrwork.motions import read_motion, read_motions
-from mrwork.motions.units import STANDARD_GRAVITY
+from mrwork.units import STANDARD_GRAVITY
 
 DATA = measured_data.DATA / "records"
 

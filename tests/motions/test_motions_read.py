@@ -21,7 +21,9 @@ from numpy.testing import assert_allclose
 
 from mrwork.errors import RecordError, SettingError, UnitError
 from mrwork.motions import GroundMotion, read_motion, read_motions
-from mrwork.motions.units import FACTORS, STANDARD_GRAVITY, factor_of, unit_in
+from mrwork.motions.formats.columns import acceleration_column
+from mrwork.motions.formats.format import Stated
+from mrwork.units import STANDARD_GRAVITY
 
 A = accelerations()
 IN_G = A / STANDARD_GRAVITY
@@ -217,20 +219,11 @@ def test_several_are_read_in_the_order_of_their_names(tmp_path: Path) -> None:
             read_motions(nothing)
 
 
-def test_spellings_of_units_agree() -> None:
-    for spelling in (
-        "cm/s2",
-        "cm/s^2",
-        "cm/sec2",
-        "cm/sec/sec",
-        "cm/s/s",
-        "CM/S**2",
-        "cmps2",
-        "cm_s2",
-        "cm_s-2",
-    ):
-        assert factor_of(spelling) == FACTORS["cm/s2"], spelling
-    assert factor_of("cm/s") is None
-    assert factor_of("s2") is None
-    assert unit_in("a_m_per_s2") == "m_per_s2"
-    assert unit_in("a") is None
+def test_the_unit_of_a_column_ends_its_name() -> None:
+    stated = Stated()
+    assert acceleration_column(["t_s", "a_m_per_s2"], stated, source="").factor == 1.0
+    assert (
+        acceleration_column(["t_s", "EW [g]"], Stated(column="EW [g]"), source="").factor == STANDARD_GRAVITY
+    )
+    with pytest.raises(UnitError, match="does not say its unit"):
+        acceleration_column(["t_s", "a"], stated, source="")

@@ -21,7 +21,7 @@ from motion_files import (
 
 from mrwork.errors import MrworkError, RecordError, SettingError, UnitError
 from mrwork.motions import GroundMotion, read_motion
-from mrwork.motions.units import STANDARD_GRAVITY
+from mrwork.units import STANDARD_GRAVITY
 
 A = accelerations()
 SIZE = f"NPTS=  {N_TIME}, DT= .01000 SEC"

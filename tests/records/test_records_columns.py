@@ -11,7 +11,6 @@ from record_files import clean_columns, codes, message, write_text
 from mrwork.errors import MrworkError, RecordError, SettingError, UnitError
 from mrwork.records import parse_column_option, read_damper_test
 from mrwork.records.nominal import nominal_from_name
-from mrwork.records.units import FACTORS, factor_to_si, measures
 
 
 def renamed(tmp_path: Path, old: str, *new: str) -> Path:
@@ -117,26 +116,6 @@ def test_the_current_is_the_median_of_its_column(tmp_path: Path, column: str, sc
     test = read_damper_test(write_text(tmp_path / "rig.csv", columns))
     assert test.current == pytest.approx(0.75, abs=1e-3)
     assert codes(test) == []
-
-
-def test_every_unit_has_one_meaning() -> None:
-    for quantity, table in FACTORS.items():
-        for symbol, factor in table.items():
-            assert factor_to_si(symbol.upper(), quantity, context="") == factor
-            assert measures(symbol) == quantity
-    assert factor_to_si("\N{MICRO SIGN}m", "displacement", context="") == 1e-6
-
-
-def test_factors_follow_from_their_definitions() -> None:
-    # Inch, pound and standard gravity are exact by definition (NIST SP 811, appendix B.8).
-    pound_force = factor_to_si("lbf", "force", context="")
-    assert pound_force == pytest.approx(0.45359237 * 9.80665, rel=1e-16)
-    assert factor_to_si("kip", "force", context="") == 1000.0 * pound_force
-    assert (
-        factor_to_si("in/s", "velocity", context="")
-        == factor_to_si("in", "displacement", context="")
-        == 0.0254
-    )
 
 
 @pytest.mark.parametrize(

@@ -14,11 +14,9 @@ from numpy.typing import NDArray
 
 from mrwork.closed_loop.responses import axis_of, unit_of
 from mrwork.errors import UnknownNameError
+from mrwork.units import STANDARD_GRAVITY as STANDARD_GRAVITY
 
 Floats = NDArray[np.float64]
-
-STANDARD_GRAVITY = 9.80665
-"""[m/s^2]"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

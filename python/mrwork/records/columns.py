@@ -5,16 +5,18 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, get_args
+from typing import Final, Literal, get_args
 
 from mrwork.errors import RecordError, SettingError, UnitError
-from mrwork.records.units import FACTORS, Quantity, factor_to_si, measures
+from mrwork.units import FACTORS, factor_to_si, known_units, quantity_of
 
-QUANTITIES: Final[tuple[Quantity, ...]] = get_args(Quantity)
-REQUIRED: Final[tuple[Quantity, ...]] = ("time", "displacement", "force")
+TestQuantity = Literal["time", "displacement", "velocity", "force", "current", "voltage"]
+
+QUANTITIES: Final[tuple[TestQuantity, ...]] = get_args(TestQuantity)
+REQUIRED: Final[tuple[TestQuantity, ...]] = ("time", "displacement", "force")
 
 # `v` and `u` mean different things on different rigs; the unit behind them decides.
-_STEMS: Final[Mapping[Quantity, frozenset[str]]] = {
+_STEMS: Final[Mapping[TestQuantity, frozenset[str]]] = {
     "time": frozenset({"time", "t"}),
     "displacement": frozenset({"displacement", "disp", "stroke", "position", "x", "u"}),
     "velocity": frozenset({"velocity", "vel", "v"}),
@@ -22,7 +24,7 @@ _STEMS: Final[Mapping[Quantity, frozenset[str]]] = {
     "current": frozenset({"current", "i"}),
     "voltage": frozenset({"voltage", "volt", "v", "u"}),
 }
-_EXAMPLE: Final[Mapping[Quantity, str]] = {
+_EXAMPLE: Final[Mapping[TestQuantity, str]] = {
     "time": "t_s",
     "displacement": "displacement_mm",
     "velocity": "velocity_mps",
@@ -42,7 +44,7 @@ class ColumnChoice:
     factor: float
 
 
-def parse_column_option(option: str) -> tuple[Quantity, str]:
+def parse_column_option(option: str) -> tuple[TestQuantity, str]:
     """Split ``"force=F:kN"`` into ``("force", "F:kN")``, checking quantity and unit.
 
     Raises
@@ -69,7 +71,7 @@ def parse_column_option(option: str) -> tuple[Quantity, str]:
 
 def choose_columns(
     names: Sequence[str], columns: Mapping[str, str] | None, *, source: str
-) -> dict[Quantity, ColumnChoice]:
+) -> dict[TestQuantity, ColumnChoice]:
     """Find the column of every quantity that a file has.
 
     Parameters
@@ -91,7 +93,7 @@ def choose_columns(
     SettingError
         The mapping is malformed.
     """
-    chosen: dict[Quantity, ColumnChoice] = {}
+    chosen: dict[TestQuantity, ColumnChoice] = {}
     for name, specification in (columns or {}).items():
         quantity = _quantity(name)
         column, factor = _parse_specification(quantity, specification)
@@ -107,10 +109,10 @@ def choose_columns(
 
 
 def _recognise(
-    quantity: Quantity, free: Sequence[str], names: Sequence[str], source: str
+    quantity: TestQuantity, free: Sequence[str], names: Sequence[str], source: str
 ) -> ColumnChoice | None:
     claims = [(name, unit) for name in free for unit in [_unit_of(quantity, name)] if unit is not None]
-    fitting = [(name, unit) for name, unit in claims if measures(unit) == quantity]
+    fitting = [(name, unit) for name, unit in claims if quantity_of(unit) == quantity]
     if len(fitting) > 1:
         first, second = fitting[0][0], fitting[1][0]
         raise RecordError(
@@ -125,10 +127,10 @@ def _recognise(
         weak = quantity not in REQUIRED and len(name.strip()) == 1
         if weak or _claimed_by_another(quantity, name):
             continue
-        if measures(unit) is None:
+        if quantity_of(unit) is None:
             problem = f"has the unknown unit '{unit}'" if unit else "does not say its unit"
             raise UnitError(
-                f"{source}: column '{name}' {problem} ({', '.join(FACTORS[quantity])} are known); rename it, "
+                f"{source}: column '{name}' {problem} ({known_units(quantity)} are known); rename it, "
                 f"for example to '{_EXAMPLE[quantity]}', or give the unit with --column "
                 f"{quantity}={name}:{next(iter(FACTORS[quantity]))}"
             )
@@ -143,16 +145,16 @@ def _recognise(
     return None
 
 
-def _claimed_by_another(quantity: Quantity, name: str) -> bool:
+def _claimed_by_another(quantity: TestQuantity, name: str) -> bool:
     return any(
-        measures(unit) == other
+        quantity_of(unit) == other
         for other in QUANTITIES
         for unit in [_unit_of(other, name)]
         if other != quantity and unit is not None
     )
 
 
-def _unit_of(quantity: Quantity, name: str) -> str | None:
+def _unit_of(quantity: TestQuantity, name: str) -> str | None:
     """Return the unit text of a column that may be the quantity, `None` where its stem is another."""
     match = _NAME.fullmatch(name)
     if match is None or match[1].casefold() not in _STEMS[quantity]:
@@ -160,14 +162,14 @@ def _unit_of(quantity: Quantity, name: str) -> str | None:
     return (match[2] or "").strip()
 
 
-def _quantity(name: str) -> Quantity:
+def _quantity(name: str) -> TestQuantity:
     for quantity in QUANTITIES:
         if quantity == name:
             return quantity
     raise SettingError(f"'{name}' is not a quantity of a damper test; use one of {', '.join(QUANTITIES)}")
 
 
-def _parse_specification(quantity: Quantity, specification: str) -> tuple[str, float]:
+def _parse_specification(quantity: TestQuantity, specification: str) -> tuple[str, float]:
     column, colon, unit = specification.rpartition(":")
     if not colon or not column.strip() or not unit.strip():
         raise SettingError(

@@ -16,9 +16,16 @@ from typing import Any, Literal, NoReturn, TypeVar, Union, cast, get_args, get_o
 from mrwork.errors import InvalidSettingError, MrworkError, SettingError
 from mrwork.keys import described, is_required, out_of_range
 from mrwork.study.lines import Path
-from mrwork.study.quantities import number_of
+from mrwork.units import FACTORS, MeasuredQuantity
 
 T = TypeVar("T")
+
+# What a key measures, by its SI unit; that of a command depends on the damper.
+_MEASURES: Mapping[str, tuple[MeasuredQuantity, ...]] = {
+    **{next(iter(units)): (quantity,) for quantity, units in FACTORS.items()},
+    "A or V": ("current", "voltage"),
+    "A/s or V/s": ("current rate", "voltage rate"),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,7 +136,7 @@ def _value(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
 def _plain(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
     unit = entry.metadata["unit"]
     if kind is float and isinstance(value, str) and unit:
-        number = number_of(value, unit)
+        number = _number_in(value, unit)
         if isinstance(number, str):
             place.refuse(f"{_name(place)} {number}")
         value = number
@@ -141,6 +148,26 @@ def _plain(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
     if not isinstance(value, kind):
         _refuse(place, value, {str: "a text in quotes", bool: "true or false"}[kind])
     return value
+
+
+def _number_in(text: str, unit: str) -> float | str:
+    """A number in SI from a text such as "1 ms"; else what is wrong with it, as the rest of a sentence."""
+    factors = {name: factor for quantity in _MEASURES[unit] for name, factor in FACTORS[quantity].items()}
+    known, example = ", ".join(factors), f'"1 {list(factors)[:2][-1]}"'
+    number, _, given = text.strip().partition(" ")
+    try:
+        value = float(number)
+    except ValueError:
+        return f"is {text!r}; give a number [{unit}], or one with its unit as in {example}"
+    if given.strip() in factors:
+        return value * factors[given.strip()]
+    if not given:
+        return (
+            f"is the text {text!r}; give the number without quotes [{unit}], or with its unit as in {example}"
+        )
+    if any(given.strip() in units for units in FACTORS.values()):
+        return f"is {text!r}, where a number [{unit}] is wanted; its unit may be {known}"
+    return f"is {text!r}, whose unit is not known; its unit may be {known}"
 
 
 def _ranged(value: float, place: Place, entry: Field[Any]) -> float:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from mrwork.closed_loop.evaluation import STANDARD_GRAVITY
 from mrwork.motions import GroundMotion
 from mrwork.motions.baseline import baseline_corrected
 from mrwork.motions.processing import scaled, scaled_to_peak, time_scaled, trimmed
@@ -19,6 +18,7 @@ from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, Spectral
 from mrwork.motions.synthetic import synthetic_motion
 from mrwork.study.declared import said_at
 from mrwork.study.schema import MotionTable
+from mrwork.units import STANDARD_GRAVITY
 
 _SYNTHETIC_STEP = 0.01
 

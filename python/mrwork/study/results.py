@@ -9,10 +9,11 @@ from typing import Literal
 
 import numpy as np
 
-from mrwork.closed_loop.evaluation import STANDARD_GRAVITY, criteria, ratio, score, values
+from mrwork.closed_loop.evaluation import criteria, ratio, score, values
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.study.run_result import RunResult
 from mrwork.summary import Summarised, Summary, listed, rounded
+from mrwork.units import STANDARD_GRAVITY
 
 Key = tuple[int, int]
 """A run: the numbers of its row and motion."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.buildings.devices import Device
-from mrwork.closed_loop.evaluation import STANDARD_GRAVITY, score, values
+from mrwork.closed_loop.evaluation import score, values
 from mrwork.closed_loop.responses import Responses
 from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws import ControlLaw
@@ -25,6 +25,7 @@ from mrwork.study.fingerprint import digest_of_run, premises_of
 from mrwork.study.results import Key, StudyResults
 from mrwork.study.run_result import History, RunResult
 from mrwork.study.study import Arrangement, Study
+from mrwork.units import STANDARD_GRAVITY
 
 LEVELS = 21
 """How many constant commands are tried for the best one, evenly from none to the largest."""

@@ -11,7 +11,7 @@ from mrwork.errors import RecordError
 from mrwork.motions.formats.format import Format, Stated, recorded
 from mrwork.motions.formats.lines import Lines, read_numbers, shown
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.motions.units import factor_to_si
+from mrwork.units import factor_to_si
 
 _HEADER = 4
 _CONTENT = re.compile(r"(ACCELERATION|VELOCITY|DISPLACEMENT)\b.*?\bIN UNITS OF\s+([^\s.,;]+)", re.IGNORECASE)
@@ -36,7 +36,7 @@ def _read(lines: Lines, stated: Stated) -> GroundMotion:
         raise RecordError(
             f"{lines.where(2)}: the record holds {content[1].lower()}; give its acceleration, the .AT2 file"
         )
-    factor = factor_to_si(content[2], context=lines.where(2))
+    factor = factor_to_si(content[2], "acceleration", context=lines.where(2))
     n_time, dt = int(size[1]), float(size[2])
     numbers = read_numbers(lines, _HEADER)
     if numbers.size != n_time:

@@ -9,8 +9,7 @@ from typing import Final
 
 from mrwork.errors import RecordError, SettingError, UnitError
 from mrwork.motions.formats.format import Stated
-from mrwork.motions.units import FACTORS, factor_of, factor_to_si, unit_in
-from mrwork.records import units as record_units
+from mrwork.units import factor_of, factor_to_si, known_units
 
 # "ground_accel_mps2", "Acc (g)", "a_mps2", "xg_ddot"; "t_s", "Time [ms]", "time".
 _ACCELERATION: Final = re.compile(r"(ground[\s_-]*)?(a|acc|accel|acceleration|ag|a_g|xg_ddot)", re.IGNORECASE)
@@ -50,13 +49,13 @@ def acceleration_column(names: Sequence[str], stated: Stated, *, source: str) ->
             f"{source}: {how_many} {what} among {listed}; name one with `column`, or call it a_mps2 in the file"
         )
     (name,) = found
-    unit = unit_in(name)
+    unit = _unit_in(name)
     if unit is None and stated.unit is None:
         raise UnitError(
-            f"{source}: column '{name}' does not say its unit; state it as `unit`, one of {', '.join(FACTORS)}"
+            f"{source}: column '{name}' does not say its unit; state it as `unit`, one of {known_units('acceleration')}"
         )
-    factor = factor_to_si(stated.unit or unit or "", context=f"{source}: `unit`")
-    if unit is not None and factor != factor_of(unit):
+    factor = factor_to_si(stated.unit or unit or "", "acceleration", context=f"{source}: `unit`")
+    if unit is not None and factor != factor_of(unit, "acceleration"):
         raise SettingError(
             f"{source}: `unit` is '{stated.unit}' where column '{name}' says {unit}; leave it out"
         )
@@ -81,7 +80,7 @@ def time_column(names: Sequence[str], *, source: str) -> Column | None:
     name, unit = found[0]
     unit = "s" if unit.casefold() in _SECONDS else unit
     context = f"{source}: column '{name}'"
-    return Column(name=name, factor=record_units.factor_to_si(unit, "time", context=context))
+    return Column(name=name, factor=factor_to_si(unit, "time", context=context))
 
 
 def are_named(names: Sequence[str]) -> bool:
@@ -92,8 +91,26 @@ def are_named(names: Sequence[str]) -> bool:
 
 
 def _is_acceleration(name: str) -> bool:
-    unit = unit_in(name)
+    unit = _unit_in(name)
     stem = (
         name.strip() if unit is None else name.strip().removesuffix(")").removesuffix("]").removesuffix(unit)
     )
     return _ACCELERATION.fullmatch(stem.rstrip(" _-,:([")) is not None
+
+
+def _unit_in(name: str) -> str | None:
+    """Unit of acceleration that ends a column's name, such as ``a_mps2``, ``Acc (cm/s^2)`` or ``EW [g]``.
+
+    ``a_g`` does not count as an acceleration in g: it is as often the acceleration of the ground in another unit.
+    """
+    text = name.strip()
+    if text.casefold() in ("a_g", "ag"):
+        return None
+    bracketed = re.search(r"[(\[]([^)\]]*)[)\]]$", text)
+    if bracketed:
+        return bracketed[1].strip() if factor_of(bracketed[1], "acceleration") is not None else None
+    for separator in re.finditer(r"[\s_\-,:]+", text):
+        rest = text[separator.end() :]
+        if factor_of(rest, "acceleration") is not None:
+            return rest
+    return None

@@ -16,7 +16,7 @@ from mrwork.errors import RecordError
 from mrwork.motions.formats.format import Format, Stated, recorded
 from mrwork.motions.formats.lines import Lines, shown
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.motions.units import factor_to_si
+from mrwork.units import factor_to_si
 
 _UNKNOWN = -999.0
 # Real header, counted from 1: the step of a processed series [ms], that of the recorder [s].
@@ -76,7 +76,7 @@ def _read(lines: Lines, stated: Stated) -> GroundMotion:
             f"{lines.where(chosen.head)}: the series is in counts of the recorder; give the uncorrected or "
             "corrected acceleration of the same record, which are in physical units"
         )
-    factor = factor_to_si(chosen.unit, context=lines.where(chosen.head))
+    factor = factor_to_si(chosen.unit, "acceleration", context=lines.where(chosen.head))
     return recorded(
         lines.path,
         name=lines.path.stem if stated.channel is None else f"{lines.path.stem}_{number}",

@@ -11,7 +11,7 @@ from mrwork.errors import RecordError
 from mrwork.motions.formats.format import Format, Stated, recorded
 from mrwork.motions.formats.lines import Lines, read_numbers, shown
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.motions.units import factor_to_si
+from mrwork.units import factor_to_si
 
 _KEY = re.compile(r"([A-Z][A-Z0-9_/^]*):\s*(.*?)\s*")
 
@@ -35,7 +35,7 @@ def _read(lines: Lines, stated: Stated) -> GroundMotion:
             f"{lines.where(kind_line)}: the record holds {shown(kind).lower()}; give the file of its acceleration"
         )
     unit_line, unit = _entry(lines, header, "UNITS")
-    factor = factor_to_si(unit, context=lines.where(unit_line))
+    factor = factor_to_si(unit, "acceleration", context=lines.where(unit_line))
     dt = _number(lines, header, "SAMPLING_INTERVAL_S")
     n_time = _number(lines, header, "NDATA")
     numbers = read_numbers(lines, first)

@@ -15,7 +15,7 @@ from mrwork.errors import RecordError
 from mrwork.motions.formats.format import Format, Stated, recorded
 from mrwork.motions.formats.lines import Lines, read_numbers, shown
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.motions.units import FACTORS
+from mrwork.units import FACTORS
 
 _LONGEST_HEADER = 20
 _LABEL = 18
@@ -44,7 +44,7 @@ def _read(lines: Lines, stated: Stated) -> GroundMotion:
             f"{lines.path}: the header announces {announced:g} samples ({duration:g} s at {rate:g} Hz), {counts.size} "
             "follow; the file is cut off or damaged, fetch it again"
         )
-    acceleration = FACTORS["gal"] * float(scale[1]) / float(scale[2]) * counts
+    acceleration = FACTORS["acceleration"]["gal"] * float(scale[1]) / float(scale[2]) * counts
     mean = float(np.mean(acceleration)) if acceleration.size else 0.0
     station, origin, direction = (
         lines.at(_line(lines, label))[_LABEL:].strip() for label in ("Station Code", "Origin Time", "Dir.")

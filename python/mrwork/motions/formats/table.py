@@ -14,9 +14,9 @@ from mrwork.motions.formats.format import Format, Stated, recorded
 from mrwork.motions.formats.lines import Lines, is_number, read_numbers
 from mrwork.motions.formats.uniform import motion_of_columns
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.motions.units import FACTORS, factor_to_si
 from mrwork.records.formats.delimited import DelimitedTable
 from mrwork.records.table import Table
+from mrwork.units import factor_to_si, known_units
 
 _NAMELESS = ("t_s", "acceleration")
 
@@ -78,7 +78,8 @@ def _read(lines: Lines, stated: Stated) -> GroundMotion:
         )
     if stated.unit is None:
         raise UnitError(
-            f"{lines.path}: does not say the unit of its second column; state it as `unit`, one of {', '.join(FACTORS)}"
+            f"{lines.path}: does not say the unit of its second column; state it as `unit`, one of "
+            f"{known_units('acceleration')}"
         )
     return motion_of_table(_table(lines, texts, _NAMELESS), stated, lines.path)
 
@@ -91,7 +92,8 @@ def _series(lines: Lines, first: int, stated: Stated) -> GroundMotion:
     """All numbers in the order of reading, as accelerations."""
     if stated.unit is None or stated.dt is None:
         raise UnitError(
-            f"{lines.path}: does not say the unit of its numbers; state it as `unit`, one of {', '.join(FACTORS)}"
+            f"{lines.path}: does not say the unit of its numbers; state it as `unit`, one of "
+            f"{known_units('acceleration')}"
         )
     if "," in lines.at(first) or ";" in lines.at(first):
         lines = Lines(path=lines.path, texts=tuple(re.sub(r"[;,]", " ", text) for text in lines.texts))
@@ -99,7 +101,7 @@ def _series(lines: Lines, first: int, stated: Stated) -> GroundMotion:
     every_second = np.diff(numbers[::2])
     if len(lines.at(first).split()) == 2 and np.allclose(every_second, stated.dt, rtol=0.1):
         raise SettingError(f"{lines.path}: its first column runs as time does; leave out `dt`")
-    factor = factor_to_si(stated.unit, context=f"{lines.path}: `unit`")
+    factor = factor_to_si(stated.unit, "acceleration", context=f"{lines.path}: `unit`")
     return recorded(
         lines.path, dt=_step(stated.dt, lines.path), acceleration=factor * numbers, source="numbers"
     )

@@ -1,0 +1,137 @@
+"""Units of quantities, their exact factors to SI, and standard gravity."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final, Literal
+
+from mrwork.errors import UnitError
+
+STANDARD_GRAVITY: Final = 9.80665
+"""[m/s^2], exact by definition: third General Conference on Weights and Measures, 1901."""
+
+MeasuredQuantity = Literal[
+    "time",
+    "frequency",
+    "rate",
+    "displacement",
+    "velocity",
+    "acceleration",
+    "mass",
+    "force",
+    "stiffness",
+    "damping",
+    "current",
+    "voltage",
+    "current rate",
+    "voltage rate",
+]
+
+# A pound-force is 0.45359237 kg times standard gravity, both exact by definition.
+_POUND_FORCE: Final = 4.4482216152605
+
+FACTORS: Final[Mapping[MeasuredQuantity, Mapping[str, float]]] = MappingProxyType(
+    {
+        "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
+        "frequency": {"Hz": 1.0},
+        "rate": {"1/s": 1.0},
+        "displacement": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "in": 0.0254},
+        "velocity": {"m/s": 1.0, "cm/s": 1e-2, "mm/s": 1e-3, "in/s": 0.0254},
+        "acceleration": {
+            "m/s2": 1.0,
+            "cm/s2": 1e-2,
+            "gal": 1e-2,
+            "mm/s2": 1e-3,
+            "g": STANDARD_GRAVITY,
+            "mg": 1e-3 * STANDARD_GRAVITY,
+            "in/s2": 0.0254,
+            "ft/s2": 0.3048,
+        },
+        "mass": {"kg": 1.0, "t": 1e3},
+        "force": {
+            "N": 1.0,
+            "kN": 1e3,
+            "lbf": _POUND_FORCE,
+            "kip": 1e3 * _POUND_FORCE,
+            "kgf": STANDARD_GRAVITY,
+            "MN": 1e6,
+        },
+        "stiffness": {"N/m": 1.0, "kN/m": 1e3, "MN/m": 1e6, "N/mm": 1e3},
+        "damping": {"N s/m": 1.0, "kN s/m": 1e3, "MN s/m": 1e6},
+        "current": {"A": 1.0, "mA": 1e-3},
+        "voltage": {"V": 1.0, "mV": 1e-3},
+        "current rate": {"A/s": 1.0},
+        "voltage rate": {"V/s": 1.0},
+    }
+)
+"""Factor to SI of each unit of a quantity; the first unit is that of SI."""
+
+_MEGA: Final = "M"
+
+# Units are read in any case, except for mega, which would be milli.
+_IN_ANY_CASE: Final[Mapping[tuple[MeasuredQuantity, str], float]] = {
+    (quantity, symbol.casefold()): factor
+    for quantity, units in FACTORS.items()
+    for symbol, factor in units.items()
+    if not symbol.startswith(_MEGA)
+}
+
+# Column names cannot hold a slash: mmps, mm_s and mm_per_s are mm/s.
+_VELOCITY: Final = re.compile(r"(m|cm|mm|in)(?:p|_|_per_)s", re.ASCII)
+# cm/sec^2, cm/s/s, cm/sec/sec, cm/s**2, and, where a slash cannot stand, cmps2, cm_s2, cm_per_s2.
+_ACCELERATION: Final = re.compile(
+    r"(m|cm|mm|in|ft)(?:/|p|_per_|_)s(?:ec)?(?:(?:\^|\*\*|_)?2|/s(?:ec)?|²)|(m|cm|mm|in|ft)_?s-2", re.ASCII
+)
+
+
+def factor_of(unit: str, quantity: MeasuredQuantity) -> float | None:
+    """Factor to SI of a unit in any case and common spelling; `None` where it is no unit of the quantity."""
+    symbol = unit.strip().strip("'\"")
+    factor = FACTORS[quantity].get(symbol)
+    return factor if factor is not None else _IN_ANY_CASE.get((quantity, _without_spelling(symbol)))
+
+
+def quantity_of(unit: str) -> MeasuredQuantity | None:
+    """Quantity that a unit measures, `None` for an unknown unit."""
+    return next((quantity for quantity in FACTORS if factor_of(unit, quantity) is not None), None)
+
+
+def known_units(quantity: MeasuredQuantity) -> str:
+    """The units of a quantity, as messages list them."""
+    return ", ".join(FACTORS[quantity])
+
+
+def factor_to_si(unit: str, quantity: MeasuredQuantity, *, context: str) -> float:
+    """Factor by which values in `unit` are multiplied to be in SI.
+
+    Parameters
+    ----------
+    unit
+        Symbol in any case, such as ``"kN"``, ``"mm/s"`` or its spelling in a column name, ``"mmps"``.
+    quantity
+        What the values measure.
+    context
+        Start of the error's sentence: the file and column, or the option.
+
+    Raises
+    ------
+    UnitError
+        The unit is unknown or measures another quantity.
+    """
+    factor = factor_of(unit, quantity)
+    if factor is not None:
+        return factor
+    other = quantity_of(unit)
+    says = f"is no unit of {quantity}" if other is None else f"is a unit of {other}, no unit of {quantity}"
+    raise UnitError(f"{context}: '{unit}' {says}; give one of {known_units(quantity)}")
+
+
+def _without_spelling(symbol: str) -> str:
+    text = symbol.replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u").casefold()
+    if match := _VELOCITY.fullmatch(text):
+        return f"{match[1]}/s"
+    if match := _ACCELERATION.fullmatch(text):
+        return f"{match[1] or match[2]}/s2"
+    return text
