@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from mrwork.errors import SettingError
 from mrwork.search import EliteRule, distinct_best
-from mrwork.search.cube import latin_hypercube, others, reflect
-from mrwork.search.streams import Streams
+from mrwork.search.unit_cube import Streams, latin_hypercube, others, reflect
 
 
 def streams(rng=0, replicates=(0,), generation=0):

@@ -18,8 +18,7 @@ from mrwork.dampers.coordinates import Box
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.levenberg_marquardt_batch import Minima, descend_all
 from mrwork.identification.objective import Objective
-from mrwork.search.cube import latin_hypercube
-from mrwork.search.streams import Streams
+from mrwork.search.unit_cube import Streams, latin_hypercube
 
 _CLOSE = 0.01
 _ELSEWHERE = 0.05

@@ -17,13 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
-from mrwork.search.course import Course
-from mrwork.search.cube import latin_hypercube, others, reflect
-from mrwork.search.elite import EliteRule
+from mrwork.search.course import Course, Proposal
 from mrwork.search.population import PopulationState, better_told, proposed
-from mrwork.search.proposal import Proposal
-from mrwork.search.ranges import check_ranges
-from mrwork.search.stop_rules import StopRules
+from mrwork.search.rules import EliteRule, StopRules, check_ranges
+from mrwork.search.unit_cube import latin_hypercube, others, reflect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

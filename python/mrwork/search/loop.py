@@ -1,9 +1,4 @@
-"""The ask/tell loop: one call of the objective per generation, progress told, interrupts survived.
-
-The optimiser is pure (state in, state out), the objective is a batch function on the unit cube, and the
-loop is the only place that knows both. `on_generation` serves progress bars, journals and early stops alike:
-it sees every generation's state, and the misfits by which it came about.
-"""
+"""The ask/tell loop."""
 
 from __future__ import annotations
 
@@ -16,13 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import Interrupted, SettingError
-from mrwork.search.elite import EliteRule
-from mrwork.search.proposal import Proposal
-from mrwork.search.recorded import Generation, agree_on_search, recalled_generation, record_generation
-from mrwork.search.result import ReplicatedSearch, SearchResult, results_of
-from mrwork.search.state import SearchState
-from mrwork.search.stop_rules import StopRules
-from mrwork.store import Journal
+from mrwork.search.course import Proposal
+from mrwork.search.result import ReplicatedSearch, SearchResult, SearchState, results_of
+from mrwork.search.rules import EliteRule, StopRules
+from mrwork.store import Journal, digest_of
+from mrwork.store.plain import array_of, plain
 
 StateT = TypeVar("StateT", bound=SearchState)
 Objective = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -254,3 +247,69 @@ def _event(state: StateT, misfit: NDArray[np.float64], began: float) -> Generati
         misfit=misfit,
         state=state,
     )
+
+
+_STEP = "generation"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Generation:
+    """What a search cannot compute again: misfits as the optimiser took them (n_ask,), time since it began [s]."""
+
+    misfit: NDArray[np.float64]
+    seconds: float
+
+
+def agree_on_search(journal: Journal, optimiser: object, state: SearchState) -> None:
+    """Write down which search this is, or check that a journal is of the same.
+
+    Raises
+    ------
+    JournalError
+        Where it is not; the message names what differs.
+    """
+    course = state.course
+    journal.agree(
+        "search",
+        {
+            "optimiser": type(optimiser).__name__,
+            "settings": plain(optimiser),
+            "seed": course.rng,
+            "replicates": course.replicate,
+            "n_params": state.population.shape[2],
+            "generation": course.generation.max(),
+        },
+    )
+
+
+def recalled_generation(journal: Journal, proposal: Proposal) -> Generation | None:
+    """The generation that came of this proposal, `None` where it is not recorded yet."""
+    recalled = journal.recall(_STEP, _digest(proposal)) if journal.recalling else None
+    if recalled is None:
+        return None
+    return Generation(misfit=array_of(recalled["misfit"]), seconds=float(recalled["search_seconds"]))
+
+
+def record_generation(
+    journal: Journal, proposal: Proposal, state: SearchState, generation: Generation
+) -> None:
+    """Record a generation; beside what is needed to go on, what people look for."""
+    course = state.course
+    journal.record(
+        _STEP,
+        _digest(proposal),
+        {
+            "generation": course.generation.max(),
+            "evaluations": course.evaluations.sum(),
+            "best": course.best_misfit.min(),
+            "median": np.median(course.trace.median[:, -1]),
+            # Random numbers are a function of seed, replicate and generation: this is all of their state.
+            "next_stream": {"seed": course.rng, "generation": course.generation.max()},
+            "misfit": generation.misfit,
+            "search_seconds": generation.seconds,
+        },
+    )
+
+
+def _digest(proposal: Proposal) -> str:
+    return digest_of(proposal.number, proposal.population, proposal.changed, proposal.threshold)

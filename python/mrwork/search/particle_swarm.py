@@ -22,13 +22,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.search.course import Course, put
-from mrwork.search.cube import latin_hypercube, reflect
-from mrwork.search.elite import EliteRule
+from mrwork.search.course import Course, Proposal, put
 from mrwork.search.population import PopulationState, better_told, proposed
-from mrwork.search.proposal import Proposal
-from mrwork.search.ranges import check_ranges
-from mrwork.search.stop_rules import StopRules
+from mrwork.search.rules import EliteRule, StopRules, check_ranges
+from mrwork.search.unit_cube import latin_hypercube, reflect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,4 +1,4 @@
-"""What optimisers have in common whose memory is one population: its state, and a generation of it."""
+"""What population-based optimisers share: their state, a generation of it, fitness, and the ceiling of misfits."""
 
 from __future__ import annotations
 
@@ -8,10 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.search.course import Course, put
-from mrwork.search.elite import EliteRule
-from mrwork.search.proposal import Proposal
-from mrwork.search.stop_rules import StopRules
+from mrwork.search.course import Course, Proposal, put
+from mrwork.search.rules import EliteRule, StopRules, check_ranges
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -103,3 +101,46 @@ def _replaced(
         population=put(state.population, rows, population),
         misfit=put(state.misfit, rows, misfit),
     )
+
+
+def relative_fitness(misfit: NDArray[np.float64]) -> NDArray[np.float64]:
+    """`F = (e_max - e)/(e_max - e_min)` in each population, shape (n_replicates, n_population).
+
+    The extremes are those of the simulations that succeeded. Failures have 0, and all have where all errors are equal.
+    """
+    succeeded = np.isfinite(misfit)
+    best = np.min(misfit, axis=1, keepdims=True)
+    worst = np.max(np.where(succeeded, misfit, -math.inf), axis=1, keepdims=True)
+    varied = succeeded & (worst > best)
+    above = np.where(varied, worst, 0.0) - np.where(varied, misfit, 0.0)
+    span = np.where(varied, worst, 1.0) - np.where(varied, best, 0.0)
+    return np.asarray(above / span)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ceiling:
+    """A chromosome with a misfit at or above it counts as failed; the lower of the two holds, `None` is none.
+
+    Parameters
+    ----------
+    absolute
+        A misfit. For one that is an NRMSE, 1 is natural: at 1 a constant force does as well.
+    over_median
+        A multiple, at least 1, of the median misfit of the generation before.
+    """
+
+    absolute: float | None = None
+    over_median: float | None = None
+
+    def __post_init__(self) -> None:
+        check_ranges(
+            {"absolute": (self.absolute, 0.0, math.inf), "over_median": (self.over_median, 1.0, math.inf)}
+        )
+
+    def limit(self, course: Course) -> NDArray[np.float64]:
+        """The ceiling of each replicate that runs, shape (n_running, 1); `inf` where there is none."""
+        rows = course.running
+        limit = np.full((rows.size, 1), math.inf if self.absolute is None else self.absolute)
+        if self.over_median is None or course.is_first:
+            return limit
+        return np.asarray(np.minimum(limit, self.over_median * course.trace.median[rows, -1:]))

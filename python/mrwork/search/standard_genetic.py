@@ -21,15 +21,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.search.ceiling import Ceiling
-from mrwork.search.course import Course
-from mrwork.search.cube import latin_hypercube, reflect
-from mrwork.search.elite import EliteRule
-from mrwork.search.fitness import relative_fitness
-from mrwork.search.population import PopulationState, generation_told, proposed
-from mrwork.search.proposal import Proposal
-from mrwork.search.ranges import check_ranges
-from mrwork.search.stop_rules import StopRules
+from mrwork.search.course import Course, Proposal
+from mrwork.search.population import Ceiling, PopulationState, generation_told, proposed, relative_fitness
+from mrwork.search.rules import EliteRule, StopRules, check_ranges
+from mrwork.search.unit_cube import latin_hypercube, reflect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,15 +1,11 @@
-"""Differential evolution of SciPy behind ask and tell.
-
-SciPy calls the objective, we call the optimiser: it runs in a thread of its own that waits, in its vectorised
-objective, for the misfits of a whole generation. The thread ends with the search, or when nothing refers to it.
-"""
+"""Differential evolution of SciPy behind ask and tell."""
 
 from __future__ import annotations
 
 import math
 import threading
 import weakref
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from queue import SimpleQueue
 
@@ -17,17 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.search.course import Course
-from mrwork.search.cube import latin_hypercube
-from mrwork.search.elite import EliteRule
-from mrwork.search.peers.peer import PeerState, ask_peers, peers_begun, tell_peers
-from mrwork.search.proposal import Proposal
-from mrwork.search.ranges import check_ranges
-from mrwork.search.stop_rules import StopRules
+from mrwork.search.peers import Peer, PeerOptimiser
+from mrwork.search.rules import EliteRule, StopRules, check_ranges
+from mrwork.search.unit_cube import latin_hypercube
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ScipyDifferentialEvolution:
-    """Settings of SciPy's differential evolution: best1bin with deferred updating, all else as it comes.
+class ScipyDifferentialEvolution(PeerOptimiser):
+    """Differential evolution of SciPy: best1bin with deferred updating, otherwise with its defaults.
 
     Parameters
     ----------
@@ -46,22 +39,17 @@ class ScipyDifferentialEvolution:
     def __post_init__(self) -> None:
         check_ranges({"population": (self.population, 5, math.inf)})
 
-    def start(self, n_params: int, rng: int, replicates: Sequence[int] = (0,)) -> PeerState:
-        """One evolution for each replicate, from a Latin hypercube."""
-        course = Course.begun(n_params, rng, replicates, self.elite)
+    def _starter(self, course: Course, n_params: int) -> Callable[[int], Peer]:
         populations = iter(latin_hypercube(course.streams, self.population, n_params))
-        return peers_begun(course, self.population, lambda seed: _Evolution(next(populations), seed))
-
-    def ask(self, state: PeerState) -> Proposal:
-        """What the evolutions ask."""
-        return ask_peers(state)
-
-    def tell(self, state: PeerState, proposal: Proposal, misfit: NDArray[np.float64]) -> PeerState:
-        """State after the simulations asked for; `misfit` (n_ask,), `inf` marks a failed one."""
-        return tell_peers(state, proposal, misfit, elite=self.elite, stop=self.stop)
+        return lambda seed: _ScipyPeer(next(populations), seed)
 
 
-class _Evolution:
+class _ScipyPeer:
+    """SciPy calls the objective, so it runs in a thread that waits there for the misfits of a whole generation.
+
+    The thread ends with the search, or when nothing refers to this object.
+    """
+
     def __init__(self, population: NDArray[np.float64], seed: int) -> None:
         self._asked: SimpleQueue[NDArray[np.float64] | Exception] = SimpleQueue()
         self._told: SimpleQueue[NDArray[np.float64] | None] = SimpleQueue()
@@ -80,7 +68,7 @@ class _Evolution:
 
 
 class _AbandonedError(Exception):
-    """Nobody will tell any more."""
+    """No more misfits will be told."""
 
 
 def _evolve(
@@ -97,7 +85,6 @@ def _evolve(
         return answer
 
     try:
-        # Slow to load, and needed here only.
         from scipy.optimize import Bounds, differential_evolution
 
         differential_evolution(
@@ -108,7 +95,7 @@ def _evolve(
             vectorized=True,
             updating="deferred",
             polish=False,
-            # Our rules end it, not those of the library.
+            # The stop rules end it, not the library's tolerances.
             tol=0.0,
             atol=-1.0,
             maxiter=10**9,
@@ -116,5 +103,5 @@ def _evolve(
     except _AbandonedError:
         pass
     except Exception as error:
-        # Raised again where the search is asked, which would otherwise wait for ever.
+        # Passed on to `ask`, which would otherwise wait for ever.
         asked.put(error)

@@ -1,9 +1,4 @@
-"""Random numbers of one generation of many replicates: a function of (seed, replicate, generation) alone.
-
-Philox is a counter-based generator: `key` and `counter` are all of its state, so the stream of any generation of
-any replicate is there without drawing those before it. The key is (seed, replicate), the upper half of the
-counter (purpose, generation); the lower half counts the numbers drawn (Salmon et al., SC'11, 2011).
-"""
+"""Points of the unit cube and the counter-based random numbers that they are drawn with."""
 
 from __future__ import annotations
 
@@ -12,6 +7,52 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+
+def latin_hypercube(streams: Streams, count: int, n_params: int) -> NDArray[np.float64]:
+    """One point per stratum of each gene, shape (n_replicates, count, n_params)."""
+    drawn = streams.uniform(2 * count * n_params).reshape(-1, 2, count, n_params)
+    strata = np.argsort(drawn[:, 0], axis=1, kind="stable")
+    return (strata + drawn[:, 1]) / count
+
+
+def reflect(unit: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Fold the real line into [0, 1] at 0 and 1, leaving what lies inside bit for bit.
+
+    Clipping would pile points up exactly on the faces, where parameters then seem to want to be; reflection
+    leaves a uniform population uniform.
+    """
+    folded = unit.copy()
+    outside = (unit < 0.0) | (unit > 1.0)
+    folded[outside] = 1.0 - np.abs(1.0 - np.abs(unit[outside]) % 2.0)
+    return folded
+
+
+def others(uniform: NDArray[np.float64], size: int) -> NDArray[np.int64]:
+    """Different members of a group of `size`, none of them the one who draws.
+
+    Parameters
+    ----------
+    uniform
+        Numbers in [0, 1), shape (..., size, n_others); member j draws along the last axis.
+    size
+        More than `n_others`.
+
+    Returns
+    -------
+    NDArray of int
+        Members, shape (..., size, n_others), all such choices equally likely.
+    """
+    n_others = uniform.shape[-1]
+    taken = np.broadcast_to(np.arange(size)[:, None], (*uniform.shape[:-1], 1))
+    for k in range(n_others):
+        # The k-th of those that are left: step over the ones taken, lowest first.
+        member = (uniform[..., k] * (size - 1 - k)).astype(np.int64)
+        for lower in np.moveaxis(np.sort(taken, axis=-1), -1, 0):
+            member += member >= lower
+        taken = np.concatenate([taken, member[..., None]], axis=-1)
+    return taken[..., 1:]
+
 
 _UNIFORM, _NORMAL, _FOREIGN = range(3)
 

@@ -1,0 +1,272 @@
+"""Optimisers of other libraries behind the same ask and tell; install them with the extra `peers`.
+
+A library keeps its progress in an object that changes when it is told. A state of such a search can therefore be told
+only once; to continue from an earlier state, start again and tell the same misfits, which a journal keeps. The rest of
+the contract holds: each replicate is a search of its own with its own seed.
+"""
+
+from __future__ import annotations
+
+import importlib
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from types import ModuleType
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.errors import SettingError
+from mrwork.search.course import Course, Proposal, put
+from mrwork.search.population import proposed
+from mrwork.search.rules import EliteRule, StopRules, check_ranges
+
+# Libraries compute with misfits, so a failure is told as a finite number above any misfit.
+_FAILURE = 1e100
+
+
+def library(name: str) -> ModuleType:
+    """Import a module of an optional library.
+
+    Raises
+    ------
+    SettingError
+        Where it is not installed.
+    """
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        raise SettingError(
+            f"{name.partition('.')[0]} is not installed; install it with: pip install 'mrwork[peers]'"
+        ) from error
+
+
+class Peer(Protocol):
+    """What a library does in one generation of one replicate."""
+
+    def ask(self) -> NDArray[np.float64]:
+        """Candidates, shape (n_ask, n_params); at most the population size of the settings."""
+
+    def tell(self, misfit: NDArray[np.float64]) -> None:
+        """Misfits of the candidates, shape (n_ask,), all finite."""
+
+
+class PeerSearch:
+    """A peer with the candidates that it has asked and not yet been told."""
+
+    def __init__(self, peer: Peer) -> None:
+        self._peer = peer
+        self._generation = 0
+        self._asked: NDArray[np.float64] | None = None
+
+    def ask(self, generation: int) -> NDArray[np.float64]:
+        """Candidates of this generation, the same however often they are asked."""
+        self._check(generation)
+        if self._asked is None:
+            self._asked = np.clip(self._peer.ask(), 0.0, 1.0)
+        return self._asked
+
+    def tell(self, generation: int, misfit: NDArray[np.float64]) -> None:
+        """Misfits of all candidates of this generation, shape (n_ask,)."""
+        self._check(generation)
+        self._peer.tell(np.where(np.isfinite(misfit), misfit, _FAILURE))
+        self._generation, self._asked = generation + 1, None
+
+    def _check(self, generation: int) -> None:
+        if generation != self._generation:
+            raise SettingError(
+                f"this state is of generation {generation}, its library has gone on to {self._generation}; "
+                "start again and tell the same misfits"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PeerState:
+    """Searches of another library, one for each replicate.
+
+    `population` (n_replicates, n_population, n_params) with `misfit` (n_replicates, n_population) were told last.
+    """
+
+    course: Course
+    population: NDArray[np.float64]
+    misfit: NDArray[np.float64]
+    searches: tuple[PeerSearch, ...]
+
+
+class PeerOptimiser(ABC):
+    """Ask and tell of another library; a subclass holds the settings and starts one peer for each replicate."""
+
+    __slots__ = ()
+
+    @property
+    @abstractmethod
+    def population(self) -> int:
+        """Candidates of one replicate, at most."""
+
+    @property
+    @abstractmethod
+    def stop(self) -> StopRules:
+        """When a replicate ends."""
+
+    @property
+    @abstractmethod
+    def elite(self) -> EliteRule:
+        """Which finds of the run are kept."""
+
+    @abstractmethod
+    def _starter(self, course: Course, n_params: int) -> Callable[[int], Peer]:
+        """Return the function that starts a peer from a seed; it is called once for each replicate, in order."""
+
+    def start(self, n_params: int, rng: int, replicates: Sequence[int] = (0,)) -> PeerState:
+        """Start one search for each replicate, each from its own seed; nothing is simulated yet."""
+        course = Course.begun(n_params, rng, replicates, self.elite)
+        starter = self._starter(course, n_params)
+        shape = (len(course.replicate), self.population)
+        return PeerState(
+            course=course,
+            population=np.zeros((*shape, n_params)),
+            misfit=np.full(shape, math.inf),
+            searches=tuple(PeerSearch(starter(int(seed))) for seed in course.streams.seeds()),
+        )
+
+    def ask(self, state: PeerState) -> Proposal:
+        """What the searches of the running replicates ask; a slot that a library leaves empty is not simulated."""
+        course, rows = state.course, state.course.running
+        population = state.population[rows].copy()
+        changed = np.zeros(population.shape[:2], np.bool_)
+        for index, row in enumerate(rows):
+            asked = state.searches[row].ask(int(course.generation[row]))
+            population[index, : len(asked)] = asked
+            changed[index, : len(asked)] = True
+        return proposed(course, population, known=state.misfit[rows], changed=changed)
+
+    def tell(self, state: PeerState, proposal: Proposal, misfit: NDArray[np.float64]) -> PeerState:
+        """State after the simulations asked for, `misfit` (n_ask,); the state before cannot be told again."""
+        course, rows = state.course, state.course.running
+        told = proposal.told(misfit)
+        for index, row in enumerate(rows):
+            state.searches[row].tell(int(course.generation[row]), told[index, proposal.changed[index]])
+        after = np.where(proposal.changed, told, proposal.known)
+        return PeerState(
+            course=course.after(
+                proposal,
+                told,
+                population=proposal.population,
+                misfit=after,
+                elite=self.elite,
+                stop=self.stop,
+            ),
+            population=put(state.population, rows, proposal.population),
+            misfit=put(state.misfit, rows, after),
+            searches=state.searches,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CMAEvolution(PeerOptimiser):
+    """CMA-ES of the library `cma` (Hansen & Ostermeier, Evol. Comput. 9, 2001, 159-195), from the middle of the box.
+
+    Parameters
+    ----------
+    population
+        Candidates of a generation; 10 is the library's own choice for 8 parameters.
+    deviation
+        Initial standard deviation of each gene, a share of the box.
+    stop
+        When to end.
+    elite
+        Which finds of the run are kept.
+    """
+
+    population: int = 10
+    deviation: float = 0.3
+    stop: StopRules = field(default_factory=lambda: StopRules(max_generations=1000))
+    elite: EliteRule = field(default_factory=EliteRule)
+
+    def __post_init__(self) -> None:
+        check_ranges(
+            {"population": (self.population, 4, math.inf), "deviation": (self.deviation, 1e-12, 1.0)}
+        )
+
+    def _starter(self, course: Course, n_params: int) -> Callable[[int], Peer]:
+        cma = library("cma")
+
+        def begin(seed: int) -> Peer:
+            generator = np.random.default_rng(seed)
+            options = {
+                "bounds": [0.0, 1.0],
+                "popsize": self.population,
+                "verbose": -9,
+                # By default the library seeds and uses NumPy's global generator.
+                "seed": math.nan,
+                "randn": lambda *shape: generator.standard_normal(shape),
+            }
+            return _CMAPeer(cma.CMAEvolutionStrategy(np.full(n_params, 0.5), self.deviation, options))
+
+        return begin
+
+
+class _CMAPeer:
+    def __init__(self, strategy: Any) -> None:
+        self._strategy = strategy
+        self._asked: list[NDArray[np.float64]] = []
+
+    def ask(self) -> NDArray[np.float64]:
+        self._asked = self._strategy.ask()
+        return np.array(self._asked)
+
+    def tell(self, misfit: NDArray[np.float64]) -> None:
+        self._strategy.tell(self._asked, misfit.tolist())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PymooGA(PeerOptimiser):
+    """The genetic algorithm of the library `pymoo` (Blank & Deb, IEEE Access 8, 2020, 89497-89509), with its defaults.
+
+    Simulated binary crossover, polynomial mutation, survival of the fittest.
+
+    Parameters
+    ----------
+    population
+        Chromosomes.
+    stop
+        When to end.
+    elite
+        Which finds of the run are kept.
+    """
+
+    population: int = 60
+    stop: StopRules = field(default_factory=StopRules)
+    elite: EliteRule = field(default_factory=EliteRule)
+
+    def __post_init__(self) -> None:
+        check_ranges({"population": (self.population, 4, math.inf)})
+
+    def _starter(self, course: Course, n_params: int) -> Callable[[int], Peer]:
+        problem = library("pymoo.core.problem").Problem(n_var=n_params, n_obj=1, xl=0.0, xu=1.0)
+        termination = library("pymoo.core.termination").NoTermination
+        genetic = library("pymoo.algorithms.soo.nonconvex.ga").GA
+
+        def begin(seed: int) -> Peer:
+            algorithm = genetic(pop_size=self.population)
+            algorithm.setup(problem, termination=termination(), seed=seed, verbose=False)
+            return _PymooPeer(algorithm)
+
+        return begin
+
+
+class _PymooPeer:
+    def __init__(self, algorithm: Any) -> None:
+        self._algorithm = algorithm
+        self._asked: Any = None
+
+    def ask(self) -> NDArray[np.float64]:
+        self._asked = self._algorithm.ask()
+        return np.asarray(self._asked.get("X"), dtype=np.float64)
+
+    def tell(self, misfit: NDArray[np.float64]) -> None:
+        problem = library("pymoo.problems.static").StaticProblem(self._algorithm.problem, F=misfit[:, None])
+        library("pymoo.core.evaluator").Evaluator().eval(problem, self._asked)
+        self._algorithm.tell(infills=self._asked)
