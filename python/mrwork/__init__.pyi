@@ -34,11 +34,11 @@ from .motions.synthetic import synthetic_motion as synthetic_motion
 from .records.damper_test import DamperTest as DamperTest
 from .records.read import read_damper_test as read_damper_test
 from .records.read import read_damper_tests as read_damper_tests
-from .report.stored_run import StoredRun as StoredRun
-from .report.stored_run import load as load
 from .simulate import Loading as Loading
 from .simulate import simulate_force as simulate_force
 from .store.journal import Journal as Journal
+from .stored import StoredRun as StoredRun
+from .stored import load as load
 from .study.reading import read_study as read_study
 from .study.results import StudyResults as StudyResults
 from .study.run import run_study as run_study

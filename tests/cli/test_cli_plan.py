@@ -12,8 +12,8 @@ import xarray
 from command_line import printed
 
 from mrwork.cli import main
-from mrwork.report.reopen import reopen
-from mrwork.report.stored_draws import read_draws
+from mrwork.identification.fit_file import reopen
+from mrwork.uncertainty.posterior.draws_file import read_draws
 
 
 @pytest.fixture(scope="module")

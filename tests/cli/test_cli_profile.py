@@ -10,7 +10,7 @@ import pytest
 from command_line import printed
 
 from mrwork.cli import main
-from mrwork.report.run_directory import read_fit
+from mrwork.identification.fit_file import read_fit
 
 
 @pytest.fixture(scope="module")

@@ -30,7 +30,7 @@ from mrwork.identification.progress import Progress
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
 from mrwork.store import Journal
-from mrwork.store.journal_lines import line_of
+from mrwork.store.journal_file import line_of
 from mrwork.synthetic import synthetic_test
 
 N_KILLS = int(os.environ.get("MRWORK_KILL_POINTS", "4"))

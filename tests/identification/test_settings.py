@@ -16,7 +16,7 @@ from mrwork.identification.problem import Problem
 from mrwork.identification.provenance import fingerprint_of
 from mrwork.identification.settings import FitSettings
 from mrwork.search import EfficientGA, StopRules
-from mrwork.store.difference import differences
+from mrwork.store.fingerprint import differences
 
 TEST = mr.synthetic_test("rd1005_1a")
 SPEC = damper("static_hysteretic")

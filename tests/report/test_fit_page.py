@@ -19,16 +19,16 @@ from test_report import Page
 import mrwork as mr
 from mrwork.cli import main
 from mrwork.errors import MrworkError, RecordError
+from mrwork.identification.fit_file import fit_from_json, read_fit
 from mrwork.identification.identify import identify
 from mrwork.identification.residual import ObservedTest
 from mrwork.records.window import cut
-from mrwork.report.fit.page import comparisons_of, dossier_page
-from mrwork.report.fit.predictions import read_predictions, write_predictions
-from mrwork.report.fit.rewrite_page import write_dossier
+from mrwork.report.fit.page import comparisons_of, fit_page
+from mrwork.report.fit.rewrite_page import rewrite_page
 from mrwork.report.fit.waterfall import waterfall_panel
-from mrwork.report.fit_json import fit_from_json, json_document
-from mrwork.report.run_directory import read_fit
+from mrwork.store.codec import json_document
 from mrwork.synthetic import synthetic_test
+from mrwork.uncertainty.bands.calibration_files import read_predictions, write_predictions
 from mrwork.uncertainty.bands.prediction import Prediction
 
 READING = ["--every", "5"]
@@ -110,7 +110,7 @@ def test_a_run_folder_is_read_back(plain: Path, whole: Path) -> None:
     assert len(run.calibration.tests) == len(LEFT_OUT)
     assert run.plan is not None
     text = repr(run)
-    assert "fit, draws, profiles, calibration, plan" in text
+    assert "fit, draws, profiles, bands, plan" in text
     assert text.count("\n") < 30
 
 
@@ -150,7 +150,7 @@ def test_bands_say_on_which_excitations_they_are_calibrated(whole: Path) -> None
 
 def test_a_page_written_again_is_the_same(whole: Path) -> None:
     before = (whole / "report.html").read_bytes()
-    write_dossier(whole)
+    rewrite_page(whole)
     assert (whole / "report.html").read_bytes() == before
 
 
@@ -160,7 +160,7 @@ def test_a_damaged_addition_is_named_and_leaves_the_page(whole: Path, tmp_path: 
     before = (place / "report.html").read_bytes()
     (place / "profiles.json").write_text('{"model": 3}')
     with pytest.raises(RecordError, match=r"profiles\.json is not a profiles.*run `mrwork profile` again"):
-        write_dossier(place)
+        rewrite_page(place)
     assert (place / "report.html").read_bytes() == before
 
 
@@ -197,7 +197,7 @@ def test_names_from_files_cannot_write_markup_into_sections() -> None:
     hostile = '<script>alert("1")</script>'
     made = comparison(hostile)
     with pytest.raises(StopIteration):
-        next(tag for tag, _ in Page(dossier_page(fit(made), [made])).elements if tag == "script")
+        next(tag for tag, _ in Page(fit_page(fit(made), [made])).elements if tag == "script")
 
 
 @pytest.fixture(scope="module")

@@ -172,7 +172,7 @@ def test_the_report_never_loads_pyplot_and_a_run_is_read_without_matplotlib() ->
         ).stdout
 
     assert "matplotlib.pyplot" not in loaded_by("mrwork.report.html")
-    assert "matplotlib" not in loaded_by("mrwork.report.run_directory")
+    assert "matplotlib" not in loaded_by("mrwork.store.run_folder")
 
 
 def test_the_model_line_is_whole_and_the_points_lie_on_the_record() -> None:

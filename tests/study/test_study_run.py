@@ -11,9 +11,9 @@ from command_line import printed
 
 from mrwork.errors import Interrupted, JournalError
 from mrwork.report.study.stored_histories import Histories
-from mrwork.report.unfinished import begin_journal
 from mrwork.simulate import Outcome
 from mrwork.store import Journal
+from mrwork.store.unfinished import begin_journal
 from mrwork.study.reading import read_study
 from mrwork.study.results import StudyResults
 from mrwork.study.run import StudyProgress, run_study

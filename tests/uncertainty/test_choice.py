@@ -17,8 +17,8 @@ from mrwork.cli import parser
 from mrwork.errors import Interrupted, MrworkError, SettingError, UnknownNameError
 from mrwork.identification.multistart import Multistart
 from mrwork.records import DamperTest
-from mrwork.report.unfinished_comparison import StepJournals
 from mrwork.store import Journal
+from mrwork.store.unfinished import StepJournals
 from mrwork.uncertainty.choice.choose import choose_model
 from mrwork.uncertainty.choice.comparison import Choice, ChoiceProgress
 from mrwork.uncertainty.choice.held_out import halves

@@ -14,16 +14,14 @@ import numpy as np
 from mrwork.cli.observe import add_observation, nuisances_of, observed
 from mrwork.cli.options import add_files, add_json, read_tests
 from mrwork.cli.progress import ProgressLine
-from mrwork.cli.run_page import renew_dossier
+from mrwork.cli.run_page import renew_page
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
+from mrwork.identification.fit_file import read_fit, reopen
 from mrwork.identification.identify import identify_again
 from mrwork.records import DamperTest
-from mrwork.report.calibration_json import write_calibration
-from mrwork.report.fit.predictions import write_predictions
-from mrwork.report.folds import Folds
-from mrwork.report.reopen import reopen
-from mrwork.report.run_directory import CALIBRATION, read_fit
+from mrwork.store.run_folder import CALIBRATION
+from mrwork.uncertainty.bands.calibration_files import Folds, write_calibration, write_predictions
 from mrwork.uncertainty.bands.conformal import Calibration, calibrate
 from mrwork.uncertainty.bands.coverage import LEVELS, LeftOutCoverage, measured_coverage
 from mrwork.uncertainty.bands.left_out import IN_WORDS, Fold, predict_left_out
@@ -63,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
     coverage = measured_coverage(predictions) if len(predictions) > 1 else ()
     write_calibration(options.fit, calibration, coverage)
     write_predictions(options.fit, predictions)
-    renew_dossier(options.fit)
+    renew_page(options.fit)
     if options.json:
         print(json.dumps(_summary(calibration, coverage)))
     else:

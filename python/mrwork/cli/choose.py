@@ -23,8 +23,8 @@ from mrwork.cli.options import parse_bounds, reading_of
 from mrwork.cli.progress import ChoiceLine
 from mrwork.errors import Interrupted, JournalError, MrworkError, OutputError, SettingError
 from mrwork.identification.settings import Search
-from mrwork.report.run_directory import FIT, MODELS, RANKING, check_destination
-from mrwork.report.unfinished_comparison import StepJournals
+from mrwork.store.run_folder import FIT, MODELS, RANKING, check_destination
+from mrwork.store.unfinished import StepJournals
 from mrwork.uncertainty.bands.left_out import Fold
 from mrwork.uncertainty.choice.families import ALL
 

@@ -12,10 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 from mrwork.dampers.spec import damper
 from mrwork.identification.fit import Fit
+from mrwork.identification.fit_file import READING, write_run
 from mrwork.identification.reading import Reading
 from mrwork.records import DamperTest
-from mrwork.report.reopen import READING
-from mrwork.report.run_directory import write_run
 
 if TYPE_CHECKING:
     from mrwork.uncertainty.choice.verdict import Ranking
@@ -72,7 +71,8 @@ def write_identification(
         return
     # Matplotlib is slow to load and needed for reports only.
     from mrwork.report.figures import run_figures
-    from mrwork.report.fit.page import comparisons_of, dossier_page
+    from mrwork.report.fit.page import comparisons_of, fit_page
+    from mrwork.report.svg import figure_files
 
     comparisons = comparisons_of(fit, tests)
     figures = run_figures(fit, comparisons)
@@ -83,8 +83,8 @@ def write_identification(
     write_run(
         place,
         fit=fit,
-        report_html=dossier_page(fit, comparisons, ranking=ranking),
-        figures=figures,
+        report_html=fit_page(fit, comparisons, ranking=ranking),
+        figures=figure_files(figures),
         manifest=manifest,
         journal=journal,
         documents=documents,

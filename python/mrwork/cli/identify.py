@@ -25,13 +25,14 @@ from mrwork.cli.options import add_files, add_json, parse_bounds, reading_of
 from mrwork.cli.progress import ProgressLine
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, JournalError, MrworkError, OutputError, SettingError
+from mrwork.identification.fit_file import read_fit
 from mrwork.identification.identify import identify
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.settings import SEARCHES, Engine, Search, search_named
 from mrwork.identification.warm_start import start_from
 from mrwork.records import DamperTest
-from mrwork.report.run_directory import check_destination, read_fit
-from mrwork.report.unfinished import begin_journal, discard_journal, is_copy, resume_journal
+from mrwork.store.run_folder import check_destination
+from mrwork.store.unfinished import begin_journal, discard_journal, is_copy, resume_journal
 
 
 def add_parser(verbs: Any) -> None:

@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.cli.options import add_json
-from mrwork.cli.run_page import renew_dossier
+from mrwork.cli.run_page import renew_page
 from mrwork.dampers.parameters import CommandUnit
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
-from mrwork.report.additions import add_to_run
-from mrwork.report.fit_json import json_document
-from mrwork.report.reopen import OpenedRun, reopen
-from mrwork.report.run_directory import PLAN
+from mrwork.identification.fit_file import OpenedRun, reopen
+from mrwork.store.codec import json_document
+from mrwork.store.run_folder import PLAN, write_files
 from mrwork.uncertainty.planning.candidates import Candidate, Limits, candidate_grid, read_candidates
 
 if TYPE_CHECKING:
@@ -104,9 +103,11 @@ def run(options: argparse.Namespace) -> int:
     document = asdict(check) | {"draws": origin, "limits": asdict(limits)}
     # Matplotlib is slow to load.
     from mrwork.report.plan_figure import plan_figure
+    from mrwork.report.svg import figure_files
 
-    add_to_run(opened.place, PLAN, document, {"plan": plan_figure(check.plan, unit)})
-    renew_dossier(opened.place)
+    figures = figure_files({"plan": plan_figure(check.plan, unit)})
+    write_files(opened.place, {PLAN: json_document(document).encode()} | figures)
+    renew_page(opened.place)
     if options.json:
         print(json.dumps(json.loads(json_document(document | {"out": str(opened.place / PLAN)}))))
     else:
@@ -137,8 +138,8 @@ def _candidates(options: argparse.Namespace, opened: OpenedRun) -> tuple[Candida
 
 def _draws(opened: OpenedRun, known: Knowledge, rng: np.random.Generator) -> tuple[NDArray[np.float64], str]:
     """Draws in the order of the model of `known`, and what they are of."""
-    from mrwork.report.stored_draws import read_draws
     from mrwork.uncertainty.planning.plan_draws import normal_draws
+    from mrwork.uncertainty.posterior.draws_file import read_draws
 
     draws = read_draws(opened.place, opened.fit)
     if draws is None:

@@ -11,10 +11,10 @@ import numpy as np
 
 from mrwork.cli.observe import add_observation, nuisances_of, observed
 from mrwork.cli.options import add_files, add_json, read_tests
+from mrwork.identification.fit_file import read_fit
 from mrwork.identification.free_run import judge
-from mrwork.report.calibration_json import read_calibration
-from mrwork.report.run_directory import read_fit
 from mrwork.uncertainty.bands.band import score
+from mrwork.uncertainty.bands.calibration_files import read_calibration
 from mrwork.uncertainty.bands.prediction import Prediction
 
 

@@ -11,14 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.options import add_json
-from mrwork.cli.run_page import renew_dossier
+from mrwork.cli.run_page import renew_page
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.fit import Fit
+from mrwork.identification.fit_file import reopen
 from mrwork.identification.verdict import Identifiability
-from mrwork.report.additions import add_to_run
-from mrwork.report.fit_json import json_document
-from mrwork.report.reopen import reopen
-from mrwork.report.run_directory import PROFILES
+from mrwork.store.codec import json_document
+from mrwork.store.run_folder import PROFILES, write_files
 
 if TYPE_CHECKING:
     from mrwork.uncertainty.identifiability.profile import Profiles
@@ -79,14 +78,15 @@ def run(options: argparse.Namespace) -> int:
         line.close()
     seen = identifiability_of(opened.fit, opened.tests, threads=options.threads)
     document = asdict(profiles) | {"directions": [asdict(each) for each in seen.directions]}
-    figures = {}
+    figures: dict[str, bytes] = {}
     if status == 0:
         # Matplotlib is slow to load.
         from mrwork.report.profile_figure import profiles_figure
+        from mrwork.report.svg import figure_files
 
-        figures["profiles"] = profiles_figure(profiles)
-    add_to_run(opened.place, PROFILES, document, figures)
-    renew_dossier(opened.place)
+        figures = figure_files({"profiles": profiles_figure(profiles)})
+    write_files(opened.place, {PROFILES: json_document(document).encode()} | figures)
+    renew_page(opened.place)
     if options.json:
         # One line, and null for what is not finite, as in the file.
         print(json.dumps(json.loads(json_document(document | {"out": str(opened.place / PROFILES)}))))

@@ -69,9 +69,9 @@ def run(options: argparse.Namespace) -> int:
             f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
         )
     # SciPy and the simulation are slow to load.
-    from mrwork.report.run_directory import check_destination
     from mrwork.report.study.stored_histories import Histories
-    from mrwork.report.unfinished import begin_journal, discard_journal, is_copy, resume_journal
+    from mrwork.store.run_folder import check_destination
+    from mrwork.store.unfinished import begin_journal, discard_journal, is_copy, resume_journal
     from mrwork.study.reading import read_study
     from mrwork.study.run import run_study
 
@@ -125,7 +125,7 @@ def _asked_for(options: argparse.Namespace) -> str:
 
 
 def _identified(run: Path) -> tuple[DamperSpec, tuple[float, ...]]:
-    from mrwork.report.run_directory import read_fit
+    from mrwork.identification.fit_file import read_fit
 
     fit = read_fit(run)
     return fit.spec, fit.theta

@@ -8,12 +8,12 @@ from pathlib import Path
 from mrwork.errors import MrworkError
 
 
-def renew_dossier(place: Path) -> None:
+def renew_page(place: Path) -> None:
     """Write the page of a run anew; where its tests are gone, a note says why it is as it was."""
     # Matplotlib is slow to load.
-    from mrwork.report.fit.rewrite_page import write_dossier
+    from mrwork.report.fit.rewrite_page import rewrite_page
 
     try:
-        write_dossier(place)
+        rewrite_page(place)
     except MrworkError as reason:
         print(f"mrwork: the page of {place} is as it was: {reason}", file=sys.stderr)

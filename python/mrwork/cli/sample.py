@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.options import add_json
 from mrwork.cli.progress import SamplingLine
-from mrwork.cli.run_page import renew_dossier
-from mrwork.errors import Interrupted, OutputError, SettingError
-from mrwork.report.reopen import reopen
-from mrwork.report.run_directory import CHAIN, DRAWS
+from mrwork.cli.run_page import renew_page
+from mrwork.errors import Interrupted, SettingError
+from mrwork.identification.fit_file import reopen
+from mrwork.store.run_folder import CHAIN, DRAWS
 from mrwork.uncertainty.posterior.prior import parse_prior
 
 if TYPE_CHECKING:
@@ -71,6 +71,7 @@ def run(options: argparse.Namespace) -> int:
     priors = dict(parse_prior(text) for text in options.prior)
     opened = reopen(options.run_directory)
     # ArviZ, emcee and HDF5 take seconds to load.
+    from mrwork.uncertainty.posterior.draws_file import write_draws
     from mrwork.uncertainty.posterior.sample import sample_posterior
 
     line = SamplingLine(quiet=options.quiet or options.json)
@@ -100,8 +101,8 @@ def run(options: argparse.Namespace) -> int:
         return 130
     finally:
         line.close()
-    _write(draws, opened.place / DRAWS)
-    renew_dossier(opened.place)
+    write_draws(opened.place, draws)
+    renew_page(opened.place)
     print(json.dumps(_summary(draws, opened.place)) if options.json else _text(draws, opened.place))
     return 0
 
@@ -113,18 +114,6 @@ def _tempering(text: str | None) -> Any:
         return float(text)
     except ValueError:
         raise SettingError(f"--tempering is {text!r}; give effective, or a share such as 0.1") from None
-
-
-def _write(draws: Draws, path: Path) -> None:
-    """Write the draws beside their place and rename them into it."""
-    beside = path.with_name(f".{path.name}.new")
-    try:
-        draws.as_datatree().to_netcdf(beside, engine="h5netcdf")
-        beside.replace(path)
-    except OSError as reason:
-        raise OutputError(f"cannot write {path}: {reason}; free some space") from reason
-    finally:
-        beside.unlink(missing_ok=True)
 
 
 def _summary(draws: Draws, place: Path) -> dict[str, Any]:

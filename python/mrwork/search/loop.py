@@ -15,7 +15,7 @@ from mrwork.search.course import Proposal
 from mrwork.search.result import ReplicatedSearch, SearchResult, SearchState, results_of
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store import Journal, digest_of
-from mrwork.store.plain import array_of, plain
+from mrwork.store.codec import array_of, plain
 
 StateT = TypeVar("StateT", bound=SearchState)
 Objective = Callable[[NDArray[np.float64]], NDArray[np.float64]]

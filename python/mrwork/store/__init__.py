@@ -1,6 +1,9 @@
-"""The journal of a long run: what it has done so far, on the disk, so that it can be killed and go on."""
+"""What a program keeps on the disk: journals, run folders, codec, fingerprints.
 
-from mrwork.store.digest import digest_of
+Mechanism only: the files of a type stand beside the type.
+"""
+
+from mrwork.store.fingerprint import digest_of
 from mrwork.store.journal import Counters, Journal
 
 __all__ = ["Counters", "Journal", "digest_of"]

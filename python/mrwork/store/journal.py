@@ -16,10 +16,9 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from mrwork.errors import JournalError, OutputError
-from mrwork.store.difference import differences
-from mrwork.store.journal_lines import FORMAT, line_of, read_lines
-from mrwork.store.lock import locked
-from mrwork.store.plain import plain, rebuilt
+from mrwork.store.codec import plain, rebuilt
+from mrwork.store.fingerprint import differences
+from mrwork.store.journal_file import FORMAT, line_of, locked, read_lines
 
 T = TypeVar("T")
 

@@ -18,7 +18,7 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted
 from mrwork.motions import GroundMotion
 from mrwork.store import Journal
-from mrwork.store.plain import plain, rebuilt
+from mrwork.store.codec import plain, rebuilt
 from mrwork.study.control_laws import constant_command, constant_commands
 from mrwork.study.conversion import history_of, result_of, results_of
 from mrwork.study.fingerprint import digest_of_run, premises_of

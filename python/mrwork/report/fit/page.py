@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
@@ -20,14 +19,9 @@ from mrwork.report.fit.posterior import posterior_section
 from mrwork.report.fit.ranking import ranking_section
 from mrwork.report.fit.residuals import residual_section
 from mrwork.report.fit.section import Absent, Section
-from mrwork.report.fit.stored_bands import read_bands
 from mrwork.report.html import identification_report
-from mrwork.report.run_directory import PLAN, PROFILES, RANKING
-from mrwork.report.stored_draws import read_draws
-from mrwork.report.stored_run import read_addition
+from mrwork.stored import StoredRun
 from mrwork.uncertainty.choice.verdict import Ranking
-from mrwork.uncertainty.identifiability.profile import Profiles
-from mrwork.uncertainty.planning.plan_draws import Check
 
 _PROFILES = Absent(
     title="Profiles",
@@ -71,37 +65,36 @@ def comparisons_of(fit: Fit, tests: Sequence[DamperTest]) -> tuple[Comparison, .
     )
 
 
-def dossier_page(
-    fit: Fit, comparisons: Sequence[Comparison], place: Path | None = None, *, ranking: Ranking | None = None
+def fit_page(
+    fit: Fit,
+    comparisons: Sequence[Comparison],
+    stored: StoredRun | None = None,
+    *,
+    ranking: Ranking | None = None,
 ) -> str:
     """The page of a fit.
 
     Parameters
     ----------
-    place
-        The run directory whose additions are shown; without it none are.
+    stored
+        The run folder, whose additions are shown; without it none are.
     ranking
         Of the comparison that the fit came out of, where it is not in a run directory yet.
-
-    Raises
-    ------
-    RecordError
-        Where an addition is damaged.
     """
     sections: list[Section] = []
     absent: list[Absent] = []
-    profiles = read_addition(Profiles, place, PROFILES, name="profiles", verb="profile")
+    profiles = None if stored is None else stored.profiles
     if fit.identifiability is not None:
         sections.append(identifiability_section(fit, fit.identifiability, profiles))
     if profiles is None:
         absent.append(_PROFILES)
-    draws = None if place is None else read_draws(place, fit)
+    draws = None if stored is None else stored.draws
     if draws is not None:
         sections.append(posterior_section(fit, draws))
     else:
         absent.append(_POSTERIOR)
     sections.append(residual_section(comparisons))
-    bands = None if place is None else read_bands(place)
+    bands = None if stored is None else stored.bands
     if draws is not None or bands is not None:
         tests = [comparison.test for comparison in comparisons]
         section = band_section(fit, comparisons, parameter_draws(fit, tests, draws), bands)
@@ -110,13 +103,14 @@ def dossier_page(
         sections.append(coverage_section(bands))
     else:
         absent.append(_BANDS)
-    ranking = ranking or read_addition(Ranking, place, RANKING, name="ranking", verb="identify")
+    if ranking is None and stored is not None:
+        ranking = stored.ranking
     if ranking is not None:
         sections.append(ranking_section(ranking))
     else:
         absent.append(_RANKING)
     spec = fit.spec
-    plan = read_addition(Check, place, PLAN, name="plan", verb="plan")
+    plan = None if stored is None else stored.plan
     if plan is not None:
         sections.append(plan_section(plan, None if spec.current is None else spec.current.unit))
     else:

@@ -8,9 +8,9 @@ from mrwork.identification.fit import Fit
 from mrwork.report import numbers
 from mrwork.report.fit.posterior_figures import corner_figure, rank_figure, trace_figure
 from mrwork.report.fit.section import Group, Section, Table, panel, table
-from mrwork.report.stored_draws import StoredDraws
 from mrwork.report.tables import shown_unit
 from mrwork.uncertainty.posterior.diagnosis import LARGEST_RHAT, LEAST_ESS
+from mrwork.uncertainty.posterior.draws_file import StoredDraws
 
 
 def posterior_section(fit: Fit, draws: StoredDraws) -> Section:

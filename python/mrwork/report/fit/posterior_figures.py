@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from mrwork.report import style
 from mrwork.report.fit.canvas import small_axes
 from mrwork.report.numbers import shortest
-from mrwork.report.stored_draws import StoredDraws
+from mrwork.uncertainty.posterior.draws_file import StoredDraws
 
 Array = NDArray[np.float64]
 

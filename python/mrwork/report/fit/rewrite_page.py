@@ -1,19 +1,19 @@
-"""The page of a run directory, written anew after a verb has added to it."""
+"""The page of a run folder, written again after a verb has added to the folder."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
 
-from mrwork.errors import OutputError
-from mrwork.report.fit.page import comparisons_of, dossier_page
-from mrwork.report.reopen import reopen
-from mrwork.report.run_directory import REPORT
+from mrwork.identification.fit_file import reopen
+from mrwork.report.fit.page import comparisons_of, fit_page
+from mrwork.store.run_folder import REPORT, write_files
+from mrwork.stored import load
 from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
 
-def write_dossier(place: str | Path) -> Path:
-    """Write `report.html` of the run directory at `place` again, with all that is in it.
+def rewrite_page(place: str | Path) -> Path:
+    """Write `report.html` of the run folder at `place` again, with everything that the folder holds.
 
     Raises
     ------
@@ -27,16 +27,6 @@ def write_dossier(place: str | Path) -> Path:
     if fit.identifiability is None:
         # An earlier version did not ask.
         fit = replace(fit, identifiability=identifiability_of(fit, opened.tests))
-    page = dossier_page(fit, comparisons_of(fit, opened.tests), opened.place)
-    target = opened.place / REPORT
-    beside = target.with_name(f".{REPORT}.new")
-    try:
-        beside.write_text(page, encoding="utf-8")
-        beside.replace(target)
-    except OSError as reason:
-        raise OutputError(
-            f"cannot write {target}: {reason.strerror}; make room, then repeat the verb"
-        ) from reason
-    finally:
-        beside.unlink(missing_ok=True)
-    return target
+    page = fit_page(fit, comparisons_of(fit, opened.tests), load(opened.place))
+    write_files(opened.place, {REPORT: page.encode()})
+    return opened.place / REPORT

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import re
 from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
 
-from mrwork.errors import OutputError
-from mrwork.report.run_directory import HISTORIES, real_place
-from mrwork.report.unfinished import part_of
+from mrwork.store.run_folder import HISTORIES, real_place, replacing
+from mrwork.store.unfinished import part_of
 from mrwork.study.run_result import History
 from mrwork.study.study import Study
 
@@ -55,16 +53,8 @@ class Histories:
             for entry in fields(History)
         }
         target = self._begun / self._names[row, motion]
-        try:
-            self._begun.mkdir(parents=True, exist_ok=True)
-            beside = target.with_suffix(f".{os.getpid()}.part")
-            with beside.open("wb") as stream:
-                np.savez(stream, **arrays)  # type: ignore[arg-type]
-            beside.replace(target)
-        except OSError as reason:
-            raise OutputError(
-                f"cannot write {target}: {reason.strerror}; make room or choose another folder"
-            ) from reason
+        with replacing(target) as beside, beside.open("wb") as stream:
+            np.savez(stream, **arrays)  # type: ignore[arg-type]
 
     def read(self, row: int, motion: int) -> History | None:
         """One of them, if there is."""
@@ -74,14 +64,10 @@ class Histories:
         with np.load(path) as arrays:
             return History(**{entry.name: arrays[entry.name].astype(np.float64) for entry in fields(History)})
 
-    def move_into(self, folder: Path) -> None:
-        """Put all that there are into the folder of the finished study."""
-        (folder / HISTORIES).mkdir()
-        for (row, motion), name in self._names.items():
-            path = self._path(row, motion)
-            if path is not None:
-                # A second name for the same file, so that what is here stays if the rest fails.
-                _linked(path, folder / HISTORIES / name)
+    def paths(self) -> list[Path]:
+        """Those that there are."""
+        found = (self._path(row, motion) for row, motion in self._names)
+        return [path for path in found if path is not None]
 
     def discard(self) -> None:
         """Remove those beside the place of the study, which has them now."""
@@ -98,10 +84,3 @@ class Histories:
 def stem_of(name: str) -> str:
     """A label as part of a file's name."""
     return re.sub(r"[^A-Za-z0-9.]+", "_", name).strip("._") or "run"
-
-
-def _linked(path: Path, target: Path) -> None:
-    try:
-        os.link(path, target)
-    except OSError:
-        target.write_bytes(path.read_bytes())

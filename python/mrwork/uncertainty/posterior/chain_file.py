@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import JournalError, OutputError
-from mrwork.store.difference import differences
+from mrwork.store.fingerprint import differences
 from mrwork.uncertainty.posterior.ensemble import Ensemble
 
 Array = NDArray[np.float64]

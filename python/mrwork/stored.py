@@ -7,24 +7,23 @@ from pathlib import Path
 
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
-from mrwork.report.calibration_json import read_calibration
-from mrwork.report.fit_json import Record, record_from_json
-from mrwork.report.run_directory import CALIBRATION, FIT, PLAN, PROFILES, RANKING, read_fit
-from mrwork.report.stored_draws import StoredDraws, read_draws
+from mrwork.identification.fit_file import read_fit
+from mrwork.store.codec import read_document
+from mrwork.store.run_folder import FIT, PLAN, PROFILES, RANKING, RESULTS
 from mrwork.summary import Summarised, Summary
+from mrwork.uncertainty.bands.calibration_files import StoredBands, read_bands
 from mrwork.uncertainty.bands.conformal import Calibration
 from mrwork.uncertainty.choice.verdict import Ranking
 from mrwork.uncertainty.identifiability.profile import Profiles
 from mrwork.uncertainty.planning.plan_draws import Check
-
-_STUDY = "results.json"
+from mrwork.uncertainty.posterior.draws_file import StoredDraws, read_draws
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class StoredRun(Summarised):
     """What the run folder at `place` holds; what no verb has added is `None`.
 
-    `draws` are of `mrwork sample`, `profiles` of `mrwork profile`, `calibration` of `mrwork calibrate`, `plan` of
+    `draws` are of `mrwork sample`, `profiles` of `mrwork profile`, `bands` of `mrwork calibrate`, `plan` of
     `mrwork plan`, `ranking` of `mrwork identify` with several models.
     """
 
@@ -32,12 +31,17 @@ class StoredRun(Summarised):
     fit: Fit
     draws: StoredDraws | None
     profiles: Profiles | None
-    calibration: Calibration | None
+    bands: StoredBands | None
     plan: Check | None
     ranking: Ranking | None
 
+    @property
+    def calibration(self) -> Calibration | None:
+        """The calibration of the bands."""
+        return None if self.bands is None else self.bands.calibration
+
     def _summary(self) -> Summary:
-        added = ("draws", "profiles", "calibration", "plan", "ranking")
+        added = ("draws", "profiles", "bands", "plan", "ranking")
         held = [name for name in added if getattr(self, name) is not None]
         fit = self.fit._summary()
         return Summary(
@@ -69,28 +73,18 @@ def load(run: str | Path) -> StoredRun:
     (99.41, True)
     """
     place = Path(run)
-    if not (place / FIT).exists() and (place / _STUDY).is_file():
+    if not (place / FIT).exists() and (place / RESULTS).is_file():
         raise RecordError(
             f"{place} is the folder of a study, and a run of `mrwork identify` was expected; "
-            f"read its {_STUDY}, or give it to `mrwork respond --resume`"
+            f"read its {RESULTS}, or give it to `mrwork respond --resume`"
         )
     fit = read_fit(place)
     return StoredRun(
         place=place,
         fit=fit,
         draws=read_draws(place, fit),
-        profiles=read_addition(Profiles, place, PROFILES, name="profiles", verb="profile"),
-        calibration=read_calibration(place) if (place / CALIBRATION).is_file() else None,
-        plan=read_addition(Check, place, PLAN, name="plan", verb="plan"),
-        ranking=read_addition(Ranking, place, RANKING, name="ranking", verb="identify"),
+        profiles=read_document(Profiles, place / PROFILES, name="profiles", verb="profile"),
+        bands=read_bands(place),
+        plan=read_document(Check, place / PLAN, name="plan", verb="plan"),
+        ranking=read_document(Ranking, place / RANKING, name="ranking", verb="identify"),
     )
-
-
-def read_addition(
-    kind: type[Record], place: Path | None, file: str, *, name: str, verb: str
-) -> Record | None:
-    """What a verb has left in a run folder, if it has."""
-    if place is None or not (place / file).is_file():
-        return None
-    text = (place / file).read_text(encoding="utf-8")
-    return record_from_json(kind, text, origin=str(place / file), name=name, verb=verb)

@@ -1,7 +1,8 @@
-"""The folder of a run: written whole or not at all, and read back as a `Fit`.
+"""The folder of a run: its file names, and how it is written whole or not at all.
 
-A run is written into a hidden folder beside its place and then renamed into it, so that an earlier run
-there stays as it was until the new one is complete on the disk.
+A run is written into a hidden folder beside its place and then renamed into it, so that an earlier run there stays as
+it was until the new one is complete on the disk. A file that is added later is written beside its place and renamed.
+What a file holds is known to the module of its type.
 """
 
 from __future__ import annotations
@@ -10,24 +11,18 @@ import errno
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-from mrwork.errors import OutputError, RecordError
-from mrwork.identification.fit import Fit
-from mrwork.report.fit_json import fit_from_json, json_document
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from mrwork.errors import OutputError
 
 MANIFEST = "manifest.json"
-FIT = "fit.json"
 JOURNAL = "journal.jsonl"
 REPORT = "report.html"
 FIGURES = "figures"
-# What later verbs add: the chain and the draws made of it, profiles, a plan, calibrated bands and the predictions they
-# are calibrated on. They go with the fit they were made of.
+FIT = "fit.json"
+# Added to the folder of a fit by later verbs; they belong to that fit and go when another takes its place.
 CHAIN = "posterior.h5"
 DRAWS = "posterior.nc"
 PROFILES = "profiles.json"
@@ -35,14 +30,14 @@ PLAN = "plan.json"
 CALIBRATION = "calibration.json"
 FOLDS = "left_out"
 PREDICTIONS = "predictions.npz"
-# What a comparison of models adds: the ranking, and in a folder for each the fit of every model.
+# Added by a comparison of models: the ranking, and the fit of every model in a folder of its own.
 RANKING = "ranking.json"
 MODELS = "models"
-# What a study of buildings writes: the histories of its runs.
+# Written by a study of buildings.
+RESULTS = "results.json"
+STUDY = "study.toml"
 HISTORIES = "histories"
 
-_ADDED = frozenset({CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, PREDICTIONS, RANKING, MODELS})
-_WRITTEN = _ADDED | {MANIFEST, FIT, JOURNAL, REPORT, FIGURES}
 _BESIDE = ".mrwork-"
 _DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
@@ -67,68 +62,28 @@ def check_destination(path: str | Path) -> None:
         raise _cannot_write(path, reason) from reason
 
 
-def write_run(
-    path: str | Path,
-    *,
-    fit: Fit,
-    report_html: str,
-    figures: Mapping[str, Figure],
-    manifest: Mapping[str, Any],
-    journal: str | Path,
-    documents: Mapping[str, object] | None = None,
-    flush: bool = True,
-) -> Path:
-    """Write a run directory, in place of an earlier run if there is one.
-
-    Holds `manifest.json`, `fit.json`, `journal.jsonl`, `report.html` and every figure as
-    `figures/<name>.svg` and `.png`. Files that a person has added to the earlier run are kept.
-
-    Parameters
-    ----------
-    path
-        The folder; its parents are made.
-    manifest
-        Facts about the run. Like all that is written here it may hold numpy numbers and paths;
-        numbers that are not finite become `null`.
-    journal
-        File with the steps of the run, which is copied.
-    documents
-        More to be written as JSON, by the path inside the folder.
-    flush
-        Wait until it is on the disk, but for a fit that was interrupted.
-
-    Raises
-    ------
-    OutputError
-        If `path` is a file or somebody else's folder, or if anything cannot be written. The place is
-        then as it was before.
-    """
-
-    def fill(fresh: Path) -> None:
-        (fresh / FIGURES).mkdir()
-        _write(fresh / MANIFEST, json_document(manifest).encode())
-        _write(fresh / FIT, json_document(fit.as_dict()).encode())
-        shutil.copyfile(journal, fresh / JOURNAL)
-        _write(fresh / REPORT, report_html.encode())
-        _write_figures(fresh / FIGURES, figures)
-        for name, document in (documents or {}).items():
-            (fresh / name).parent.mkdir(parents=True, exist_ok=True)
-            _write(fresh / name, json_document(document).encode())
-
-    # Whoever pressed Ctrl-C waits for the prompt; the system flushes that run when it gets to it.
-    write_folder(path, fill, written=_WRITTEN, flush=flush and fit.status != "interrupted")
-    return Path(path)
-
-
 def write_folder(
-    path: str | Path, fill: Callable[[Path], None], *, written: Collection[str], flush: bool = True
+    path: str | Path,
+    contents: Mapping[str, bytes],
+    *,
+    copied: Mapping[str, Path],
+    linked: Mapping[str, Path] | None = None,
+    folders: Collection[str] = (),
+    written: Collection[str],
+    flush: bool = True,
 ) -> None:
-    """Put a folder that `fill` fills at `path`, whole or not at all, in place of an earlier one.
+    """Write a folder at `path`, whole or not at all, in place of an earlier one.
 
     Parameters
     ----------
-    fill
-        Writes into an empty folder; it may raise an OSError. A manifest must be among what it writes.
+    contents
+        Files by their paths inside the folder, a manifest among them.
+    copied
+        Existing files to be copied, by their paths inside the folder.
+    linked
+        The same for files that do not change any more: they get a second name where the file system can do that.
+    folders
+        Folders to be made even if nothing lies in them.
     written
         Names that runs of this kind write; whatever else lies in the earlier one is a person's, and kept.
     flush
@@ -151,7 +106,7 @@ def write_folder(
     try:
         fresh = beside / "new"
         fresh.mkdir()
-        fill(fresh)
+        _fill(fresh, contents, copied, linked or {}, folders)
         _keep_additions(place, fresh, written)
         if flush:
             _flush(fresh)
@@ -162,32 +117,39 @@ def write_folder(
         _discard(beside, place)
 
 
-def read_fit(path: str | Path) -> Fit:
-    """The `Fit` of the run directory at `path`.
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A path beside `path`, for the block to write a file to, which is renamed to `path` at the end of the block.
 
     Raises
     ------
-    RecordError
-        If there is no such folder, it is not a run directory, or its fit cannot be understood.
+    OutputError
+        Where the file cannot be written; what was at `path` is then as it was.
     """
-    place = Path(path)
-    if not place.is_dir():
-        what = "is a file" if place.exists() else "does not exist"
-        raise RecordError(f"{path} {what}; give the run directory that `mrwork identify --out` wrote")
-    if not (place / MANIFEST).is_file():
-        raise RecordError(
-            f"{path} is not a run directory, it has no {MANIFEST}; "
-            "give the folder that `mrwork identify --out` wrote"
-        )
-    origin = place / FIT
+    beside = path.with_name(f".{path.name}.{os.getpid()}.new")
     try:
-        text = origin.read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise RecordError(f"{origin} is not UTF-8 text; run `mrwork identify` again") from None
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield beside
+        beside.replace(path)
     except OSError as reason:
-        cause = reason.strerror
-        raise RecordError(f"{origin} cannot be read ({cause}); run `mrwork identify` again") from reason
-    return fit_from_json(text, origin=str(origin))
+        raise OutputError(
+            f"cannot write {path}: {reason.strerror or reason}; make room, or give leave to write there"
+        ) from reason
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+def write_files(folder: Path, contents: Mapping[str, bytes]) -> None:
+    """Write files into a run folder, each whole or not at all, in place of earlier ones; keys are paths inside it.
+
+    Raises
+    ------
+    OutputError
+        Where one cannot be written.
+    """
+    for name, content in contents.items():
+        with replacing(folder / name) as beside:
+            beside.write_bytes(content)
 
 
 def real_place(path: str | Path) -> Path:
@@ -206,15 +168,24 @@ def _refuse_foreign(place: Path, path: str | Path) -> None:
         raise OutputError(f"{path} is a file, a run needs a folder; choose another name")
 
 
-def _write_figures(folder: Path, figures: Mapping[str, Figure]) -> None:
-    if not figures:
-        return
-    # Loaded here, for whoever reads or interrupts a run must not wait for matplotlib.
-    from mrwork.report.svg import png_bytes, svg_bytes
-
-    for name, figure in figures.items():
-        _write(folder / f"{name}.svg", svg_bytes(figure))
-        _write(folder / f"{name}.png", png_bytes(figure))
+def _fill(
+    folder: Path,
+    contents: Mapping[str, bytes],
+    copied: Mapping[str, Path],
+    linked: Mapping[str, Path],
+    folders: Collection[str],
+) -> None:
+    for name in {*folders, *(str(Path(name).parent) for name in (*contents, *copied, *linked))}:
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    for name, content in contents.items():
+        (folder / name).write_bytes(content)
+    for name, source in copied.items():
+        shutil.copyfile(source, folder / name)
+    for name, source in linked.items():
+        try:
+            os.link(source, folder / name)
+        except OSError:
+            shutil.copyfile(source, folder / name)
 
 
 def _keep_additions(place: Path, fresh: Path, written: Collection[str]) -> None:
@@ -246,11 +217,6 @@ def _discard(beside: Path, place: Path) -> None:
     # While nothing stands at `place`, the earlier run in here is the only one there is.
     if place.exists() or not (beside / "old").exists():
         shutil.rmtree(beside, ignore_errors=True)
-
-
-def _write(target: Path, content: bytes) -> None:
-    with target.open("xb") as stream:
-        stream.write(content)
 
 
 def _flush(folder: Path) -> None:

@@ -16,13 +16,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from matplotlib.figure import Figure
 from report_samples import comparison, fit
 
 from mrwork.errors import OutputError, RecordError
 from mrwork.identification.fit import Fit
+from mrwork.identification.fit_file import read_fit, write_run
 from mrwork.report.figures import run_figures
-from mrwork.report.run_directory import check_destination, read_fit, write_run
+from mrwork.report.svg import figure_files
+from mrwork.store.run_folder import JOURNAL, MANIFEST, check_destination, write_folder
 
 FIT = fit(comparison())
 # What is in a journal does not matter to the run directory: any file will do.
@@ -35,7 +36,7 @@ def write(place: Path, described: Fit = FIT, *, report_html: str = "<p>report</p
         place,
         fit=described,
         report_html=report_html,
-        figures={"small": Figure(figsize=(1, 1))},
+        figures={"figures/small.svg": b"<svg/>", "figures/small.png": b"small"},
         manifest={"command": "identify"},
         journal=STEPS,
     )
@@ -58,7 +59,7 @@ def test_a_run_holds_everything_and_reads_back_as_the_same_fit(tmp_path: Path) -
             place,
             fit=described,
             report_html="<p>ü</p>",
-            figures=figures,
+            figures=figure_files(figures),
             manifest={"a": 1},
             journal=STEPS,
         )
@@ -117,7 +118,7 @@ def test_a_second_run_replaces_the_first_but_keeps_what_a_person_added(tmp_path:
         tmp_path / "run",
         fit=FIT,
         report_html="first",
-        figures={"stale": Figure(figsize=(1, 1))},
+        figures={"figures/stale.svg": b"<svg/>"},
         manifest={},
         journal=STEPS,
     )
@@ -199,13 +200,14 @@ def test_an_interrupt_while_writing_leaves_the_earlier_run(tmp_path: Path) -> No
     write(tmp_path / "run")
     before = contents(tmp_path)
 
-    class Pressed(Figure):
-        def savefig(self, *_: Any, **__: Any) -> None:
+    class Pressed(type(tmp_path)):  # type: ignore[misc] # the class of this system's paths
+        def __fspath__(self) -> str:
             raise KeyboardInterrupt
 
-    figures = {"small": Pressed(figsize=(1, 1))}
     with pytest.raises(KeyboardInterrupt):
-        write_run(tmp_path / "run", fit=FIT, report_html="", figures=figures, manifest={}, journal=STEPS)
+        write_folder(
+            tmp_path / "run", {MANIFEST: b"{}"}, copied={JOURNAL: Pressed("journal")}, written=(MANIFEST,)
+        )
     assert contents(tmp_path) == before
 
 
@@ -215,7 +217,7 @@ SCRIPT = """
 import errno, os, resource, sys
 from pathlib import Path
 from report_samples import comparison, fit
-from mrwork.report.run_directory import write_run
+from mrwork.identification.fit_file import write_run
 
 place, size, failure = Path(sys.argv[1]), int(sys.argv[2]), sys.argv[3]
 failures = {"OSError": OSError(errno.EIO, "Input/output error"), "KeyboardInterrupt": KeyboardInterrupt()}

@@ -11,8 +11,8 @@ import pytest
 
 from mrwork.cli import main
 from mrwork.errors import RecordError
+from mrwork.identification.fit_file import OpenedRun, reopen
 from mrwork.identification.reading import Reading
-from mrwork.report.reopen import OpenedRun, reopen
 
 OPTIONS = [
     "--column",

@@ -1,29 +1,83 @@
-"""A `Fit` as JSON and back.
+"""Typed values as JSON and back, in two forms.
 
-JSON has no infinity and no NaN: a number that is not finite is written as `null`, and read again as
-what it must have been where the field says so (an absent bound, the misfit of a diverged population),
-as NaN elsewhere.
+For programs (`plain`, `rebuilt`, the journals): to the same bits. JSON has no infinity and no NaN, so these are written
+as the strings "inf", "-inf" and "nan"; every other float as the shortest text that reads back as the same number.
+Two-dimensional arrays are written as the bytes of their numbers in hexadecimal, which takes a tenth of the time.
+
+For people (`json_document`, `record_from_json`, the files of a run folder): indented, strict JSON. A number that is
+not finite is written as `null`, and read again as what it must have been where the field says so (an absent bound, the
+misfit of a diverged population), as NaN elsewhere.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import types
 from collections.abc import Mapping
 from dataclasses import MISSING, fields, is_dataclass
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 from mrwork.errors import RecordError
-from mrwork.identification.fit import Fit
 
-Record = TypeVar("Record")
+T = TypeVar("T")
 
+_HEX = "hex"
+_LITTLE_ENDIAN = "<f8"
 _ARTICLES = {int: "an integer", str: "a string"}
 _WHERE_NULL = {"lower": -math.inf, "upper": math.inf, "best": math.inf, "median": math.inf, "ends": math.inf}
+
+
+def plain(value: object) -> Any:
+    """`value` in terms of JSON: dataclasses and mappings as objects, arrays and sequences as lists."""
+    if isinstance(value, np.ndarray) and value.dtype.kind == "f":
+        if value.ndim > 1:
+            return {"shape": value.shape, _HEX: value.astype(_LITTLE_ENDIAN).tobytes().hex()}
+        if np.isfinite(value).all():
+            return value.tolist()
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else repr(value)
+    if isinstance(value, int | str | None):
+        return value
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    if dataclasses.is_dataclass(value):
+        return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    return repr(value)
+
+
+def rebuilt(kind: type[T], record: Mapping[str, Any]) -> T:
+    """Undo `plain` for a dataclass of numbers, flags and arrays of them."""
+    hints = get_type_hints(kind)
+    return kind(**{name: _entry(hints[name], value) for name, value in record.items()})
+
+
+def array_of(numbers: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
+    """Undo `plain` for an array of float64."""
+    if isinstance(numbers, Mapping):
+        table = np.frombuffer(bytes.fromhex(numbers[_HEX]), dtype=_LITTLE_ENDIAN)
+        return table.astype(np.float64).reshape(numbers["shape"])
+    return np.array(_floats(numbers), dtype=np.float64)
+
+
+def _entry(hint: Any, value: Any) -> Any:
+    if get_origin(hint) is np.ndarray:
+        # NDArray[T] is ndarray[shape, dtype[T]].
+        (kind,) = get_args(get_args(hint)[1])
+        return array_of(value) if kind is np.float64 else np.array(value, dtype=kind)
+    return float(value) if hint is float else value
+
+
+def _floats(value: Any) -> Any:
+    return [_floats(entry) for entry in value] if isinstance(value, list) else float(value)
 
 
 def json_document(value: object) -> str:
@@ -31,18 +85,7 @@ def json_document(value: object) -> str:
     return json.dumps(_finite(value), allow_nan=False, ensure_ascii=False, indent=2) + "\n"
 
 
-def fit_from_json(text: str, *, origin: str) -> Fit:
-    """The `Fit` that `json_document(fit.as_dict())` wrote; `origin` names it in messages.
-
-    Raises
-    ------
-    RecordError
-        If the text is not JSON or not a fit; the message names the field.
-    """
-    return record_from_json(Fit, text, origin=origin, name="fit", verb="identify")
-
-
-def record_from_json(kind: type[Record], text: str, *, origin: str, name: str, verb: str) -> Record:
+def record_from_json(kind: type[T], text: str, *, origin: str, name: str, verb: str) -> T:
     """The dataclass `kind` that `json_document` wrote, called `name` in messages and made by `mrwork VERB`.
 
     Raises
@@ -55,9 +98,16 @@ def record_from_json(kind: type[Record], text: str, *, origin: str, name: str, v
     except ValueError as reason:
         raise RecordError(f"{origin} is not JSON ({reason}); run `mrwork {verb}` again") from None
     try:
-        return cast(Record, _built(kind, document, name))
+        return cast(T, _built(kind, document, name))
     except _MismatchError as reason:
         raise RecordError(f"{origin} is not a {name}: {reason}; run `mrwork {verb}` again") from None
+
+
+def read_document(kind: type[T], path: Path, *, name: str, verb: str) -> T | None:
+    """The record in the file at `path`, `None` where there is no such file; as `record_from_json` otherwise."""
+    if not path.is_file():
+        return None
+    return record_from_json(kind, path.read_text(encoding="utf-8"), origin=str(path), name=name, verb=verb)
 
 
 class _MismatchError(Exception):

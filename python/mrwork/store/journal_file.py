@@ -1,15 +1,20 @@
-"""Lines of a journal: one JSON object each, with a checksum, so that damage is told from data."""
+"""The file of a journal: one process writes it, and every line is a JSON object with a checksum.
+
+The checksum tells damage from data.
+"""
 
 from __future__ import annotations
 
 import json
+import os
+import sys
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from mrwork.errors import JournalError
-from mrwork.store.plain import plain
+from mrwork.errors import JournalError, OutputError
+from mrwork.store.codec import plain
 
 FORMAT = 1
 
@@ -75,3 +80,30 @@ def _entry_of(line: bytes) -> dict[str, Any] | None:
         return None
     entry: dict[str, Any] = json.loads(body + "}")
     return entry
+
+
+def locked(path: Path) -> int:
+    """Open a file to append to, made if need be, for this process alone; a process that dies gives it free.
+
+    Raises
+    ------
+    JournalError
+        If another process has it.
+    OutputError
+        If it cannot be opened.
+    """
+    try:
+        file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
+    except OSError as reason:
+        raise OutputError(f"cannot write {path}: {reason.strerror}; choose another folder") from reason
+    if sys.platform != "win32":
+        import fcntl
+
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(file)
+            raise JournalError(
+                f"another run is writing {path}; wait for its end, or choose another folder"
+            ) from None
+    return file

@@ -1,4 +1,4 @@
-"""The draws that `mrwork sample` left in a run directory."""
+"""The file of a posterior's draws: netCDF for ArviZ, read back by parameter."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
-from mrwork.report.run_directory import DRAWS
+from mrwork.store.run_folder import DRAWS, replacing
 from mrwork.uncertainty.noise import noise_model
-from mrwork.uncertainty.posterior.draws import DrawSummary, summary_of
+from mrwork.uncertainty.posterior.draws import Draws, DrawSummary, summary_of
 from mrwork.uncertainty.posterior.space import NOISE
 
 Array = NDArray[np.float64]
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StoredDraws:
-    """Draws by parameter, each of shape (n_walkers, n_kept), those of the noise last, and what was said of them."""
+    """Draws by parameter, each of shape (n_walkers, n_kept), those of the noise last, with their summaries."""
 
     chains: dict[str, Array]
     summaries: tuple[DrawSummary, ...]
@@ -32,7 +32,7 @@ class StoredDraws:
 
     @property
     def varied(self) -> tuple[DrawSummary, ...]:
-        """Those that were not held fixed."""
+        """Summaries of the parameters that were not held fixed."""
         return tuple(each for each in self.summaries if each.remark != "fixed")
 
     @property
@@ -45,8 +45,20 @@ class StoredDraws:
         return np.stack([self.chains[name].reshape(-1) for name in names], axis=1)
 
 
+def write_draws(place: Path, draws: Draws) -> None:
+    """Write `posterior.nc` into the run folder at `place`.
+
+    Raises
+    ------
+    OutputError
+        Where it cannot be written.
+    """
+    with replacing(place / DRAWS) as beside:
+        draws.as_datatree().to_netcdf(beside, engine="h5netcdf")
+
+
 def read_draws(place: Path, fit: Fit) -> StoredDraws | None:
-    """The draws of a run directory, `None` where there are none.
+    """The draws of the run folder at `place`, `None` where there are none.
 
     Raises
     ------

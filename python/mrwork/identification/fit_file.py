@@ -1,0 +1,176 @@
+"""The files of a fit: written into a run folder, and read back with the tests that it was identified from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from mrwork.errors import RecordError
+from mrwork.identification.fit import Fit
+from mrwork.identification.reading import Reading
+from mrwork.records import DamperTest
+from mrwork.store.codec import json_document, record_from_json
+from mrwork.store.run_folder import (
+    CALIBRATION,
+    CHAIN,
+    DRAWS,
+    FIGURES,
+    FIT,
+    FOLDS,
+    JOURNAL,
+    MANIFEST,
+    MODELS,
+    PLAN,
+    PREDICTIONS,
+    PROFILES,
+    RANKING,
+    REPORT,
+    write_folder,
+)
+
+READING = "reading"
+
+_WRITTEN = frozenset(
+    {
+        *(MANIFEST, FIT, JOURNAL, REPORT, FIGURES, RANKING, MODELS),
+        *(CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, PREDICTIONS),
+    }
+)
+
+
+def write_run(
+    path: str | Path,
+    *,
+    fit: Fit,
+    report_html: str,
+    figures: Mapping[str, bytes],
+    manifest: Mapping[str, Any],
+    journal: str | Path,
+    documents: Mapping[str, object] | None = None,
+    flush: bool = True,
+) -> Path:
+    """Write the run folder of a fit, in place of an earlier run if there is one.
+
+    It holds `manifest.json`, `fit.json`, `journal.jsonl`, `report.html`, the figures and the documents. Files that a
+    person has added to the earlier run are kept.
+
+    Parameters
+    ----------
+    path
+        The folder; its parents are made.
+    figures
+        Contents of image files, by the path inside the folder.
+    manifest
+        Facts about the run. Like all that is written as JSON it may hold numpy numbers and paths; numbers that are not
+        finite become `null`.
+    journal
+        File with the steps of the run, which is copied.
+    documents
+        More to be written as JSON, by the path inside the folder.
+    flush
+        Wait until it is on the disk, unless the fit was interrupted.
+
+    Raises
+    ------
+    OutputError
+        If `path` is a file or somebody else's folder, or if anything cannot be written. The place is then as it was
+        before.
+    """
+    texts = {MANIFEST: manifest, FIT: fit.as_dict()} | dict(documents or {})
+    contents = {name: json_document(document).encode() for name, document in texts.items()}
+    write_folder(
+        path,
+        contents | {REPORT: report_html.encode()} | dict(figures),
+        copied={JOURNAL: Path(journal)},
+        folders=(FIGURES,),
+        written=_WRITTEN,
+        # After Ctrl-C the prompt must come back at once; the system flushes that run later.
+        flush=flush and fit.status != "interrupted",
+    )
+    return Path(path)
+
+
+def read_fit(path: str | Path) -> Fit:
+    """The `Fit` of the run directory at `path`.
+
+    Raises
+    ------
+    RecordError
+        If there is no such folder, it is not a run directory, or its fit cannot be understood.
+    """
+    place = Path(path)
+    if not place.is_dir():
+        what = "is a file" if place.exists() else "does not exist"
+        raise RecordError(f"{path} {what}; give the run directory that `mrwork identify --out` wrote")
+    if not (place / MANIFEST).is_file():
+        raise RecordError(
+            f"{path} is not a run directory, it has no {MANIFEST}; "
+            "give the folder that `mrwork identify --out` wrote"
+        )
+    origin = place / FIT
+    try:
+        text = origin.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise RecordError(f"{origin} is not UTF-8 text; run `mrwork identify` again") from None
+    except OSError as reason:
+        cause = reason.strerror
+        raise RecordError(f"{origin} cannot be read ({cause}); run `mrwork identify` again") from reason
+    return fit_from_json(text, origin=str(origin))
+
+
+def fit_from_json(text: str, *, origin: str) -> Fit:
+    """The `Fit` that `json_document(fit.as_dict())` wrote; `origin` names it in messages.
+
+    Raises
+    ------
+    RecordError
+        If the text is not JSON or not a fit; the message names the field.
+    """
+    return record_from_json(Fit, text, origin=origin, name="fit", verb="identify")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OpenedRun:
+    """The fit of a run directory, and its tests: cut, repaired and with their observation model as in the fit."""
+
+    place: Path
+    fit: Fit
+    tests: tuple[DamperTest, ...]
+
+
+def reopen(path: str | Path) -> OpenedRun:
+    """Open the run directory at `path`, with the tests it was identified from.
+
+    Raises
+    ------
+    RecordError
+        Where it is no run directory, does not say how its tests were read, a file is gone, or one is not what it was.
+    """
+    place = Path(path)
+    fit = read_fit(place)
+    reading = Reading.of_record(fit.provenance.settings.get(READING), origin=str(place / FIT))
+    tests = reading.tests()
+    if len(tests) != len(fit.quality):
+        raise RecordError(
+            f"{place / FIT} judges {len(fit.quality)} tests where {len(tests)} were read; "
+            "run `mrwork identify` again"
+        )
+    known = set(fit.provenance.inputs.values())
+    for test, quality in zip(tests, fit.quality, strict=True):
+        if test.sha256 not in known:
+            raise RecordError(
+                f"{test.path or test.name} has changed since {place} was identified from it; "
+                "bring back the file as it was, or run `mrwork identify` again"
+            )
+        if test.n_time - test.n_settle != quality.n_time:
+            raise RecordError(
+                f"{test.path or test.name}: {test.n_time - test.n_settle} samples count where {quality.n_time} did "
+                f"when {place} was identified; run `mrwork identify` again with this version"
+            )
+    observed = tuple(
+        replace(test, observation=quality.observation)
+        for test, quality in zip(tests, fit.quality, strict=True)
+    )
+    return OpenedRun(place=place, fit=fit, tests=observed)

@@ -1,0 +1,192 @@
+"""The files of calibrated bands: the calibration, the predictions that it rests on, and the fits of the folds."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from mrwork.errors import RecordError
+from mrwork.identification.fit import Fit
+from mrwork.identification.fit_file import fit_from_json
+from mrwork.records import DamperTest, Observation
+from mrwork.store.codec import json_document, record_from_json
+from mrwork.store.fingerprint import digest_of
+from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS, write_files
+from mrwork.uncertainty.bands.conformal import Calibration, Shape
+from mrwork.uncertainty.bands.coverage import LeftOutCoverage
+from mrwork.uncertainty.bands.prediction import Prediction
+
+# Significant digits of a stored score; the errors that it is compared with are not known more precisely.
+_DIGITS = 5
+_FACTS = (
+    "name",
+    "path",
+    "sha256",
+    "dt",
+    "start_time",
+    "n_settle",
+    "velocity_source",
+    "current",
+    "voltage",
+    "amplitude",
+    "frequency",
+    "synthetic",
+)
+_CHANNELS = ("displacement", "velocity", "force")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StoredBands:
+    """A calibration, the coverage of each of its tests by the others, and the tests as they were predicted."""
+
+    calibration: Calibration
+    coverage: tuple[LeftOutCoverage, ...]
+    predictions: tuple[Prediction, ...]
+
+    def row(self, prediction: Prediction, level: float) -> LeftOutCoverage | None:
+        """Coverage of one test at one level."""
+        name = prediction.test.path or prediction.test.name
+        return next((each for each in self.coverage if each.test == name and each.level == level), None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Covered:
+    coverage: tuple[LeftOutCoverage, ...]
+
+
+def read_bands(place: Path) -> StoredBands | None:
+    """The bands of the run folder at `place`, `None` where there are none.
+
+    Raises
+    ------
+    RecordError
+        Where they are damaged.
+    """
+    path = place / CALIBRATION
+    if not path.is_file():
+        return None
+    text = path.read_text(encoding="utf-8")
+    covered = record_from_json(_Covered, text, origin=str(path), name="calibration", verb="calibrate")
+    return StoredBands(
+        calibration=read_calibration(place),
+        coverage=covered.coverage,
+        predictions=read_predictions(place),
+    )
+
+
+def write_calibration(place: Path, calibration: Calibration, coverage: Sequence[LeftOutCoverage]) -> None:
+    """Write `calibration.json` into the run folder at `place`.
+
+    Raises
+    ------
+    OutputError
+        Where it cannot be written.
+    """
+    document = asdict(calibration) | {
+        "scores": [[float(f"{value:.{_DIGITS}g}") for value in scores] for scores in calibration.scores],
+        "coverage": [asdict(row) for row in coverage],
+    }
+    write_files(place, {CALIBRATION: json_document(document).encode()})
+
+
+def read_calibration(place: Path) -> Calibration:
+    """The calibration of the run folder at `place`.
+
+    Raises
+    ------
+    RecordError
+        Where there is none, or it is damaged.
+    """
+    path = place / CALIBRATION
+    try:
+        document = json.loads(path.read_text(encoding="utf-8"))
+        return Calibration(
+            shape=Shape(**(document["shape"] | {"bias": tuple(document["shape"]["bias"])})),
+            scores=tuple(np.array(scores, dtype=np.float64) for scores in document["scores"]),
+            tests=tuple(document["tests"]),
+            held_out=document["held_out"],
+        )
+    except FileNotFoundError:
+        raise RecordError(
+            f"{place} has no calibrated bands; run `mrwork calibrate {place}` with tests the fit has not seen"
+        ) from None
+    except (OSError, ValueError, KeyError, TypeError) as reason:
+        raise RecordError(
+            f"{path} is not a calibration ({reason}); run `mrwork calibrate {place}` again"
+        ) from None
+
+
+def write_predictions(place: Path, predictions: Sequence[Prediction]) -> None:
+    """Write `predictions.npz`, in single precision, which is enough for figures.
+
+    Raises
+    ------
+    OutputError
+        Where they cannot be written.
+    """
+    facts = [
+        {fact: getattr(each.test, fact) for fact in _FACTS} | {"observation": asdict(each.test.observation)}
+        for each in predictions
+    ]
+    arrays = {
+        f"{channel}_{number}": getattr(each.test, channel).astype(np.float32)
+        for number, each in enumerate(predictions)
+        for channel in _CHANNELS
+    } | {f"model_{number}": each.model_force.astype(np.float32) for number, each in enumerate(predictions)}
+    content = io.BytesIO()
+    np.savez_compressed(content, facts=np.array(json.dumps(facts)), **arrays)
+    write_files(place, {PREDICTIONS: content.getvalue()})
+
+
+def read_predictions(place: Path) -> tuple[Prediction, ...]:
+    """The predictions of the run folder at `place`; none where there are none.
+
+    Raises
+    ------
+    RecordError
+        Where they are damaged.
+    """
+    path = place / PREDICTIONS
+    if not path.is_file():
+        return ()
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            facts = json.loads(str(stored["facts"]))
+            return tuple(
+                Prediction(
+                    test=DamperTest(
+                        **{fact: each[fact] for fact in _FACTS},
+                        observation=Observation(**each["observation"]),
+                        **{
+                            channel: stored[f"{channel}_{number}"].astype(np.float64) for channel in _CHANNELS
+                        },
+                    ),
+                    model_force=stored[f"model_{number}"].astype(np.float64),
+                )
+                for number, each in enumerate(facts)
+            )
+    except (OSError, ValueError, KeyError, TypeError) as reason:
+        raise RecordError(f"{path} is damaged ({reason}); run `mrwork calibrate {place}` again") from None
+
+
+class Folds:
+    """Cache of cross-validation fits, so that an interrupted calibration resumes; by the tests they were fitted to."""
+
+    def __init__(self, place: Path, fit: Fit) -> None:
+        self._place = place
+        self._fit = fit
+
+    def fit(self, tests: tuple[DamperTest, ...], identify: Callable[[], Fit]) -> Fit:
+        """The fit to these tests: read if it is stored, else identified and stored if that was not interrupted."""
+        seen = [digest_of(test.dt, test.displacement, test.velocity, test.force) for test in tests]
+        path = self._place / FOLDS / f"{digest_of(self._fit.model, self._fit.theta, seen)[:16]}.json"
+        if path.exists():
+            return fit_from_json(path.read_text(encoding="utf-8"), origin=str(path))
+        fit = identify()
+        write_files(self._place, {f"{FOLDS}/{path.name}": json_document(fit.as_dict()).encode()})
+        return fit
