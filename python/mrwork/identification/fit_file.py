@@ -11,7 +11,7 @@ from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.reading import Reading
 from mrwork.records import DamperTest
-from mrwork.store.codec import json_document, record_from_json
+from mrwork.store.codec import json_document, read_document, record_from_json
 from mrwork.store.run_folder import (
     CALIBRATION,
     CHAIN,
@@ -109,15 +109,10 @@ def read_fit(path: str | Path) -> Fit:
             f"{path} is not a run directory, it has no {MANIFEST}; "
             "give the folder that `mrwork identify --out` wrote"
         )
-    origin = place / FIT
-    try:
-        text = origin.read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise RecordError(f"{origin} is not UTF-8 text; run `mrwork identify` again") from None
-    except OSError as reason:
-        cause = reason.strerror
-        raise RecordError(f"{origin} cannot be read ({cause}); run `mrwork identify` again") from reason
-    return fit_from_json(text, origin=str(origin))
+    fit = read_document(Fit, place / FIT, name="fit", verb="identify")
+    if fit is None:
+        raise RecordError(f"{place / FIT} cannot be read (it does not exist); run `mrwork identify` again")
+    return fit
 
 
 def fit_from_json(text: str, *, origin: str) -> Fit:

@@ -107,7 +107,13 @@ def read_document(kind: type[T], path: Path, *, name: str, verb: str) -> T | Non
     """The record in the file at `path`, `None` where there is no such file; as `record_from_json` otherwise."""
     if not path.is_file():
         return None
-    return record_from_json(kind, path.read_text(encoding="utf-8"), origin=str(path), name=name, verb=verb)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except UnicodeDecodeError:
+        raise RecordError(f"{path} is not UTF-8 text; run `mrwork {verb}` again") from None
+    except OSError as reason:
+        raise RecordError(f"{path} cannot be read ({reason.strerror}); run `mrwork {verb}` again") from reason
+    return record_from_json(kind, text, origin=str(path), name=name, verb=verb)
 
 
 class _MismatchError(Exception):
@@ -141,6 +147,9 @@ def _built(kind: Any, value: Any, place: str) -> Any:
     if origin is tuple:
         _accepted(isinstance(value, list), value, place, "a list")
         return tuple(_built(arguments[0], entry, f"{place}[{index}]") for index, entry in enumerate(value))
+    if origin is np.ndarray:
+        _accepted(isinstance(value, list), value, place, "a list of numbers")
+        return np.array([_built_float(entry, f"{place}[{index}]") for index, entry in enumerate(value)])
     if origin is dict:
         _accepted(isinstance(value, dict), value, place, "an object")
         return {key: _built(arguments[1], entry, f"{place}.{key}") for key, entry in value.items()}

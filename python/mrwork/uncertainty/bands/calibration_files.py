@@ -14,10 +14,10 @@ from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import fit_from_json
 from mrwork.records import DamperTest, Observation
-from mrwork.store.codec import json_document, record_from_json
+from mrwork.store.codec import json_document, read_document
 from mrwork.store.fingerprint import digest_of
 from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS, write_files
-from mrwork.uncertainty.bands.conformal import Calibration, Shape
+from mrwork.uncertainty.bands.conformal import Calibration
 from mrwork.uncertainty.bands.coverage import LeftOutCoverage
 from mrwork.uncertainty.bands.prediction import Prediction
 
@@ -55,7 +55,7 @@ class StoredBands:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Covered:
+class _Coverage:
     coverage: tuple[LeftOutCoverage, ...]
 
 
@@ -67,11 +67,9 @@ def read_bands(place: Path) -> StoredBands | None:
     RecordError
         Where they are damaged.
     """
-    path = place / CALIBRATION
-    if not path.is_file():
+    covered = read_document(_Coverage, place / CALIBRATION, name="calibration", verb="calibrate")
+    if covered is None:
         return None
-    text = path.read_text(encoding="utf-8")
-    covered = record_from_json(_Covered, text, origin=str(path), name="calibration", verb="calibrate")
     return StoredBands(
         calibration=read_calibration(place),
         coverage=covered.coverage,
@@ -102,23 +100,12 @@ def read_calibration(place: Path) -> Calibration:
     RecordError
         Where there is none, or it is damaged.
     """
-    path = place / CALIBRATION
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-        return Calibration(
-            shape=Shape(**(document["shape"] | {"bias": tuple(document["shape"]["bias"])})),
-            scores=tuple(np.array(scores, dtype=np.float64) for scores in document["scores"]),
-            tests=tuple(document["tests"]),
-            held_out=document["held_out"],
-        )
-    except FileNotFoundError:
+    calibration = read_document(Calibration, place / CALIBRATION, name="calibration", verb="calibrate")
+    if calibration is None:
         raise RecordError(
             f"{place} has no calibrated bands; run `mrwork calibrate {place}` with tests the fit has not seen"
-        ) from None
-    except (OSError, ValueError, KeyError, TypeError) as reason:
-        raise RecordError(
-            f"{path} is not a calibration ({reason}); run `mrwork calibrate {place}` again"
-        ) from None
+        )
+    return calibration
 
 
 def write_predictions(place: Path, predictions: Sequence[Prediction]) -> None:
