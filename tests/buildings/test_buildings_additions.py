@@ -10,9 +10,13 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov
 
 from mrwork.buildings import Building
-from mrwork.buildings.brace import with_brace
+from mrwork.buildings.additions import (
+    with_base_isolation,
+    with_base_isolation_of_period,
+    with_brace,
+    with_viscous_damper,
+)
 from mrwork.buildings.damping import with_modal_damping
-from mrwork.buildings.isolation import with_base_isolation, with_base_isolation_of_period
 from mrwork.buildings.published import building
 from mrwork.buildings.shear import shear_building
 from mrwork.buildings.tuned_mass import (
@@ -22,7 +26,6 @@ from mrwork.buildings.tuned_mass import (
     with_optimal_tuned_mass,
     with_tuned_mass,
 )
-from mrwork.buildings.viscous import with_viscous_damper
 from mrwork.errors import SettingError, UnknownNameError
 
 UTS = building("uts")

@@ -14,12 +14,18 @@ from scipy.io import loadmat, savemat
 from scipy.linalg import solve_continuous_lyapunov
 
 from mrwork.buildings import Building
-from mrwork.buildings.brace import with_brace
+from mrwork.buildings.additions import with_brace
 from mrwork.buildings.published import building, buildings
 from mrwork.buildings.reduction import balanced_truncation, modal_truncation
-from mrwork.buildings.second_order import OUTPUTS, building_of, read_system, system_of
 from mrwork.buildings.shear import shear_building
-from mrwork.buildings.state_space import LinearSystem, from_control
+from mrwork.buildings.state_space import (
+    OUTPUTS,
+    LinearSystem,
+    building_of,
+    from_control,
+    read_system,
+    system_of,
+)
 from mrwork.errors import SettingError, UnknownNameError
 
 UTS = building("uts")

@@ -19,7 +19,7 @@ from mrwork.motions import (
     trimmed,
 )
 from mrwork.motions.formats.uniform import motion_of_columns
-from mrwork.motions.pulses import sine
+from mrwork.motions.synthetic import sine
 
 MOTION = synthetic_motion(duration=5.0)
 

@@ -21,8 +21,8 @@ from numpy.testing import assert_allclose
 
 from mrwork.errors import RecordError, SettingError, UnitError
 from mrwork.motions import GroundMotion, read_motion, read_motions
-from mrwork.motions.formats.columns import acceleration_column
 from mrwork.motions.formats.format import Stated
+from mrwork.motions.formats.table import acceleration_column
 from mrwork.units import STANDARD_GRAVITY
 
 A = accelerations()

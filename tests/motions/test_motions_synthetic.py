@@ -11,9 +11,8 @@ from scipy.linalg import solve_continuous_lyapunov
 
 from mrwork.errors import SettingError
 from mrwork.motions import CloughPenzien, KanaiTajimi, synthetic_motion
-from mrwork.motions.envelope import Envelope
-from mrwork.motions.pulses import half_sine, ricker, sine, sine_sweep
 from mrwork.motions.spectral_density import SpectralDensity
+from mrwork.motions.synthetic import Envelope, half_sine, ricker, sine, sine_sweep
 
 SPECTRA = (KanaiTajimi(), KanaiTajimi(frequency=5.0, damping=0.2), CloughPenzien())
 FLAT = Envelope(rise=0.0, plateau_end=1e6, decay=0.0)

@@ -10,7 +10,7 @@ from record_files import clean_columns, codes, message, write_text
 
 from mrwork.errors import MrworkError, RecordError, SettingError, UnitError
 from mrwork.records import parse_column_option, read_damper_test
-from mrwork.records.nominal import nominal_from_name
+from mrwork.records.command import nominal_from_name
 
 
 def renamed(tmp_path: Path, old: str, *new: str) -> Path:

@@ -11,13 +11,12 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.spec import damper
 from mrwork.records import DamperTest, Finding, build_damper_test, mislabelled
-from mrwork.records.cycles import whole_cycles
+from mrwork.records.build import examine
 from mrwork.records.detectors.breakaway import breakaway_overshoot
 from mrwork.records.detectors.clipping import clipped_share
+from mrwork.records.detectors.cycles import drift_finding, loop_drift, moving_mass
 from mrwork.records.detectors.delay import delay_finding, force_delay
-from mrwork.records.detectors.drift import drift_finding, loop_drift
-from mrwork.records.detectors.examine import examine
-from mrwork.records.detectors.inertia import moving_mass
+from mrwork.records.motion import whole_cycles
 from mrwork.simulate import Loading, simulate_force
 from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_coeffs, savgol_filter
 
-from mrwork.records.savitzky_golay import savitzky_golay, weights
+from mrwork.records.motion import savitzky_golay, weights
 
 
 @pytest.mark.parametrize("derivative", [0, 1, 2])

@@ -9,8 +9,8 @@ from jax import Array
 import mrwork as mr
 from benchmarks.loop_workload import LAG, LoopWorkload
 from mrwork.dampers.presets import PUBLISHED_SETS
-from mrwork.twins.loop.ground import half_steps
 from mrwork.twins.loop.plant import LoopDevice, LoopPlant
+from mrwork.twins.loop.run import half_steps
 
 STEP = 2e-3
 

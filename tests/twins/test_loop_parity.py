@@ -19,7 +19,6 @@ from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws import ControlLaw
 from mrwork.dampers.spec import DamperSpec
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.twins.loop.ground import half_steps
 from mrwork.twins.loop.laws import (
     ClippedOptimal,
     LyapunovBangBang,
@@ -28,7 +27,7 @@ from mrwork.twins.loop.laws import (
     Passive,
 )
 from mrwork.twins.loop.plant import LoopDevice, LoopPlant
-from mrwork.twins.loop.run import run_loop
+from mrwork.twins.loop.run import half_steps, run_loop
 
 # Two thousand steps whose sums are formed in another order, forces with powers good to some ulp; a switch within that
 # of a tie would show as much more.

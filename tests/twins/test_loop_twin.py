@@ -16,10 +16,9 @@ import mrwork as mr
 from benchmarks.loop_plain import PlainLoop
 from benchmarks.loop_workload import KEPT, LAG, LARGEST_COMMAND, loop_workload
 from mrwork.errors import SettingError
-from mrwork.twins.loop.ground import half_steps
 from mrwork.twins.loop.laws import ClippedOptimal, LqrDirect, Passive
 from mrwork.twins.loop.plant import LoopDevice
-from mrwork.twins.loop.run import loop_histories, run_loop
+from mrwork.twins.loop.run import half_steps, loop_histories, run_loop
 
 
 def run(law: Any, devices: tuple[LoopDevice, ...] | None = None, n_steps: int = 400, **settings: Any) -> Any:

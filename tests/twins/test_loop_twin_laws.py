@@ -18,7 +18,7 @@ from mrwork.twins.loop.laws import (
     LqrDirect,
     LyapunovBangBang,
     LyapunovDirect,
-    Measured,
+    Measurement,
     ModifiedClippedOptimal,
     switch,
 )
@@ -27,8 +27,8 @@ from mrwork.twins.loop.riccati import lqr_gain
 from mrwork.twins.loop.run import run_loop
 
 
-def measured(state: Any, force: float) -> Measured:
-    return Measured(
+def measured(state: Any, force: float) -> Measurement:
+    return Measurement(
         state=jnp.asarray(state, dtype=jnp.float64),
         force=jnp.array([force]),
         force_at=lambda i: 3.0 + 2.0 * i - 0.25 * i**2,

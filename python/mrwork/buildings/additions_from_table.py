@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from typing import Final
 
-from mrwork.buildings.brace import with_brace
+from mrwork.buildings.additions import (
+    with_base_isolation,
+    with_base_isolation_of_period,
+    with_brace,
+    with_viscous_damper,
+)
 from mrwork.buildings.damping import with_modal_damping, with_rayleigh_coefficients, with_rayleigh_damping
-from mrwork.buildings.isolation import with_base_isolation, with_base_isolation_of_period
 from mrwork.buildings.matrices import Building
 from mrwork.buildings.table import Entries
 from mrwork.buildings.tuned_mass import with_optimal_tuned_mass, with_tuned_mass
-from mrwork.buildings.viscous import with_viscous_damper
 
 ADDITIONS: Final = ("rayleigh", "modal_damping", "isolation", "viscous", "brace", "tuned_mass")
 

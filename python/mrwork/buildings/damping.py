@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrwork.buildings.matrices import Building
-from mrwork.buildings.modal import modes_of
+from mrwork.buildings.matrices import Building, modes_of
 from mrwork.errors import SettingError
 
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov, svd
 
-from mrwork.buildings.matrices import Building
-from mrwork.buildings.modal import modes_of
+from mrwork.buildings.matrices import Building, modes_of
 from mrwork.buildings.state_space import LinearSystem
 from mrwork.errors import SettingError
 

@@ -10,9 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from mrwork.buildings.coordinate import with_coordinate
-from mrwork.buildings.matrices import Building
-from mrwork.buildings.modal import damping_ratios_of, modes_of
+from mrwork.buildings.additions import with_coordinate
+from mrwork.buildings.matrices import Building, damping_ratios_of, modes_of
 from mrwork.errors import SettingError, UnknownNameError
 
 

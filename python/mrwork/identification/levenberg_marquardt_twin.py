@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.objective import Objective
 from mrwork.identification.twin_residuals import RecordArrays, TwinResiduals, arrays_of
-from mrwork.twins._compiled import keep_compiled
+from mrwork.twins._base import keep_compiled
 
 # A descent has arrived when this many steps together lower the squared misfit by less than this share.
 _PATIENCE = 6

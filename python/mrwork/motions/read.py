@@ -14,13 +14,11 @@ from mrwork.errors import RecordError
 from mrwork.motions.formats.at2 import PEER_AT2, refuse_false_at2
 from mrwork.motions.formats.cosmos import COSMOS
 from mrwork.motions.formats.esm import ESM
-from mrwork.motions.formats.format import Format, Stated, refuse_absurd, refuse_needless
+from mrwork.motions.formats.format import Format, Stated, open_lines, refuse_absurd, refuse_needless
 from mrwork.motions.formats.knet import K_NET
-from mrwork.motions.formats.lines import open_lines
-from mrwork.motions.formats.matrix import read_matrix_motion
-from mrwork.motions.formats.table import TABLE
+from mrwork.motions.formats.table import TABLE, read_matrix_motion
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.records.files import check_is_file
+from mrwork.records.table import check_is_file
 
 # Each knows its own by content; a table is what is left.
 FORMATS: Final[tuple[Format, ...]] = (PEER_AT2, K_NET, COSMOS, ESM, TABLE)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,11 +14,24 @@ from mrwork.errors import RecordError
 from mrwork.records import checks
 from mrwork.records.command import constant_command, motion_matches_name
 from mrwork.records.damper_test import DamperTest, Finding, frozen
-from mrwork.records.detectors.examine import examine
+from mrwork.records.detectors.breakaway import breakaway_finding
+from mrwork.records.detectors.clipping import clipping_findings
+from mrwork.records.detectors.cycles import drift_finding, mass_finding
+from mrwork.records.detectors.delay import delay_finding
+from mrwork.records.detectors.smoothing import smoothing_finding
 from mrwork.records.detectors.velocity import velocity_agrees
 from mrwork.records.motion import Smoother, spectrum
 from mrwork.records.sampling import Signals, check_time, complete_rows, uniform_step
 from mrwork.records.window import settling_samples
+
+_DETECTORS: Final[tuple[Callable[[DamperTest], tuple[Finding, ...]], ...]] = (
+    smoothing_finding,
+    delay_finding,
+    mass_finding,
+    breakaway_finding,
+    clipping_findings,
+    drift_finding,
+)
 
 
 def build_damper_test(
@@ -133,6 +147,11 @@ def build_damper_test(
         synthetic=synthetic,
     )
     return replace(test, findings=(*findings, *examine(test)))
+
+
+def examine(test: DamperTest) -> tuple[Finding, ...]:
+    """What the signals of a test reveal about how they were taken."""
+    return tuple(finding for detector in _DETECTORS for finding in detector(test))
 
 
 def _channel(samples: ArrayLike, name: str, source: str) -> NDArray[np.float64]:

@@ -12,10 +12,10 @@ import numpy as np
 from mrwork.errors import RecordError
 from mrwork.records.build import build_damper_test
 from mrwork.records.columns import choose_columns
-from mrwork.records.command import with_nominal_command
+from mrwork.records.command import nominal_from_name, with_nominal_command
 from mrwork.records.damper_test import DamperTest
-from mrwork.records.files import open_table
-from mrwork.records.nominal import nominal_from_name
+from mrwork.records.formats.delimited import open_delimited
+from mrwork.records.table import ColumnTable, check_is_file
 
 
 def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str] | None = None) -> DamperTest:
@@ -56,7 +56,7 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
     """
     file = Path(path)
     source = str(file)
-    table = open_table(file)
+    table = _open_table(file)
     chosen = choose_columns(table.names, columns, source=source)
     numbers = table.read([choice.column for choice in chosen.values()])
     # What overflows becomes infinite, and the checks refuse that by its line.
@@ -105,3 +105,36 @@ def read_damper_tests(
         if not files:
             raise RecordError("no record given; name at least one file")
     return tuple(read_damper_test(file, columns=columns) for file in files)
+
+
+def _open_table(path: Path) -> ColumnTable:
+    """Open a CSV, TSV, Parquet or .mat file as named columns.
+
+    Raises
+    ------
+    RecordError
+        The path is missing, a directory, of an unknown extension, unreadable, or its content is refused.
+    """
+    source = str(path)
+    extension = path.suffix.lower()
+    try:
+        check_is_file(path)
+        if extension in (".csv", ".tsv"):
+            return open_delimited(path, source)
+        if extension == ".mat":
+            # scipy.io is only worth its import time when there is a .mat file.
+            from mrwork.records.formats.matlab import open_matlab
+
+            return open_matlab(path, source)
+        if extension in (".parquet", ".pq"):
+            from mrwork.records.table import open_parquet
+
+            return open_parquet(path, source)
+    except OSError as error:
+        raise RecordError(
+            f"{source}: cannot be read ({error}); check the file and its permissions"
+        ) from error
+    came = f"the extension is '{extension}'" if extension else "there is no extension"
+    raise RecordError(
+        f"{source}: {came} where .csv, .tsv, .parquet or .mat was expected; export the record as one of these"
+    )

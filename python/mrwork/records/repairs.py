@@ -11,8 +11,8 @@ import numpy as np
 from mrwork.errors import SettingError
 from mrwork.records.checks import mean_over_travel, rest_before_motion, samples_at_rest
 from mrwork.records.damper_test import DamperTest, Finding, Measured, frozen
+from mrwork.records.detectors.cycles import moving_mass
 from mrwork.records.detectors.delay import force_delay
-from mrwork.records.detectors.inertia import moving_mass
 from mrwork.records.motion import motion_of, spectrum
 from mrwork.records.window import cut
 

@@ -1,9 +1,11 @@
-"""Named numeric columns of one file, whatever its format."""
+"""Named numeric columns of one file, whatever its format, and the Parquet files that hold such columns directly."""
 
 from __future__ import annotations
 
+import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +13,7 @@ from numpy.typing import NDArray
 from mrwork.errors import RecordError
 
 
-class Table(ABC):
+class ColumnTable(ABC):
     """What a file reader gives: the names it found, the columns asked for, and where a row lies."""
 
     @property
@@ -41,7 +43,7 @@ class Table(ABC):
         """Where row `row` of the columns (from 0) lies in the file, for messages."""
 
 
-class VectorTable(Table):
+class VectorTable(ColumnTable):
     """Columns that the format already stores as arrays (Parquet, MATLAB)."""
 
     def __init__(self, *, source: str, sha256: str, vectors: Mapping[str, NDArray[np.generic]]) -> None:
@@ -81,3 +83,44 @@ class VectorTable(Table):
                 "expected; convert it before saving"
             )
         return vector.astype(np.float64)
+
+
+def open_parquet(path: Path, source: str) -> ColumnTable:
+    """Open a .parquet file; its numeric columns are the columns.
+
+    Raises
+    ------
+    RecordError
+        pyarrow is not installed, or the file is damaged.
+    """
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError as error:
+        raise RecordError(
+            f"{source}: reading Parquet needs pyarrow; run: pip install 'mrwork[parquet]'"
+        ) from error
+    data = path.read_bytes()
+    try:
+        table = pyarrow.parquet.ParquetFile(pyarrow.BufferReader(data)).read()
+        vectors = {name: table.column(name).to_numpy() for name in table.column_names}
+    except (pyarrow.ArrowException, OSError, KeyError, ValueError) as error:
+        first_line = str(error).partition("\n")[0]
+        raise RecordError(f"{source}: not a readable Parquet file ({first_line}); write it again") from error
+    return VectorTable(source=source, sha256=hashlib.sha256(data).hexdigest(), vectors=vectors)
+
+
+def check_is_file(path: Path) -> None:
+    """Refuse what is no ordinary file.
+
+    Raises
+    ------
+    RecordError
+        The path is missing, a directory or a device.
+    """
+    if path.is_dir():
+        raise RecordError(f"{path}: is a directory; name the record files in it, such as {path}/*.csv")
+    if not path.exists():
+        raise RecordError(f"{path}: there is no such file; check the path")
+    if not path.is_file():
+        raise RecordError(f"{path}: is not an ordinary file; name a record file")

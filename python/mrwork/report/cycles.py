@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.records.cycles import upward_crossings
+from mrwork.records.motion import upward_crossings
 
 CYCLES_SHOWN = 3
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from mrwork.buildings import Building
-from mrwork.buildings.brace import with_brace
+from mrwork.buildings.additions import with_brace
 from mrwork.buildings.devices import Device
 from mrwork.study.dampers import ChosenDamper, Identified, chosen_damper
 from mrwork.study.declared import said_at

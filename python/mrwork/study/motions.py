@@ -10,10 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from mrwork.motions import GroundMotion
-from mrwork.motions.baseline import baseline_corrected
-from mrwork.motions.processing import scaled, scaled_to_peak, time_scaled, trimmed
+from mrwork.motions.processing import (
+    baseline_corrected,
+    resampled,
+    scaled,
+    scaled_to_peak,
+    time_scaled,
+    trimmed,
+)
 from mrwork.motions.read import read_motion
-from mrwork.motions.resampling import resampled
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 from mrwork.motions.synthetic import synthetic_motion
 from mrwork.study.declared import said_at

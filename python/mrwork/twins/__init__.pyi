@@ -2,4 +2,4 @@ from ._base import Twin as Twin
 from ._base import power as power
 from ._base import simulate as simulate
 from ._base import twin_of as twin_of
-from .loop.ground import half_steps as half_steps
+from .loop.run import half_steps as half_steps

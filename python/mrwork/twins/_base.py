@@ -1,9 +1,12 @@
-"""What all twins share: finding one, checking it against the Rust spec, running it through a history."""
+"""What all twins share: finding and checking one, simulating it, and the cache of compiled functions."""
 
 from __future__ import annotations
 
+import os
+import platform
 from functools import cache
 from importlib import import_module
+from pathlib import Path
 from typing import Any, Protocol
 
 import jax
@@ -152,3 +155,39 @@ def _received(
     last, inside = jax.lax.scan(interval, command[0], command[:-1])
     steps = jnp.stack([inside[:, :-1:2], inside[:, 1::2], inside[:, 2::2]], axis=2)
     return jnp.append(inside[:, 0], last), steps.reshape(-1, 3)
+
+
+# Set to "off", nothing is kept.
+SWITCH = "MRWORK_COMPILATION_CACHE"
+# What compiles faster is not worth a file [s].
+_WORTH_KEEPING = 0.1
+
+
+@cache
+def keep_compiled() -> None:
+    """Let JAX keep what it compiles from now on in the user's cache folder, $XDG_CACHE_HOME or ~/.cache.
+
+    A folder that JAX was given already stays, also by JAX_COMPILATION_CACHE_DIR; the switch does not concern it. Where
+    the folder cannot be written, nothing is kept.
+    """
+    if jax.config.values["jax_compilation_cache_dir"] is not None:
+        return
+    if os.environ.get(SWITCH) == "off":
+        return
+    folder = _folder()
+    if folder is None:
+        return
+    jax.config.update("jax_compilation_cache_dir", str(folder))  # type: ignore[no-untyped-call] # as in _base
+    if "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS" not in os.environ:
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", _WORTH_KEEPING)  # type: ignore[no-untyped-call] # as above
+
+
+def _folder() -> Path | None:
+    try:
+        above = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        # Machines that share a home have different processors, and what was compiled for one need not run on another.
+        folder = above / "mrwork" / "twins" / (platform.node() or "here")
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError):  # nowhere to write, or no home
+        return None
+    return folder if os.access(folder, os.W_OK) else None

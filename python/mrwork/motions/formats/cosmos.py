@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from mrwork.motions.formats.format import Format, Stated, recorded
-from mrwork.motions.formats.lines import Lines, shown
+from mrwork.motions.formats.format import Format, Lines, Stated, recorded, shown
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.units import factor_to_si
 

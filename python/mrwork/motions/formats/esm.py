@@ -8,8 +8,7 @@ from __future__ import annotations
 import re
 
 from mrwork.errors import RecordError
-from mrwork.motions.formats.format import Format, Stated, recorded
-from mrwork.motions.formats.lines import Lines, read_numbers, shown
+from mrwork.motions.formats.format import Format, Lines, Stated, read_numbers, recorded, shown
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.units import factor_to_si
 

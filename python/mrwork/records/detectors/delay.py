@@ -7,10 +7,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.records.cycles import turning_points
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.detectors.smoothing import detect_smoothing
-from mrwork.records.motion import motion_of
+from mrwork.records.motion import motion_of, turning_points
 
 # All in periods of the dominant frequency.
 _LONGEST: Final = 0.05

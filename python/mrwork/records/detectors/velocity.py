@@ -82,7 +82,7 @@ def velocity_agrees(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Comparison:
+class _VelocityMisfit:
     """Smoothed velocity, derivative, the latter's mean square, and that of the difference noise makes."""
 
     measured: NDArray[np.float64]
@@ -114,7 +114,7 @@ class _Comparison:
 
 def _compared(
     velocity: NDArray[np.float64], displacement: NDArray[np.float64], smoother: Smoother
-) -> _Comparison:
+) -> _VelocityMisfit:
     measured = smoother.smooth(velocity)
     derivative = smoother.derivative(displacement)
     power = float(np.mean(derivative**2))
@@ -124,7 +124,7 @@ def _compared(
     )
     # A signal that is mostly noise must not pass as one that is right but for its noise.
     expected = min(float(noise**2), _NOISE**2 * power)
-    return _Comparison(measured=measured, derivative=derivative, power=power, expected=expected)
+    return _VelocityMisfit(measured=measured, derivative=derivative, power=power, expected=expected)
 
 
 def _shift(delay: float, dt: float) -> str:

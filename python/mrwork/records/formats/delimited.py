@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from mrwork.records.table import Table
+from mrwork.records.table import ColumnTable
 
 _LONGEST_LINE: Final = 65536
 _MISSING: Final = frozenset({"", "na", "n/a", "nan", "null", "none"})
@@ -23,7 +23,7 @@ _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 _BINARY: Final = re.compile(rb"[\x00-\x08\x0e-\x1a\x7f]")
 
 
-def open_delimited(path: Path, source: str) -> Table:
+def open_delimited(path: Path, source: str) -> ColumnTable:
     """Open a .csv or .tsv file and read its header line.
 
     Lines that start with ``#`` are comments; if no header follows them, the last one is taken as the
@@ -40,7 +40,7 @@ def open_delimited(path: Path, source: str) -> Table:
     return DelimitedTable(source=source, sha256=hashlib.sha256(data).hexdigest(), lines=text.split("\n"))
 
 
-class DelimitedTable(Table):
+class DelimitedTable(ColumnTable):
     """A text table held as lines; numbers are parsed when asked for.
 
     `names` are those of a table that has no header line.

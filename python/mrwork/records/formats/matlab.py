@@ -1,7 +1,7 @@
 """Numeric vectors and matrices of MATLAB .mat files, versions 4 to 7.
 
-SciPy reads these files too, but a damaged type tag ends the whole process in its reader (1.17), and what a
-header claims is allocated before anyone looks whether the file can hold it. Here every length is checked.
+SciPy reads these files too, but a damaged type tag ends the whole process in its reader (1.17), and it allocates the
+size that a header claims before it checks whether the file can hold it. Here every length is checked.
 """
 
 from __future__ import annotations
@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from mrwork.records.formats.matlab_sparse import DamagedError, sparse_version_4, sparse_version_5
-from mrwork.records.table import Table, VectorTable
+from mrwork.records.table import ColumnTable, VectorTable
 
 _HDF5: Final = b"\x89HDF"
 _LARGEST_VARIABLE: Final = 1 << 30
@@ -43,7 +42,7 @@ _COMPLEX_FLAG: Final = 0x0800
 Variables = dict[str, "NDArray[np.generic] | None"]
 
 
-def open_matlab(path: Path, source: str) -> Table:
+def open_matlab(path: Path, source: str) -> ColumnTable:
     """Open a .mat file: its numeric vectors, or those in the fields of its only struct, are the columns.
 
     Raises
@@ -235,3 +234,62 @@ def _integers(block: bytes, order: str) -> NDArray[np.int32]:
     if len(block) % 4:
         raise DamagedError(f"{len(block)} bytes are no whole number of integers")
     return np.frombuffer(block, dtype=f"{order}i4").astype(np.int32)
+
+
+# A filled matrix of more items is not worth its memory, and a header may claim any size.
+_MOST_ITEMS: Final = 1 << 24
+
+
+class DamagedError(Exception):
+    """What is wrong inside a .mat file; who opened it says which file."""
+
+
+def sparse_version_4(triplets: NDArray[np.generic], name: str) -> NDArray[np.float64]:
+    """Fill up from rows of row, column (from 1) and value, shape (n_items + 1, 3); the last row has the sides."""
+    if triplets.ndim != 2 or triplets.shape[1] != 3 or not len(triplets):
+        raise DamagedError(f"sparse variable '{name}' is not a list of row, column, value")
+    places = triplets[:, :2].astype(np.int64)
+    return _filled(
+        places[:-1, 0] - 1,
+        places[:-1, 1] - 1,
+        triplets[:-1, 2],
+        (int(places[-1, 0]), int(places[-1, 1])),
+        name,
+    )
+
+
+def sparse_version_5(
+    rows: NDArray[np.int32],
+    starts: NDArray[np.int32],
+    values: NDArray[np.generic],
+    shape: tuple[int, int],
+    name: str,
+) -> NDArray[np.float64]:
+    """Fill up from compressed columns: column j has the items `starts[j]` to `starts[j + 1]`, in `rows` from 0."""
+    counts = np.diff(starts)
+    if len(starts) != shape[1] + 1 or starts[0] != 0 or (counts < 0).any():
+        raise DamagedError(f"sparse variable '{name}' has no order in its columns")
+    n_items = int(starts[-1])
+    if n_items > min(len(rows), values.size):
+        raise DamagedError(
+            f"sparse variable '{name}' claims {n_items} items and has {min(len(rows), values.size)}"
+        )
+    columns = np.repeat(np.arange(shape[1]), counts)
+    return _filled(rows[:n_items].astype(np.int64), columns, values.ravel()[:n_items], shape, name)
+
+
+def _filled(
+    rows: NDArray[np.int64],
+    columns: NDArray[np.int64],
+    values: NDArray[np.generic],
+    shape: tuple[int, int],
+    name: str,
+) -> NDArray[np.float64]:
+    if min(shape) < 0 or shape[0] * shape[1] > _MOST_ITEMS:
+        raise DamagedError(f"sparse variable '{name}' claims to be {shape[0]} x {shape[1]}")
+    inside = (rows >= 0) & (rows < shape[0]) & (columns >= 0) & (columns < shape[1])
+    if not inside.all():
+        raise DamagedError(f"sparse variable '{name}' has an item outside its {shape[0]} x {shape[1]}")
+    matrix = np.zeros(shape)
+    np.add.at(matrix, (rows, columns), values.astype(np.float64))
+    return matrix

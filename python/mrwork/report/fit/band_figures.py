@@ -11,7 +11,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from numpy.typing import NDArray
 
-from mrwork.records.cycles import whole_cycles
+from mrwork.records.motion import whole_cycles
 from mrwork.report import style
 from mrwork.report.cycles import even_samples
 from mrwork.report.fit.canvas import column_axes

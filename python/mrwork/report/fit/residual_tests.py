@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.records.cycles import whole_cycles
+from mrwork.records.motion import whole_cycles
 from mrwork.report.comparison import Comparison
 from mrwork.uncertainty.autocorrelation import effective_samples
 from mrwork.uncertainty.bands.prediction import has_regular_cycles

@@ -16,7 +16,7 @@ from jax import Array
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Measured:
+class Measurement:
     """What a law sees at a control sample.
 
     Attributes
@@ -45,7 +45,7 @@ class Measured:
 class Law(Protocol):
     """A control law."""
 
-    def command(self, measured: Measured) -> Array:
+    def command(self, measured: Measurement) -> Array:
         """Command of each device, shape (n_devices,); the loop holds it between 0 and the largest."""
 
 
@@ -61,7 +61,7 @@ class Passive(NamedTuple):
 
     constant: Array
 
-    def command(self, measured: Measured) -> Array:
+    def command(self, measured: Measurement) -> Array:
         """The same always."""
         return self.constant
 
@@ -75,7 +75,7 @@ class ClippedOptimal(NamedTuple):
     gain: Array
     width: Array | float = 0.0
 
-    def command(self, measured: Measured) -> Array:
+    def command(self, measured: Measurement) -> Array:
         """All or nothing, or what lies between."""
         wanted = -self.gain @ measured.state
         return measured.largest * switch((wanted - measured.force) * measured.force, jnp.square(self.width))
@@ -91,7 +91,7 @@ class ModifiedClippedOptimal(NamedTuple):
     largest_force: Array
     width: Array | float = 0.0
 
-    def command(self, measured: Measured) -> Array:
+    def command(self, measured: Measurement) -> Array:
         """In proportion to the force that is wanted."""
         wanted = -self.gain @ measured.state
         share = jnp.minimum(jnp.abs(wanted) / self.largest_force, 1.0)
@@ -108,7 +108,7 @@ class LyapunovBangBang(NamedTuple):
     weight: Array
     width: Array | float = 0.0
 
-    def command(self, measured: Measured) -> Array:
+    def command(self, measured: Measurement) -> Array:
         """On where the damper takes from s'P s."""
         return measured.largest * switch(-(measured.state @ self.weight) * measured.force, self.width)
 
@@ -122,7 +122,7 @@ class LyapunovDirect(NamedTuple):
     kappa: Array
     weight: Array
 
-    def command(self, measured: Measured) -> Array:
+    def command(self, measured: Measurement) -> Array:
         """In proportion to what the current would take from s'P s."""
         return -self.kappa * (measured.state @ self.weight) * measured.slope()
 
@@ -132,6 +132,6 @@ class LqrDirect(NamedTuple):
 
     gain: Array
 
-    def command(self, measured: Measured) -> Array:
+    def command(self, measured: Measurement) -> Array:
         """The wanted force, through the slope of the force in the current."""
         return -measured.slope() * (self.gain @ measured.state)

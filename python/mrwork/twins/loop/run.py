@@ -1,4 +1,4 @@
-"""A run of the loop: at t = k Ts measure and command, then integration steps until the next control sample."""
+"""Closed-loop run: measurement and command at t = k Ts, then integration steps until the next control sample."""
 
 from __future__ import annotations
 
@@ -10,12 +10,22 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
+from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
-from mrwork.twins.loop.laws import Law, Measured
+from mrwork.twins.loop.laws import Law, Measurement
 from mrwork.twins.loop.plant import Devices, LoopPlant, pulls_of, rows_of
-from mrwork.twins.loop.reductions import LoopResult, Reductions
-from mrwork.twins.loop.step import Motion, StepGround, at_rest, nothing_kept, reduced, stage, step
+from mrwork.twins.loop.step import (
+    LoopResult,
+    LoopState,
+    Reductions,
+    StepGround,
+    at_rest,
+    nothing_kept,
+    reduced,
+    stage,
+    step,
+)
 
 
 class LoopHistories(NamedTuple):
@@ -29,7 +39,7 @@ class LoopHistories(NamedTuple):
 
 
 class _Carry(NamedTuple):
-    motion: Motion
+    motion: LoopState
     received: Array
     # Newest first: what the law said at this control sample and at those before that still count.
     commands: Array
@@ -130,11 +140,11 @@ def _scanned(
     # How many control samples ago the command was given that a step receives.
     ages = np.array([max(0, math.ceil((delay - j) / steps_per_sample)) for j in range(steps_per_sample)])
 
-    def force(motion: Motion, currents: Array) -> Array:
+    def force(motion: LoopState, currents: Array) -> Array:
         parameters = [device.parameters(currents[index]) for index, device in enumerate(devices)]
         return stage(plant, devices, pulls, parameters, motion, jnp.float64(0.0)).force
 
-    def curve(motion: Motion, currents: Array) -> Array:
+    def curve(motion: LoopState, currents: Array) -> Array:
         if believed is None:
             return force(motion, currents)
         x, v = rows @ motion.q, rows @ motion.v
@@ -158,7 +168,7 @@ def _scanned(
 
     def sample(carry: _Carry, inputs: tuple[Array, StepGround]) -> tuple[_Carry, LoopHistories | None]:
         first, accelerations = inputs
-        measured = Measured(
+        measured = Measurement(
             state=jnp.concatenate([carry.motion.q, carry.motion.v]),
             force=force(carry.motion, carry.received),
             force_at=lambda currents: curve(carry.motion, currents),
@@ -209,3 +219,28 @@ def _samples(ground: Array, steps_per_sample: int, delay: int) -> int:
             "and a delay of 0 or more"
         )
     return n_steps // steps_per_sample
+
+
+Floats = NDArray[np.float64]
+
+
+def half_steps(acceleration: Floats, dt: float, step: float, n_steps: int) -> Floats:
+    """Acceleration of the ground every half step: straight between samples, zero after the last.
+
+    Parameters
+    ----------
+    acceleration
+        Record [m/s^2], shape (n_time,), every `dt` [s].
+    step
+        Integration step [s].
+
+    Returns
+    -------
+    Floats
+        Shape (2 n_steps + 1,) [m/s^2].
+    """
+    # In samples, so that a step that divides the sampling meets every sample exactly.
+    places = np.arange(2 * n_steps + 1) * (0.5 * step / dt)
+    places = np.where(np.abs(places - np.rint(places)) < 1e-9, np.rint(places), places)
+    ground: Floats = np.interp(places, np.arange(acceleration.size), acceleration, right=0.0)
+    return ground

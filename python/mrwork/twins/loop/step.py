@@ -1,4 +1,7 @@
-"""One step of the loop: the classical Runge-Kutta rule for building, dampers and energies, the driver exactly."""
+"""One step of the closed loop, and the quantities that are accumulated over the steps.
+
+Building, dampers and energies advance by the classical Runge-Kutta rule, the driver by its exact solution.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,95 @@ import jax.numpy as jnp
 from jax import Array
 
 from mrwork.twins.loop.plant import Devices, LoopPlant, rows_of
-from mrwork.twins.loop.reductions import Energies, Extent, Reductions
 
 
-class Motion(NamedTuple):
+class Extent(NamedTuple):
+    """Peak of a signal's magnitude, and the sum of its squares, over the starts of all steps."""
+
+    peak: Array
+    squares: Array
+
+    @classmethod
+    def none(cls, n: int) -> Extent:
+        """Of `n` signals that nothing has been seen of."""
+        return cls(jnp.zeros(n), jnp.zeros(n))
+
+    def seen(self, signal: Array) -> Extent:
+        """One sample more."""
+        return Extent(jnp.maximum(self.peak, jnp.abs(signal)), self.squares + signal * signal)
+
+
+class Energies(NamedTuple):
+    """What has entered since the start, and where it went [J]: the structure's damping; each device, (n_devices,)."""
+
+    entered: Array
+    damping: Array
+    devices: Array
+
+
+class Reductions(NamedTuple):
+    """Of floors, lowest first: displacement and absolute acceleration; of storeys, drift; of devices, the rest."""
+
+    displacement: Extent
+    acceleration: Extent
+    drift: Extent
+    base_shear: Extent
+    force: Extent
+    stroke: Extent
+    rate: Extent
+    current: Extent
+    current_sum: Array
+
+
+class LoopResult(NamedTuple):
+    """A run, reduced; its energies [J] at the end; how many steps it took."""
+
+    reductions: Reductions
+    energies: Energies
+    kinetic: Array
+    strain: Array
+    n_steps: Array
+
+    @property
+    def energy_error(self) -> Array:
+        """What the balance of energies leaves at the end, against what entered or what is found again."""
+        entered, damping, devices = self.energies
+        held = self.kinetic + self.strain
+        turnover = jnp.maximum(jnp.abs(entered), held + jnp.abs(damping) + jnp.abs(devices).sum())
+        return jnp.abs(entered - held - damping - devices.sum()) / turnover
+
+    def summary(self) -> dict[str, Array]:
+        """Quantities by the names of the Rust loop, one number for each floor, storey or device, in SI units."""
+        kept = self.reductions
+
+        def both(name: str, extent: Extent) -> dict[str, Array]:
+            return {f"peak_{name}": extent.peak, f"rms_{name}": jnp.sqrt(extent.squares / self.n_steps)}
+
+        return (
+            both("displacement", kept.displacement)
+            | both("acceleration", kept.acceleration)
+            | both("drift", kept.drift)
+            | both("base_shear", kept.base_shear)
+            | both("force", kept.force)
+            | {"peak_stroke": kept.stroke.peak, "peak_rate": kept.rate.peak}
+            | both("current", kept.current)
+            | {
+                "mean_current": kept.current_sum / self.n_steps,
+                "device_energy": self.energies.devices,
+                "input_energy": self.energies.entered[None],
+                "kinetic_energy": self.kinetic[None],
+                "strain_energy": self.strain[None],
+                "damping_energy": self.energies.damping[None],
+                "energy_error": self.energy_error[None],
+            }
+        )
+
+    def worst(self, name: str) -> Array:
+        """The largest of a quantity of `summary`: of the worst floor, storey or device."""
+        return self.summary()[name].max()
+
+
+class LoopState(NamedTuple):
     """What a Runge-Kutta step moves on: coordinates, their rates, states of the dampers, energies."""
 
     q: Array
@@ -24,7 +112,7 @@ class Motion(NamedTuple):
 class Stage(NamedTuple):
     """At one point: derivative of the motion; forces, elongations and their rates, of the devices (n_devices,)."""
 
-    rate: Motion
+    rate: LoopState
     force: Array
     elongation: Array
     elongation_rate: Array
@@ -38,11 +126,11 @@ class StepGround(NamedTuple):
     end: Array
 
 
-def at_rest(plant: LoopPlant, devices: Devices) -> Motion:
+def at_rest(plant: LoopPlant, devices: Devices) -> LoopState:
     """Nothing moves, nothing has entered."""
     n = plant.mass.shape[0]
     zero = jnp.float64(0.0)
-    return Motion(
+    return LoopState(
         jnp.zeros(n),
         jnp.zeros(n),
         tuple(device.at_rest for device in devices),
@@ -51,7 +139,7 @@ def at_rest(plant: LoopPlant, devices: Devices) -> Motion:
 
 
 def stage(
-    plant: LoopPlant, devices: Devices, pulls: Array, parameters: list[Any], at: Motion, a_g: Array
+    plant: LoopPlant, devices: Devices, pulls: Array, parameters: list[Any], at: LoopState, a_g: Array
 ) -> Stage:
     """Equation of motion, with `pulls` = M^-1 e' of each damper, shape (n, n_devices)."""
     rows = rows_of(devices)
@@ -70,7 +158,7 @@ def stage(
         devices=x_rate * force,
     )
     return Stage(
-        rate=Motion(at.v, acceleration, tuple(rate for _, rate in responses), powers),
+        rate=LoopState(at.v, acceleration, tuple(rate for _, rate in responses), powers),
         force=force,
         elongation=x,
         elongation_rate=x_rate,
@@ -81,12 +169,12 @@ def step(
     plant: LoopPlant,
     devices: Devices,
     pulls: Array,
-    motion: Motion,
+    motion: LoopState,
     start: Array,
     command: Array,
     ground: StepGround,
     h: Array | float,
-) -> tuple[Motion, Array, Stage]:
+) -> tuple[LoopState, Array, Stage]:
     """Return motion and coil currents (n_devices,) after the step, and the stage at its start.
 
     `start` is what the coils have then, `command` what they are told over the step, shape (n_devices,).
@@ -112,14 +200,14 @@ def step(
     return after, end, first
 
 
-def along(motion: Motion, time: Array | float, rate: Motion) -> Motion:
+def along(motion: LoopState, time: Array | float, rate: LoopState) -> LoopState:
     """The motion a time later at this rate."""
-    later: Motion = jax.tree.map(lambda x, slope: x + time * slope, motion, rate)
+    later: LoopState = jax.tree.map(lambda x, slope: x + time * slope, motion, rate)
     return later
 
 
 def reduced(
-    plant: LoopPlant, kept: Reductions, motion: Motion, at: Stage, current: Array, a_g: Array
+    plant: LoopPlant, kept: Reductions, motion: LoopState, at: Stage, current: Array, a_g: Array
 ) -> Reductions:
     """What is kept, with the start of one step more."""
     momentum = plant.mass @ plant.influence

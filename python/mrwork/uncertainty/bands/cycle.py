@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
 from mrwork.records import DamperTest
-from mrwork.records.cycles import whole_cycles
+from mrwork.records.motion import whole_cycles
 from mrwork.uncertainty.bands.band import Band
 from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.uncertainty.bands.quantile import next_test_quantile

@@ -11,7 +11,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.free_run import judge
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.records import DamperTest
-from mrwork.records.cycles import whole_cycles
+from mrwork.records.motion import whole_cycles
 from mrwork.summary import Summarised, Summary
 
 # Of a cycle, to both sides: small errors in time show where the force changes over so much of it.

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.records import DamperTest
-from mrwork.records.cycles import whole_cycles
+from mrwork.records.motion import whole_cycles
 from mrwork.uncertainty.autocorrelation import autocorrelation_time
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mrwork.errors import SimulationError
 from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
-from mrwork.records.cycles import whole_cycles
+from mrwork.records.motion import whole_cycles
 from mrwork.uncertainty.bands.left_out import IN_WORDS, Fold, folds_of, predict_left_out
 from mrwork.uncertainty.bands.prediction import Prediction, predict_test
 

@@ -1,4 +1,4 @@
-"""Frequency and damping of a mode from the peaks of its free vibration."""
+"""Frequency and damping of a mode from the successive extremes of its free vibration (logarithmic decrement)."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.buildings.fourier_peak import fourier_peak
-from mrwork.buildings.free_vibration import ModeEstimate, checked, mode_estimate
+from mrwork.buildings.free_vibration import ModeEstimate, checked, fourier_peak, mode_estimate
 from mrwork.errors import RecordError
 
 Floats = NDArray[np.float64]
