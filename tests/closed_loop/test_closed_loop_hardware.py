@@ -24,8 +24,8 @@ from loop_samples import (
 import mrwork as mr
 from mrwork.buildings.devices import Device
 from mrwork.buildings.matrices import Building
+from mrwork.closed_loop.core_arguments import loop_observer
 from mrwork.closed_loop.hardware import Fault, Hardware
-from mrwork.closed_loop.observed import loop_observer
 from mrwork.closed_loop.responses import History
 from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws import ControlLaw

@@ -15,8 +15,7 @@ from mrwork.closed_loop.responses import Responses
 from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws import ControlLaw
 from mrwork.control.lqr import regulator_of_outputs
-from mrwork.control.outputs import accelerations
-from mrwork.control.plant import plant_of
+from mrwork.control.plant import accelerations, plant_of
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.processing import time_scaled
 from mrwork.motions.read import read_motion

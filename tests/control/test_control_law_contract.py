@@ -309,7 +309,7 @@ def test_gains_of_the_wrong_shape_are_refused(spec: ControlLawSpec) -> None:
     law = law_of(spec, loop)
     for name, gain in law.gains.items():
         for wrong in (np.asarray(gain)[..., :-1], np.zeros((2, 3, *np.shape(gain)))):
-            with pytest.raises(SettingError, match=f"gain {name} of {spec.name} has shape"):
+            with pytest.raises(SettingError, match=f"^`{name}` of {spec.name} has shape"):
                 simulate_loop(five_storeys(), loop, replace(law, gains={**law.gains, name: wrong}), [SHORT])
     with pytest.raises(SettingError, match="give"):
         simulate_loop(five_storeys(), loop, replace(law, gains={**law.gains, "more": 1.0}), [SHORT])

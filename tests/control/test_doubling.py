@@ -7,11 +7,11 @@ import pytest
 import scipy.linalg
 from control_samples import plant, shear_frame
 
-from mrwork.control.doubling import solve_continuous, solve_discrete
 from mrwork.control.lqr import regulator_of_outputs, regulator_of_state
 from mrwork.control.lyapunov import lyapunov_function
 from mrwork.control.observer import observer_of
-from mrwork.control.outputs import accelerations, drifts
+from mrwork.control.plant import accelerations, drifts
+from mrwork.control.riccati import solve_continuous, solve_discrete
 from mrwork.control.sliding import optimal_surface
 from mrwork.errors import SettingError
 

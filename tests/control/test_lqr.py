@@ -9,8 +9,7 @@ import scipy.linalg
 from control_samples import five_storeys, frame, in_units, mean_cost, plant
 
 from mrwork.control.lqr import Regulator, regulator_of_outputs, regulator_of_state
-from mrwork.control.outputs import Outputs, accelerations, drifts
-from mrwork.control.plant import Plant
+from mrwork.control.plant import Outputs, Plant, accelerations, drifts
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError
 

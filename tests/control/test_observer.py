@@ -9,8 +9,7 @@ import pytest
 from control_samples import five_storeys, frame, in_units, plant, three_storeys
 
 from mrwork.control.observer import Observer, observer_of
-from mrwork.control.outputs import Outputs, accelerations, deformations, stacked
-from mrwork.control.plant import Plant, plant_of
+from mrwork.control.plant import Outputs, Plant, accelerations, deformations, plant_of, stacked
 from mrwork.errors import SettingError
 
 TS = 2e-3

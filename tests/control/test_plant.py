@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 from control_samples import in_units, plant, three_storeys
 
-from mrwork.control.outputs import (
+from mrwork.control.plant import (
     accelerations,
     deformation_rates,
     deformations,
     displacements,
     drifts,
+    natural_frequencies,
+    plant_of,
     stacked,
     velocities,
 )
-from mrwork.control.plant import natural_frequencies, plant_of
 from mrwork.errors import SettingError, UnknownNameError
 
 RNG = np.random.default_rng(6)

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from control_samples import five_storeys, plant
 
-from mrwork.control.lqr import regulator_of_outputs
-from mrwork.control.outputs import accelerations
-from mrwork.control.published_regulators import published_regulator, regulator_as_published
+from mrwork.control.lqr import published_regulator, regulator_as_published, regulator_of_outputs
+from mrwork.control.plant import accelerations
 from mrwork.errors import SettingError, UnknownNameError
 
 

@@ -10,9 +10,8 @@ from mrwork.buildings.published import building
 from mrwork.control.designs.problem import Design, DesignProblem
 from mrwork.control.designs.registry import SETTINGS, LawSettings
 from mrwork.control.laws import ControlLaw, control_laws
-from mrwork.control.lqr import regulator_of_outputs
-from mrwork.control.outputs import accelerations
-from mrwork.control.published_regulators import published_regulator, regulator_as_published
+from mrwork.control.lqr import published_regulator, regulator_as_published, regulator_of_outputs
+from mrwork.control.plant import accelerations
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.study.control_laws import laws_text

@@ -1,3 +1,4 @@
+from .core_arguments import loop_observer as loop_observer
 from .evaluation import SCORE as SCORE
 from .evaluation import STANDARD_GRAVITY as STANDARD_GRAVITY
 from .evaluation import Criterion as Criterion
@@ -8,7 +9,6 @@ from .evaluation import score as score
 from .evaluation import values as values
 from .hardware import Fault as Fault
 from .hardware import Hardware as Hardware
-from .observed import loop_observer as loop_observer
 from .responses import History as History
 from .responses import Responses as Responses
 from .simulate import Device as Device

@@ -1,4 +1,4 @@
-"""Devices, building and law as the Rust core takes them."""
+"""Devices, building, law and observer in the form that the Rust core takes."""
 
 from __future__ import annotations
 
@@ -10,26 +10,29 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork import _rust
 from mrwork.buildings.devices import Device
 from mrwork.buildings.matrices import Building
+from mrwork.closed_loop.hardware import Hardware
+from mrwork.control.counterpart import COUNTERPART_MODEL
 from mrwork.control.laws import ControlLaw
+from mrwork.control.observer import Observer, observer_of
+from mrwork.control.plant import accelerations, deformations, plant_of, stacked
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 
 Floats = NDArray[np.float64]
-# Current laws by name, none where the model has none, and whether the driver lags.
+# Current laws by name, `None` for a model without, and whether the driver lags.
 Laws = tuple[list[str] | None, bool]
 
-# A force that no actuator meets [N]: the ideal one has no limit, and an unstable loop leaves the finite numbers before
-# it, so that it ends as diverged and not at this force.
+# Limit of an ideal actuator [N]: so large that an unstable loop overflows and ends as diverged before it.
 _NO_LIMIT = 1e300
 
 
 def dampers_of(devices: Sequence[Device], *, actuators: bool) -> tuple[str, Laws, Floats, list[list[float]]]:
-    """Model, laws, parameters of all draws and devices, and ranges of command.
+    """Model, current laws, parameters of all draws and devices, and ranges of the command.
 
     Raises
     ------
     SettingError
-        Where the devices are not of one model with the same laws, or their draws differ in number.
+        If the devices are not of one model with the same laws, or the numbers of their draws differ.
     """
     if actuators:
         theta = np.tile([0.0, 1.0], (1, len(devices), 1))
@@ -60,12 +63,12 @@ def _laws(spec: DamperSpec) -> Laws:
 
 
 def matrices_of(building: Building, devices: Sequence[Device]) -> _rust.Building:
-    """The building with the places of its devices.
+    """The building with the positions of its devices.
 
     Raises
     ------
     SettingError
-        Where a device's row does not fit, or the matrices are not those of a building.
+        If the row of a device does not match, or the matrices are not those of a building.
     """
     rows = [np.asarray(device.row, dtype=np.float64) for device in devices]
     n = len(building.mass)
@@ -91,12 +94,12 @@ def matrices_of(building: Building, devices: Sequence[Device]) -> _rust.Building
 
 
 def curve_of(law: ControlLaw) -> tuple[Laws, Floats] | None:
-    """What the law believes of its damper, where it wants to know.
+    """The model of the damper in the law, if the law needs one.
 
     Raises
     ------
     SettingError
-        Where it wants to and nothing is given, or something else than a static hysteretic model with current laws.
+        If it needs one and none is given, or one that is not static hysteretic with current laws.
     """
     if law.curve is None:
         if law.spec.wants_curve:
@@ -106,8 +109,53 @@ def curve_of(law: ControlLaw) -> tuple[Laws, Floats] | None:
             )
         return None
     spec, theta = law.curve
-    if spec.name != "static_hysteretic" or spec.current is None:
+    if spec.name != COUNTERPART_MODEL or spec.current is None:
         raise SettingError(
             f"the curve of {law.name} is a {spec.name}; give a static_hysteretic with current laws"
         )
     return _laws(spec), np.ascontiguousarray(theta, dtype=np.float64)
+
+
+def observer_arrays(
+    building: Building, devices: Sequence[Device], hardware: Hardware
+) -> tuple[list[int], list[int], Floats, Floats, Floats, Floats, Floats] | None:
+    """Measured floors and devices, and Ad, Bd, L, C, D of the observer; `None` for feedback of the true state."""
+    if hardware.feedback == "state":
+        return None
+    floors = (
+        list(range(len(building.floors)))
+        if hardware.measured_floors is None
+        else list(hardware.measured_floors)
+    )
+    observer = loop_observer(building, devices, hardware, floors)
+    matrices = (observer.Ad, observer.Bd, observer.gain, observer.C, observer.D)
+    Ad, Bd, gain, C, D = (np.ascontiguousarray(matrix) for matrix in matrices)
+    return floors, list(range(len(devices))), Ad, Bd, gain, C, D
+
+
+def loop_observer(
+    building: Building, devices: Sequence[Device], hardware: Hardware, floors: Sequence[int]
+) -> Observer:
+    """The observer of a loop, which measures accelerations of these floors and the deformations of all devices.
+
+    Raises
+    ------
+    SettingError
+        If a floor does not exist, or no observer can be designed.
+    """
+    unknown = [floor for floor in floors if not 0 <= floor < len(building.floors)]
+    if unknown:
+        raise SettingError(
+            f"{building.name} has {len(building.floors)} floors, counted from 0; {unknown} are none"
+        )
+    plant = plant_of(
+        building, np.array([device.row for device in devices]), [device.name for device in devices]
+    )
+    measured = accelerations(plant)
+    chosen = measured.select([measured.names[floor] for floor in floors])
+    return observer_of(
+        plant,
+        stacked(chosen, deformations(plant)),
+        hardware.sample_time,
+        noise_intensity=1.0 / hardware.noise_ratio,
+    )

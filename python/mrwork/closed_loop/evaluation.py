@@ -1,7 +1,7 @@
-"""Evaluation criteria by name, with the labels that papers give them.
+"""Evaluation criteria by name, with their labels in papers.
 
-Each is one number of a run. Papers divide it: the benchmarks by its value without dampers (Dyke, Jansen, Ohtori), the
-thesis by its value at i = 0. `||.||` is the root mean square over the record.
+Each is one number of a run. Papers report its ratio: the benchmarks to the value without dampers (Dyke, Jansen,
+Ohtori), the thesis to the value at i = 0. `||.||` is the root mean square over the record.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Criterion:
-    """One number of a run, reduced from one of its quantities; less is better.
+    """One number of a run, computed from one of its quantities; smaller is better.
 
-    The number of a run is the largest of the floors, storeys or devices of `quantity`, or their sum, divided by the
-    weight of the building if `over_weight`. If `ratio`, papers compare its ratio to the value without dampers, by these
-    `labels`. `uncontrolled` names the criterion of the building without dampers that the ratio divides by; it is empty
-    if there is none.
+    The value is the maximum of `quantity` over floors, storeys or devices, or the sum if `summed`, divided by the
+    weight of the building if `over_weight`. If `ratio`, papers report its ratio to the value without dampers, under
+    these `labels`. `uncontrolled` is the criterion of the building without dampers in the denominator, empty if there
+    is none.
     """
 
     name: str
@@ -40,11 +40,11 @@ class Criterion:
 
     @property
     def unit(self) -> str:
-        """Unit of the number, as tables write it."""
+        """Unit of the number, as in tables."""
         return "1" if self.over_weight else unit_of(self.quantity).replace("^", "")
 
     def value(self, responses: object, weight: float) -> Floats:
-        """The number of each run of `responses`, which has the quantities of runs as attributes; `weight` [N]."""
+        """The value for each run of `responses`, which has the quantities of runs as attributes; `weight` [N]."""
         values = np.asarray(getattr(responses, self.quantity))
         if axis_of(self.quantity) == "run":
             found = values
@@ -74,7 +74,7 @@ def criterion(name: str) -> Criterion:
     Raises
     ------
     UnknownNameError
-        Where there is none of that name; the message lists them.
+        If there is none of that name; the message lists them.
     """
     for entry in _CRITERIA:
         if entry.name == name:
@@ -84,28 +84,28 @@ def criterion(name: str) -> Criterion:
 
 
 def values(responses: object, *, weight: float) -> dict[str, Floats]:
-    """Every criterion of runs, which have their quantities as attributes; `weight` of the building [N]."""
+    """Every criterion of `responses`, which has the quantities of runs as attributes; `weight` of the building [N]."""
     return {entry.name: entry.value(responses, weight) for entry in _CRITERIA}
 
 
 def ratio(numerator: Floats, denominator: Floats) -> Floats:
-    """One over the other, NaN where there is nothing to divide by."""
+    """The quotient, NaN for a zero denominator."""
     above, below = np.broadcast_arrays(np.asarray(numerator, float), np.asarray(denominator, float))
     quotient: Floats = np.divide(above, below, out=np.full(above.shape, np.nan), where=below != 0.0)
     return quotient
 
 
 SCORE = ("peak_drift", "peak_acceleration", "rms_drift", "rms_acceleration")
-"""What the score is the mean of."""
+"""Criteria whose ratios are averaged in the score."""
 
 
 def score(controlled: Sequence[dict[str, Floats]], passive: Sequence[dict[str, Floats]]) -> Floats:
-    """Mean over motions of the mean over `SCORE` of each criterion over its value at i = 0; ours, not a paper's.
+    """Mean over motions and `SCORE` of the ratio of each criterion to its value at i = 0; our own definition.
 
     Parameters
     ----------
     controlled, passive
-        The criteria of one law and of i = 0, for each motion.
+        Criteria of one law and of i = 0, for each motion.
     """
     ratios = [
         ratio(with_law[name], without[name])

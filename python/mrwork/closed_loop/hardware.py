@@ -1,4 +1,4 @@
-"""What stands between the building and the damper's coil: sampling, delay, sensors, limits, faults."""
+"""Hardware of the loop between building and damper: sampling, delay, sensors, rate limit, faults."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from mrwork.summary import Summarised, Summary
 Channel = Literal["acceleration", "deformation", "force", "command"]
 Feedback = Literal["state", "observer"]
 
-# The seed has the upper half of a stream's number, the motion the lower.
+# The seed is the upper half of the number of a random stream, the motion the lower.
 _SEEDS = 2**32
-# Beyond these a number was meant in another unit; the first still leaves room for what stiff dampers ask for.
+# Larger numbers are mistakes of unit; the first leaves room for the additional steps of stiff dampers.
 _MOST_STEPS = 10_000
 _LONGEST_DELAY = 1_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
-    """A signal that is broken from `start` to `end` [s].
+    """A fault of a signal from `start` to `end` [s].
 
-    `index` counts floors for an acceleration, devices otherwise, from 0. Meanwhile the signal has `value`: "hold" for
-    the last one before, or a number; `math.nan` is a sensor that gives none.
+    `index` counts from 0, floors for an acceleration and devices otherwise. During the fault the signal has `value`:
+    "hold" for the last value before it, or a number; `math.nan` is a sensor without signal.
 
     Raises
     ------
     SettingError
-        Where there is no such channel, or a number makes no sense.
+        If there is no such channel, or a number is out of range.
     """
 
     channel: Channel
@@ -54,33 +54,33 @@ class Fault:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Hardware(Summarised):
-    """How the loop is run.
+    """Sampling, delay, feedback and sensors of the loop.
 
     Parameters
     ----------
     sample_time
-        From one command to the next [s]; on/off laws give reproducible numbers only at a stated one.
+        Time between two commands [s]; the result of an on/off law depends on it.
     step
-        Longest integration step [s]; a sample has the fewest equal steps that are no longer. Stiff dampers take
-        more of their own accord.
+        Longest integration step [s]; a sample is divided into the smallest number of equal steps that are not longer.
+        Stiff dampers take more steps.
     delay
-        From a measurement until its command is sent [s], in whole integration steps.
+        Time from a measurement to its command [s], a whole number of integration steps.
     command_rate
-        How fast the command may change [A/s or V/s].
+        Largest rate of the command [A/s or V/s].
     feedback
-        "state": laws see displacements and velocities as they are, deformation and force through their sensors.
-        "observer": a Kalman filter estimates the state from the accelerations of `measured_floors` and the devices'
-        deformations and forces.
+        "state": laws receive the true displacements and velocities, and deformations and forces from their sensors.
+        "observer": a Kalman filter estimates the state from the accelerations of `measured_floors` and the
+        deformations and forces of the devices.
     measured_floors
-        Floors with an accelerometer, from 0; all where `None`.
+        Floors with an accelerometer, from 0; all by default.
     noise_ratio
-        S_ag/S_v of the observer's design.
+        S_ag/S_v in the design of the observer.
     acceleration_noise, deformation_noise, force_noise
-        Standard deviations of the sensors' white noise [m/s^2, m, N].
+        Standard deviations of the white noise of the sensors [m/s^2, m, N].
     acceleration_resolution, deformation_resolution, force_resolution
-        Widths of their steps; none where zero.
+        Quantisation of the sensors [m/s^2, m, N]; none if zero.
     seed
-        Of the noise: all laws and candidates have the same under the same motion.
+        Seed of the noise; it is the same for all laws and candidates under the same motion.
     """
 
     sample_time: float = 1e-3
@@ -148,7 +148,7 @@ class Hardware(Summarised):
         return self.sample_time / self.steps
 
     def fault_rows(self) -> list[tuple[str, int, int, int, float | None]]:
-        """The faults in samples; no value where the last one before is held."""
+        """The faults in samples; the value is `None` if the last one before is held."""
         return [
             (
                 fault.channel,
@@ -172,5 +172,5 @@ class Hardware(Summarised):
                 for field in fields(self)
                 if getattr(self, field.name) != field.default
             ],
-            notes=("What is not listed has its default.",),
+            notes=("Settings that are not listed have their defaults.",),
         )

@@ -17,7 +17,7 @@ from mrwork.summary import Summarised, Summary, rounded
 Floats = NDArray[np.float64]
 
 ENERGY_TOLERANCE = 1e-6
-"""Energy errors above this are reported: 1e-8 is normal, a chattering law or too long a step makes more."""
+"""Energy errors above this are reported: 1e-8 is normal, a chattering law or a long step gives more."""
 
 
 Axis = Literal["run", "floor", "storey", "device", "state"]
@@ -27,7 +27,7 @@ Axis = Literal["run", "floor", "storey", "device", "state"]
 class Quantity:
     """A quantity of a run or a signal of its history, as the core declares it.
 
-    `axis` says what it has one number for: the run, each floor, storey, device or state.
+    `axis` is its second axis: floors, storeys, devices or states; "run" for one number a run.
     """
 
     name: str
@@ -73,12 +73,12 @@ def _by_name() -> dict[str, Quantity]:
 def columns_by_name(
     rows: Floats, quantities: Sequence[Quantity], counts: Sequence[tuple[str, int]]
 ) -> dict[str, Floats]:
-    """Columns of the core by name; a quantity with one number for a run has no second axis.
+    """Columns of the core by name; a quantity of axis "run" has no second axis.
 
     Parameters
     ----------
     counts
-        Columns of each quantity for a building; see `_rust.Building.summary_layout`.
+        Number of columns of each quantity; see `_rust.Building.summary_layout`.
     """
     found: dict[str, Floats] = {}
     start = 0
@@ -89,7 +89,7 @@ def columns_by_name(
     return found
 
 
-# What a summary on the screen shows.
+# Quantities in the summary.
 _SHOWN = ("peak_drift", "peak_acceleration", "peak_force", "peak_current", "energy_error")
 _SHOWN_SIGNALS = ("drift", "acceleration", "force", "current")
 
@@ -118,12 +118,12 @@ class History(Summarised):
     damping_energy: Floats
 
     def kinetic_energy(self, building: Building) -> Floats:
-        """Of the motion relative to the ground [J], shape (n_time,)."""
+        """Kinetic energy of the motion relative to the ground [J], shape (n_time,)."""
         velocity = self.state[:, len(building.mass) :]
         return np.asarray(0.5 * np.einsum("ti,ij,tj->t", velocity, building.mass, velocity))
 
     def strain_energy(self, building: Building) -> Floats:
-        """Of the building's stiffness [J], shape (n_time,)."""
+        """Strain energy of the building [J], shape (n_time,)."""
         displacement = self.state[:, : len(building.mass)]
         return np.asarray(0.5 * np.einsum("ti,ij,tj->t", displacement, building.stiffness, displacement))
 
@@ -140,12 +140,13 @@ class History(Summarised):
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Responses(Summarised):
-    """Runs in the order candidate, motion, draw, the last the fastest; infinite where a run did not end.
+    """Runs in the order candidate, motion, draw, the last varying fastest; infinite for a run that did not finish.
 
     The quantities and their units are declared by the core, see `run_quantities`; those of floors, storeys and devices
     have a second axis. Peaks and mean squares are taken over all integration steps; accelerations are absolute.
-    `energy_error` is the largest imbalance of input, kinetic, strain, damping and device energy during the run, over
-    the largest energy. `steps` counts integration steps per sample, `shape` the candidates, motions and draws.
+    `energy_error` is the largest imbalance of input, kinetic, strain, damping and device energy during the run,
+    relative to the largest energy. `steps` is the number of integration steps per sample, `shape` that of candidates,
+    motions and draws.
     """
 
     shape: tuple[int, int, int]
@@ -196,7 +197,7 @@ class Responses(Summarised):
 
 
 def _largest(values: Floats) -> Floats:
-    """The largest of each run that finished."""
+    """The largest value of each run that finished."""
     each = values.reshape(len(values), -1).max(axis=1, initial=0.0)
     finite = each[np.isfinite(each)]
     return finite if finite.size else np.array([np.nan])

@@ -1,4 +1,4 @@
-"""Simulate buildings in closed loop: candidates x motions x draws of the damper in one call."""
+"""Simulate buildings in closed loop: candidates x motions x draws of the dampers in one call."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from mrwork import _rust
 from mrwork.buildings.devices import Device
 from mrwork.buildings.matrices import Building
-from mrwork.closed_loop.core_arguments import curve_of, dampers_of, matrices_of
+from mrwork.closed_loop.core_arguments import curve_of, dampers_of, matrices_of, observer_arrays
 from mrwork.closed_loop.hardware import Hardware
-from mrwork.closed_loop.observed import observer_arrays
 from mrwork.closed_loop.responses import (
     History,
     Responses,
@@ -47,26 +46,26 @@ def simulate_loop(
 ) -> Responses:
     """Simulate every candidate of the law under every motion with every draw of the dampers.
 
-    Building, dampers and driver are integrated as one by classical Runge-Kutta; the law sees what it measures at its
-    sample times. A law called "active" commands forces: ideal actuators then take the places of the dampers.
+    Building, dampers and driver are integrated as one system by the classical Runge-Kutta method; the law receives
+    measurements at its sample times. Ideal actuators replace the dampers if the law commands forces.
 
     Parameters
     ----------
     devices
-        At least one, all of one model with the same current laws; see `Device`.
+        One or more, all of one model with the same current laws; see `Device`.
     histories
-        Whether to keep every run over time.
+        Whether to keep the history of every run.
     step_factor
-        Multiplies every run's own step count: 2 halves the step, to check that nothing changes.
+        Multiplies the number of steps of every run: 2 halves the step, to check convergence.
     threads
         Threads to use, 0 for all.
     on_progress
-        Called with the runs done and wanted.
+        Called with the number of runs done and their total.
 
     Raises
     ------
     SettingError
-        Where devices, law and building do not fit together.
+        If devices, law and building do not match.
 
     Examples
     --------
@@ -88,8 +87,8 @@ def simulate_loop(
             )
     n_states = 2 * len(building.mass)
     gains = law.gain_rows(len(devices), n_states)
-    active = law.name == "active"
-    model, laws, theta, ranges = dampers_of(devices, actuators=active)
+    actuators = law.spec.commands_force
+    model, laws, theta, ranges = dampers_of(devices, actuators=actuators)
     shape = (len(gains), len(motions), len(theta))
     matrices = matrices_of(building, devices)
     arguments: dict[str, Any] = {
@@ -98,7 +97,7 @@ def simulate_loop(
         "laws": laws,
         "theta": theta,
         "places": [
-            (1.0, False) if active else (float(device.count), device.differential) for device in devices
+            (1.0, False) if actuators else (float(device.count), device.differential) for device in devices
         ],
         "ranges": ranges,
         "law": law.name,
@@ -118,7 +117,7 @@ def simulate_loop(
         "threads": threads,
     }
     runs = np.indices(shape, dtype=np.uint32).reshape(3, -1).T
-    # The noise of a run goes by its motion alone, so that candidates are compared under the same.
+    # The noise of a run depends on its motion only, so that candidates are compared under equal noise.
     streams = runs[:, 1].astype(np.uint64) + np.uint64(hardware.seed) * np.uint64(2**32)
     parts = []
     for start in range(0, len(runs), _RUNS_AT_A_TIME):

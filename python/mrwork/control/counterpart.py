@@ -1,4 +1,4 @@
-"""The static hysteretic model that stands for a damper in laws which want its force as a function of the current."""
+"""Static hysteretic model of a damper, for laws that need its force as a function of the command."""
 
 from __future__ import annotations
 
@@ -15,23 +15,24 @@ from mrwork.simulate import Loading, simulate_force
 
 Floats = NDArray[np.float64]
 
-_MODEL = "static_hysteretic"
+COUNTERPART_MODEL = "static_hysteretic"
+"""Model of a counterpart, which the core evaluates in the laws."""
 
 # Powers of the command in each parameter, those of Kwok et al. (2006) for the RD-1005-3.
 _DEGREES = {"c": 1, "k": 1, "alpha": 2, "beta": 0, "delta": 1, "x_s": 0, "f0": 1}
 
 _N_COMMANDS = 7
-_N_MOTIONS = 3  # amplitudes, and as many peak velocities at each
+_N_MOTIONS = 3  # number of amplitudes, and of peak velocities at each
 _PER_CYCLE = 160
-# The first cycle starts from rest; the second is compared.
+# The first cycle starts from rest; the second is used.
 _CYCLES = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StaticCounterpart:
-    """A static hysteretic model with current laws, `theta` in its order, and how well it stands for the damper.
+    """A static hysteretic model with current laws, its parameters, and its agreement with the damper.
 
-    `fit_percent` is 100 (1 - |F - F^| / |F - mean F|) over the cycles it was fitted to; 100 where the damper is
+    `fit_percent` is 100 (1 - |F - F^| / |F - mean F|) over the cycles of the fit; 100 for a damper that is
     static hysteretic itself.
     """
 
@@ -42,7 +43,7 @@ class StaticCounterpart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Cycles:
-    """What a damper did, sample by sample, at all motions and commands: shape (n_samples,) each."""
+    """Simulated samples of a damper at all motions and commands, shape (n_samples,) each."""
 
     displacement: Floats
     velocity: Floats
@@ -61,26 +62,27 @@ def static_counterpart(
     """Fit `f = c v + k x + alpha tanh(beta v + delta tanh(x/x_s)) + f0` to a damper in steady cycles.
 
     c, k, delta and f0 are linear in the command and alpha is quadratic, as in Kwok et al., Sens. Actuators A 132, 2006,
-    441-451, so that the force is F0 + G i + H i^2 but for delta. For given beta, delta and x_s the rest is linear and
-    solved for (Golub & Pereyra, SIAM J. Numer. Anal. 10(2), 1973, 413-432). A static hysteretic damper with such laws
-    is returned as it is, its driver's lag included; a fitted one has none: its command is the current in the coil.
+    441-451, so that the force is F0 + G i + H i^2 except for delta. For given beta, delta and x_s the other parameters
+    are linear and eliminated (Golub & Pereyra, SIAM J. Numer. Anal. 10(2), 1973, 413-432). A static hysteretic damper
+    with such laws is returned unchanged, with the lag of its driver; a fitted one has no lag: its command is the
+    current in the coil.
 
     Parameters
     ----------
     spec, theta
         A damper with current laws, and its parameters, shape (n_params,).
     largest_command
-        In the unit of the model; commands from 0 to it are simulated.
+        In the unit of the model; commands from 0 to this one are simulated.
     amplitude, velocity
-        Smallest and largest amplitude [m] and peak velocity [m/s] of the sinusoids it is fitted to: those that the
-        device is expected to make.
+        Smallest and largest expected amplitude [m] and peak velocity [m/s]; the model is fitted to sinusoids in this
+        range.
 
     Raises
     ------
     SettingError
-        Where the model does not follow a command, or a range is not positive.
+        If the model does not follow a command, or a range is not positive.
     SimulationError
-        Where the damper cannot be simulated at such motions.
+        If the damper cannot be simulated at these motions.
 
     Examples
     --------
@@ -100,7 +102,7 @@ def static_counterpart(
         raise SettingError(
             f"`theta` has {len(values)} values, {spec.name} takes {len(spec.names)}; see `spec.names`"
         )
-    if _is_counterpart(spec):
+    if is_static(spec):
         return StaticCounterpart(spec=spec, theta=values, fit_percent=100.0)
     for name, (low, high) in {"amplitude": amplitude, "velocity": velocity}.items():
         if not 0.0 < low <= high < np.inf:
@@ -109,16 +111,16 @@ def static_counterpart(
         raise SettingError(f"`largest_command` is {largest_command}; give a positive number")
     cycles = _simulated(spec, values, largest_command, amplitude, velocity)
     laws: dict[str, LawName] = {name: polynomial_laws()[degree] for name, degree in _DEGREES.items()}
-    fitted_spec = damper(_MODEL).with_current_laws(laws, unit=spec.current.unit)
+    fitted_spec = damper(COUNTERPART_MODEL).with_current_laws(laws, unit=spec.current.unit)
     fitted = _fitted(fitted_spec, cycles, largest_command)
     return StaticCounterpart(
         spec=fitted_spec, theta=fitted, fit_percent=_fit_percent(fitted_spec, fitted, cycles)
     )
 
 
-def _is_counterpart(spec: DamperSpec) -> bool:
-    """Whether a model is static hysteretic with laws of no higher degree than the counterpart's."""
-    if spec.name != _MODEL or spec.current is None:
+def is_static(spec: DamperSpec) -> bool:
+    """Whether a damper needs no counterpart: static hysteretic, with laws of no higher degree than a counterpart's."""
+    if spec.name != COUNTERPART_MODEL or spec.current is None:
         return False
     degrees = (current_laws()[law].degree for law in spec.current.laws)
     return all(
@@ -163,11 +165,11 @@ def _simulated(
 
 
 def _fitted(spec: DamperSpec, cycles: _Cycles, largest: float) -> tuple[float, ...]:
-    """Coefficients in the order of the spec, by variable projection from a few starts."""
+    """Coefficients in the order of the spec, by variable projection from several starting points."""
     speed = float(np.abs(cycles.velocity).max())
     stroke = float(np.abs(cycles.displacement).max())
     limits = {parameter.name: (parameter.lower, parameter.upper) for parameter in spec.plain}
-    # Logarithms of beta and x_s, delta at no command and at the largest.
+    # Logarithms of beta and x_s; delta at zero and at the largest command.
     lower = np.array([np.log(0.1 / speed), np.log(1e-4 * stroke), limits["delta"][0], limits["delta"][0]])
     upper = np.array([np.log(1e4 / speed), np.log(10.0 * stroke), limits["delta"][1], limits["delta"][1]])
 
@@ -206,10 +208,9 @@ def _fitted(spec: DamperSpec, cycles: _Cycles, largest: float) -> tuple[float, .
 def _projected(
     cycles: _Cycles, shape: Floats, largest: float, limits: dict[str, tuple[float, float]] | None
 ) -> tuple[Floats, Floats]:
-    """Values of c, k, alpha and f0 at their nodes (none, half, largest command) for a shape, and the residual [N].
+    """Values of c, k, alpha and f0 at zero, half and the largest command for a shape, and the residual [N].
 
-    With `limits` the values are kept in the range that the model admits: a viscosity that came out below zero would be
-    refused.
+    `limits` keeps the values in the range of the model, which refuses a negative viscosity, for example.
     """
     share = cycles.command / largest
     steepness, width = np.exp(shape[:2])
@@ -253,7 +254,7 @@ def _quadratic(nodes: Floats, largest: float) -> tuple[float, float, float]:
 
 
 def _fit_percent(spec: DamperSpec, theta: Sequence[float], cycles: _Cycles) -> float:
-    # A static model is simulated sample by sample, so all cycles can stand in one history, whatever its step.
+    # A static model has no memory, so all cycles can be simulated in one history of any step.
     loading = Loading(
         dt=1.0,
         displacement=cycles.displacement,

@@ -1,4 +1,4 @@
-"""A fuzzy controller of five sets, tabulated: the share of the largest command by deformation and rate."""
+"""Fuzzy controller with five sets, as a table: share of the largest command over deformation and rate."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from mrwork.errors import SettingError
 
 Floats = NDArray[np.float64]
 
-# Triangles a half apart over [-1, 1]; what lies beyond belongs wholly to the outermost.
+# Centres of triangles of half-width 0.5 over [-1, 1]; values beyond belong to the outermost set.
 INPUT_SETS = {"NL": -1.0, "NS": -0.5, "ZE": 0.0, "PS": 0.5, "PL": 1.0}
 
-# Triangles a quarter apart. The outermost reach beyond [0, 1], so that one of them alone gives 0 or 1 exactly.
+# Centres of triangles of half-width 0.25. The outermost extend beyond [0, 1], so that their centroids are 0 and 1.
 OUTPUT_SETS = {"ZE": 0.0, "S": 0.25, "M": 0.5, "L": 0.75, "VL": 1.0}
 
-# Rows: deformation NL to PL. Columns: its rate NL to PL. On the way out resist, the more the further and the faster;
-# on the way back yield, and let the building's own stiffness bring it home. The table is ours: inputs, sets and
-# inference are those of the literature, its tables differ from paper to paper.
+# Rows: deformation NL to PL. Columns: rate NL to PL. The command grows with deformation and rate while the deformation
+# increases, and is small while it decreases. Inputs, sets and inference follow the literature; the rules, which differ
+# from paper to paper, are our own.
 RULES = (
     ("VL", "L", "M", "S", "ZE"),
     ("L", "M", "S", "ZE", "S"),
@@ -35,8 +35,8 @@ _UNIVERSE = np.linspace(-0.25, 1.25, 1201)
 class FuzzyTable:
     """Share of the largest command, shape (n, n): rows by deformation, columns by rate, each over [-1, 1].
 
-    Inputs are in units of `deformation_scale` [m] and `rate_scale` [m/s] and are clipped to [-1, 1]; between the
-    `points`, shape (n,), evenly spaced, the share is interpolated bilinearly.
+    Inputs are divided by `deformation_scale` [m] and `rate_scale` [m/s] and clipped to [-1, 1]. Between the evenly
+    spaced `points`, shape (n,), the share is interpolated bilinearly.
     """
 
     points: Floats
@@ -51,14 +51,14 @@ def fuzzy_table(*, deformation_scale: float, rate_scale: float, n_points: int = 
     Parameters
     ----------
     deformation_scale, rate_scale
-        What counts as large: peak deformation [m] and rate [m/s] to be expected of the device.
+        Expected peak deformation [m] and rate [m/s] of the device.
     n_points
-        Along each input, odd, 5 or more: then the centres of the sets are not cut.
+        Number of points along each input, odd and 5 or more, so that the centres of the sets are among them.
 
     Raises
     ------
     SettingError
-        Where a scale is not positive, or the number of points is even or too small.
+        If a scale is not positive, or the number of points is even or too small.
 
     Examples
     --------
@@ -83,13 +83,14 @@ def fuzzy_table(*, deformation_scale: float, rate_scale: float, n_points: int = 
 def infer(deformation: ArrayLike, rate: ArrayLike) -> Floats:
     """Share of the largest command for scaled inputs, by Mamdani's inference.
 
-    A rule holds as far as the lesser of its two sets; it cuts its output set there; of all rules the larger is taken,
-    and of the area below, the centroid (Mamdani & Assilian, Int. J. Man-Machine Studies 7(1), 1975, 1-13).
+    The strength of a rule is the smaller membership of its two inputs; it clips the output set. The clipped sets are
+    combined by their maximum, and the result is the centroid of the area (Mamdani & Assilian, Int. J. Man-Machine
+    Studies 7(1), 1975, 1-13).
 
     Parameters
     ----------
     deformation, rate
-        In units of their scales, of shapes that broadcast.
+        Inputs over their scales, of shapes that broadcast.
 
     Returns
     -------
@@ -108,12 +109,12 @@ def infer(deformation: ArrayLike, rate: ArrayLike) -> Floats:
             aggregated = np.maximum(aggregated, np.minimum(strength[..., None], output))
     area = np.trapezoid(aggregated, _UNIVERSE, axis=-1)
     moment = np.trapezoid(aggregated * _UNIVERSE, _UNIVERSE, axis=-1)
-    # Rounding of the integrals is all that could leave the range.
+    # Only rounding of the integrals can leave the range.
     return np.asarray(np.clip(moment / area, 0.0, 1.0), dtype=np.float64)
 
 
 def memberships(value: ArrayLike) -> Floats:
-    """How far a scaled input belongs to each of the five sets, shape (..., 5); they add up to 1."""
+    """Membership of a scaled input in each of the five sets, shape (..., 5); the sum is 1."""
     clipped = np.clip(np.asarray(value, dtype=np.float64), -1.0, 1.0)
     centres = np.array(list(INPUT_SETS.values()))
     return np.asarray(np.maximum(0.0, 1.0 - np.abs(clipped[..., None] - centres) / 0.5), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""The inverse of a damper as a small network: the command at which it would give a wanted force."""
+"""Inverse model of a damper as a small neural network: the command for a wanted force."""
 
 from __future__ import annotations
 
@@ -8,20 +8,26 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.control.excitation import random_loading
-from mrwork.control.inverse_samples import N_SAMPLES, InverseSamples, known, network_inputs, samples_shown
+from mrwork.control.inverse_samples import (
+    N_SAMPLES,
+    InverseSamples,
+    inverse_samples,
+    network_inputs,
+    random_loading,
+    scaled_inputs,
+)
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.simulate import Loading, simulate_force
 
 Floats = NDArray[np.float64]
 
-# Called with the steps so far and the root mean square error of the command, as a share of the largest.
+# Called with the number of steps and the root mean square error of the command, as a share of the largest.
 OnStep = Callable[[int, float], None]
 
 _N_CYCLES = 60
 _MAX_STEPS = 200
-# Of the squares of the weights, per sample: so that no unit runs away where the data leave it free.
+# Ridge penalty of the weights, per sample: keeps units bounded that the data do not determine.
 _RIDGE = 1e-8
 
 
@@ -29,24 +35,24 @@ _RIDGE = 1e-8
 class InverseNetwork:
     """`command = output_scale clip(w2 tanh(W1 clip(inputs/input_scale, -1, 1) + b1) + b2, 0, 1)`.
 
-    Inputs beyond what it was trained on are taken for the nearest that it knows.
+    Inputs outside the training range are clipped to it.
 
     Parameters
     ----------
     names
-        The inputs: deformation [m], velocity [m/s] and wanted force [N], and the same one sample before.
+        Inputs: deformation [m], velocity [m/s] and wanted force [N], then those one sample before.
     W1, b1, w2, b2
         Shapes (n_hidden, n_inputs), (n_hidden,), (n_hidden,), ().
     input_scale, output_scale
         Shape (n_inputs,), in the units of the inputs; the largest command.
     sample_time
-        Between the inputs and those before [s].
+        Time between present and previous inputs [s].
     fit_percent
-        On a motion that it was not trained on, of the force that the damper gives at the network's command, compared
-        with the wanted one, which it can give: 100 (1 - |f_c - f| / |f_c - mean f_c|).
+        On a test motion: 100 (1 - |f_c - f| / |f_c - mean f_c|), with f the force of the damper at the command of the
+        network and f_c the wanted force, which is within the range of the damper.
     command_error
-        There, root mean square error of the command as a share of the largest. It may be large where the fit is good:
-        near rest no command changes the force.
+        Root mean square error of the command on the test motion, as a share of the largest. It may be large although
+        the fit is good: near rest the command hardly changes the force.
     """
 
     names: tuple[str, ...]
@@ -62,7 +68,7 @@ class InverseNetwork:
 
     def command(self, inputs: ArrayLike) -> Floats:
         """The command for inputs in the order of `names`, shape (..., n_inputs)."""
-        scaled = known(np.asarray(inputs, dtype=np.float64), self.input_scale)
+        scaled = scaled_inputs(np.asarray(inputs, dtype=np.float64), self.input_scale)
         hidden = np.tanh(scaled @ self.W1.T + self.b1)
         return self.output_scale * np.clip(hidden @ self.w2 + self.b2, 0.0, 1.0)
 
@@ -80,13 +86,12 @@ def train_inverse_network(
     rng: int = 0,
     on_step: OnStep | None = None,
 ) -> InverseNetwork:
-    """Train a network of one hidden layer on what the damper does under random motions and commands.
+    """Train a network with one hidden layer on simulated forces under random motions and commands.
 
-    Networks of this kind are the inverse models of Chang & Zhou, J. Struct. Eng. 128(2), 2002, 231-239. Ours is
-    fitted by Levenberg and Marquardt's method with an exact Jacobian. An error of the command counts in proportion to
-    the force it makes. To the samples that the damper has shown, others are added in which more is wanted than it can
-    give, or less: the answers are the largest command and none. The lag of a driver is not inverted: the command is
-    what the coil should get.
+    Networks of this kind are the inverse models of Chang & Zhou, J. Struct. Eng. 128(2), 2002, 231-239. This
+    one is fitted by the Levenberg-Marquardt method with an exact Jacobian. An error of the command is weighted by the
+    force that it causes. Further samples have wanted forces above and below the range of the damper, for which the
+    command is the largest and zero. The lag of the driver is not inverted: the command is the current in the coil.
 
     Parameters
     ----------
@@ -95,20 +100,20 @@ def train_inverse_network(
     largest_command
         In the unit of the model.
     amplitude, velocity
-        Peak deformation [m] and velocity [m/s] that the device is expected to make.
+        Expected peak deformation [m] and velocity [m/s] of the device.
     sample_time
-        Of the controller [s]: how long before the previous inputs are.
+        Sample time of the controller [s], the time between present and previous inputs.
     n_previous
-        0 or 1: how many earlier samples are inputs too.
+        Number of earlier samples among the inputs, 0 or 1.
     rng
-        Seed of motions, commands and first weights.
+        Seed of the motions, the commands and the initial weights.
 
     Raises
     ------
     SettingError
-        Where the model does not follow a command, or a setting is not positive.
+        If the model does not follow a command, or a setting is not positive.
     SimulationError
-        Where the damper cannot be simulated at such motions.
+        If the damper cannot be simulated at these motions.
 
     Examples
     --------
@@ -122,7 +127,7 @@ def train_inverse_network(
     spec, values = _without_lag(spec, theta)
     assert spec.current is not None
     generator = np.random.default_rng(rng)
-    # A coarse sample time still wants enough samples to choose from.
+    # A long sample time needs more cycles for the same number of samples.
     n_cycles = max(_N_CYCLES, int(2.0 * N_SAMPLES * sample_time * velocity / (2.0 * np.pi * amplitude)))
     training, held_out = (
         random_loading(
@@ -136,7 +141,7 @@ def train_inverse_network(
         )
         for n_cycles in (n_cycles, n_cycles // 3)
     )
-    samples, force_scale = samples_shown(spec, values, training, largest_command, n_previous, generator)
+    samples, force_scale = inverse_samples(spec, values, training, largest_command, n_previous, generator)
     scale = np.tile([amplitude, velocity, force_scale], 1 + n_previous)
     W1, b1, w2, b2 = _trained(samples, scale, n_hidden, generator, on_step)
     current = ("deformation", "velocity", "wanted force")
@@ -152,7 +157,7 @@ def train_inverse_network(
         fit_percent=np.nan,
         command_error=np.nan,
     )
-    return _judged(network, spec, values, held_out, n_previous)
+    return _tested(network, spec, values, held_out, n_previous)
 
 
 def _check(
@@ -181,7 +186,7 @@ def _check(
 
 
 def _without_lag(spec: DamperSpec, theta: ArrayLike) -> tuple[DamperSpec, Floats]:
-    """The damper at the current in its coil."""
+    """The damper without the lag of its driver: its command is the current in the coil."""
     values = np.asarray(theta, dtype=np.float64).ravel()
     if len(values) != len(spec.names):
         raise SettingError(
@@ -197,11 +202,11 @@ def _without_lag(spec: DamperSpec, theta: ArrayLike) -> tuple[DamperSpec, Floats
 def _trained(
     samples: InverseSamples, scale: Floats, n_hidden: int, rng: np.random.Generator, on_step: OnStep | None
 ) -> tuple[Floats, Floats, Floats, float]:
-    """W1, b1, w2 and b2 of least weighted squares.
+    """W1, b1, w2 and b2 by weighted least squares.
 
-    A previous sample is almost the present one, so the network is trained on their difference, in units of its size.
+    Previous samples are nearly equal to the present ones, so the network is trained on their scaled differences.
     """
-    features = known(samples.inputs, scale)
+    features = scaled_inputs(samples.inputs, scale)
     to_features = np.eye(len(scale))
     if len(scale) > 3:
         change = features[:, :3] - features[:, 3:]
@@ -219,7 +224,7 @@ def _trained(
         hidden = np.tanh(features @ W1.T + parameters[shapes : shapes + n_hidden])
         w2 = parameters[shapes + n_hidden : -1]
         share = hidden @ w2 + parameters[-1]
-        # The command is clipped, so an answer beyond the end that is wanted is right.
+        # The command is clipped, so an output beyond the right end of the range has no error.
         wrong = ~((none_wanted & (share < 0.0)) | (all_wanted & (share > 1.0)))
         return hidden, share, wrong * weight
 
@@ -259,10 +264,10 @@ def _trained(
     return W1, found[shapes : shapes + n_hidden], found[shapes + n_hidden : -1], float(found[-1])
 
 
-def _judged(
+def _tested(
     network: InverseNetwork, spec: DamperSpec, theta: Floats, loading: Loading, n_previous: int
 ) -> InverseNetwork:
-    """The network with its accuracy on a motion and commands that it has not seen."""
+    """The network with its accuracy on a test motion."""
     wanted = simulate_force(spec, theta, loading)
     command = network.command(network_inputs(loading, wanted, n_previous))
     given = simulate_force(spec, theta, replace(loading, command=command))

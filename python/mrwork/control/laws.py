@@ -1,4 +1,4 @@
-"""Control laws as the Rust core declares them, and one with its finished numbers."""
+"""Control laws as the Rust core declares them, and a law with its gains."""
 
 from __future__ import annotations
 
@@ -18,6 +18,9 @@ from mrwork.summary import Summarised, Summary, rounded
 Floats = NDArray[np.float64]
 Shape = Literal["device", "state"]
 
+# Laws whose command is a force [N] of an ideal actuator instead of a current or voltage.
+_OF_FORCES = frozenset({"active"})
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainSpec:
@@ -31,10 +34,10 @@ class GainSpec:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ControlLawSpec:
-    """A law: its formula, where it comes from, and the numbers it takes.
+    """A law: its formula, source, gains and tables.
 
-    `tables` are arrays that all candidates share. A law that `wants_curve` evaluates the damper's force over the
-    command, for which it needs a static hysteretic model of the damper.
+    `tables` are arrays that all candidates share. A law that `wants_curve` evaluates the damper force as a function of
+    the command, by a static hysteretic model of the damper. A law that `commands_force` drives ideal actuators.
     """
 
     name: str
@@ -45,22 +48,23 @@ class ControlLawSpec:
     gains: tuple[GainSpec, ...]
     tables: tuple[str, ...]
     wants_curve: bool
+    commands_force: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class ControlLaw(Summarised):
-    """A law with its numbers, for one candidate or many.
+    """A law with its gains, for one or several candidates.
 
     Parameters
     ----------
     name
-        Of the registry; see `control_laws`.
+        Name of the law; see `control_laws`.
     gains
-        By name, shape (n_devices,) or (n_devices, 2n); with a leading axis, one row for each candidate.
+        By name, shape (n_devices,) or (n_devices, 2n), with an optional leading axis for candidates.
     tables
         By name, shape (n,).
     curve
-        What the law believes of its damper: a static hysteretic model with current laws, and its parameters.
+        Model of the damper in the law: static hysteretic with current laws, and its parameters.
     """
 
     name: str
@@ -70,7 +74,7 @@ class ControlLaw(Summarised):
 
     @property
     def spec(self) -> ControlLawSpec:
-        """What the law is."""
+        """The declaration of the law."""
         return control_law(self.name)
 
     def gain_rows(self, n_devices: int, n_states: int) -> Floats:
@@ -79,7 +83,7 @@ class ControlLaw(Summarised):
         Raises
         ------
         SettingError
-            Where a gain is missing, unknown, or of the wrong shape.
+            If a gain is missing, unknown, or of the wrong shape.
         """
         spec = self.spec
         _check_names(f"the gains of {spec.name}", self.gains, [gain.name for gain in spec.gains])
@@ -89,7 +93,7 @@ class ControlLaw(Summarised):
             given = np.asarray(self.gains[gain.name], dtype=np.float64)
             if given.shape[-len(shape) :] != shape or given.ndim > len(shape) + 1:
                 raise SettingError(
-                    f"gain {gain.name} of {spec.name} has shape {given.shape}; give {shape}, "
+                    f"`{gain.name}` of {spec.name} has shape {given.shape}; give {shape}, "
                     f"or a row of that shape for each candidate"
                 )
             blocks.append(given.reshape(-1, int(np.prod(shape))))
@@ -106,7 +110,7 @@ class ControlLaw(Summarised):
         Raises
         ------
         SettingError
-            Where one is missing or unknown.
+            If one is missing or unknown.
         """
         _check_names(f"the tables of {self.name}", self.tables, list(self.spec.tables))
         return [
@@ -136,7 +140,8 @@ def control_laws() -> tuple[ControlLawSpec, ...]:
     return tuple(
         ControlLawSpec(
             **{**entry, "tables": tuple(entry["tables"])}
-            | {"gains": tuple(GainSpec(**gain) for gain in entry["gains"])}
+            | {"gains": tuple(GainSpec(**gain) for gain in entry["gains"])},
+            commands_force=entry["name"] in _OF_FORCES,
         )
         for entry in _rust.control_laws()
     )
@@ -148,7 +153,7 @@ def control_law(name: str) -> ControlLawSpec:
     Raises
     ------
     UnknownNameError
-        Where there is none.
+        If there is none.
     """
     for spec in control_laws():
         if spec.name == name:

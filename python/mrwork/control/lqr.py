@@ -1,16 +1,16 @@
-"""Linear quadratic regulators: the gain by which wanted forces follow from the state."""
+"""Linear quadratic regulators: gains from the state to the wanted forces, and published weights."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.control.outputs import Outputs
-from mrwork.control.plant import Plant
+from mrwork.control.plant import Outputs, Plant, accelerations
 from mrwork.control.riccati import solve_riccati
-from mrwork.errors import SettingError
+from mrwork.errors import SettingError, UnknownNameError
 
 Floats = NDArray[np.float64]
 
@@ -22,14 +22,14 @@ class Regulator:
     Parameters
     ----------
     gain
-        K of the wanted resisting force `f_c = -K s`, shape (n_devices, 2n). It has the sign of the force of a damper:
-        a device that can give f_c resists its elongation where f_c is positive.
+        K of the wanted force `f_c = -K s`, shape (n_devices, 2n), with the sign of a damper force: a positive f_c
+        resists elongation of the device.
     riccati
         P of the cost to go s'P s, shape (2n, 2n).
     vectors
         B'P, shape (n_devices, 2n): one row for each device, `sigma = vectors @ s`.
     control_weight
-        R with what the weighed outputs add to it, shape (n_devices, n_devices) [1/N^2].
+        R plus D'W D of the weighted outputs, shape (n_devices, n_devices) [1/N^2].
     poles
         Of the closed loop A - B K [1/s], shape (2n,).
     residual
@@ -49,8 +49,8 @@ def regulator_of_outputs(
 ) -> Regulator:
     """The regulator that weighs outputs y = C s + D f: `int y'W y + f'R f dt`.
 
-    So `Q = C'W C`, `N = C'W D`, and D'W D joins R. The cross term counts: an acceleration is moved by the force at
-    once.
+    Hence `Q = C'W C`, `N = C'W D`, and D'W D is added to R. The cross term N matters for accelerations, which depend on
+    the force directly.
 
     Parameters
     ----------
@@ -62,7 +62,7 @@ def regulator_of_outputs(
     Raises
     ------
     SettingError
-        Where a weight has the wrong shape or sign, or the Riccati equation has no stabilising solution.
+        If a weight has the wrong shape or sign, or the Riccati equation has no stabilising solution.
 
     Examples
     --------
@@ -88,7 +88,7 @@ def regulator_of_state(plant: Plant, state_weight: ArrayLike, control_weight: Ar
     Raises
     ------
     SettingError
-        Where a weight has the wrong shape or sign, or the Riccati equation has no stabilising solution.
+        If a weight has the wrong shape or sign, or the Riccati equation has no stabilising solution.
     """
     Q = _weight("state_weight", state_weight, 2 * plant.n_coordinates)
     R = _weight("control_weight", control_weight, plant.n_devices)
@@ -113,7 +113,7 @@ def _regulator(plant: Plant, Q: Floats, R: Floats, N: Floats) -> Regulator:
 
 
 def _weight(name: str, given: ArrayLike, size: int) -> Floats:
-    """A weight as a symmetric matrix without a negative direction."""
+    """A weight as a symmetric positive semidefinite matrix."""
     value = np.asarray(given, dtype=np.float64)
     if value.ndim == 0:
         value = np.full(size, float(value))
@@ -123,8 +123,84 @@ def _weight(name: str, given: ArrayLike, size: int) -> Floats:
     if not np.isfinite(matrix).all():
         raise SettingError(f"`{name}` holds a value that is not a finite number")
     scale = np.sqrt(np.abs(np.diag(matrix)))
-    # Judged in units in which the diagonal is 1, for rows of a weight may be metres beside metres per second.
-    judged = matrix / np.outer(np.where(scale > 0.0, scale, 1.0), np.where(scale > 0.0, scale, 1.0))
-    if not np.allclose(judged, judged.T, atol=1e-9) or np.linalg.eigvalsh(judged)[0] < -1e-9:
+    # Checked with a unit diagonal, since the rows of a weight may have different units.
+    scaled = matrix / np.outer(np.where(scale > 0.0, scale, 1.0), np.where(scale > 0.0, scale, 1.0))
+    if not np.allclose(scaled, scaled.T, atol=1e-9) or np.linalg.eigvalsh(scaled)[0] < -1e-9:
         raise SettingError(f"`{name}` is not symmetric and positive semidefinite; weights cannot be negative")
     return 0.5 * (matrix + matrix.T)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PublishedRegulator:
+    """Published weights of a regulator for a building of `n_floors`.
+
+    `status` is "verified" if an independent simulation reproduced the results of the paper, "published" if the numbers
+    are only quoted.
+
+    Parameters
+    ----------
+    weighed
+        Floors (from 1) with a weight on their absolute acceleration, and the weight [(s^2/m)^2].
+    control_weight
+        R [1/N^2].
+    ground_over_noise
+        S_ag/S_v of the observer: intensity of the ground acceleration over that of each sensor, in SI.
+    """
+
+    name: str
+    n_floors: int
+    weighed: tuple[tuple[int, float], ...]
+    control_weight: float
+    ground_over_noise: float
+    source: str
+    status: Literal["verified", "published"]
+    note: str = ""
+
+
+def published_regulator(name: str) -> PublishedRegulator:
+    """Return the published weights called `name`.
+
+    Raises
+    ------
+    UnknownNameError
+        If there are none of that name; the message lists those that exist.
+    """
+    for entry in PUBLISHED_REGULATORS:
+        if entry.name == name:
+            return entry
+    known = ", ".join(entry.name for entry in PUBLISHED_REGULATORS)
+    raise UnknownNameError(f"no published regulator is called {name!r}; choose one of {known}")
+
+
+def regulator_as_published(plant: Plant, published: PublishedRegulator) -> Regulator:
+    """The regulator of a plant with published weights.
+
+    Raises
+    ------
+    SettingError
+        If the building has another number of floors than the published one.
+    """
+    outputs = accelerations(plant)
+    if len(outputs.names) != published.n_floors:
+        raise SettingError(
+            f"{published.name} is for a building of {published.n_floors} floors, {plant.building.name} has "
+            f"{len(outputs.names)}; state weights of your own"
+        )
+    weights = [0.0] * published.n_floors
+    for floor, weight in published.weighed:
+        weights[floor - 1] = weight
+    return regulator_of_outputs(plant, outputs, weights, published.control_weight)
+
+
+PUBLISHED_REGULATORS = (
+    PublishedRegulator(
+        name="dyke1996",
+        n_floors=3,
+        weighed=((3, 1.0),),
+        control_weight=1e-17,
+        ground_over_noise=50.0,
+        source="Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575",
+        status="verified",
+        note="sampled every 0.5 ms; sensors: accelerations of all floors, deformation of the damper",
+    ),
+)

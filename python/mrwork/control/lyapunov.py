@@ -1,4 +1,4 @@
-"""Lyapunov functions of a building, and the vectors by which control laws see them fall."""
+"""Lyapunov functions of a building, and the vectors by which control laws decrease them."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _LARGEST_RESIDUAL = 1e-8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LyapunovFunction:
-    """`V = s'P s / 2`, which falls by `-s'Q_P s / 2 + sigma f` with `sigma = vectors @ s`.
+    """`V = s'P s / 2` with `V' = -s'Q_P s / 2 + sigma f`, `sigma = vectors @ s`.
 
     Parameters
     ----------
     P, weight
         P and Q_P, shape (2n, 2n).
     vectors
-        B'P, shape (n_devices, 2n): a force of a device makes V fall faster where its sigma has the other sign.
+        B'P, shape (n_devices, 2n). A device force decreases V faster if its sign is opposite to that of sigma.
     """
 
     P: Floats
@@ -39,13 +39,13 @@ def lyapunov_function(plant: Plant, weight: ArrayLike | None = None) -> Lyapunov
     Parameters
     ----------
     weight
-        Q_P, shape (2n, 2n), or its diagonal. Where `None`, `plant.energy`: V then falls at the rate of the energy of
-        the building itself, once a second, whatever the units of its coordinates. The paper leaves the choice open.
+        Q_P, shape (2n, 2n), or its diagonal; `plant.energy` [1/s] by default, which is independent of the units of the
+        coordinates. The paper leaves the choice open.
 
     Raises
     ------
     SettingError
-        Where Q_P is not symmetric and positive, or the building without control is not damped in every mode.
+        If Q_P is not symmetric and positive, or a mode of the building without control is undamped.
     """
     size = 2 * plant.n_coordinates
     Q_P = plant.energy if weight is None else np.asarray(weight, dtype=np.float64)

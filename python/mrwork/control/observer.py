@@ -1,4 +1,4 @@
-"""A Kalman observer at the controller's sample time: from accelerations and deformations to the state."""
+"""A Kalman observer at the sample time of the controller: estimates the state from measurements."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.control.doubling import solve_discrete
-from mrwork.control.outputs import Outputs
-from mrwork.control.plant import Plant
+from mrwork.control.plant import Outputs, Plant
+from mrwork.control.riccati import solve_discrete
 from mrwork.errors import SettingError
 
 Floats = NDArray[np.float64]
@@ -20,12 +19,12 @@ _LARGEST_RESIDUAL = 1e-7
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Observer:
-    """`x_{k+1} = Ad x_k + Bd f_k + L (y_k - C x_k - D f_k)`: x_k is the state as known before y_k is measured.
+    """`x_{k+1} = Ad x_k + Bd f_k + L (y_k - C x_k - D f_k)`: x_k is the state predicted before y_k is measured.
 
     Parameters
     ----------
     Ad, Bd
-        State and forces held over the sample time, shapes (2n, 2n), (2n, n_devices).
+        Transition over a sample with the forces held, shapes (2n, 2n), (2n, n_devices).
     gain
         L, shape (2n, n_measurements).
     C, D, names
@@ -33,7 +32,7 @@ class Observer:
     sample_time
         [s].
     covariance
-        Of the error of x_k for noises of the stated intensities, shape (2n, 2n).
+        Of the error of x_k for noise of the given intensities, shape (2n, 2n).
     """
 
     Ad: Floats
@@ -57,30 +56,29 @@ def observer_of(
 ) -> Observer:
     """The steady Kalman filter for a white ground acceleration and white, independent sensor noise.
 
-    Forces of the devices are measured, so known. Over a sample all inputs are held, the ground acceleration with
-    variance `ground_intensity` / Ts; each sensor then has the variance of its intensity / Ts, so that the gain tends to
-    that of the continuous filter as Ts goes to zero. What matters is the ratio of the intensities alone; the covariance
-    is in their scale.
+    The device forces are measured. Over a sample all inputs are held; the ground acceleration has the variance
+    `ground_intensity` / Ts and each sensor that of its intensity / Ts, so that the gain tends to that of the continuous
+    filter as Ts goes to zero. The gain depends on the ratio of the intensities only; the covariance scales with them.
 
     Parameters
     ----------
     measurements
-        Accelerations of any floors, deformations of any devices; see `outputs`.
+        Accelerations of floors and deformations of devices; see `accelerations`, `deformations` and `stacked`.
     sample_time
         Ts of the controller [s].
     ground_intensity
         S_ag, two-sided, of the ground acceleration [(m/s^2)^2/Hz].
     noise_intensity
-        S_v of each measurement, in its unit squared per Hz: one number or shape (n_measurements,). Where `None`,
+        S_v of each measurement, in its unit squared per Hz: one number or shape (n_measurements,). The default is
         S_ag / 50 for all, in SI, as in Dyke et al., Smart Mater. Struct. 5, 1996, 565-575.
     unmodelled
-        White noise on every coordinate of the energy, as a share of the energy that the ground puts in. A coordinate
-        that the ground does not move, such as a brace without damping, would keep its first error for ever without it.
+        White noise on every scaled coordinate, as a fraction of that of the ground. Without it, the error of a
+        coordinate that the ground does not excite, such as an undamped brace, would not decay.
 
     Raises
     ------
     SettingError
-        Where a setting is not positive, or the measurements do not see a mode that is not damped.
+        If a setting is not positive, or an undamped mode is not observable.
     """
     n_measurements = len(measurements.names)
     noise = np.asarray(
@@ -115,7 +113,7 @@ def observer_of(
 
 
 def _held(plant: Plant, sample_time: float) -> tuple[Floats, Floats, Floats]:
-    """The plant over one sample with its inputs held, by the exponential of [A B E; 0 0 0]."""
+    """Transition over one sample with held inputs (zero-order hold), by the exponential of [A B E; 0 0 0]."""
     size = 2 * plant.n_coordinates
     T = plant.scaling
     A_z = np.linalg.solve(T, plant.A @ T)
@@ -138,19 +136,19 @@ def _filter(
     noise: Floats,
     unmodelled: float,
 ) -> tuple[Floats, Floats]:
-    """Covariance of the error and gain, from the Riccati equation in z, each sensor in units of its own noise."""
+    """Covariance of the error and gain, from the Riccati equation in z with sensors scaled by their noise."""
     T = plant.scaling
     deviation = np.sqrt(noise)
     A_z = np.linalg.solve(T, Ad @ T)
     E_z = np.linalg.solve(T, Ed) * np.sqrt(ground)
     C_z = measurements.C @ T / deviation[:, None]
     G_z = measurements.G * np.sqrt(ground) / deviation
-    # A unit for the state in which the noise of a step is 1; the sensors' is 1 already.
+    # Scale of the state such that the process noise of a step is 1, as that of the sensors is.
     unit = float(np.linalg.norm(E_z))
     E_z, C_z = E_z / unit, C_z * unit
     R = np.eye(len(deviation)) + np.outer(G_z, G_z)
     Q, N = np.outer(E_z, E_z) + unmodelled * np.eye(len(E_z)), np.outer(E_z, G_z)
-    # The noise of the ground that sensors feel at once is taken out of both.
+    # The ground noise enters the sensors directly, so both noises are decorrelated.
     of_C, of_N = np.linalg.solve(R, C_z), np.linalg.solve(R, N.T)
     try:
         P = solve_discrete((A_z - N @ of_C).T, C_z.T @ of_C, Q - N @ of_N)

@@ -1,4 +1,4 @@
-"""A building with its devices as a linear system in the state s = [q; q']: what controllers are designed on."""
+"""The plant of a controller: a building with devices as a linear system in s = [q; q'], and its outputs."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.buildings.matrices import Building
-from mrwork.errors import SettingError
+from mrwork.errors import SettingError, UnknownNameError
 
 Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plant:
-    """`s' = A s + B f + E a_g` with s = [q; q'] and f the force with which each device resists.
+    """`s' = A s + B f + E a_g` with s = [q; q'] and f the resisting force of each device.
 
-    From `M q'' + C q' + K q = -e' f - M r a_g` follows `B = [0; -M^-1 e']`, `E = [0; -r]`: a force f pulls the
-    coordinates back, and takes energy out of the building where `f e q' > 0`.
+    From `M q'' + C q' + K q = -e' f - M r a_g` follows `B = [0; -M^-1 e']`, `E = [0; -r]`: a positive force
+    resists elongation, and the device takes energy out of the building if `f e q' > 0`.
 
     Parameters
     ----------
@@ -28,10 +28,10 @@ class Plant:
     attachment
         e, elongation of each device = e @ q, shape (n_devices, n).
     scaling
-        T of s = T z, shape (2n, 2n), where z has one unit: z'z is twice the energy of the building [J], or what
-        balances A where the stiffness is not positive definite. Riccati and Lyapunov equations are solved in z.
+        T of s = T z, shape (2n, 2n), such that z'z is twice the energy of the building [J]; if the stiffness is not
+        positive definite, T balances A. Riccati and Lyapunov equations are solved in z.
     energy
-        s' energy s = twice the energy of the building [J], shape (2n, 2n): M and K, each its symmetric part.
+        Shape (2n, 2n), from the symmetric parts of K and M: s' energy s is twice the energy of the building [J].
     """
 
     building: Building
@@ -45,12 +45,12 @@ class Plant:
 
     @property
     def n_coordinates(self) -> int:
-        """Coordinates q of the building; the state has twice as many."""
+        """Number of coordinates q of the building; the state has twice as many."""
         return int(self.attachment.shape[1])
 
     @property
     def n_devices(self) -> int:
-        """Devices, each with one force."""
+        """Number of devices, each with one force."""
         return int(self.attachment.shape[0])
 
 
@@ -63,12 +63,12 @@ def plant_of(building: Building, attachment: ArrayLike, device_names: Sequence[s
         e, elongation of each device = e @ q, shape (n_devices, n); a row of `building.storeys` for a device across
         a storey.
     device_names
-        What reports call the devices; "device 1", "device 2" where none are given.
+        Names of the devices in reports; "device 1", "device 2" by default.
 
     Raises
     ------
     SettingError
-        Where the attachment does not fit the building, or the names do not fit the devices.
+        If the attachment does not fit the building, or the names do not fit the devices.
 
     Examples
     --------
@@ -124,13 +124,111 @@ def _symmetric(matrix: Floats) -> Floats:
 
 
 def _scaling(A: Floats, energy: Floats) -> Floats:
-    """T of s = T z, with T' energy T = 1 where that exists."""
+    """T of s = T z, with T' energy T = 1 if the energy is positive definite."""
     try:
         lower = np.linalg.cholesky(energy)
     except np.linalg.LinAlgError:
-        # A building that something may move without a restoring force: balance what there is.
+        # A building with a mode of no stiffness has no energy norm; A is balanced instead.
         from scipy.linalg import matrix_balance
 
         _, (diagonal, _) = matrix_balance(A, permute=False, separate=True)
         return np.diag(np.asarray(diagonal, dtype=np.float64))
     return np.asarray(np.linalg.inv(lower.T), dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outputs:
+    """`y = C s + D f + G a_g`: names and rows, shapes (n_outputs, 2n), (n_outputs, n_devices), (n_outputs,).
+
+    G is zero except for accelerations of a reduced building, whose floors do not follow the ground exactly.
+    """
+
+    names: tuple[str, ...]
+    C: Floats
+    D: Floats
+    G: Floats
+
+    def select(self, names: Sequence[str]) -> Outputs:
+        """The named outputs, in the order of the names.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such output; the message lists the known ones.
+        """
+        for name in names:
+            if name not in self.names:
+                raise UnknownNameError(f"no output is called {name!r}; choose from {', '.join(self.names)}")
+        rows = [self.names.index(name) for name in names]
+        return Outputs(names=tuple(names), C=self.C[rows], D=self.D[rows], G=self.G[rows])
+
+
+def stacked(*parts: Outputs) -> Outputs:
+    """Concatenate groups of outputs."""
+    return Outputs(
+        names=tuple(name for part in parts for name in part.names),
+        C=np.vstack([part.C for part in parts]),
+        D=np.vstack([part.D for part in parts]),
+        G=np.concatenate([part.G for part in parts]),
+    )
+
+
+def drifts(plant: Plant) -> Outputs:
+    """Drift of each storey [m]: "drift NAME"."""
+    return _positions(plant, plant.building.storeys, "drift", plant.building.storey_names)
+
+
+def displacements(plant: Plant) -> Outputs:
+    """Displacement of each floor relative to the ground [m]: "displacement NAME"."""
+    return _positions(plant, plant.building.floors, "displacement", plant.building.floor_names)
+
+
+def velocities(plant: Plant) -> Outputs:
+    """Velocity of each floor relative to the ground [m/s]: "velocity NAME"."""
+    return _rates(plant, plant.building.floors, "velocity", plant.building.floor_names)
+
+
+def accelerations(plant: Plant) -> Outputs:
+    """Absolute acceleration of each floor [m/s^2]: "acceleration NAME".
+
+    `floors q'' + a_g`, so `C = floors [-M^-1 K, -M^-1 C]`; device forces enter directly: `D = -floors M^-1 e'`.
+    """
+    n = plant.n_coordinates
+    floors = plant.building.floors
+    return Outputs(
+        names=_named("acceleration", plant.building.floor_names),
+        C=floors @ plant.A[n:],
+        D=floors @ plant.B[n:],
+        G=_cleaned(1.0 + floors @ plant.E[n:]),
+    )
+
+
+def deformations(plant: Plant) -> Outputs:
+    """Elongation of each device [m]: "deformation NAME"."""
+    return _positions(plant, plant.attachment, "deformation", plant.device_names)
+
+
+def deformation_rates(plant: Plant) -> Outputs:
+    """Rate of elongation of each device [m/s]: "rate NAME"."""
+    return _rates(plant, plant.attachment, "rate", plant.device_names)
+
+
+def _named(quantity: str, places: Sequence[str]) -> tuple[str, ...]:
+    return tuple(f"{quantity} {place}" for place in places)
+
+
+def _positions(plant: Plant, rows: Floats, quantity: str, places: Sequence[str]) -> Outputs:
+    return _of_state(plant, np.hstack([rows, np.zeros_like(rows)]), _named(quantity, places))
+
+
+def _rates(plant: Plant, rows: Floats, quantity: str, places: Sequence[str]) -> Outputs:
+    return _of_state(plant, np.hstack([np.zeros_like(rows), rows]), _named(quantity, places))
+
+
+def _of_state(plant: Plant, C: Floats, names: tuple[str, ...]) -> Outputs:
+    return Outputs(names=names, C=C, D=np.zeros((len(C), plant.n_devices)), G=np.zeros(len(C)))
+
+
+def _cleaned(direct: Floats) -> Floats:
+    """The direct term of the ground; rounding errors of a floor that follows it exactly become zero."""
+    return np.where(np.abs(direct) < 1e-12, 0.0, direct)

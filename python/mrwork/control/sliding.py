@@ -1,4 +1,4 @@
-"""Sliding surfaces of a building with devices, and the gains that bring the state to them and hold it there."""
+"""Sliding surfaces of a building with devices, and the gains of sliding-mode laws."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ class SlidingSurface:
     S
         Shape (n_devices, 2n).
     drift
-        S A, shape (n_devices, 2n). The resisting force `f = -drift s` keeps sigma where it is while the ground rests.
+        S A, shape (n_devices, 2n). The resisting force `f = -drift s` keeps sigma constant without ground motion.
     ground
-        S E [kg], shape (n_devices,): what a ground acceleration does to sigma.
+        S E [kg], shape (n_devices,): effect of a ground acceleration on sigma.
     poles
-        Of the motion on sigma = 0 [1/s], shape (2n - n_devices,).
+        Poles of the motion on sigma = 0 [1/s], shape (2n - n_devices,).
     """
 
     S: Floats
@@ -45,7 +45,7 @@ class SlidingGains:
     switching, boundary
         rho [N] and phi [N s] of `f_c = -drift s - rho sat(sigma/phi)`.
     adaptation, floor, ceiling
-        gamma [1/s^2], and the range [N] of a gain that adapts: `rho' = gamma |sigma| sgn(|sigma| - phi)` within
+        gamma [1/s^2], and the range [N] of an adaptive gain: `rho' = gamma |sigma| sgn(|sigma| - phi)` within
         floor and ceiling (Plestan et al., Int. J. Control 83(9), 2010, 1907-1919).
     proportional, integral
         k_1 [N/(N s)^0.5] and k_2 [N/s] of the super-twisting
@@ -63,20 +63,20 @@ class SlidingGains:
 
 
 def optimal_surface(plant: Plant, state_weight: ArrayLike | None = None) -> SlidingSurface:
-    """The surface on which `int s'Q s dt` is least (Utkin & Young, Automation and Remote Control 39, 1978, 1466-1470).
+    """The surface that minimises `int s'Q s dt` (Utkin & Young, Automation and Remote Control 39, 1978, 1466-1470).
 
-    In coordinates in which B = [0; B_2], the part x_2 that the devices move at once acts on the rest x_1 as a control;
-    its regulator x_2 = -F x_1 is the surface.
+    In coordinates in which B = [0; B_2], x_2 is the part of the state that the devices drive directly, and acts as the
+    control of the other part x_1; its regulator x_2 = -F x_1 is the surface.
 
     Parameters
     ----------
     state_weight
-        Q, shape (2n, 2n), positive definite; the energy of the building where `None`.
+        Q, shape (2n, 2n), positive definite; by default the energy of the building.
 
     Raises
     ------
     SettingError
-        Where devices act on the same coordinates, or Q is not positive definite.
+        If devices act on the same coordinates, or Q is not positive definite.
     """
     Q = plant.energy if state_weight is None else np.asarray(state_weight, dtype=np.float64)
     size = 2 * plant.n_coordinates
@@ -100,13 +100,12 @@ def optimal_surface(plant: Plant, state_weight: ArrayLike | None = None) -> Slid
 
 
 def placed_surface(plant: Plant, poles: ArrayLike) -> SlidingSurface:
-    """The surface on which the building moves with the given poles [1/s], shape (2n - n_devices,).
+    """The surface on which the motion has the given poles [1/s], shape (2n - n_devices,).
 
     Raises
     ------
     SettingError
-        Where their number is wrong, one is not damped, a complex one lacks its conjugate, or none of that many may be
-        placed so.
+        If their number is wrong, one is not damped, a complex one lacks its conjugate, or they cannot be placed.
     """
     back, A, n_moved = _regular_form(plant)
     wanted = np.asarray(poles, dtype=np.complex128).ravel()
@@ -134,32 +133,32 @@ def sliding_gains(
     margin: float = 1.2,
     bandwidth: float = 100.0,
 ) -> SlidingGains:
-    """Gains that hold the surface against ground motions of a stated size.
+    """Gains that keep the state on the surface under ground motions of a given peak.
 
-    The disturbance is d = ground a_g. Switching wins while rho > |d|: `rho = margin |ground| peak`. Inside the boundary
-    layer sigma decays with rho/phi, so `phi = rho/bandwidth` (Slotine & Li, Applied Nonlinear Control, 1991, 7.2). The
-    super-twisting wants |d'| <= L = margin |ground| 2 pi frequency peak: `k_1 = 1.5 L^0.5, k_2 = 1.1 L` (Levant, Int.
-    J. Control 76(9-10), 2003, 924-941). An adapting gain climbs from zero to rho in a tenth of a second while
-    |sigma| = 2 phi.
+    The disturbance is d = ground a_g. Switching rejects it if rho > |d|: `rho = margin |ground| peak`. Inside the
+    boundary layer sigma decays with rho/phi, so `phi = rho/bandwidth` (Slotine & Li, Applied Nonlinear Control, 1991,
+    7.2). The super-twisting law requires |d'| <= L = margin |ground| 2 pi frequency peak: `k_1 = 1.5 L^0.5, k_2 = 1.1
+    L` (Levant, Int. J. Control 76(9-10), 2003, 924-941). The adaptive gain rises from zero to rho in a tenth of a
+    second at |sigma| = 2 phi.
 
     Parameters
     ----------
     peak_acceleration
-        Of the ground motions to be held [m/s^2].
+        Peak of the ground motions [m/s^2].
     largest_force
-        Of each device [N]; an adapting gain goes no further.
+        Largest force of each device [N], the upper limit of the adaptive gain.
     frequency
-        The highest at which the ground still has its peak [Hz].
+        Highest frequency at which the ground reaches its peak [Hz].
     margin
-        Above 1.
+        Switching force over the disturbance, above 1.
     bandwidth
-        Inside the boundary layer [1/s]; below the rate of the driver's lag, 190 1/s in Spencer et al. 1997, or the
-        law chatters.
+        Bandwidth inside the boundary layer [1/s]. Above the rate of the driver's lag, 190 1/s in Spencer et al. 1997,
+        the law chatters.
 
     Raises
     ------
     SettingError
-        Where a setting is not positive, or the margin is not above 1.
+        If a setting is not positive, or the margin is not above 1.
     """
     size = np.abs(surface.ground)
     force = np.broadcast_to(np.asarray(largest_force, dtype=np.float64), size.shape)
@@ -169,7 +168,7 @@ def sliding_gains(
             f"peak acceleration {peak_acceleration}, frequency {frequency}, bandwidth {bandwidth} and largest "
             f"force {force} must be positive, the margin {margin} above 1"
         )
-    # A device that no ground motion disturbs still wants a gain: a thousandth of its force.
+    # A device without disturbance needs a gain, too: a thousandth of its force.
     switching = np.maximum(margin * size * peak_acceleration, 1e-3 * force)
     boundary = switching / bandwidth
     slope = 2.0 * np.pi * frequency * switching

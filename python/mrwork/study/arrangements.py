@@ -29,7 +29,7 @@ def arrangements(
     Raises
     ------
     SettingError
-        Where a law or a baseline is wrong, or a law has no dampers.
+        If a law or a baseline is wrong, or a law has no dampers.
     """
     none = Row(label="uncontrolled", kind="uncontrolled", says="the building without dampers")
     found = [arranged(bare, none, bare, (), constant_command((), 0.0))]

@@ -31,7 +31,7 @@ def chosen_law(table: ControllerTable, problem: DesignProblem) -> tuple[str, Con
     Raises
     ------
     SettingError
-        Where there is no such law, it has no such setting, or it cannot be made; the message has the line.
+        If there is no such law, it has no such setting, or it cannot be made; the message has the line.
     """
     place = table.place
     if table.law in _CONSTANT:

@@ -29,7 +29,7 @@ def result_of(responses: Responses, run: int, arrangement: Arrangement) -> RunRe
         # Equipment that is not a device, as isolators, has a stroke too.
         others = [number for number in arrangement.strokes if number < responses.peak_drift.shape[1]]
         kept["peak_stroke"] = responses.peak_drift[run, others]
-    if arrangement.law is not None and arrangement.law.name == "active":
+    if arrangement.law is not None and arrangement.law.spec.commands_force:
         # The command of an ideal actuator is a force, not a current.
         kept |= {name: kept[name][:0] for name in ("mean_current", "rms_current")}
     return RunResult(

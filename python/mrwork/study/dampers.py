@@ -44,7 +44,7 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> C
     Raises
     ------
     SettingError
-        Where the table names no damper or several, or parameters that the model does not have.
+        If the table names no damper or several, or parameters that the model does not have.
     """
     place = table.place
     _refuse_two(table)

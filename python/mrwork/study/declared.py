@@ -78,7 +78,7 @@ def built(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
     Raises
     ------
     SettingError
-        Where a key is unknown, missing, of another type or out of range; the message has the line.
+        If a key is unknown, missing, of another type or out of range; the message has the line.
     """
     known = {entry.name: entry for entry in fields(cast(Any, kind)) if entry.name != "place"}
     for name in table:

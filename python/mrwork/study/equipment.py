@@ -26,7 +26,7 @@ def equipped(
     Raises
     ------
     SettingError
-        Where a table is wrong, there is no such storey, or the dampers are of several models.
+        If a table is wrong, there is no such storey, or the dampers are of several models.
     """
     chosen = [chosen_damper(table, folder, identified) for table in tables]
     building, rows = bare, []

@@ -15,7 +15,7 @@ def hardware_of(table: HardwareTable, place: Place, seed: int) -> Hardware:
     Raises
     ------
     SettingError
-        Where its numbers are at odds with each other; the message has the line.
+        If its numbers are at odds with each other; the message has the line.
     """
     apart = ("fault", "measured_floors")
     plain = {entry.name: getattr(table, entry.name) for entry in fields(table) if entry.name not in apart}

@@ -24,7 +24,7 @@ def parse(text: str, origin: str) -> tuple[dict[str, Any], dict[Path, int]]:
     Raises
     ------
     SettingError
-        Where the text is no TOML; the message has the line.
+        If the text is no TOML; the message has the line.
     """
     try:
         document = tomllib.loads(text)

@@ -34,7 +34,7 @@ def motions_of(table: MotionTable, folder: Path, seed: int) -> tuple[GroundMotio
     Raises
     ------
     SettingError
-        Where the table is at odds with itself or its file cannot be read; the message has the line.
+        If the table is at odds with itself or its file cannot be read; the message has the line.
     """
     place = table.place
     if (table.file is None) == (table.synthetic is None):

@@ -38,9 +38,9 @@ def read_study(path: str | Path, identified: Identified, *, seed: int = 0) -> St
     Raises
     ------
     RecordError
-        Where there is no such file, or it is no text.
+        If there is no such file, or it is no text.
     SettingError
-        Where anything in it is wrong; the message has file and line.
+        If anything in it is wrong; the message has file and line.
     """
     path = Path(path)
     table, place = _tables(path)

@@ -75,7 +75,7 @@ def run_study(
     Interrupted
         On Ctrl-C, carrying the `StudyResults` of the runs that are done.
     JournalError
-        Where the journal is of another study.
+        If the journal is of another study.
     """
     began = time.perf_counter()
     journal.agree("study", premises_of(study))

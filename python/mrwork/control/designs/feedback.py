@@ -1,6 +1,4 @@
-"""Laws that need no model of the building: a held command, local feedback, friction, fuzzy rules."""
-
-# `key` is a dataclass field with notes.
+"""Designs without a model of the building: constant command, local feedback, friction, fuzzy rules."""
 
 from __future__ import annotations
 
@@ -17,15 +15,15 @@ class NoSettings:
     """A law without settings."""
 
     def design(self, problem: DesignProblem) -> Design:
-        """No numbers."""
+        """No gains."""
         return Design()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PassiveSettings:
-    """A command that is held."""
+    """A constant command."""
 
-    command: float = key("the command that is held, up to the largest", unit="A or V", least=0.0)
+    command: float = key("the constant command, up to the largest", unit="A or V", least=0.0)
 
     def __post_init__(self) -> None:
         check_keys(self)
@@ -42,7 +40,7 @@ class PassiveSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrictionSettings:
-    """Friction in proportion to the last peak of the elongation."""
+    """Friction in proportion to the last peak elongation."""
 
     slope: float = key("wanted friction per elongation", unit="N/m", above=0.0)
 
@@ -56,16 +54,16 @@ class FrictionSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FuzzySettings:
-    """What counts as large for the fuzzy controller."""
+    """Scales of the inputs of the fuzzy controller."""
 
-    deformation: float = key("elongation", unit="m", above=0.0)
-    rate: float = key("its rate", unit="m/s", above=0.0)
+    deformation: float = key("scale of the elongation", unit="m", above=0.0)
+    rate: float = key("scale of the rate of elongation", unit="m/s", above=0.0)
 
     def __post_init__(self) -> None:
         check_keys(self)
 
     def design(self, problem: DesignProblem) -> Design:
-        """Scales of the inputs and the table of shares."""
+        """Scales of the inputs and the table of commands."""
         table = fuzzy_table(deformation_scale=self.deformation, rate_scale=self.rate)
         return Design(
             gains={

@@ -1,4 +1,4 @@
-"""Every control law with its settings, by name; from settings to a law with its numbers."""
+"""The settings of every control law by name, and the design of a law from its settings."""
 
 from __future__ import annotations
 
@@ -7,9 +7,14 @@ from dataclasses import fields
 from typing import Any, Protocol
 
 from mrwork.control.designs.feedback import FrictionSettings, FuzzySettings, NoSettings, PassiveSettings
-from mrwork.control.designs.lyapunov import LyapunovSettings, ProportionalSettings
 from mrwork.control.designs.problem import Design, DesignProblem
-from mrwork.control.designs.regulators import ClippedSettings, NetworkSettings, RegulatorSettings
+from mrwork.control.designs.regulators import (
+    ClippedSettings,
+    LyapunovSettings,
+    NetworkSettings,
+    ProportionalSettings,
+    RegulatorSettings,
+)
 from mrwork.control.designs.sliding import AdaptiveSlidingSettings, SlidingSettings, SuperTwistingSettings
 from mrwork.control.laws import ControlLaw, control_law
 from mrwork.errors import SettingError
@@ -17,10 +22,10 @@ from mrwork.keys import described, is_required
 
 
 class LawSettings(Protocol):
-    """Settings of a control law, which design it."""
+    """Settings of a control law, with its design."""
 
     def design(self, problem: DesignProblem) -> Design:
-        """The numbers of the law on a building with its devices."""
+        """The gains of the law for a building with its devices."""
 
 
 SETTINGS: Mapping[str, type[LawSettings]] = {
@@ -43,7 +48,7 @@ SETTINGS: Mapping[str, type[LawSettings]] = {
     "inverse_network": NetworkSettings,
     "active": RegulatorSettings,
 }
-"""By name of the law."""
+"""Settings by name of the law."""
 
 
 def settings_of(name: str, given: Mapping[str, Any]) -> LawSettings:
@@ -52,9 +57,9 @@ def settings_of(name: str, given: Mapping[str, Any]) -> LawSettings:
     Raises
     ------
     UnknownNameError
-        Where there is no such law.
+        If there is no such law.
     SettingError
-        Where it has no such setting, one is missing, or a number is out of range.
+        If a setting is unknown or missing, or a number is out of range.
     """
     control_law(name)
     kind = SETTINGS[name]
@@ -74,18 +79,18 @@ def design_law(name: str, problem: DesignProblem, **settings: Any) -> ControlLaw
     Parameters
     ----------
     name
-        Of the registry, see `control_laws`.
+        Name of the law, see `control_laws`.
     problem
         The building, its devices and the sample time of the loop.
     settings
-        Of the law, in SI; `mrwork respond --laws` lists them.
+        Settings of the law, in SI; `mrwork respond --laws` lists them.
 
     Raises
     ------
     UnknownNameError
-        Where there is no such law.
+        If there is no such law.
     SettingError
-        Where a setting is unknown, missing or out of range, or no such law can be made for this building.
+        If a setting is unknown, missing or out of range, or the law cannot be designed for this building.
 
     Examples
     --------
@@ -103,7 +108,7 @@ def design_law(name: str, problem: DesignProblem, **settings: Any) -> ControlLaw
 
 
 def law_of(name: str, settings: LawSettings, problem: DesignProblem) -> ControlLaw:
-    """The law with the numbers of its settings."""
+    """The law with the gains that follow from its settings."""
     design = settings.design(problem)
     curve = problem.curve if control_law(name).wants_curve else None
     return ControlLaw(name=name, gains=design.gains, tables=design.tables, curve=curve)

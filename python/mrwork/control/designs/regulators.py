@@ -1,4 +1,4 @@
-"""Laws that follow the force of a linear quadratic regulator."""
+"""Designs on a linear quadratic regulator or a Lyapunov function of the building."""
 
 # `key` is a dataclass field with notes.
 # ruff: noqa: RUF009
@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from mrwork.control.designs.problem import Design, DesignProblem
 from mrwork.control.inverse_network import InverseNetwork, train_inverse_network
 from mrwork.control.lqr import Regulator, regulator_of_outputs, regulator_of_state
-from mrwork.control.outputs import accelerations, displacements, drifts, stacked, velocities
+from mrwork.control.lyapunov import lyapunov_function
+from mrwork.control.plant import accelerations, displacements, drifts, stacked, velocities
 from mrwork.errors import InvalidSettingError
 from mrwork.keys import check_keys, key
 
@@ -23,7 +24,7 @@ Weights = float | tuple[float, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RegulatorSettings:
-    """A linear quadratic regulator: one weight for all floors or storeys, or one for each; by default the energy."""
+    """A linear quadratic regulator; each weight is one number for all floors or storeys, or one for each."""
 
     control_weight: float = key("R of the force [1/N2]", above=0.0)
     accelerations: Weights | None = key(
@@ -42,7 +43,7 @@ class RegulatorSettings:
         return Design(gains={"gain": self.regulator(problem).gain})
 
     def regulator(self, problem: DesignProblem) -> Regulator:
-        """The regulator of these weights."""
+        """The regulator with these weights."""
         plant = problem.plant
         outputs = (
             ("accelerations", accelerations, self.accelerations),
@@ -65,7 +66,7 @@ class RegulatorSettings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClippedSettings(RegulatorSettings):
-    """A regulator whose wanted force is clipped in proportion."""
+    """A regulator with a command in proportion to the wanted force."""
 
     full_force: float = key("wanted force at which the largest command is sent", unit="N", above=0.0)
 
@@ -77,12 +78,12 @@ class ClippedSettings(RegulatorSettings):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NetworkSettings(RegulatorSettings):
-    """A regulator whose wanted force a trained network turns into a command."""
+    """A regulator with a neural network from the wanted force to the command."""
 
-    amplitude: float = key("elongation that is to be expected", unit="m", above=0.0)
-    velocity: float = key("its rate", unit="m/s", above=0.0)
+    amplitude: float = key("expected peak elongation", unit="m", above=0.0)
+    velocity: float = key("expected peak rate of elongation", unit="m/s", above=0.0)
     hidden: int = key("units of the hidden layer", default=12, least=1)
-    seed: int = key("seed of its training", default=0, least=0)
+    seed: int = key("seed of the training", default=0, least=0)
 
     def design(self, problem: DesignProblem) -> Design:
         """The gain, and the trained network."""
@@ -101,9 +102,9 @@ class NetworkSettings(RegulatorSettings):
 
 
 def _network_tables(network: InverseNetwork) -> dict[str, Floats]:
-    """The network with its scales folded in, and how far its inputs reach.
+    """The network with its scales included, and the range of its inputs.
 
-    A row for each hidden unit holds its bias, the weights of its inputs and its weight in the output.
+    Each row of the layer belongs to a hidden unit: bias, weights of its inputs, weight in the output.
     """
     layer = np.column_stack([network.b1, network.W1 / network.input_scale, network.w2 * network.output_scale])
     output = np.array([network.b2 * network.output_scale])
@@ -116,3 +117,37 @@ def _each(name: str, given: Weights, count: int) -> Floats:
             name, f"{name} has {len(given)} weights, and there are {count}; give one for each, or one for all"
         )
     return np.full(count, given) if isinstance(given, float) else np.array(given)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LyapunovSettings:
+    """A Lyapunov function; its weight is the energy of the building by default."""
+
+    state_weight: tuple[float, ...] | None = key(
+        "diagonal of Q_P over displacements, then velocities of the coordinates", default=None, least=0.0
+    )
+
+    def __post_init__(self) -> None:
+        check_keys(self)
+
+    def design(self, problem: DesignProblem) -> Design:
+        """Weight of the state."""
+        return Design(gains={"weight": lyapunov_function(problem.plant, self.state_weight).vectors})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ProportionalSettings(LyapunovSettings):
+    """The smooth law kappa sigma G; with a control weight sigma is that of a regulator of the energy."""
+
+    slope: float = key("kappa [A or V, per unit of sigma G]", above=0.0)
+    control_weight: float | None = key("R of that regulator [1/N2]", default=None, above=0.0)
+
+    def design(self, problem: DesignProblem) -> Design:
+        """Weight of the state, and the slope of each device."""
+        plant = problem.plant
+        if self.control_weight is None:
+            weight = lyapunov_function(plant, self.state_weight).vectors
+        else:
+            state_weight = plant.energy if self.state_weight is None else self.state_weight
+            weight = regulator_of_state(plant, state_weight, self.control_weight).vectors
+        return Design(gains={"weight": weight, "slope": problem.each(self.slope)})

@@ -1,6 +1,4 @@
-"""Sliding-mode laws."""
-
-# `key` is a dataclass field with notes.
+"""Designs of sliding-mode laws."""
 
 from __future__ import annotations
 
@@ -18,16 +16,19 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _SurfaceSettings:
-    """A sliding surface on which the energy of the building is least, held against motions of a stated size."""
+    """A sliding surface of least energy of the building, with gains for ground motions of a given peak."""
 
-    peak_acceleration: float = key("of the ground motions to be held", unit="m/s2", above=0.0)
-    largest_force: float = key("of each damper", unit="N", above=0.0)
+    peak_acceleration: float = key("peak acceleration of the ground motions", unit="m/s2", above=0.0)
+    largest_force: float = key("largest force of each damper", unit="N", above=0.0)
     frequency: float = key(
-        "the highest at which the ground still has its peak", unit="Hz", default=5.0, above=0.0
+        "highest frequency at which the ground reaches its peak acceleration",
+        unit="Hz",
+        default=5.0,
+        above=0.0,
     )
-    margin: float = key("of the switching force over what it holds", default=1.2, above=1.0)
+    margin: float = key("switching force over the disturbance", default=1.2, above=1.0)
     bandwidth: float = key(
-        "inside the boundary layer; below the driver's", unit="1/s", default=100.0, above=0.0
+        "bandwidth inside the boundary layer; below that of the driver", unit="1/s", default=100.0, above=0.0
     )
 
     def __post_init__(self) -> None:
@@ -86,5 +87,5 @@ class SuperTwistingSettings(_SurfaceSettings):
 
 
 def _pushed_down(surface: SlidingSurface, gains: SlidingGains) -> dict[str, Floats]:
-    # The loop signs the surface so that the force pushes it down.
+    # In the loop the force decreases sigma, hence the sign.
     return {"gain": surface.drift, "surface": -surface.S, "boundary": gains.boundary}
