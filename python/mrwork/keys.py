@@ -1,17 +1,71 @@
-"""Keys of declared tables: a dataclass field says what a key means, its unit and its range.
+"""Keys of declared tables, with meaning, unit and range on each dataclass field, and their places in documents.
 
-Readers of files, the schema that people read, and scripts that build the same values go by these notes.
+Readers of files, the printed schema and scripts that build the same values all use these notes.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import MISSING, Field, field, fields
-from typing import Any
+from collections.abc import Mapping
+from dataclasses import MISSING, Field, dataclass, field, fields
+from typing import Any, NoReturn
 
-from mrwork.errors import InvalidSettingError
+from mrwork.errors import InvalidSettingError, SettingError
 
 _REQUIRED: Any = MISSING
+
+Path = tuple[str | int, ...]
+"""Keys and array indices that lead to a value, as ("damper", 0, "storey")."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Place:
+    """Where a table or value stands in a document; begins a message.
+
+    With `lines`, the line of each path, a place reads "study.toml, line 12"; without them it names the keys, as in
+    "frame.toml, rayleigh.ratios".
+    """
+
+    origin: str
+    path: Path = ()
+    lines: Mapping[Path, int] = field(default_factory=dict)
+
+    def within(self, *keys: str | int) -> Place:
+        """The place of something inside."""
+        return Place(origin=self.origin, path=(*self.path, *keys), lines=self.lines)
+
+    def __str__(self) -> str:
+        return (
+            f"{self.origin}, {where}"
+            if (where := self._line() if self.lines else self._keys())
+            else self.origin
+        )
+
+    def _line(self) -> str:
+        known = (self.path[:n] for n in range(len(self.path), 0, -1))
+        line = next((self.lines[path] for path in known if path in self.lines), 0)
+        return f"line {line}" if line else ""
+
+    def _keys(self) -> str:
+        parts = (f"[{key + 1}]" if isinstance(key, int) else f".{key}" for key in self.path)
+        return "".join(parts).removeprefix(".")
+
+    @property
+    def table(self) -> str:
+        """What messages call the table: [hardware], [[damper]]."""
+        keys = [str(part) for part in self.path if isinstance(part, str)]
+        if not keys:
+            return "the study"
+        return f"[[{'.'.join(keys)}]]" if isinstance(self.path[-1], int) else f"[{'.'.join(keys)}]"
+
+    def refuse(self, sentence: str) -> NoReturn:
+        """Raise a SettingError that begins with this place."""
+        raise SettingError(f"{self}: {sentence}")
+
+
+def shown(value: object) -> str:
+    """A value of a table as a message quotes it."""
+    return "a table" if isinstance(value, dict) else "an array" if isinstance(value, list) else repr(value)
 
 
 def key(
@@ -22,18 +76,18 @@ def key(
     least: float = -math.inf,
     above: float = -math.inf,
 ) -> Any:
-    """A key of a table.
+    """Declare a key of a table.
 
     Parameters
     ----------
     says
-        What it means.
+        What it means, in a few words.
     unit
-        SI unit of a number; in a file it may then also come as a text with another unit.
+        SI unit of a number. A file may also give such a number as a text with another unit.
     default
-        What it is where nothing is said; without one it must be given.
+        Value if the key is absent; a key without a default is required.
     least, above
-        A number is no less than the one, and more than the other.
+        Bounds of a number: it must not be less than `least`, and must exceed `above`.
     """
     notes = {"says": says, "unit": unit, "least": least, "above": above}
     return field(metadata=notes) if default is MISSING else field(default=default, metadata=notes)
@@ -45,15 +99,15 @@ def is_required(entry: Field[Any]) -> bool:
 
 
 def described(entry: Field[Any]) -> str:
-    """What a key means, and its unit."""
+    """Meaning of a key and its unit."""
     unit = entry.metadata["unit"]
     return f"{entry.metadata['says']}{f' [{unit}]' if unit else ''}"
 
 
 def out_of_range(name: str, value: float, entry: Field[Any]) -> str:
-    """What is wrong with the number of a key; empty where nothing is."""
+    """Message for a number out of the range of its key; empty if it is in range."""
     least, above = entry.metadata["least"], entry.metadata["above"]
-    # An infinite rate is no limit, and a broken sensor may say nan; nothing else is not finite.
+    # An infinite rate means no limit, and the value of a broken sensor may be nan; all else must be finite.
     if (math.isnan(value) and name != "value") or (math.isinf(value) and entry.default != math.inf):
         return f"{name} is {value}; give a finite number"
     if value < least:
@@ -64,12 +118,12 @@ def out_of_range(name: str, value: float, entry: Field[Any]) -> str:
 
 
 def check_keys(table: Any) -> None:
-    """Check the numbers of a table that a script has made.
+    """Check the numbers of a table that a script has built.
 
     Raises
     ------
     InvalidSettingError
-        Where one is out of range.
+        If one is out of range.
     """
     for entry in fields(table):
         given = getattr(table, entry.name)

@@ -15,9 +15,9 @@ from mrwork.buildings.damping import with_modal_damping, with_rayleigh_damping
 from mrwork.buildings.from_file import KEYS, building_from_table, read_building
 from mrwork.buildings.published import building, buildings
 from mrwork.buildings.shear import shear_building
-from mrwork.buildings.table import NamedPlace
 from mrwork.buildings.tuned_mass import with_optimal_tuned_mass
 from mrwork.errors import MrworkError, RecordError, SettingError
+from mrwork.keys import Place
 
 FIELDS = ("mass", "damping", "stiffness", "influence", "floors", "storeys")
 MATRICES = """
@@ -33,7 +33,9 @@ storey_damping = [0.3, 0.2]
 
 
 def stated(text: str, folder: Path = Path()) -> Building:
-    return building_from_table(tomllib.loads(text), NamedPlace("study.toml", ("building",)), folder=folder)
+    return building_from_table(
+        tomllib.loads(text), Place(origin="study.toml", path=("building",)), folder=folder
+    )
 
 
 def assert_same(ours: Building, theirs: Building) -> None:

@@ -9,8 +9,9 @@ import pytest
 
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import RecordError, SettingError
+from mrwork.keys import Place
 from mrwork.study.dampers import ChosenDamper, chosen_damper
-from mrwork.study.declared import Place, built
+from mrwork.study.declared import built
 from mrwork.study.lines import parse
 from mrwork.study.schema import DamperTable
 

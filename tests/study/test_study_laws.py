@@ -14,8 +14,9 @@ from mrwork.control.lqr import published_regulator, regulator_as_published, regu
 from mrwork.control.plant import accelerations
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
+from mrwork.keys import Place
 from mrwork.study.control_laws import laws_text
-from mrwork.study.declared import Place, built, said_at
+from mrwork.study.declared import built, said_at
 from mrwork.study.lines import parse
 
 # What each law is told here; those that need nothing are told nothing.

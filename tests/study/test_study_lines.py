@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrwork.errors import SettingError
-from mrwork.study.lines import Path, parse
+from mrwork.keys import Path
+from mrwork.study.lines import parse
 
 DOCUMENT = '''# a comment with [brackets] and key = 1
 title = "one # two"   # three

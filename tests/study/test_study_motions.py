@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from mrwork.errors import SettingError
+from mrwork.keys import Place
 from mrwork.motions import GroundMotion
-from mrwork.study.declared import Place, built
+from mrwork.study.declared import built
 from mrwork.study.lines import parse
 from mrwork.study.motions import motions_of
 from mrwork.study.schema import MotionTable

@@ -10,8 +10,8 @@ import pytest
 
 from mrwork.buildings.from_file import KEYS
 from mrwork.errors import SettingError
-from mrwork.keys import is_required
-from mrwork.study.declared import Place, built
+from mrwork.keys import Place, is_required
+from mrwork.study.declared import built
 from mrwork.study.lines import parse
 from mrwork.study.print_schema import in_words, schema_text, tables
 from mrwork.study.schema import StudyTable

@@ -42,8 +42,9 @@ from mrwork.buildings.matrices import Building
 from mrwork.buildings.matrix_files import read_matrices, read_matrix
 from mrwork.buildings.published import building as published_building
 from mrwork.buildings.shear import floor_differences, numbered, shear_building
-from mrwork.buildings.table import Entries, NamedPlace, Place
+from mrwork.buildings.table import Entries
 from mrwork.errors import RecordError
+from mrwork.keys import Place
 
 Floats = NDArray[np.float64]
 
@@ -75,7 +76,7 @@ def _read(path: Path, readers: tuple[Path, ...]) -> Building:
     """Read a building; `readers` are the files that led to this one."""
     if path.is_dir() or path.suffix.lower() == ".mat":
         return _from_matrices(
-            read_matrices(path, _TITLES), NamedPlace(str(path)), {"name": path.stem, "source": str(path)}
+            read_matrices(path, _TITLES), Place(origin=str(path)), {"name": path.stem, "source": str(path)}
         )
     if path.suffix.lower() != ".toml":
         raise RecordError(
@@ -90,7 +91,7 @@ def _read(path: Path, readers: tuple[Path, ...]) -> Building:
         raise RecordError(f"{path}: byte {error.start} is not UTF-8 text; save the file as UTF-8") from error
     except tomllib.TOMLDecodeError as error:
         raise RecordError(f"{path}: is not TOML ({error}); correct it there") from error
-    entries = Entries({"name": path.stem, **table}, NamedPlace(str(path)))
+    entries = Entries({"name": path.stem, **table}, Place(origin=str(path)))
     built = _built(entries, path.parent, (*readers, path.resolve()))
     return built if built.source else replace(built, source=str(path))
 

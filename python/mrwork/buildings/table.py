@@ -6,38 +6,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
-from typing import NoReturn, Protocol, Self
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.errors import MrworkError, SettingError
+from mrwork.errors import MrworkError
+from mrwork.keys import Place, shown
 
 Floats = NDArray[np.float64]
-
-
-class Place(Protocol):
-    """Where a table stands in a document; its text begins every message, as in "study.toml, line 12"."""
-
-    def within(self, *keys: str | int) -> Self:
-        """Return the place of something inside."""
-        ...
-
-
-@dataclass(frozen=True, slots=True)
-class NamedPlace:
-    """A place that is told by its keys, as in "frame.toml, rayleigh.ratios"."""
-
-    origin: str
-    keys: tuple[str | int, ...] = ()
-
-    def within(self, *keys: str | int) -> NamedPlace:
-        """Return the place of something inside."""
-        return NamedPlace(self.origin, (*self.keys, *keys))
-
-    def __str__(self) -> str:
-        named = "".join(f"[{key + 1}]" if isinstance(key, int) else f".{key}" for key in self.keys)
-        return f"{self.origin}, {named.removeprefix('.')}" if named else self.origin
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +32,7 @@ class Entries:
 
     def refuse(self, sentence: str, *keys: str) -> NoReturn:
         """Raise an error that begins with the place of a key."""
-        raise SettingError(f"{self.place.within(*keys)}: {sentence}")
+        self.place.within(*keys).refuse(sentence)
 
     def allow(self, known: Sequence[str]) -> None:
         """Refuse a key that is not among those known."""
@@ -69,42 +46,42 @@ class Entries:
         """Return a number."""
         value = self._get(key, "a number", default)
         if isinstance(value, bool) or not isinstance(value, int | float):
-            self.refuse(f"{key} is {_shown(value)}; give a number", key)
+            self.refuse(f"{key} is {shown(value)}; give a number", key)
         return float(value)
 
     def whole(self, key: str, default: int | None = None) -> int:
         """Return a whole number."""
         value = self._get(key, "a whole number", default)
         if isinstance(value, bool) or not isinstance(value, int):
-            self.refuse(f"{key} is {_shown(value)}; give a whole number", key)
+            self.refuse(f"{key} is {shown(value)}; give a whole number", key)
         return value
 
     def text(self, key: str, default: str | None = None) -> str:
         """Return a text."""
         value = self._get(key, "a text", default)
         if not isinstance(value, str):
-            self.refuse(f"{key} is {_shown(value)}; give a text in quotes", key)
+            self.refuse(f"{key} is {shown(value)}; give a text in quotes", key)
         return value
 
     def floor(self, key: str) -> int | str:
         """Return the number or name of a floor or storey."""
         value = self._get(key, "its number from 1 or its name")
         if isinstance(value, bool) or not isinstance(value, int | str):
-            self.refuse(f"{key} is {_shown(value)}; give its number from 1 or its name", key)
+            self.refuse(f"{key} is {shown(value)}; give its number from 1 or its name", key)
         return value
 
     def numbers(self, key: str) -> tuple[float, ...]:
         """Return an array of numbers."""
         value = self._get(key, "numbers, as [1.0, 2.0]")
         if not isinstance(value, list) or not all(_is_number(each) for each in value):
-            self.refuse(f"{key} is {_shown(value)}; give numbers, as [1.0, 2.0]", key)
+            self.refuse(f"{key} is {shown(value)}; give numbers, as [1.0, 2.0]", key)
         return tuple(float(each) for each in value)
 
     def texts(self, key: str) -> tuple[str, ...]:
         """Return an array of texts."""
         value = self._get(key, 'texts, as ["a", "b"]')
         if not isinstance(value, list) or not all(isinstance(each, str) for each in value):
-            self.refuse(f'{key} is {_shown(value)}; give texts, as ["a", "b"]', key)
+            self.refuse(f'{key} is {shown(value)}; give texts, as ["a", "b"]', key)
         return tuple(value)
 
     def rows(self, key: str) -> Floats:
@@ -112,7 +89,7 @@ class Entries:
         value = self._get(key, "rows of numbers")
         example = "give rows of numbers, as [[2.0, -1.0], [-1.0, 1.0]]"
         if not isinstance(value, list) or not value or not all(isinstance(row, list) for row in value):
-            self.refuse(f"{key} is {_shown(value)}; {example}, or the name of a file", key)
+            self.refuse(f"{key} is {shown(value)}; {example}, or the name of a file", key)
         for number, row in enumerate(value, start=1):
             if len(row) != len(value[0]) or not all(_is_number(each) for each in row):
                 self.refuse(f"row {number} of {key} is not {len(value[0])} numbers; {example}", key)
@@ -122,7 +99,7 @@ class Entries:
         """Return a table inside."""
         value = self._get(key, "a table")
         if not isinstance(value, dict):
-            self.refuse(f"{key} is {_shown(value)}; give a table, as [{key}]", key)
+            self.refuse(f"{key} is {shown(value)}; give a table, as [{key}]", key)
         return Entries(value, self.place.within(key))
 
     def inner_all(self, key: str) -> tuple[Entries, ...]:
@@ -130,7 +107,7 @@ class Entries:
         value = self.table.get(key, [])
         tables = [value] if isinstance(value, dict) else value
         if not isinstance(tables, list) or not all(isinstance(each, dict) for each in tables):
-            self.refuse(f"{key} is {_shown(value)}; give one or more tables, as [[{key}]]", key)
+            self.refuse(f"{key} is {shown(value)}; give one or more tables, as [[{key}]]", key)
         if isinstance(value, dict):
             return (Entries(value, self.place.within(key)),)
         return tuple(Entries(each, self.place.within(key, number)) for number, each in enumerate(tables))
@@ -152,7 +129,3 @@ class Entries:
 
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _shown(value: object) -> str:
-    return "a table" if isinstance(value, dict) else "an array" if isinstance(value, list) else repr(value)

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from mrwork.dampers.parameters import CommandUnit, LawName, polynomial_laws
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import RecordError
-from mrwork.study.declared import Place, suggestion
+from mrwork.keys import Place
+from mrwork.study.declared import suggestion
 from mrwork.study.schema import DamperTable
 
 Identified = Callable[[Path], tuple[DamperSpec, tuple[float, ...]]]

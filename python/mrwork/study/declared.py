@@ -9,13 +9,12 @@ from __future__ import annotations
 import types
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import Field, dataclass, field, fields, is_dataclass
+from dataclasses import Field, fields, is_dataclass
 from difflib import get_close_matches
 from typing import Any, Literal, NoReturn, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 from mrwork.errors import InvalidSettingError, MrworkError, SettingError
-from mrwork.keys import described, is_required, out_of_range
-from mrwork.study.lines import Path
+from mrwork.keys import Place, described, is_required, out_of_range, shown
 from mrwork.units import FACTORS, MeasuredQuantity
 
 T = TypeVar("T")
@@ -26,38 +25,6 @@ _MEASURES: Mapping[str, tuple[MeasuredQuantity, ...]] = {
     "A or V": ("current", "voltage"),
     "A/s or V/s": ("current rate", "voltage rate"),
 }
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
-    """Where a table stands in a document: messages name its file and line."""
-
-    origin: str
-    path: Path = ()
-    lines: Mapping[Path, int] = field(default_factory=dict)
-
-    def within(self, *keys: str | int) -> Place:
-        """The place of something inside."""
-        return Place(origin=self.origin, path=(*self.path, *keys), lines=self.lines)
-
-    def __str__(self) -> str:
-        line = next(
-            (self.lines[self.path[:n]] for n in range(len(self.path), 0, -1) if self.path[:n] in self.lines),
-            0,
-        )
-        return f"{self.origin}, line {line}" if line else self.origin
-
-    @property
-    def table(self) -> str:
-        """What messages call the table: [hardware], [[damper]]."""
-        keys = [str(part) for part in self.path if isinstance(part, str)]
-        if not keys:
-            return "the study"
-        return f"[[{'.'.join(keys)}]]" if isinstance(self.path[-1], int) else f"[{'.'.join(keys)}]"
-
-    def refuse(self, sentence: str) -> NoReturn:
-        """Raise a SettingError that begins with this place."""
-        raise SettingError(f"{self}: {sentence}")
 
 
 @contextmanager
@@ -191,8 +158,7 @@ def _is_near(kind: Any, value: Any) -> bool:
 
 
 def _refuse(place: Place, value: Any, wanted: str) -> NoReturn:
-    shown = "a table" if isinstance(value, dict) else "an array" if isinstance(value, list) else repr(value)
-    place.refuse(f"{_name(place)} is {shown}; give {wanted}")
+    place.refuse(f"{_name(place)} is {shown(value)}; give {wanted}")
 
 
 def _name(place: Place) -> str:

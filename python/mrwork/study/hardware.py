@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import fields
 
 from mrwork.closed_loop.hardware import Fault, Hardware
-from mrwork.study.declared import Place, said_at
+from mrwork.keys import Place
+from mrwork.study.declared import said_at
 from mrwork.study.schema import HardwareTable
 
 

@@ -9,9 +9,7 @@ import tomllib
 from typing import Any
 
 from mrwork.errors import SettingError
-
-Path = tuple[str | int, ...]
-"""Keys and places in arrays that lead to a value, as ("damper", 0, "storey")."""
+from mrwork.keys import Path
 
 _BLANK = " \t\r\n"
 _BARE_ENDS = frozenset("=.]}, \t\r\n#")

@@ -11,10 +11,11 @@ from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
 from mrwork.buildings.from_file import building_from_table
 from mrwork.errors import RecordError
+from mrwork.keys import Place
 from mrwork.motions import GroundMotion
 from mrwork.study.arrangements import arrangements
 from mrwork.study.dampers import ChosenDamper, Identified
-from mrwork.study.declared import Place, built, said_at, suggestion
+from mrwork.study.declared import built, said_at, suggestion
 from mrwork.study.equipment import equipped
 from mrwork.study.hardware import hardware_of
 from mrwork.study.lines import parse

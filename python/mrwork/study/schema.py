@@ -14,8 +14,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from mrwork.dampers.parameters import CommandUnit, LawName
-from mrwork.keys import key
-from mrwork.study.declared import Place
+from mrwork.keys import Place, key
 
 Synthetic = Literal["kanai_tajimi", "clough_penzien"]
 Signal = Literal["acceleration", "deformation", "force", "command"]
