@@ -25,7 +25,7 @@ from .dampers.spec import damper_models as damper_models
 from .errors import MrworkError as MrworkError
 from .identification.fit import Fit as Fit
 from .identification.identify import identify as identify
-from .identification.warm_start import start_from as start_from
+from .identification.problem import start_from as start_from
 from .motions.ground_motion import GroundMotion as GroundMotion
 from .motions.read import read_motion as read_motion
 from .motions.read import read_motions as read_motions

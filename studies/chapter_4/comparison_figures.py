@@ -9,7 +9,7 @@ from matplotlib.ticker import FixedLocator, MaxNLocator, NullLocator, StrMethodF
 
 from decay import at_budget, evaluations_to
 from findings import QUANTILES, Comparison, Trial
-from mrwork.identification import judge
+from mrwork.identification import free_run
 from mrwork.report import SMALL, WIDE, blank, finish, finish_loop, style, tested_points
 from search_cells import Floats
 from search_settings import COARSE, EFFICIENT, SEARCHES, STANDARD, SWARM, Model
@@ -111,7 +111,7 @@ def loop_figure(trial: Trial, search: str, *, over_velocity: bool) -> Figure:
         cycle = _last_cycle(test.n_time, test.frequency, test.dt)
         tested_points(axes, abscissa, test.force, cycle)
         for place, colour in ((ranked[len(ranked) // 2], style.RESIDUAL), (ranked[0], style.MODEL)):
-            force, _ = judge(trial.model.spec, np.asarray(box.theta_from_unit(runs.unit[place])), test)
+            force, _ = free_run(trial.model.spec, np.asarray(box.theta_from_unit(runs.unit[place])), test)
             axes.plot(abscissa[cycle], force[cycle], color=colour, linewidth=1.1)
         finish_loop(axes, over_velocity=over_velocity)
     return figure

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 import mrwork as mr
 from damper_tests import SIDE_M, STATIC_LAWS, TestSet
 from mrwork.dampers import DamperSpec, LawName
-from mrwork.identification import Fit, judge
+from mrwork.identification import Fit, free_run
 from mrwork.search import EfficientGA
 
 Floats = NDArray[np.float64]
@@ -193,7 +193,7 @@ def _polynomial(currents: Floats, values: Floats, weight: Floats, degree: int) -
 
 def _rms_on(model: Model, coefficients: dict[str, tuple[float, ...]], tests: TestSet) -> Floats:
     theta = np.array([value for name in mr.damper(model.damper).names for value in coefficients[name]])
-    return np.array([judge(model.spec, theta, test)[1].rmse_n for test in tests.tests])
+    return np.array([free_run(model.spec, theta, test)[1].rmse_n for test in tests.tests])
 
 
 def _by_parameter(model: Model, values: Sequence[float]) -> dict[str, tuple[float, ...]]:

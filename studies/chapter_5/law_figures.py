@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 import mrwork as mr
 from current_laws import Model
 from damper_tests import FORCE_NOISE_N, Floats
-from mrwork.identification import judge
+from mrwork.identification import free_run
 from mrwork.report import SMALL, WIDE, blank, finish, finish_loop, style, tested_points
 from outcome import SetOutcome
 
@@ -83,7 +83,7 @@ def loop_figure(outcome: SetOutcome, model: Model, *, over_velocity: bool) -> Fi
         for place in places:
             test, fit = outcome.tests.tests[place], each.fits[place]
             abscissa = 1e3 * (test.velocity if over_velocity else test.displacement)
-            force, _ = judge(mr.damper(model.damper), np.array(fit.theta), test)
+            force, _ = free_run(mr.damper(model.damper), np.array(fit.theta), test)
             cycle = _middle_cycle(test)
             tested_points(axes, abscissa, test.force, cycle)
             axes.plot(abscissa[cycle], force[cycle], color=style.MODEL, linewidth=1.1)

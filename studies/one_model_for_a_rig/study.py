@@ -22,7 +22,7 @@ import numpy as np
 from mrwork import identify
 from mrwork.dampers import DamperSpec, LawName, damper
 from mrwork.errors import SimulationError
-from mrwork.identification import Fit, Progress, judge, start_from
+from mrwork.identification import Fit, Progress, free_run, start_from
 from mrwork.records import AS_IT_IS, DamperTest, Observation, cut, detect_smoothing, read_damper_tests, repair
 
 HERE = Path(__file__).parent
@@ -149,7 +149,7 @@ def fitted(
 def _predicted(fit: Fit, test: DamperTest) -> float:
     """Fit % of a test, minus infinity where extrapolated laws make a damper that cannot be simulated."""
     try:
-        return judge(fit.spec, np.array(fit.theta), test)[1].fit_percent
+        return free_run(fit.spec, np.array(fit.theta), test)[1].fit_percent
     except SimulationError:
         return -np.inf
 

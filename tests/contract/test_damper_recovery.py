@@ -10,7 +10,7 @@ from damper_samples import noise, noise_free_test
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.levenberg_marquardt_twin import refine
 from mrwork.identification.objective import Objective
-from mrwork.identification.standard_error import jacobian
+from mrwork.identification.polish import jacobian
 
 # 0.3 s of motion in a wide band feel every parameter.
 N_TIME = 301

@@ -14,12 +14,12 @@ from mrwork.dampers.spec import damper, damper_models
 from mrwork.errors import Interrupted, RecordError, SettingError, SimulationError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
-from mrwork.identification.free_run import fit_quality, judge
 from mrwork.identification.identify import identify
 from mrwork.identification.objective import Objective
+from mrwork.identification.polish import covariance
 from mrwork.identification.progress import Progress
+from mrwork.identification.result import fit_quality, free_run
 from mrwork.identification.search_ranges import search_box
-from mrwork.identification.standard_error import covariance
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
 from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test
@@ -160,7 +160,9 @@ def test_more_substeps_change_nothing_that_can_be_seen(record: DamperTest, fit: 
     theta = np.array(fit.theta)
     for name in ("spencer1997", "spencer1997_slow", "spencer1997_fast"):
         test = synthetic_test(name)
-        coarse, fine = (judge(damper(fit.model), theta, test, substep_factor=factor)[1] for factor in (1, 4))
+        coarse, fine = (
+            free_run(damper(fit.model), theta, test, substep_factor=factor)[1] for factor in (1, 4)
+        )
         assert fine.substeps == 4 * coarse.substeps
         assert fine.fit_percent == pytest.approx(coarse.fit_percent, abs=0.01)
 
@@ -169,7 +171,7 @@ def test_a_test_too_stiff_to_resolve_is_named(record: DamperTest) -> None:
     theta = damper("normalised_bouc_wen").nominal
     theta[4] = 1e7
     with pytest.raises(SimulationError, match="unresolved"):
-        judge(damper("normalised_bouc_wen"), theta, replace(record, dt=0.1))
+        free_run(damper("normalised_bouc_wen"), theta, replace(record, dt=0.1))
 
 
 @pytest.mark.parametrize("spec", damper_models(), ids=lambda spec: spec.name)

@@ -9,11 +9,11 @@ import pytest
 
 from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted, RecordError, SettingError
-from mrwork.identification.free_run import judge
 from mrwork.identification.identify import identify
 from mrwork.identification.nuisance import nuisance_of, without_nuisance
 from mrwork.identification.objective import Objective
 from mrwork.identification.progress import Progress
+from mrwork.identification.result import free_run
 from mrwork.records import DamperTest, Observation
 from mrwork.records.window import excerpt
 from mrwork.search import EfficientGA, StopRules
@@ -75,7 +75,7 @@ def test_the_laws_are_recovered_within_their_standard_errors(fit) -> None:
 
 def test_the_fit_knows_its_laws(fit) -> None:
     assert fit.spec == PRESET.spec
-    _, quality = judge(fit.spec, np.array(fit.theta), record(1.2, rng=9))
+    _, quality = free_run(fit.spec, np.array(fit.theta), record(1.2, rng=9))
     assert quality.rmse_n == pytest.approx(NOISE_N, rel=0.1)
 
 
@@ -101,7 +101,7 @@ def test_nuisance_parameters_are_told_from_the_damper(tests: tuple[DamperTest, .
         for test, offset, level, delay in zip(tests, offsets, levels, delays, strict=True)
     ]
     for test, offset, level, delay in zip(shifted, offsets, levels, delays, strict=True):
-        _, quality = judge(PRESET.spec, TRUTH, test, nuisances=("offset", "level", "delay"))
+        _, quality = free_run(PRESET.spec, TRUTH, test, nuisances=("offset", "level", "delay"))
         assert quality.nuisance.offset == pytest.approx(offset, abs=2.0)
         assert quality.nuisance.level == pytest.approx(level, abs=5e-3)
         # To first order in the delay: a fifth of a sample is left at a delay of one sample.

@@ -14,11 +14,10 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.identify import identify
-from mrwork.identification.levenberg_marquardt import descend
-from mrwork.identification.levenberg_marquardt_batch import descend_all
+from mrwork.identification.levenberg_marquardt import descend, descend_all
 from mrwork.identification.multistart import (
-    Found,
     Multistart,
+    MultistartResult,
     distinct_minima,
     search_starts,
 )
@@ -92,7 +91,7 @@ def test_rounds_go_on_until_the_best_minimum_is_found_again() -> None:
 
 
 def test_an_interrupt_keeps_the_best_so_far() -> None:
-    def stop(found: Found, share: float) -> None:
+    def stop(found: MultistartResult, share: float) -> None:
         if len(found.best) == 4:
             raise KeyboardInterrupt
 

@@ -19,16 +19,14 @@ import pytest
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import Form, identifiable_form
-from mrwork.identification.estimate import remark_of
 from mrwork.identification.identify import identify
-from mrwork.identification.levenberg_marquardt import descend
-from mrwork.identification.levenberg_marquardt_batch import descend_all
-from mrwork.identification.levenberg_marquardt_twin import refine
+from mrwork.identification.levenberg_marquardt import descend, descend_all
+from mrwork.identification.levenberg_marquardt_twin import TwinResiduals, arrays_of, refine
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.nuisance import NuisanceName, offsets_left_to
 from mrwork.identification.objective import Objective
-from mrwork.identification.standard_error import jacobian, standard_errors
-from mrwork.identification.twin_residuals import TwinResiduals, arrays_of
+from mrwork.identification.polish import jacobian, standard_errors
+from mrwork.identification.result import remark_of
 from mrwork.records import DamperTest, Observation
 from mrwork.simulate import Loading, simulate_force
 from mrwork.synthetic import synthetic_test

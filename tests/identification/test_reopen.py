@@ -12,7 +12,7 @@ import pytest
 from mrwork.cli import main
 from mrwork.errors import RecordError
 from mrwork.identification.fit_file import OpenedRun, reopen
-from mrwork.identification.reading import Reading
+from mrwork.identification.settings import Reading
 
 OPTIONS = [
     "--column",

@@ -12,8 +12,7 @@ import mrwork as mr
 from mrwork.dampers.spec import damper
 from mrwork.errors import RecordError, SettingError
 from mrwork.identification.multistart import Multistart
-from mrwork.identification.problem import Problem
-from mrwork.identification.provenance import fingerprint_of
+from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.settings import FitSettings
 from mrwork.search import EfficientGA, StopRules
 from mrwork.store.fingerprint import differences

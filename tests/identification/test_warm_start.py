@@ -11,11 +11,9 @@ from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import MrworkError, SettingError, UnknownNameError
 from mrwork.identification.fit import Fit
-from mrwork.identification.global_search import explore
-from mrwork.identification.identify import identify
-from mrwork.identification.problem import Problem
+from mrwork.identification.identify import identify, starting_points
+from mrwork.identification.problem import Problem, start_from
 from mrwork.identification.settings import FitSettings
-from mrwork.identification.warm_start import start_from
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
 from mrwork.simulate import Loading, simulate_force
@@ -99,15 +97,15 @@ def test_a_raised_law_starts_where_the_lower_one_ended(fit: Fit) -> None:
 def test_given_starts_stand_after_those_that_were_found(tests: tuple[DamperTest, ...], fit: Fit) -> None:
     raised = BOUC_WEN.with_current_laws({"k_w": "quadratic", "c": "linear"})
     settings = FitSettings(search=BARELY, bounds={"n": (1.0, 1.2)}, rng=1)
-    explored = explore(Problem.of(raised, tests, settings), on_search=lambda *_: None)
+    explored = starting_points(Problem.of(raised, tests, settings), on_search=lambda *_: None)
     whole, part = start_from(fit, raised), {"k_w.2": -150.0, "n": 7.0}
-    joined = explored.with_starts(raised, [whole, part])
-    np.testing.assert_array_equal(joined.starts[:-2], explored.starts)
-    columns = dict(zip(raised.names, joined.starts[-2:].T, strict=True))
+    joined = explored.with_given(raised, [whole, part])
+    np.testing.assert_array_equal(joined.theta[:-2], explored.theta)
+    columns = dict(zip(raised.names, joined.theta[-2:].T, strict=True))
     for name in ("k_w.0", "k_w.1", "c.0", "c.1", "rho"):
         assert columns[name][0] == pytest.approx(whole[name], rel=1e-9)
     assert columns["k_w.2"][1] == pytest.approx(-150.0, rel=1e-9)
-    assert columns["rho"][1] == pytest.approx(dict(zip(raised.names, explored.starts[0], strict=True))["rho"])
+    assert columns["rho"][1] == pytest.approx(dict(zip(raised.names, explored.theta[0], strict=True))["rho"])
     assert 1.2 - 1e-6 < columns["n"][1] < 1.2
 
 

@@ -12,8 +12,7 @@ from benchmarks.command_line import main
 from benchmarks.refine import bench_refine, format_refine
 from benchmarks.refine_job import RefineJob, joint_job, reference_job
 from mrwork.errors import SettingError
-from mrwork.identification.levenberg_marquardt import descend
-from mrwork.identification.levenberg_marquardt_batch import descend_all
+from mrwork.identification.levenberg_marquardt import descend, descend_all
 
 EXTRA = "is not installed; pip install 'mrwork[bench]'"
 

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.conversions import bouc_wen_from_normalised
 from mrwork.dampers.spec import damper
-from mrwork.identification.fit import Estimate, Fit
+from mrwork.identification.fit import Change, Estimate, Fit, Identifiability
 from mrwork.identification.identify import identify
-from mrwork.identification.verdict import Change, Identifiability
 from mrwork.records import DamperTest
 from mrwork.synthetic import synthetic_test
 from mrwork.uncertainty.identifiability.directions import changes_along, sparse_basis, told_combinations

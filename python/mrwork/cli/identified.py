@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from mrwork.dampers.spec import damper
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import READING, write_run
-from mrwork.identification.reading import Reading
+from mrwork.identification.settings import Reading
 from mrwork.records import DamperTest
 
 if TYPE_CHECKING:

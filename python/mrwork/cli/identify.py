@@ -28,8 +28,8 @@ from mrwork.errors import Interrupted, JournalError, MrworkError, OutputError, S
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.identify import identify
 from mrwork.identification.multistart import Multistart
+from mrwork.identification.problem import start_from
 from mrwork.identification.settings import SEARCHES, Engine, Search, search_named
-from mrwork.identification.warm_start import start_from
 from mrwork.records import DamperTest
 from mrwork.store.run_folder import check_destination
 from mrwork.store.unfinished import begin_journal, discard_journal, is_copy, resume_journal

@@ -8,7 +8,7 @@ from math import isfinite
 from pathlib import Path
 
 from mrwork.errors import SettingError
-from mrwork.identification.reading import Reading
+from mrwork.identification.settings import Reading
 from mrwork.records import DamperTest, parse_column_option
 from mrwork.records.repairs import REPAIR_KINDS, RepairKind
 

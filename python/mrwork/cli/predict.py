@@ -12,7 +12,7 @@ import numpy as np
 from mrwork.cli.observe import add_observation, nuisances_of, observed
 from mrwork.cli.options import add_files, add_json, read_tests
 from mrwork.identification.fit_file import read_fit
-from mrwork.identification.free_run import judge
+from mrwork.identification.result import free_run
 from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.calibration_files import read_calibration
 from mrwork.uncertainty.bands.prediction import Prediction
@@ -54,7 +54,7 @@ def run(options: argparse.Namespace) -> int:
     nuisances = nuisances_of(options)
     for test in read_tests(options):
         recorded = observed(test, options)
-        force, quality = judge(
+        force, quality = free_run(
             spec, theta, recorded, nuisances=nuisances, substep_factor=options.substep_factor
         )
         rows.append(

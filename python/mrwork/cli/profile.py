@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, Any
 from mrwork.cli.options import add_json
 from mrwork.cli.run_page import renew_page
 from mrwork.errors import Interrupted, SettingError
-from mrwork.identification.fit import Fit
+from mrwork.identification.fit import Fit, Identifiability
 from mrwork.identification.fit_file import reopen
-from mrwork.identification.verdict import Identifiability
 from mrwork.store.codec import json_document
 from mrwork.store.run_folder import PROFILES, write_files
 

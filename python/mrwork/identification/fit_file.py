@@ -9,7 +9,7 @@ from typing import Any
 
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
-from mrwork.identification.reading import Reading
+from mrwork.identification.settings import Reading
 from mrwork.records import DamperTest
 from mrwork.store.codec import json_document, read_document, record_from_json
 from mrwork.store.run_folder import (

@@ -1,12 +1,11 @@
-"""Identify a damper model from tests: explore, refine the best, judge the result."""
+"""Identify a damper model from tests: global search, least-squares fit, quality of the result."""
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +13,16 @@ from numpy.typing import NDArray
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, SimulationError
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace
-from mrwork.identification.global_search import explore
+from mrwork.identification.global_search import (
+    OnSearch,
+    StartingPoints,
+    points_of_descents,
+    points_of_optimiser,
+)
+from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import NuisanceName
-from mrwork.identification.problem import Problem
-from mrwork.identification.progress import Progress, Stopped, Watch
-from mrwork.identification.provenance import fingerprint_of
+from mrwork.identification.problem import Problem, fingerprint_of
+from mrwork.identification.progress import Progress, Reporter, interruptible, was_stopped
 from mrwork.identification.result import fit_at
 from mrwork.identification.settings import Engine, FitSettings, Search, Start, search_named
 from mrwork.records import DamperTest
@@ -27,12 +31,6 @@ from mrwork.store import Journal
 if TYPE_CHECKING:
     from mrwork.identification.levenberg_marquardt import Descended
     from mrwork.identification.polish import Polished
-
-
-T = TypeVar("T")
-
-# How often a wait for compiled code looks for Ctrl-C [s].
-_WATCH = 0.05
 
 
 def identify(
@@ -52,9 +50,9 @@ def identify(
 ) -> Fit:
     """Identify one damper model from one or several tests of the same damper.
 
-    A plain model is descended from many starts in lanes. If asked it is searched by another algorithm instead, and
-    its best finds are screened. A model with current laws starts from fits at each command. All end in lanes, with
-    exact derivatives; the last descent can be had on the JAX twin for comparison.
+    The starting points of a plain model come from Levenberg-Marquardt descents from many random starts, or from
+    another search if `search` names one; those of a model with current laws from fits of the plain model at each
+    command. The final least-squares fit uses exact derivatives; it can run on the JAX twin for comparison.
 
     Parameters
     ----------
@@ -68,32 +66,33 @@ def identify(
     bounds
         Parameter name to (lower, upper); equal bounds hold it fixed. Others have their admissible range.
     nuisances
-        What may differ from test to test and is estimated along with the damper: "offset", "level" or "delay" of
-        the force channel. With "offset" the model's own force offset is held at zero, for no test tells the two apart.
+        Parameters of the force channel that are estimated for each test along with the damper: "offset", "level" or
+        "delay". With "offset" the model's own force offset is held at zero, because the two cannot be distinguished.
     starts
-        Parameters to descend from beside what the search finds, by name; see `start_from` for those of an earlier fit.
-        What a start does not name is taken from the best find, what lies outside the bounds is pulled inside.
+        Starts, by parameter name, that are fitted from beside those of the search; `start_from` takes them from an
+        earlier fit. A parameter that is not named has the value of the best point found; a value outside the bounds is
+        moved inside.
     power
-        What is made small is (mean NRMSE^power)^(1/power) over the tests: 2 is the root mean square, more helps the
-        worst test at some cost to the others.
+        The objective is (mean NRMSE^power)^(1/power) over the tests: 2 is the root mean square, a higher power weighs
+        the worst test more.
     engine
-        Where the last descent runs: "lanes", or "twin", which takes some eighty times as long, to the same minimum.
+        Where the final fit runs: "lanes", or "twin", which takes about eighty times as long to reach the same minimum.
     rng
         Seed of the search. The same seed gives the same bits on any number of threads.
     threads
         Threads of the simulation, 0 for all.
     on_progress
         Called after every generation, descent and refinement step that was computed, not recalled. Where it returns
-        true the run ends, with what it has found and the status "stopped".
+        true the run ends with the best parameters so far and the status "stopped".
     journal
-        Where every generation, descent and refinement is recorded; one that is resumed brings back what it has. To be
-        closed by the caller; a run that is stopped or interrupted closes it.
+        Records every generation, descent and refinement; a resumed journal supplies those it has. The caller closes
+        it; a run that is stopped or interrupted closes it itself.
 
     Returns
     -------
     Fit
-        Parameters with standard errors, quality per test, search trace, provenance; no standard errors where it was
-        stopped.
+        Parameters with standard errors, quality per test, search trace, provenance; no standard errors where the run
+        was stopped.
 
     Raises
     ------
@@ -105,7 +104,7 @@ def identify(
     SimulationError
         Where no candidate at all could be simulated.
     JournalError
-        Where the journal is of another identification; the message names what differs.
+        Where the journal belongs to another identification; the message names what differs.
     Interrupted
         On Ctrl-C, carrying the `Fit` at the best found so far.
 
@@ -137,7 +136,7 @@ def identify_with(
     on_progress: Callable[[Progress], bool | None] | None = None,
     journal: Journal | None = None,
 ) -> Fit:
-    """`identify` with settings that are one value."""
+    """`identify` with its settings as one value."""
     began = time.perf_counter() - (0.0 if journal is None else journal.seconds_before)
     problem = Problem.of(
         damper(model) if isinstance(model, str) else model,
@@ -150,69 +149,89 @@ def identify_with(
     if journal is not None:
         journal.agree("identification", fingerprint_of(problem))
         journal.carry(objective.tally)
-    watch = Watch(began=began, tally=objective.tally, on_progress=on_progress, journal=journal)
+    reporter = Reporter(began=began, tally=objective.tally, on_progress=on_progress, journal=journal)
 
     def on_search(generation: int, misfit: float, median: float, share: float) -> None:
         count = objective.tally.simulations
-        watch.tell("search", count, "simulations", misfit, share, generation=generation, median=median)
+        reporter.report("search", count, "simulations", misfit, share, generation=generation, median=median)
 
     def ended(interrupt: KeyboardInterrupt, theta: NDArray[np.float64], trace: SearchTrace) -> Fit:
         """The best found so far: returned where the callback wanted no more, else carried by an interrupt."""
         if journal is not None:
-            # A refinement that is left behind on its thread must not go on writing.
+            # A refinement whose thread was abandoned must not write any more.
             journal.close()
 
         def so_far(trace: SearchTrace, status: FitStatus) -> Fit:
             return fit_at(
-                problem, theta, errors=None, trace=trace, steps=0, status=status, seconds=watch.seconds
+                problem, theta, errors=None, trace=trace, steps=0, status=status, seconds=reporter.seconds
             )
 
-        if _was_stopped(interrupt):
+        if was_stopped(interrupt):
             reason = trace.stop_reason.replace("interrupted", "callback")
             return so_far(replace(trace, stop_reason=reason), "stopped")
         raise Interrupted(so_far(trace, "interrupted"), "identification") from interrupt
 
     try:
-        explored = explore(problem, on_search=on_search)
+        points = starting_points(problem, on_search=on_search)
     except Interrupted as interrupt:
-        return ended(interrupt, interrupt.result.starts[0], interrupt.result.trace)
+        return ended(interrupt, interrupt.result.theta[0], interrupt.result.trace)
     except KeyboardInterrupt as interrupt:
-        if not _was_stopped(interrupt):
+        if not was_stopped(interrupt):
             raise
         raise SimulationError(
             f"no candidate of {spec.name} could be simulated before the run was stopped; let it go on for longer"
         ) from interrupt
-    explored = explored.with_starts(spec, problem.settings.starts)
-    problem = replace(problem, form=explored.form)
-    best = explored.starts[0]
+    points = points.with_given(spec, problem.settings.starts)
+    problem = replace(problem, form=points.form)
+    best = points.theta[0]
 
     def on_start(descended: Descended, share: float) -> None:
         nonlocal best
         best = descended.theta
-        watch.tell("screening", round(share * 100), "%", descended.misfit, share)
+        reporter.report("screening", round(share * 100), "%", descended.misfit, share)
 
     def on_step(steps: int, misfit: float) -> None:
-        watch.tell("refinement", steps, "steps", misfit, 0.0)
+        reporter.report("refinement", steps, "steps", misfit, 0.0)
 
     def polish() -> Polished:
-        # SciPy's optimisers are slow to load and needed from here on only.
+        # Slow to load, and not needed before.
         from mrwork.identification.polish import polish
 
-        return polish(objective, explored, engine=problem.settings.engine, on_start=on_start, on_step=on_step)
+        return polish(objective, points, engine=problem.settings.engine, on_start=on_start, on_step=on_step)
 
     try:
-        polished = _interruptible(polish)
+        polished = interruptible(polish)
     except KeyboardInterrupt as interrupt:
-        return ended(interrupt, best, explored.trace)
+        return ended(interrupt, best, points.trace)
     return fit_at(
         problem,
         polished.theta,
         errors=polished.standard_errors,
-        trace=explored.trace,
+        trace=points.trace,
         steps=polished.steps,
         status="converged" if polished.converged else "not_converged",
-        seconds=watch.seconds,
+        seconds=reporter.seconds,
     )
+
+
+def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:
+    """Run the global search of a problem; with current laws that is one of the plain model at each command.
+
+    Raises
+    ------
+    SimulationError
+        Where no candidate could be simulated.
+    Interrupted
+        On Ctrl-C, carrying `StartingPoints` with the best point so far alone.
+    """
+    search = problem.search
+    if isinstance(search, Multistart):
+        return points_of_descents(problem, search, on_search=on_search)
+    if problem.form.spec.current is None:
+        return points_of_optimiser(problem, search, on_search=on_search)
+    from mrwork.identification.level_search import points_of_levels
+
+    return points_of_levels(problem, search, on_search=on_search)
 
 
 def identify_again(
@@ -224,37 +243,7 @@ def identify_again(
 ) -> Fit:
     """Identify from other tests with the model and the settings of an earlier fit, in lanes.
 
-    Neither the earlier fit nor its starts are started from: these have seen tests that may have been left out.
+    Neither the earlier fit nor its starts are used as starts: they depend on tests that may have been left out.
     """
     settings = replace(fit.settings, starts=(), engine="lanes")
     return identify_with(fit.spec, tests, settings, threads=threads, on_progress=on_progress)
-
-
-def _was_stopped(interrupt: BaseException | None) -> bool:
-    """Whether it was the callback that ended the run, whatever this was turned into since."""
-    while interrupt is not None and not isinstance(interrupt, Stopped):
-        interrupt = interrupt.__cause__
-    return interrupt is not None
-
-
-def _interruptible(work: Callable[[], T]) -> T:
-    """Run `work` where Ctrl-C can reach the caller while compiled code holds no interpreter.
-
-    On an interrupt the work is left behind on its thread; it ends with the process.
-    """
-    outcome: list[T] = []
-    failure: list[BaseException] = []
-
-    def body() -> None:
-        try:
-            outcome.append(work())
-        except BaseException as error:  # handed to the caller's thread, whatever it is
-            failure.append(error)
-
-    thread = threading.Thread(target=body, name="mrwork-refinement", daemon=True)
-    thread.start()
-    while thread.is_alive():
-        thread.join(_WATCH)
-    if failure:
-        raise failure[0]
-    return outcome[0]

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import Interrupted, SettingError
-from mrwork.identification.levenberg_marquardt_batch import Minima, descend_all
+from mrwork.identification.levenberg_marquardt import Minima, descend_all
 from mrwork.identification.objective import Objective
 from mrwork.search.unit_cube import Streams, latin_hypercube
 
@@ -60,7 +60,7 @@ class Multistart:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Found:
+class MultistartResult:
     """Minima, best first, shape (n_minima, n_params), with their misfits (n_minima,), and why the search ended.
 
     `evaluations`, `best` and `median` (n_iterations,) tell its course: simulations so far, least misfit, and the
@@ -83,8 +83,8 @@ def search_starts(
     *,
     rng: int,
     mirrored: tuple[int, ...] = (),
-    on_iteration: Callable[[Found, float], None] | None = None,
-) -> Found:
+    on_iteration: Callable[[MultistartResult, float], None] | None = None,
+) -> MultistartResult:
     """Descend inside `box` from starts spread over the narrower box `searched`.
 
     Parameters
@@ -100,7 +100,7 @@ def search_starts(
     Raises
     ------
     Interrupted
-        On Ctrl-C once a candidate was simulated, carrying what was `Found`.
+        On Ctrl-C once a candidate was simulated, carrying what was `MultistartResult`.
     """
     n_free = len(searched.free)
     streams = Streams(rng=rng, replicate=np.zeros(1, dtype=np.int64), generation=np.zeros(1, dtype=np.int64))
@@ -179,13 +179,13 @@ class _Descents:
         misfit = np.concatenate([minima.misfit for minima in self.ended])
         return int(np.count_nonzero(misfit <= (1.0 + closeness) * misfit.min()))
 
-    def found(self, stop_reason: str) -> Found:
+    def found(self, stop_reason: str) -> MultistartResult:
         groups = [(minima.theta, minima.misfit) for minima in self.ended]
         if self.running is not None:
             groups.append((self.running.theta, self.running.misfit))
         theta, misfit = (np.concatenate(parts) for parts in zip(*(groups or [self.sampled]), strict=True))
         order = np.argsort(misfit, kind="stable")
-        return Found(
+        return MultistartResult(
             theta=theta[order],
             misfit=misfit[order],
             stop_reason=stop_reason,

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from mrwork import _rust
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.identification.nuisance import NuisanceName
+from mrwork.identification.progress import Tally
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import AS_IT_IS, DamperTest
 from mrwork.simulate import Misfits, Outcome, simulate_misfits
@@ -26,36 +27,6 @@ _MARGIN = 1.0 + 1e-9
 ROOT_MEAN_SQUARE = 2.0
 
 T = TypeVar("T")
-
-
-@dataclass(slots=True)
-class Tally:
-    """How many candidates have been simulated, in how many time steps, and how many steps were spared.
-
-    A candidate that was simulated with its derivatives counts once. Spared are the steps after a candidate reached its
-    threshold; in a test that was not begun at all, they are counted with the sub-steps of the last one that was. `told`
-    is what each test has added to squared misfits per step so far.
-    """
-
-    simulations: int = 0
-    steps: int = 0
-    spared: int = 0
-    told: dict[int, float] = field(default_factory=dict)
-
-    def as_record(self) -> Mapping[str, object]:
-        """The counts, for a journal."""
-        return {
-            "simulations": self.simulations,
-            "steps": self.steps,
-            "spared": self.spared,
-            "told": self.told,
-        }
-
-    def restore(self, record: Mapping[str, Any]) -> None:
-        """Count as a journal says."""
-        self.simulations, self.steps = record["simulations"], record["steps"]
-        self.spared = record["spared"]
-        self.told = {int(index): float(each) for index, each in record["told"].items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,4 +1,4 @@
-"""From starts to the result: short descents from all, long ones from the best, standard errors there."""
+"""Final least-squares fits from the starting points, and standard errors at the minimum."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.equivalent import Form
-from mrwork.identification.global_search import Exploration
-from mrwork.identification.levenberg_marquardt import Descended, descend
-from mrwork.identification.levenberg_marquardt_batch import descend_all
+from mrwork.identification.global_search import StartingPoints
+from mrwork.identification.levenberg_marquardt import Descended, descend, descend_all
+from mrwork.identification.linearisation import linearised
 from mrwork.identification.multistart import distinct_minima
 from mrwork.identification.objective import Objective
+from mrwork.identification.result import remark_of
 from mrwork.identification.settings import Engine
-from mrwork.identification.standard_error import jacobian, standard_errors
 
-# Evaluations of the last descent; of screening: those of every start, of the best few, and how many these are.
+# Residuals of the final fit; of the selection: residuals from every start, how many go on, residuals from these.
 _LAST_EVALUATIONS = 100
 _FIRST_EVALUATIONS = 15
 _SEMIFINALISTS = 4
@@ -31,7 +31,7 @@ OnStep = Callable[[int, float], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Polished:
-    """A minimum: parameters and standard errors, shape (n_params,), steps of the last descent, whether it arrived."""
+    """A minimum: parameters and standard errors, shape (n_params,), steps of the final fit, whether it converged."""
 
     theta: NDArray[np.float64]
     standard_errors: NDArray[np.float64]
@@ -41,30 +41,28 @@ class Polished:
 
 def polish(
     objective: Objective,
-    explored: Exploration,
+    points: StartingPoints,
     *,
     engine: Engine = "lanes",
     on_start: Callable[[Descended, float], None],
     on_step: OnStep,
 ) -> Polished:
-    """Screen the starts, then finish the best in lanes, or on the twin where that is asked for.
+    """Select the best starting points by short descents, then fit from these to convergence.
 
-    Standard errors are those of least squares there. Starts that are minima already need neither: the last steps there
-    are for whatever the iterations allowed had left, and for starts that were given.
+    Points that are minima already need no selection; there the final steps use iterations that the search did not have
+    and cover starts that were given. Standard errors are those of least squares at the minimum.
     """
-    form = explored.form
-    finalists = explored.starts
-    if not explored.descended:
-        finalists = best_few(
-            explored.objective, form.box, finalists, mirrored=form.mirrored, on_start=on_start
-        )
+    form = points.form
+    finalists = points.theta
+    if not points.minima:
+        finalists = best_few(points.objective, form.box, finalists, mirrored=form.mirrored, on_start=on_start)
     if engine == "twin":
         ended = _on_the_twin(objective, form, finalists, on_step)
-    elif explored.descended:
+    elif points.minima:
         ended = _side_by_side(objective, form, finalists, on_step)
     else:
         ended = _one_by_one(objective, form, finalists, on_step)
-    return _judged(objective, form, ended)
+    return _with_standard_errors(objective, form, ended)
 
 
 def _side_by_side(
@@ -95,7 +93,7 @@ def _one_by_one(objective: Objective, form: Form, starts: NDArray[np.float64], o
 
 
 def _on_the_twin(objective: Objective, form: Form, starts: NDArray[np.float64], on_step: OnStep) -> Descended:
-    # The one door to JAX, by pyproject.toml: it takes a second to load.
+    # The only import of JAX that pyproject.toml allows here: it takes a second to load.
     from mrwork.identification.levenberg_marquardt_twin import refine
 
     refinements = (refine(objective, form.box, start, on_step=on_step) for start in starts)
@@ -108,8 +106,8 @@ def _on_the_twin(objective: Objective, form: Form, starts: NDArray[np.float64], 
     )
 
 
-def _judged(objective: Objective, form: Form, ended: Descended) -> Polished:
-    """A minimum with its standard errors, which are those of least squares there."""
+def _with_standard_errors(objective: Objective, form: Form, ended: Descended) -> Polished:
+    """A minimum with its standard errors, which are those of least squares also where the power is another."""
     plain = objective.plain
     misfit = ended.misfit if objective.is_plain else float(plain(ended.theta[None])[0])
     errors = standard_errors(partial(jacobian, plain), form, ended.theta, misfit)
@@ -126,15 +124,15 @@ def best_few(
     mirrored: tuple[int, ...],
     on_start: Callable[[Descended, float], None],
 ) -> NDArray[np.float64]:
-    """Descend a little from every start, shape (n_starts, n_params), and to the end from the best of them.
+    """Run a short descent from every start, shape (n_starts, n_params), and longer ones from the best of them.
 
     Returns the `distinct_minima`, shape (1 or 2, n_params).
 
     Parameters
     ----------
     mirrored
-        Parameters whose signs can be changed together with little effect, but through a barrier that no
-        descent crosses; the best minimum is tried again from its mirror image.
+        Parameters whose signs can be changed together with little effect, but across a barrier that no descent
+        crosses; a further descent starts from the mirror image of the best minimum.
     on_start
         Called after every descent with the best so far and the share of the work done.
     """
@@ -165,3 +163,75 @@ def best_few(
 
 def _misfit(descended: Descended) -> float:
     return descended.misfit
+
+
+# A combination of parameters (each scaled to unit sensitivity) that changes the residuals less than this, relative to
+# the one that changes them most, is not identifiable. Rounding leaves about 1e-11.
+_INSENSITIVE = 1e-7
+
+
+def jacobian(objective: Objective, box: Box, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Derivative of the residuals with respect to the free parameters, shape (n_residuals, n_free)."""
+    return np.asarray(linearised(objective, theta[None], box.free)[1][0].T)
+
+
+def standard_errors(
+    derivative: Callable[[Box, NDArray[np.float64]], NDArray[np.float64]],
+    form: Form,
+    theta: NDArray[np.float64],
+    misfit: float,
+) -> NDArray[np.float64]:
+    """Standard error of each parameter of the model asked for, shape (n_params,); 0 for those that do not vary.
+
+    A parameter on its bound counts as known.
+
+    Parameters
+    ----------
+    derivative
+        Jacobian of the residuals with respect to the free parameters of a box, shape (n_residuals, n_free).
+    """
+    box = form.box
+    interior = [index for index in box.free if remark_of(box, index, theta[index]) == ""]
+    n_params = len(theta)
+    cov = np.zeros((n_params, n_params))
+    if interior:
+        lower, upper = list(box.lower), list(box.upper)
+        for index in set(box.free) - set(interior):
+            lower[index] = upper[index] = float(theta[index])
+        free = Box(names=box.names, lower=tuple(lower), upper=tuple(upper), log=box.log)
+        cov[np.ix_(interior, interior)] = covariance(derivative(free, theta), misfit)
+    return spread_through(form.back.jacobian(theta), cov)
+
+
+def covariance(jacobian: NDArray[np.float64], misfit: float) -> NDArray[np.float64]:
+    """Covariance of the columns' parameters, shape (n_params, n_params); NaN where they are not identifiable.
+
+    `cov = s^2 (J'J)^-1` with `s^2 = misfit^2 / (n_residuals - n_params)`, for the Jacobian of residuals whose sum
+    of squares is the squared misfit. Parameters that take part in a combination to which the residuals are insensitive
+    have NaN in their rows and columns.
+    """
+    n_residuals, n_params = jacobian.shape
+    result = np.full((n_params, n_params), np.nan)
+    norm = np.linalg.norm(jacobian, axis=0)
+    sensitive = np.flatnonzero(norm > 0.0)
+    if sensitive.size == 0 or n_residuals <= n_params or not np.all(np.isfinite(jacobian)):
+        return result
+    _, singular, right = np.linalg.svd(jacobian[:, sensitive] / norm[sensitive], full_matrices=False)
+    determined = singular > _INSENSITIVE * singular[0]
+    variance = misfit**2 / (n_residuals - n_params)
+    root = right[determined].T / singular[determined] / norm[sensitive, None]
+    block = variance * root @ root.T
+    undetermined = np.sum(right[~determined] ** 2, axis=0) > _INSENSITIVE
+    block[undetermined, :] = np.nan
+    block[:, undetermined] = np.nan
+    result[np.ix_(sensitive, sensitive)] = block
+    return result
+
+
+def spread_through(map_jacobian: NDArray[np.float64], cov: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Standard errors of mapped parameters, shape (n_mapped,), by the delta method; NaN is passed on."""
+    errors = np.empty(len(map_jacobian))
+    for index, row in enumerate(map_jacobian):
+        used = np.flatnonzero(row)
+        errors[index] = np.sqrt(row[used] @ cov[np.ix_(used, used)] @ row[used])
+    return errors

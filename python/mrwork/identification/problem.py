@@ -1,24 +1,30 @@
-"""What is identified: a model with its settings, as the objective that a search and a descent make small."""
+"""The problem that an identification solves, its fingerprint and provenance, and starting values that are given."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import platform
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import SettingError
+from mrwork import _rust
+from mrwork.dampers.parameters import LawName, current_laws
+from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import Form, identifiable_form
-from mrwork.identification.fit import Fit
+from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import offsets_left_to
 from mrwork.identification.objective import ROOT_MEAN_SQUARE, Objective
-from mrwork.identification.settings import FitSettings, Search
-from mrwork.identification.warm_start import check_starts
+from mrwork.identification.settings import FitSettings, Search, Start
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA
-from mrwork.store import Journal
+from mrwork.store import Journal, digest_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,3 +126,142 @@ def _completed(settings: FitSettings, spec: DamperSpec) -> FitSettings:
         search=settings.search or (Multistart() if spec.current is None else EfficientGA()),
         bounds=offsets_left_to(settings.nuisances, spec) | dict(settings.bounds),
     )
+
+
+_PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
+# Settings that a fit has as fields of their own.
+_APART = ("nuisances", "rng")
+
+
+def provenance_of(problem: Problem) -> Provenance:
+    """Versions, inputs by hash, and settings of an identification."""
+    tests = problem.objective.tests
+    record = problem.settings.as_record()
+    return Provenance(
+        versions={"python": platform.python_version()} | {name: _version(name) for name in _PACKAGES},
+        instruction_set=_rust.instruction_set(),
+        inputs={test.path or test.name: test.sha256 for test in tests},
+        settings={name: value for name, value in record.items() if name not in _APART}
+        | {
+            "windows": {
+                test.path or test.name: {
+                    "start": test.start_time,
+                    "dt": test.dt,
+                    "n_time": test.n_time,
+                    "n_settle": test.n_settle,
+                }
+                for test in tests
+            },
+        },
+        rng=problem.settings.rng,
+        created=datetime.now(UTC).isoformat(timespec="seconds"),
+    )
+
+
+def fingerprint_of(problem: Problem) -> dict[str, object]:
+    """All that the result follows from, bit for bit: a journal has it, and a run that resumes must have the same."""
+    settings = problem.settings.as_record()
+    return {
+        "model": problem.spec.name,
+        "current_laws": None if problem.spec.current is None else asdict(problem.spec.current),
+        "seed": settings.pop("rng"),
+        # The order in which bounds are given decides nothing.
+        "bounds": dict(sorted(settings.pop("bounds").items())),
+        **settings,
+        "test": [
+            {
+                "name": test.name,
+                "sha256": test.sha256,
+                "samples": test.n_time,
+                "settle_samples": test.n_settle,
+                "current": test.current,
+                "voltage": test.voltage,
+                "observation": test.observation.in_words,
+                # Windows, repairs and units of columns all show here.
+                "signals": digest_of(test.dt, test.displacement, test.velocity, test.force, test.observation),
+            }
+            for test in problem.objective.tests
+        ],
+        "version": {name: _version(name) for name in _PACKAGES},
+    }
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "unknown"
+
+
+def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
+    """What an earlier fit says of the parameters of a model: those that both have, by name and unit.
+
+    A law may be the same or of a higher degree, whose further coefficients then start where they change nothing.
+
+    Raises
+    ------
+    SettingError
+        Where nothing is shared, a law cannot be carried over, or the laws take another command.
+    """
+    earlier = fit.spec
+    plain, earlier_plain = damper(model.name), damper(earlier.name)
+    units = {parameter.name: parameter.unit for parameter in earlier_plain.parameters}
+    if model.current and earlier.current and model.current.unit != earlier.current.unit:
+        raise SettingError(
+            f"the laws of the earlier fit take {earlier.current.unit}, those of {model.name} "
+            f"{model.current.unit}; start from a fit in {model.current.unit}"
+        )
+    values = dict(zip(earlier.names, fit.theta, strict=True))
+    start: dict[str, float] = {}
+    for name in (each.name for each in plain.parameters if units.get(each.name) == each.unit):
+        was, law = _law_of(earlier, name), _law_of(model, name)
+        if law != was and not current_laws()[was].raised_to(current_laws()[law]):
+            raise SettingError(
+                f"{name} is {was} in the earlier fit and {law} in {model.name}; "
+                "a start can keep a law or raise its degree"
+            )
+        for parameter in model.parameters:
+            if parameter.name == name or (was == "constant" and parameter.name == f"{name}.0"):
+                start[parameter.name] = values[name]
+            elif parameter.name.startswith(f"{name}."):
+                start[parameter.name] = values.get(parameter.name, parameter.nominal)
+    if not start:
+        raise SettingError(
+            f"{model.name} shares no parameter with {earlier.name}; start from a model with some of "
+            f"{', '.join(plain.names)}"
+        )
+    if "eta" in model.names and "eta" in values:
+        start["eta"] = values["eta"]
+    return start
+
+
+def _law_of(spec: DamperSpec, name: str) -> LawName:
+    if spec.current is None:
+        return "constant"
+    return spec.current.laws[damper(spec.name).names.index(name)]
+
+
+def check_starts(spec: DamperSpec, form: Form, starts: Sequence[Start]) -> None:
+    """Refuse starts that cannot be used, before anything is searched.
+
+    Raises
+    ------
+    UnknownNameError
+        Where the model has no such parameter.
+    SettingError
+        Where a value is not finite, or the model is identified in a form that needs all of its parameters.
+    """
+    for start in starts:
+        for name, value in start.items():
+            if name not in spec.names:
+                raise UnknownNameError(
+                    f"a start names {name!r}, which {spec.name} does not have; it has {', '.join(spec.names)}"
+                )
+            if not isfinite(value):
+                raise SettingError(f"a start gives {name} the value {value}; a finite number is expected")
+        missing = [name for name in spec.names if name not in start]
+        if missing and form.spec.name != spec.name:
+            raise SettingError(
+                f"{spec.name} is identified as {form.spec.name}, which takes a start only as a whole; "
+                f"give {', '.join(missing)} too"
+            )

@@ -1,19 +1,54 @@
-"""Progress of an identification, and who is told of it."""
+"""Counts of simulations, progress reports and interruption of an identification."""
 
 from __future__ import annotations
 
+import threading
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 
-from mrwork.identification.objective import Tally
 from mrwork.store import Journal
 
 Stage = Literal["search", "screening", "refinement"]
 Unit = Literal["simulations", "%", "steps"]
+
+T = TypeVar("T")
+
+# Interval at which a wait for compiled code looks for Ctrl-C [s].
+_POLL_SECONDS = 0.05
+
+
+@dataclass(slots=True)
+class Tally:
+    """How many candidates have been simulated, in how many time steps, and how many steps were saved.
+
+    A candidate that was simulated with its derivatives counts once. `spared` are the steps after a candidate reached
+    its threshold; in a test that was not started at all, they are counted with the sub-steps of the last one that was.
+    `told` is what each test has added to squared misfits per step so far.
+    """
+
+    simulations: int = 0
+    steps: int = 0
+    spared: int = 0
+    told: dict[int, float] = field(default_factory=dict)
+
+    def as_record(self) -> Mapping[str, object]:
+        """The counts, for a journal."""
+        return {
+            "simulations": self.simulations,
+            "steps": self.steps,
+            "spared": self.spared,
+            "told": self.told,
+        }
+
+    def restore(self, record: Mapping[str, Any]) -> None:
+        """Set the counts to those of a journal."""
+        self.simulations, self.steps = record["simulations"], record["steps"]
+        self.spared = record["spared"]
+        self.told = {int(index): float(each) for index, each in record["told"].items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,14 +72,21 @@ class Progress:
 
 
 class Stopped(KeyboardInterrupt):
-    """The callback wants no more: a run ends the way Ctrl-C ends it, but with a result."""
+    """The progress callback asked to stop: the run ends as on Ctrl-C, but returns its result."""
+
+
+def was_stopped(interrupt: BaseException | None) -> bool:
+    """Whether the callback ended the run, also where `Stopped` is a cause of `interrupt`."""
+    while interrupt is not None and not isinstance(interrupt, Stopped):
+        interrupt = interrupt.__cause__
+    return interrupt is not None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Watch:
-    """The clock of an identification that `began` [s] then, its tally, and the callback that is told, if any.
+class Reporter:
+    """Calls the progress callback, if any, with the time since `began` [s] and the counts of the tally.
 
-    Nothing is told of what is recalled from a journal.
+    Steps that are recalled from a journal are not reported.
     """
 
     began: float
@@ -54,10 +96,10 @@ class Watch:
 
     @property
     def seconds(self) -> float:
-        """Since the identification began [s]."""
+        """Time since the identification began [s]."""
         return time.perf_counter() - self.began
 
-    def tell(
+    def report(
         self,
         stage: Stage,
         count: int,
@@ -91,3 +133,26 @@ class Watch:
         )
         if self.on_progress(progress):
             raise Stopped
+
+
+def interruptible(work: Callable[[], T]) -> T:
+    """Run `work` on a thread of its own, so that Ctrl-C reaches the caller while compiled code is running.
+
+    After an interrupt the thread is abandoned; it ends with the process.
+    """
+    outcome: list[T] = []
+    failure: list[BaseException] = []
+
+    def body() -> None:
+        try:
+            outcome.append(work())
+        except BaseException as error:  # raised again on the caller's thread
+            failure.append(error)
+
+    thread = threading.Thread(target=body, name="mrwork-refinement", daemon=True)
+    thread.start()
+    while thread.is_alive():
+        thread.join(_POLL_SECONDS)
+    if failure:
+        raise failure[0]
+    return outcome[0]

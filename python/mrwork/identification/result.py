@@ -1,17 +1,143 @@
-"""The result of an identification at a minimum."""
+"""From a minimum to a fit: free runs on the tests, estimates of the parameters."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.identification.estimate import estimates_of
-from mrwork.identification.fit import ErrorNorms, Fit, FitStatus, SearchTrace
-from mrwork.identification.free_run import judge
-from mrwork.identification.problem import Problem
-from mrwork.identification.provenance import provenance_of
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import DamperSpec
+from mrwork.identification.equivalent import Form
+from mrwork.identification.fit import ErrorNorms, Estimate, Fit, FitQuality, FitStatus, SearchTrace
+from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
+from mrwork.identification.problem import Problem, provenance_of
+from mrwork.identification.residual import ObservedTest
+from mrwork.records import DamperTest
+
+
+def free_run(
+    spec: DamperSpec,
+    theta: NDArray[np.float64],
+    test: DamperTest,
+    *,
+    nuisances: tuple[NuisanceName, ...] = (),
+    substep_factor: int = 1,
+) -> tuple[NDArray[np.float64], FitQuality]:
+    """Free-run a model on a test: its force as recorded [N], shape (n_time,), and how it compares.
+
+    Parameters
+    ----------
+    nuisances
+        What is estimated from the test itself before the comparison.
+
+    Raises
+    ------
+    SimulationError
+        Where the simulation diverges or cannot be resolved.
+    """
+    observed = ObservedTest.of(spec, test, nuisances)
+    force, nuisance, substeps = observed.predicted(theta, substep_factor=substep_factor)
+    return force, fit_quality(test, force, substeps=substeps, nuisance=nuisance)
+
+
+def fit_quality(
+    test: DamperTest, force: NDArray[np.float64], *, substeps: int, nuisance: Nuisance = NONE
+) -> FitQuality:
+    """Compare a free-run force [N], shape (n_time,), as the rig would have recorded it, with the measured one.
+
+    `E_t = e_t/s_F` and likewise `E_x`, `E_v`, with `e_t^2 = int r^2 dt`, `e_x^2 = int r^2 |x'| dt`,
+    `e_v^2 = int r^2 |v'| dt` and `s_F^2 = int (F - mean F)^2 dt` (Spencer et al. 1997, eqs. 13-16);
+    `fit % = 100 (1 - |r|/|F - mean F|)`, `NRMSE = rms(r)/std(F)`.
+    """
+    counted = test.counted
+    residual = (force - test.force)[counted]
+    deviation = test.force[counted] - test.force[counted].mean()
+    velocity = test.velocity[counted]
+    acceleration = np.gradient(test.velocity, test.dt)[counted]
+    s_F = np.trapezoid(deviation**2)
+    norms = (np.trapezoid(residual**2 * weight) / s_F for weight in (1.0, abs(velocity), abs(acceleration)))
+    e_t, e_x, e_v = (float(np.sqrt(norm)) for norm in norms)
+    rmse = float(np.sqrt(np.mean(residual**2)))
+    nrmse = rmse / float(np.std(test.force[counted]))
+    return FitQuality(
+        test=test.name,
+        fit_percent=100.0 * (1.0 - nrmse),
+        nrmse=nrmse,
+        rmse_n=rmse,
+        error_norms=ErrorNorms(time=e_t, displacement=e_x, velocity=e_v),
+        residual_autocorrelation=_lag_one(residual),
+        n_time=residual.size,
+        settle_seconds=test.n_settle * test.dt,
+        substeps=substeps,
+        observation=test.observation,
+        nuisance=nuisance,
+    )
+
+
+def _lag_one(residual: NDArray[np.float64]) -> float:
+    """Correlation of the residual with itself one sample later."""
+    centred = residual - residual.mean()
+    power = float(centred @ centred)
+    return float(centred[1:] @ centred[:-1]) / power if power > 0.0 else 0.0
+
+
+# Closer to a face of the box than this share of its width is on it.
+_ON_BOUND = 1e-4
+
+Remark = Literal["", "fixed", "at lower bound", "at upper bound", "not identifiable"]
+
+
+def estimates_of(
+    spec: DamperSpec,
+    form: Form,
+    theta: NDArray[np.float64],
+    errors: NDArray[np.float64] | None,
+    bounds: Mapping[str, tuple[float, float]],
+) -> tuple[Estimate, ...]:
+    """Estimates in the order of the model asked for; without `errors` no standard error is given."""
+    asked = Box.of(spec).with_bounds(bounds)
+    values = np.asarray(form.back(theta))
+    result = []
+    for index, parameter in enumerate(spec.parameters):
+        value = float(values[index])
+        remark: Remark = ""
+        if parameter.name in form.held:
+            remark = "fixed"
+        elif form.spec == spec:
+            remark = remark_of(form.box, index, value)
+        error = None
+        if errors is not None and remark == "":
+            error = float(errors[index])
+            if not np.isfinite(error):
+                error, remark = None, "not identifiable"
+        result.append(
+            Estimate(
+                name=parameter.name,
+                unit=parameter.unit,
+                value=value,
+                standard_error=error,
+                lower=asked.lower[index],
+                upper=asked.upper[index],
+                remark=remark,
+            )
+        )
+    return tuple(result)
+
+
+def remark_of(box: Box, index: int, value: float) -> Remark:
+    """Whether a parameter is fixed or lies on a face of the box."""
+    lower, upper = box.lower[index], box.upper[index]
+    if lower == upper:
+        return "fixed"
+    if box.log[index]:
+        lower, upper, value = np.log(lower), np.log(upper), np.log(value)
+    unit = (value - lower) / (upper - lower)
+    if unit < _ON_BOUND:
+        return "at lower bound"
+    return "at upper bound" if unit > 1.0 - _ON_BOUND else ""
 
 
 def fit_at(
@@ -35,7 +161,7 @@ def fit_at(
     """
     spec, objective = problem.spec, problem.objective
     values = np.asarray(problem.form.back(theta))
-    runs = [judge(spec, values, test, nuisances=objective.nuisances) for test in objective.tests]
+    runs = [free_run(spec, values, test, nuisances=objective.nuisances) for test in objective.tests]
     quality = tuple(each for _, each in runs)
     nrmse = _rms([each.nrmse for each in quality])
     return Fit(

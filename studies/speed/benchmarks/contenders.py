@@ -18,7 +18,7 @@ from benchmarks import search_peers as peers
 from benchmarks.attempt import Attempt, Contender, Method, ObjectiveName
 from benchmarks.search_job import HELD
 from mrwork import identify
-from mrwork.identification import Found, Multistart, search_starts
+from mrwork.identification import Multistart, MultistartResult, search_starts
 from mrwork.search import (
     CONSTRICTION,
     AbortableObjective,
@@ -153,7 +153,7 @@ def _multistart(attempt: Attempt, seed: int) -> None:
     job = attempt.job
     simulated = job.objective.tally.simulations
 
-    def look(found: Found, _: float) -> None:
+    def look(found: MultistartResult, _: float) -> None:
         nonlocal simulated
         now = found.evaluations[-1]
         attempt.account(now - simulated, found.best[-1])

@@ -6,8 +6,7 @@ from collections.abc import Mapping, Set
 
 from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-from mrwork.identification.fit import Fit
-from mrwork.identification.verdict import Direction, Identifiability, VerdictName
+from mrwork.identification.fit import Direction, Fit, Identifiability, VerdictName
 from mrwork.report import numbers, style
 from mrwork.report.fit.canvas import small_axes
 from mrwork.report.fit.section import Group, Panel, Section, Table, panel, table

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrwork.identification.fit import Fit
-from mrwork.identification.free_run import judge
+from mrwork.identification.result import free_run
 from mrwork.records import DamperTest
 from mrwork.report.comparison import Comparison
 from mrwork.report.fit.bands import band_section
@@ -58,7 +58,9 @@ _PLAN = Absent(
 def comparisons_of(fit: Fit, tests: Sequence[DamperTest]) -> tuple[Comparison, ...]:
     """The tests of a fit, each with the force that its model gives; simulated where the fit was read from its file."""
     theta = np.array(fit.theta)
-    forces = fit.forces or tuple(judge(fit.spec, theta, test, nuisances=fit.nuisances)[0] for test in tests)
+    forces = fit.forces or tuple(
+        free_run(fit.spec, theta, test, nuisances=fit.nuisances)[0] for test in tests
+    )
     return tuple(
         Comparison(test=test, model_force=force, quality=quality)
         for test, force, quality in zip(tests, forces, fit.quality, strict=True)

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec
-from mrwork.identification.free_run import judge
 from mrwork.identification.nuisance import NuisanceName
+from mrwork.identification.result import free_run
 from mrwork.records import DamperTest
 from mrwork.records.motion import whole_cycles
 from mrwork.summary import Summarised, Summary
@@ -83,7 +83,7 @@ def predict_test(
     nuisances: tuple[NuisanceName, ...] = (),
 ) -> Prediction:
     """Simulate a test with parameters `theta`, shape (n_params,); what it raises is as for `judge`."""
-    force, _ = judge(spec, theta, test, nuisances=nuisances)
+    force, _ = free_run(spec, theta, test, nuisances=nuisances)
     return Prediction(test=test, model_force=force)
 
 

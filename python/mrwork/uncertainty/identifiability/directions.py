@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.identification.verdict import Change
+from mrwork.identification.fit import Change
 
 # Shares smaller than this of the largest are rounding, or nothing to speak of.
 _SPOKEN = 0.03

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.identification.verdict import Change, Direction, Identifiability, Verdict
+from mrwork.identification.fit import Change, Direction, Identifiability, Verdict
 from mrwork.uncertainty.identifiability.directions import (
     changes_along,
     listed,

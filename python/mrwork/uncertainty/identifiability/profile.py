@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.parameters import ParamSpec
-from mrwork.identification.verdict import VerdictName
+from mrwork.identification.fit import VerdictName
 from mrwork.summary import Summarised, Summary, rounded
 from mrwork.uncertainty.identifiability.curvature import Scaled
 from mrwork.uncertainty.identifiability.information import WEAK

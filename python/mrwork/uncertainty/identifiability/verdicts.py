@@ -9,12 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
-from mrwork.identification.estimate import remark_of
-from mrwork.identification.fit import Fit
+from mrwork.identification.fit import Fit, Identifiability, Verdict
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
-from mrwork.identification.verdict import Identifiability, Verdict
+from mrwork.identification.result import remark_of
 from mrwork.records import DamperTest
 from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
 from mrwork.uncertainty.identifiability.information import judged

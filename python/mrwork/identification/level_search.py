@@ -1,0 +1,311 @@
+"""Starting points of a model with current laws: fits of the plain model at each command, and laws through them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.parameters import LawName, current_laws
+from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.errors import Interrupted, SettingError
+from mrwork.identification.equivalent import Form
+from mrwork.identification.global_search import (
+    OnSearch,
+    StartingPoints,
+    check_found,
+    generations_told,
+    interrupted_at,
+    joined_trace,
+    search_box_with,
+)
+from mrwork.identification.levenberg_marquardt import Descended, descend
+from mrwork.identification.objective import Objective
+from mrwork.identification.problem import Problem
+from mrwork.identification.search_ranges import search_box
+from mrwork.records import DamperTest
+from mrwork.records.window import excerpt
+from mrwork.search import Optimiser, SearchResult
+from mrwork.search.loop import GenerationEvent
+from mrwork.simulate import loading_of
+
+# Starting points of the joint fit.
+_JOINT_STARTS = 8
+# Starts of the descents at each command, residuals of each descent, how many minima are kept, residuals of theirs.
+_STARTS = 12
+_EVALUATIONS = 15
+_MINIMA = 5
+_LAST_EVALUATIONS = 60
+# Descents at one command may leave the searched range by this factor only: laws are drawn through what they find, and
+# an insensitive parameter at the end of its admissible range would spoil them.
+_BEYOND = 10.0
+# Standard deviation of the random factor on the values that further starting points are drawn through.
+_SPREAD = 0.25
+# Largest exponent of a law [1/A or 1/V], either sign.
+_EXPONENT = 5.0
+# Coefficients may reach this multiple of the range that is searched.
+_MARGIN = 10.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LevelFit:
+    """The plain model at one command [A or V]: minima, shape (n_minima, n_plain), best first; the search, if any."""
+
+    command: float
+    minima: NDArray[np.float64]
+    search: SearchResult[Any] | None
+
+
+def points_of_levels(problem: Problem, search: Optimiser[Any], *, on_search: OnSearch) -> StartingPoints:
+    """Fit the plain model at each command, and draw the laws through the fits.
+
+    The plain model is searched at the middle command; at each further command the descents start from the minima at
+    the neighbouring one.
+
+    Raises
+    ------
+    SimulationError
+        Where no candidate could be simulated.
+    Interrupted
+        On Ctrl-C, carrying `StartingPoints` with one point, of laws through the fits so far.
+    """
+    objective, form, rng = problem.objective, problem.form, problem.settings.rng
+    excerpts = tuple(excerpt(test) for test in objective.tests)
+    plain = damper(form.spec.name)
+    box = Box.of(plain).with_bounds(
+        {
+            name: (form.box.lower[index], form.box.upper[index])
+            for index, name in enumerate(form.box.names)
+            if name in plain.names
+        }
+    )
+    levels = levels_of(form.spec, excerpts)
+    commands = sorted(levels)
+    fits: list[LevelFit] = []
+    searches: list[SearchResult[Any]] = []
+
+    def at(command: float) -> Objective:
+        return objective.on(plain, levels[command])
+
+    middle = len(commands) // 2
+    try:
+        first = search_level(
+            at(commands[middle]),
+            box,
+            commands[middle],
+            search=search,
+            rng=rng,
+            on_generation=generations_told(search, on_search, n_searches=len(levels)),
+        )
+        fits.append(first)
+        if first.search is not None:
+            searches.append(first.search)
+            check_found(form.spec, first.search)
+        for outward in (commands[middle + 1 :], commands[:middle][::-1]):
+            neighbour, there = first, at(first.command)
+            for command in outward:
+                here = at(command)
+                neighbour, there = follow_level(here, box, command, neighbour, there), here
+                fits.append(neighbour)
+                best = float(here(neighbour.minima[:1])[0])
+                on_search(0, best, np.nan, len(fits) / len(levels))
+    except KeyboardInterrupt as interrupt:
+        if isinstance(interrupt, Interrupted) and np.isfinite(interrupt.result.best_misfit):
+            searched = search_box(plain, box, levels[commands[middle]])
+            best_so_far = np.asarray(searched.theta_from_unit(interrupt.result.best_unit))
+            fits.append(LevelFit(command=commands[middle], minima=best_so_far[None], search=None))
+            searches.append(interrupt.result)
+        if not fits:
+            raise KeyboardInterrupt from interrupt
+        theta = joint_starts(form.spec, fits, 1, rng=rng)[0]
+        raise interrupted_at(theta, objective, form, joined_trace(searches)) from interrupt
+    fits.sort(key=lambda fit: fit.command)
+    starts = joint_starts(form.spec, fits, _JOINT_STARTS, rng=rng)
+    searched = search_box(plain, box, excerpts)
+    joint_form = replace(
+        form, box=_limited(form, law_box(form.spec, searched, np.array(commands), margin=_MARGIN))
+    )
+    return StartingPoints(
+        objective=objective.on(form.spec, excerpts),
+        form=joint_form,
+        theta=np.array([joint_form.box.inside(start) for start in starts]),
+        trace=joined_trace(searches),
+    )
+
+
+def levels_of(spec: DamperSpec, tests: tuple[DamperTest, ...]) -> dict[float, tuple[DamperTest, ...]]:
+    """The tests at each command, lowest first.
+
+    Raises
+    ------
+    SettingError
+        Where there are fewer commands than a law has coefficients.
+    """
+    commands = [float(np.mean(np.asarray(loading_of(test, spec).command))) for test in tests]
+    # Measured commands of one level differ by noise.
+    level_of = np.round(np.array(commands), 2)
+    levels = {
+        float(level): tuple(test for test, own in zip(tests, level_of, strict=True) if own == level)
+        for level in np.unique(level_of)
+    }
+    current = spec.current
+    if current is not None:
+        needed = 1 + max(_fitted_degree(law) for law in current.laws)
+        if len(levels) < needed:
+            raise SettingError(
+                f"the tests run at {len(levels)} command(s), the laws asked for need {needed}; "
+                "add tests at other commands, or choose laws of a lower degree"
+            )
+    return levels
+
+
+def search_level(
+    objective: Objective,
+    box: Box,
+    command: float,
+    *,
+    search: Optimiser[Any],
+    rng: int,
+    on_generation: Callable[[GenerationEvent[Any]], None],
+) -> LevelFit:
+    """Fit the plain model at one command by a global search followed by descents."""
+    searched = search_box(objective.spec, box, objective.tests)
+    found = search_box_with(search, objective, searched, rng=rng, on_generation=on_generation)
+    starts = np.asarray(searched.theta_from_unit(found.elite[:_STARTS]))
+    return LevelFit(command=command, minima=_minima(objective, box, searched, starts), search=found)
+
+
+def follow_level(
+    objective: Objective, box: Box, command: float, neighbour: LevelFit, neighbours: Objective
+) -> LevelFit:
+    """Fit the plain model at one command from the minima at a neighbouring one, as they are and scaled by the force."""
+    searched = search_box(objective.spec, box, objective.tests)
+    ratio = _force(objective) / _force(neighbours)
+    is_force = np.array([parameter.unit.startswith("N") for parameter in objective.spec.parameters])
+    starts = np.concatenate(
+        [neighbour.minima, np.where(is_force, ratio * neighbour.minima, neighbour.minima)]
+    )
+    return LevelFit(command=command, minima=_minima(objective, box, searched, starts), search=None)
+
+
+def _force(objective: Objective) -> float:
+    return float(np.mean([np.std(test.force) for test in objective.tests]))
+
+
+def _minima(
+    objective: Objective, box: Box, searched: Box, starts: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The best minima, best first, shape (n_minima, n_params)."""
+    near = box.with_bounds(_widened(searched, box))
+
+    def descents(starts: NDArray[np.float64], evaluations: int) -> list[Descended]:
+        found = (descend(objective, near, start, max_evaluations=evaluations) for start in starts)
+        return sorted(found, key=lambda descended: descended.misfit)
+
+    inside = np.clip(starts, near.lower, near.upper)
+    first = np.array([descended.theta for descended in descents(inside, _EVALUATIONS)[:_MINIMA]])
+    return np.array([descended.theta for descended in descents(first, _LAST_EVALUATIONS)])
+
+
+def _widened(searched: Box, box: Box) -> dict[str, tuple[float, float]]:
+    bounds = {}
+    for index, name in enumerate(searched.names):
+        lower, upper = searched.lower[index], searched.upper[index]
+        if searched.log[index]:
+            lower, upper = lower / _BEYOND, upper * _BEYOND
+        else:
+            middle, half = (lower + upper) / 2, (upper - lower) / 2
+            lower, upper = middle - _BEYOND * half, middle + _BEYOND * half
+        bounds[name] = (max(lower, box.lower[index]), min(upper, box.upper[index]))
+    return bounds
+
+
+def joint_starts(spec: DamperSpec, levels: list[LevelFit], n_starts: int, *, rng: int) -> NDArray[np.float64]:
+    """Coefficients of the laws drawn through fits at several commands, shape (n_starts, n_params).
+
+    The first start passes through the best minimum at each command, the others through a random one, each parameter
+    multiplied by a log-normal factor with a standard deviation of a quarter.
+    """
+    random = np.random.default_rng([rng, n_starts])
+    commands = np.array([level.command for level in levels])
+    starts = []
+    for start in range(n_starts):
+        values = np.array(
+            [level.minima[0 if start == 0 else random.integers(len(level.minima))] for level in levels]
+        )
+        if start > 0:
+            values = values * np.exp(_SPREAD * random.standard_normal(values.shape))
+        starts.append(_through(spec, commands, values))
+    return np.array(starts)
+
+
+def _through(
+    spec: DamperSpec, commands: NDArray[np.float64], values: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Coefficients of the laws that fit `values`, shape (n_levels, n_plain), in the least-squares sense."""
+    if spec.current is None:
+        return np.asarray(values[0])
+    theta: list[float] = []
+    for law, column in zip(spec.current.laws, values.T, strict=True):
+        if current_laws()[law].degree == 0:
+            theta.append(float(np.median(column)))
+            continue
+        wanted = _fitted_degree(law)
+        degree = min(wanted, len(commands) - 1)
+        straight = list(np.polyfit(commands, column, degree)[::-1]) + [0.0] * (wanted - degree)
+        if current_laws()[law].degree is None:
+            # a + b exp(-u) with the end values of the straight line.
+            lowest, highest = commands.min(), commands.max()
+            rise = straight[1] * (highest - lowest) / (np.exp(-highest) - np.exp(-lowest) or 1.0)
+            straight = [straight[0] + straight[1] * lowest - rise * np.exp(-lowest), rise, -1.0]
+        theta += straight
+    if spec.current.lagged:
+        theta.append(spec.parameters[-1].nominal)
+    box = Box.of(spec)
+    return np.clip(theta, box.lower, box.upper)
+
+
+def law_box(spec: DamperSpec, searched: Box, commands: NDArray[np.float64], *, margin: float = 1.0) -> Box:
+    """Ranges of the coefficients of the laws, from `margin` times the searched ranges of the plain model.
+
+    A coefficient may have either sign, and at the largest command its term reaches the end of the parameter's range.
+    """
+    largest = max(float(np.max(np.abs(commands))), 1e-3)
+    bounds: dict[str, tuple[float, float]] = {}
+    whole = Box.of(spec)
+    for index, parameter in enumerate(spec.parameters):
+        name, dot, power = parameter.name.partition(".")
+        if not dot:
+            continue
+        plain = searched.names.index(name)
+        reach = margin * max(abs(searched.lower[plain]), abs(searched.upper[plain]))
+        if parameter.is_exponent:
+            reach = _EXPONENT
+        elif spec.current is not None and current_laws()[spec.current.laws[plain]].degree is not None:
+            reach /= largest ** int(power)
+        bounds[parameter.name] = (max(-reach, whole.lower[index]), min(reach, whole.upper[index]))
+    return whole.with_bounds(bounds)
+
+
+def _limited(form: Form, limits: Box) -> Box:
+    """The box of a form, with coefficients that have no bounds of the user no wider than `limits`.
+
+    Descents run in the logit of the range; over 1e9 either way the logit resolves useful values poorly.
+    """
+    whole = Box.of(form.spec)
+    narrowed = {}
+    for index, name in enumerate(whole.names):
+        own = (form.box.lower[index], form.box.upper[index])
+        if own == (whole.lower[index], whole.upper[index]):
+            narrowed[name] = (limits.lower[index], limits.upper[index])
+    return form.box.with_bounds(narrowed)
+
+
+def _fitted_degree(law: LawName) -> int:
+    """Degree of the polynomial that is fitted over the commands; an exponential starts from a straight line."""
+    degree = current_laws()[law].degree
+    return 1 if degree is None else degree
