@@ -57,6 +57,18 @@ class DamperSpec(Summarised):
         """Typical parameter values, shape (n_params,)."""
         return np.array([parameter.nominal for parameter in self.parameters])
 
+    @property
+    def spring(self) -> tuple[int, int] | None:
+        """Indices of the accumulator's stiffness k and free length x0, `None` where the model has no such constants.
+
+        Its force k (x - x0) depends on x0 through the product k x0 alone.
+        """
+        plain = {parameter.name for parameter in self.plain}
+        stiffness = next((name for name in ("k1", "k", "k0") if name in plain), "")
+        if "x0" not in self.names or stiffness not in self.names:
+            return None
+        return self.names.index(stiffness), self.names.index("x0")
+
     def with_current_laws(
         self, laws: Mapping[str, LawName], *, unit: CommandUnit = "A", lagged: bool = False
     ) -> DamperSpec:

@@ -59,7 +59,7 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
         )
     if equivalent is None:
         box = Box.of(spec).with_bounds(bounds)
-        return Form(spec=spec, box=box, back=_SAME, forth=_SAME, mirrored=_mirrored(box))
+        return Form(spec=spec, box=box, back=_SAME, forth=_SAME, mirrored=_mirrored(spec, box))
     checked = Box.of(spec).with_bounds(bounds)
     index = spec.names.index("A")
     scale = spec.parameters[index].nominal
@@ -82,16 +82,14 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
         back=equivalent.back.at(scale),
         forth=equivalent.forth,
         held=("A",),
-        mirrored=_mirrored(box),
+        mirrored=_mirrored(normalised, box),
     )
 
 
-def _mirrored(box: Box) -> tuple[int, ...]:
-    """The stiffness k, or k1, and its free length x0, where both are free and may have either sign."""
-    stiffness = "k1" if "k1" in box.names else "k"
-    pair = tuple(box.names.index(name) for name in (stiffness, "x0") if name in box.names)
-    free = all(box.lower[index] < 0.0 < box.upper[index] for index in pair)
-    return pair if len(pair) == 2 and free else ()
+def _mirrored(spec: DamperSpec, box: Box) -> tuple[int, ...]:
+    """Stiffness and free length of the model's spring, where both are free and may have either sign."""
+    pair = spec.spring or ()
+    return pair if all(box.lower[index] < 0.0 < box.upper[index] for index in pair) else ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
