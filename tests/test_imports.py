@@ -27,11 +27,11 @@ with open(sys.argv[1], "rb") as file:
 NO_JAX = "\nassert not {'jax', 'equinox', 'optimistix', 'numpyro'} & set(sys.modules)"
 VERBS = {
     "identifiability": "mr.identifiability_of(fit, [test])",
-    "profile": "mr.profile_likelihood(fit, [test], parameters=['k_w'])",
+    "profile": "mr.profile(fit, [test], parameters=['k_w'])",
     "plan": "from mrwork.uncertainty.planning.candidates import Candidate\n"
-    "mr.plan_next_test(fit, [test], [Candidate(amplitude=0.01, frequency=each) for each in (1.0, 2.0)])",
-    "sample": "mr.sample_posterior('bouc_wen', test, start=fit, most_steps=20)",
-    "predict and calibrate": "mr.calibrate([mr.predict_test(fit.spec, np.array(fit.theta), other)], held_out='')",
+    "mr.plan(fit, [test], [Candidate(amplitude=0.01, frequency=each) for each in (1.0, 2.0)])",
+    "sample": "mr.sample(fit, test, most_steps=20)",
+    "predict and calibrate": "mr.calibrate([mr.predict(fit, other)], held_out='')",
     "choose": "mr.choose_model([test, other], models=['bingham', 'viscous_dahl'])",
 }
 

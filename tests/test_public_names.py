@@ -14,7 +14,6 @@ from pathlib import Path
 from types import ModuleType
 
 import measured_data
-import numpy as np
 import pytest
 
 import mrwork as mr
@@ -127,7 +126,7 @@ def results() -> dict[str, object]:
         "building": mr.building("uts"),
         "law": mr.ControlLaw(name="passive", gains={"command": [1.0]}),
         "spec": mr.damper("modified_bouc_wen"),
-        "prediction": mr.predict_test(fit.spec, np.array(fit.theta), test),
+        "prediction": mr.predict(fit, test),
     }
 
 

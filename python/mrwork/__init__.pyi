@@ -47,11 +47,11 @@ from .synthetic import synthetic_test as synthetic_test
 from .uncertainty.bands.conformal import Calibration as Calibration
 from .uncertainty.bands.conformal import calibrate as calibrate
 from .uncertainty.bands.prediction import Prediction as Prediction
-from .uncertainty.bands.prediction import predict_test as predict_test
+from .uncertainty.bands.prediction import predict as predict
+from .uncertainty.choice.choose import Choice as Choice
 from .uncertainty.choice.choose import choose_model as choose_model
-from .uncertainty.choice.comparison import Choice as Choice
-from .uncertainty.identifiability.profiling import profile_likelihood as profile_likelihood
+from .uncertainty.identifiability.profile_likelihood import profile as profile
 from .uncertainty.identifiability.verdicts import identifiability_of as identifiability_of
-from .uncertainty.planning.plan import plan_next_test as plan_next_test
+from .uncertainty.planning.plan import plan as plan
 from .uncertainty.posterior.draws import Draws as Draws
-from .uncertainty.posterior.sample import sample_posterior as sample_posterior
+from .uncertainty.posterior.sample import sample as sample

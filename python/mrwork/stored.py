@@ -13,7 +13,7 @@ from mrwork.store.run_folder import FIT, PLAN, PROFILES, RANKING, RESULTS
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.calibration_files import StoredBands, read_bands
 from mrwork.uncertainty.bands.conformal import Calibration
-from mrwork.uncertainty.choice.verdict import Ranking
+from mrwork.uncertainty.choice.ranking import Ranking
 from mrwork.uncertainty.identifiability.profile import Profiles
 from mrwork.uncertainty.planning.plan_draws import Check
 from mrwork.uncertainty.posterior.draws_file import StoredDraws, read_draws

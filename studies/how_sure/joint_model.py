@@ -17,8 +17,8 @@ from mrwork.uncertainty import (
     Noise,
     Prediction,
     calibrate,
+    predict,
     predict_left_out,
-    predict_test,
 )
 from random_scale import next_test_half_width
 from rig_tests import CURRENTS, MOTIONS, rig_test
@@ -46,8 +46,7 @@ def outcomes_of(found: LeftOut, *, rng: int) -> Iterator[Outcome]:
     everything = {test.name: test for test in tests()}
     seen: dict[int, list[Prediction]] = {}
     for fit in found.fits:
-        theta = np.array(fit.theta)
-        seen[id(fit)] = [predict_test(SPEC, theta, everything[quality.test]) for quality in fit.quality]
+        seen[id(fit)] = [predict(fit, everything[quality.test]) for quality in fit.quality]
     for prediction in found.predictions:
         fit = next(fit for names, fit in fits.items() if prediction.test.name not in names)
         for noise in NOISES.values():

@@ -14,8 +14,8 @@ from mrwork.uncertainty import (
     Prediction,
     calibrate,
     noise_band,
-    predict_test,
-    sample_posterior,
+    predict,
+    sample,
     simulate_draws,
 )
 from random_scale import next_test_half_width
@@ -41,20 +41,17 @@ def fitted(current: str, *, rng: int, threads: int) -> Fitted:
     test = rig_test(FITTED, current)
     fit = identify(MODEL, test, rng=rng, threads=threads)
     others = [motion for motion in MOTIONS if motion != FITTED]
-    theta = np.array(fit.theta)
     return Fitted(
         test=test,
         fit=fit,
-        predictions={motion: predict_test(fit.spec, theta, rig_test(motion, current)) for motion in others},
+        predictions={motion: predict(fit, rig_test(motion, current)) for motion in others},
     )
 
 
 def noise_outcomes(current: str, at: Fitted, *, rng: int, threads: int) -> Iterator[Outcome]:
     """What each noise model promises from the posterior of the one test."""
     for name, noise in NOISES.items():
-        draws = sample_posterior(
-            at.fit.spec, at.test, start=at.fit, noise=name, rng=rng, threads=threads, most_steps=_MOST_STEPS
-        )
+        draws = sample(at.fit, at.test, noise=name, rng=rng, threads=threads, most_steps=_MOST_STEPS)
         print(f"# {current} {name}: {draws.verdict}", flush=True)
         stream = np.random.default_rng([rng, len(name)])
         chosen = stream.choice(len(draws.theta), _DRAWS, replace=False)

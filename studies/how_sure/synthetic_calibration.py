@@ -22,7 +22,7 @@ from mrwork.uncertainty import (
     Normal,
     noise_band,
     noise_model,
-    sample_posterior,
+    sample,
     score,
     simulate_draws,
 )
@@ -115,10 +115,9 @@ def replicate(model: str, noise_name: str, stream: np.random.Generator, *, threa
     other = noisy_test(spec, truth, noise, noise_truth, amplitude=0.006, frequency=3.0, stream=stream)
     bounds = {name: (box.lower[index], box.upper[index]) for index, name in enumerate(box.names)}
     fit = identify(spec, test, bounds=bounds, rng=0, threads=threads)
-    draws = sample_posterior(
-        spec,
+    draws = sample(
+        fit,
         test,
-        start=fit,
         noise=noise_name,
         priors={f"noise.{name}": prior for name, prior in NOISES[noise_name].items()},
         tempering=1.0,

@@ -9,7 +9,7 @@ import pytest
 
 from mrwork.cli.progress import choice_described, described
 from mrwork.identification.progress import Progress
-from mrwork.uncertainty.choice.comparison import ChoiceProgress
+from mrwork.uncertainty.choice.choose import ChoiceProgress
 
 BEGAN = Progress(
     stage="search",

@@ -9,9 +9,8 @@ from mrwork.report import numbers
 from mrwork.report.ranking_figure import ranking_figure
 from mrwork.report.ranking_rows import ranking_rows
 from mrwork.report.svg import svg_bytes
-from mrwork.uncertainty.choice.psis import LeaveOneOut
-from mrwork.uncertainty.choice.ranking import Evidence, rank
-from mrwork.uncertainty.choice.verdict import Ranking, concluded
+from mrwork.uncertainty.choice.leave_one_out import LeaveOneOut
+from mrwork.uncertainty.choice.ranking import Evidence, Ranking, concluded, rank
 
 
 def family(model: str, n_params: int, *left_out: float, reason: str = "") -> Evidence:

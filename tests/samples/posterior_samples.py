@@ -12,8 +12,7 @@ from mrwork.identification.identify import identify
 from mrwork.records import DamperTest, build_damper_test
 from mrwork.simulate import Loading, simulate_force
 from mrwork.uncertainty.noise import noise_model
-from mrwork.uncertainty.posterior.prepare import prepared
-from mrwork.uncertainty.posterior.sampling import Sampling
+from mrwork.uncertainty.posterior.problem import SamplingProblem
 
 MODEL = "viscous_dahl"
 NOISE_N = 20.0
@@ -34,7 +33,7 @@ def small_fit() -> Fit:
     return identify(MODEL, small_test(), rng=1)
 
 
-def small_sampling(noise: str = "iid", **settings: object) -> Sampling:
+def small_sampling(noise: str = "iid", **settings: object) -> SamplingProblem:
     plain: dict[str, object] = {
         "noise": noise_model(noise).name,
         "priors": {},
@@ -43,4 +42,4 @@ def small_sampling(noise: str = "iid", **settings: object) -> Sampling:
         "rng": 0,
         "threads": 1,
     }
-    return prepared(damper(MODEL), (small_test(),), small_fit(), **(plain | settings))  # type: ignore[arg-type]
+    return SamplingProblem.of_fit(small_fit(), (small_test(),), **(plain | settings))  # type: ignore[arg-type]

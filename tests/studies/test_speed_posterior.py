@@ -24,7 +24,7 @@ def test_the_job_has_nine_dimensions_and_walkers_inside(job: PosteriorJob) -> No
 @pytest.mark.parametrize("unroll", [0, 2])
 def test_the_density_on_jax_is_ours(job: PosteriorJob, unroll: int) -> None:
     from benchmarks.posterior_jax import JaxTarget, JaxVariant
-    from mrwork.uncertainty.posterior.twin_target import substeps_at
+    from mrwork.uncertainty.posterior.nuts import substeps_at
 
     values, _ = job.target.space.values(job.walkers)
     here = substeps_at(job.target, job.start)

@@ -11,13 +11,18 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify
 from mrwork.records import DamperTest
 from mrwork.synthetic import synthetic_test
-from mrwork.uncertainty.bands.band import Band, score
+from mrwork.uncertainty.bands.band import (
+    Band,
+    next_test_quantile,
+    noise_band,
+    parameter_band,
+    pooled_quantile,
+    score,
+    simulate_draws,
+)
 from mrwork.uncertainty.bands.conformal import calibrate
 from mrwork.uncertainty.bands.cycle import cycles_of, errors_over_cycles
-from mrwork.uncertainty.bands.left_out import Fold, predict_left_out
-from mrwork.uncertainty.bands.parametric import noise_band, parameter_band, simulate_draws
-from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles
-from mrwork.uncertainty.bands.quantile import next_test_quantile, pooled_quantile
+from mrwork.uncertainty.bands.prediction import Fold, Prediction, has_regular_cycles, predict_left_out
 from mrwork.uncertainty.noise import NOISES
 
 DAMPING, STIFFNESS = 1000.0, 20000.0

@@ -11,7 +11,7 @@ from sinusoidal_tests import PER_CYCLE, sinusoidal_test
 from mrwork.dampers.spec import damper
 from mrwork.records import DamperTest
 from mrwork.uncertainty.autocorrelation import autocorrelation_time
-from mrwork.uncertainty.choice.blocks import blocks_of, longest_memory
+from mrwork.uncertainty.choice.leave_one_out import blocks_of, longest_memory
 
 
 @pytest.fixture(scope="module")

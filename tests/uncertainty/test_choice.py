@@ -19,9 +19,8 @@ from mrwork.identification.multistart import Multistart
 from mrwork.records import DamperTest
 from mrwork.store import Journal
 from mrwork.store.unfinished import StepJournals
-from mrwork.uncertainty.choice.choose import choose_model
-from mrwork.uncertainty.choice.comparison import Choice, ChoiceProgress
-from mrwork.uncertainty.choice.held_out import halves
+from mrwork.uncertainty.bands.prediction import halves
+from mrwork.uncertainty.choice.choose import Choice, ChoiceProgress, choose_model
 
 VISCOUS_DAHL = (800.0, 900.0, 2000.0, 20.0)
 FEW = Multistart(samples=10, starts=4, most_rounds=2, found=2)

@@ -6,15 +6,15 @@ from posterior_samples import small_fit, small_test
 
 from mrwork.identification.identify import identify
 from mrwork.uncertainty.noise import NOISES
-from mrwork.uncertainty.posterior.fisher import fisher_information, residual_slope
-from mrwork.uncertainty.posterior.prepare import prepared
+from mrwork.uncertainty.posterior.laplace import fisher_information, residual_slope
+from mrwork.uncertainty.posterior.problem import SamplingProblem
 
 
 @pytest.mark.parametrize("model", ["viscous_dahl", "normalised_bouc_wen"])
 def test_slope_is_that_of_the_residuals_over_the_position(model: str) -> None:
     fit = small_fit() if model == small_fit().model else identify(model, small_test(), rng=0, threads=1)
-    target = prepared(
-        fit.spec, (small_test(),), fit, noise="iid", priors={}, tempering=0.5, walkers=32, rng=0, threads=1
+    target = SamplingProblem.of_fit(
+        fit, (small_test(),), noise="iid", priors={}, tempering=0.5, walkers=32, rng=0, threads=1
     ).target
     theta = np.asarray(target.form.box.inside(target.form.forth(np.array(fit.theta))))
     values = target.space.box.inside(np.concatenate([theta, NOISES["iid"].parameters and [0.05]]))
@@ -37,8 +37,8 @@ def test_slope_is_that_of_the_residuals_over_the_position(model: str) -> None:
 
 def test_information_of_what_the_data_do_not_see_is_that_of_an_even_spread() -> None:
     fit = small_fit()
-    target = prepared(
-        fit.spec, (small_test(),), fit, noise="iid", priors={}, tempering=1e-20, walkers=32, rng=0, threads=1
+    target = SamplingProblem.of_fit(
+        fit, (small_test(),), noise="iid", priors={}, tempering=1e-20, walkers=32, rng=0, threads=1
     ).target
     theta = np.asarray(target.form.box.inside(np.array(fit.theta)))
     position = np.asarray(target.space.position(target.space.box.inside(np.append(theta, 0.05))))

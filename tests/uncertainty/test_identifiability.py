@@ -14,8 +14,13 @@ from mrwork.identification.fit import Change, Estimate, Fit, Identifiability
 from mrwork.identification.identify import identify
 from mrwork.records import DamperTest
 from mrwork.synthetic import synthetic_test
-from mrwork.uncertainty.identifiability.directions import changes_along, sparse_basis, told_combinations
-from mrwork.uncertainty.identifiability.information import WEAK, judged
+from mrwork.uncertainty.identifiability.information import (
+    WEAK,
+    changes_along,
+    judged,
+    sparse_basis,
+    told_combinations,
+)
 from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
 TEST = synthetic_test("spencer1997_fast")

@@ -6,18 +6,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from posterior_samples import MODEL, small_fit, small_sampling, small_test
+from posterior_samples import small_fit, small_sampling, small_test
 from scipy.stats import ks_2samp
 
 from mrwork.errors import SettingError
 from mrwork.identification.identify import identify
 from mrwork.synthetic import synthetic_test
-from mrwork.uncertainty.posterior.diagnosis import convergence
-from mrwork.uncertainty.posterior.prepare import prepared
+from mrwork.uncertainty.posterior.draws import convergence
+from mrwork.uncertainty.posterior.laplace import first_walkers
+from mrwork.uncertainty.posterior.nuts import substeps_at, twin_log_posterior
 from mrwork.uncertainty.posterior.prior import Normal
-from mrwork.uncertainty.posterior.sample import sample_posterior
-from mrwork.uncertainty.posterior.twin_target import substeps_at, twin_log_posterior
-from mrwork.uncertainty.posterior.walkers import first_walkers
+from mrwork.uncertainty.posterior.problem import SamplingProblem
+from mrwork.uncertainty.posterior.sample import sample
 
 pytest.importorskip("numpyro", reason="numpyro is not installed; pip install 'mrwork[nuts]'")
 
@@ -34,14 +34,11 @@ def test_the_target_in_rust_is_that_of_the_twin(noise: str) -> None:
 
 
 def test_where_a_stiffness_may_be_zero_the_twin_follows() -> None:
-    from mrwork.dampers.spec import damper
-
     test = synthetic_test("spencer1997_fast")
     fit = identify("normalised_bouc_wen", test, rng=1)
-    sampling = prepared(
-        damper("normalised_bouc_wen"),
-        (test,),
+    sampling = SamplingProblem.of_fit(
         fit,
+        (test,),
         noise="iid",
         priors={"x0": Normal(mean=0.04, deviation=0.1)},
         tempering=None,
@@ -63,9 +60,7 @@ def test_the_ensemble_and_nuts_draw_from_the_same_posterior() -> None:
     from mrwork.uncertainty.posterior.nuts import sample_nuts
 
     sampling = small_sampling(tempering=0.8)
-    ensemble = sample_posterior(
-        MODEL, small_test(), start=small_fit(), tempering=0.8, walkers=32, rng=1, threads=1
-    )
+    ensemble = sample(small_fit(), small_test(), tempering=0.8, walkers=32, rng=1, threads=1)
     nuts = sample_nuts(sampling.target, sampling.start, warmup=200, draws=600, chains=2)
     assert nuts.diverged == 0
     both = np.concatenate([ensemble.chains, ensemble.noise_chains], axis=-1)

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import mrwork as mr
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import MrworkError, RecordError, SettingError, UnknownNameError
 from mrwork.identification.fit import Fit
@@ -25,7 +26,7 @@ from mrwork.uncertainty.planning.candidates import (
     motion_of,
     read_candidates,
 )
-from mrwork.uncertainty.planning.plan import band_matrix, information, knowledge_of, plan_next_test, responses
+from mrwork.uncertainty.planning.plan import band_matrix, information, knowledge_of, responses
 from mrwork.uncertainty.planning.plan_draws import checked_with_draws, normal_draws
 
 STATIC = damper("static_hysteretic")
@@ -67,7 +68,7 @@ def with_laws(model: DamperSpec, values: dict[str, float], current: float, test:
 def test_what_only_large_strokes_show_calls_for_a_large_stroke(test: DamperTest) -> None:
     # tanh(x/x_s) is a straight line within 10 mm of an x_s of 0.1 m: only beyond does it tell x_s from delta.
     free = identify(STATIC, test, rng=1)
-    plan = plan_next_test(free, [test], GRID, band="x_s")
+    plan = mr.plan(free, [test], GRID, band="x_s")
     assert plan.gains[0].candidate.amplitude == 0.02
     small = [each.gain for each in plan.gains if each.candidate.amplitude == 0.002]
     assert max(small) < 0.3 * plan.gains[0].gain
@@ -75,7 +76,7 @@ def test_what_only_large_strokes_show_calls_for_a_large_stroke(test: DamperTest)
 
 def test_what_only_fast_tests_show_calls_for_a_fast_test(fit: Fit, test: DamperTest) -> None:
     # The viscous share of the force grows with the velocity.
-    plan = plan_next_test(fit, [test], GRID, band="c")
+    plan = mr.plan(fit, [test], GRID, band="c")
     best = plan.gains[0].candidate
     assert best.peak_velocity == max(each.peak_velocity for each in GRID)
 
@@ -93,7 +94,7 @@ def test_a_law_calls_for_the_current_that_was_not_tested(test: DamperTest) -> No
     candidates = candidate_grid(
         model, tests, amplitudes=[0.01], frequencies=[1.0], commands=[0.0, 0.25, 0.5, 1.0, 2.0]
     )
-    plan = plan_next_test(fit, tests, candidates, band="f_c.1")
+    plan = mr.plan(fit, tests, candidates, band="f_c.1")
     order = [each.candidate.command for each in plan.gains]
     assert order[0] in (0.0, 2.0)
     assert order[-1] == 0.5
@@ -103,7 +104,7 @@ def test_a_law_calls_for_the_current_that_was_not_tested(test: DamperTest) -> No
 
 @pytest.mark.parametrize("band", ["force", "energy", "c", "k", "f0"])
 def test_no_test_widens_a_band(fit: Fit, test: DamperTest, band: str) -> None:
-    plan = plan_next_test(fit, [test], GRID, band=band)
+    plan = mr.plan(fit, [test], GRID, band=band)
     assert len(plan.gains) == len(GRID)
     for each in plan.gains:
         assert 0.0 <= each.gain <= 1.0
@@ -113,7 +114,7 @@ def test_no_test_widens_a_band(fit: Fit, test: DamperTest, band: str) -> None:
 
 
 def test_the_band_now_is_that_of_the_information(fit: Fit, test: DamperTest) -> None:
-    plan = plan_next_test(fit, [test], GRID[:1], band="k")
+    plan = mr.plan(fit, [test], GRID[:1], band="k")
     (error,) = [each.standard_error for each in identifiability_of(fit, [test]).verdicts if each.name == "k"]
     # The prior takes next to nothing away.
     assert plan.deviation == pytest.approx(error, rel=0.01)
@@ -130,7 +131,7 @@ def test_the_same_test_again_halves_what_the_data_alone_say(fit: Fit, test: Damp
 def test_targets_say_where_the_band_is_wanted(fit: Fit, test: DamperTest) -> None:
     slow, fast = Candidate(amplitude=0.005, frequency=0.1), Candidate(amplitude=0.02, frequency=3.0)
     best = [
-        plan_next_test(fit, [test], GRID, targets=[target]).gains[0].candidate.peak_velocity
+        mr.plan(fit, [test], GRID, targets=[target]).gains[0].candidate.peak_velocity
         for target in (slow, fast)
     ]
     assert best[0] < best[1]
@@ -158,7 +159,7 @@ def test_derivatives_of_a_candidate_are_those_of_its_force(fit: Fit, test: Dampe
 
 @pytest.mark.parametrize("band", ["force", "c"])
 def test_draws_rank_the_tests_as_the_linearised_gain_does(fit: Fit, test: DamperTest, band: str) -> None:
-    plan = plan_next_test(fit, [test], GRID, band=band)
+    plan = mr.plan(fit, [test], GRID, band=band)
     known = knowledge_of(fit, [test])
     rng = np.random.default_rng(5)
     check = checked_with_draws(plan, known, normal_draws(known, 800, rng), rng=rng)
@@ -171,7 +172,7 @@ def test_draws_rank_the_tests_as_the_linearised_gain_does(fit: Fit, test: Damper
 
 
 def test_draws_that_none_of_the_tests_fits_tell_nothing(fit: Fit, test: DamperTest) -> None:
-    plan = plan_next_test(fit, [test], GRID[:4])
+    plan = mr.plan(fit, [test], GRID[:4])
     known = knowledge_of(fit, [test])
     rng = np.random.default_rng(5)
     far = replace(known, precision=1e-4 * known.precision)
@@ -228,4 +229,4 @@ def test_a_band_that_is_none_is_named(
     fit: Fit, test: DamperTest, band: str, error: type[MrworkError], words: str
 ) -> None:
     with pytest.raises(error, match=words):
-        plan_next_test(fit, [test], GRID[:1], band=band)
+        mr.plan(fit, [test], GRID[:1], band=band)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import mrwork as mr
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted, MrworkError, SettingError, UnknownNameError
@@ -21,12 +22,9 @@ from mrwork.simulate import Loading, simulate_force
 from mrwork.synthetic import synthetic_test
 from mrwork.uncertainty.identifiability.curvature import Scaled, curvature
 from mrwork.uncertainty.identifiability.profile import Profile, Profiles
-from mrwork.uncertainty.identifiability.profiling import (
-    ProfileProgress,
-    profile_likelihood,
-)
+from mrwork.uncertainty.identifiability.profile_likelihood import ProfileProgress
 from mrwork.uncertainty.identifiability.verdicts import identifiability_of
-from mrwork.uncertainty.identifiability.walk import Place, places, signed_root, walk
+from mrwork.uncertainty.identifiability.walk import Point, points_of, signed_root, walk
 
 SPEC = damper("static_hysteretic")
 
@@ -43,15 +41,15 @@ def fit(test: DamperTest) -> Fit:
 
 @pytest.fixture(scope="module")
 def found(fit: Fit, test: DamperTest) -> Profiles:
-    return profile_likelihood(fit, [test], threads=1)
+    return mr.profile(fit, [test], threads=1)
 
 
 def by_name(found: Profiles) -> dict[str, Profile]:
     return {each.name: each for each in found.profiles}
 
 
-def walked(jacobian: NDArray[np.float64], theta: NDArray[np.float64], way: int, dof: float) -> list[Place]:
-    """The places of a walk of the first parameter, residuals linear in all and of misfit 1 at best."""
+def walked(jacobian: NDArray[np.float64], theta: NDArray[np.float64], way: int, dof: float) -> list[Point]:
+    """The points of a walk of the first parameter, residuals linear in all and of misfit 1 at best."""
     n_params = theta.size
     scaled = Scaled(
         theta=theta,
@@ -66,8 +64,8 @@ def walked(jacobian: NDArray[np.float64], theta: NDArray[np.float64], way: int, 
     def linearise(rows: NDArray[np.float64]) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
         return [(jacobian @ (row - theta) + rest, jacobian) for row in rows]
 
-    def at(position: NDArray[np.float64]) -> Place:
-        return places(position[None], curvature(linearise, scaled, position[None]))[0]
+    def at(position: NDArray[np.float64]) -> Point:
+        return points_of(position[None], curvature(linearise, scaled, position[None]))[0]
 
     points = [at(theta)]
     going = walk(scaled, 0, 1 if way > 0 else -1, points, limit=1.96, dof=dof)
@@ -122,7 +120,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(fit: Fit, test: DamperTes
     inside = 0
     for _ in range(n_records):
         noisy = replace(test, force=clean + 8.0 * rng.standard_normal(clean.size))
-        for profile in profile_likelihood(start, [noisy], parameters=names).profiles:
+        for profile in mr.profile(start, [noisy], parameters=names).profiles:
             inside += (profile.lower or np.inf) < truth[profile.name] < (profile.upper or -np.inf)
     # 95 % of 120, less three standard deviations; not more than all but one, or the intervals are too wide.
     assert 106 <= inside <= 119
@@ -160,7 +158,7 @@ def test_values_go_upwards_through_the_estimate_and_cross_where_the_interval_end
 
 
 def test_a_higher_level_has_a_wider_interval(fit: Fit, test: DamperTest, found: Profiles) -> None:
-    wider = profile_likelihood(fit, [test], parameters=["beta"], level=0.99)
+    wider = mr.profile(fit, [test], parameters=["beta"], level=0.99)
     (beta,) = wider.profiles
     narrow = by_name(found)["beta"]
     assert beta.lower is not None
@@ -171,13 +169,13 @@ def test_a_higher_level_has_a_wider_interval(fit: Fit, test: DamperTest, found: 
 
 
 def test_threads_change_no_bit(fit: Fit, test: DamperTest, found: Profiles) -> None:
-    again = profile_likelihood(fit, [test], threads=2)
+    again = mr.profile(fit, [test], threads=2)
     assert again.profiles == found.profiles
 
 
 def test_a_fixed_parameter_has_no_profile(test: DamperTest) -> None:
     held = identify(SPEC, test, rng=1, bounds={"x_s": (0.1, 0.1)})
-    found = profile_likelihood(held, [test])
+    found = mr.profile(held, [test])
     assert [each.name for each in found.profiles] == [name for name in SPEC.names if name != "x_s"]
     # What delta lacked was x_s.
     assert by_name(found)["delta"].verdict == "identifiable"
@@ -185,7 +183,7 @@ def test_a_fixed_parameter_has_no_profile(test: DamperTest) -> None:
 
 def test_a_parameter_on_its_bound_goes_one_way(test: DamperTest) -> None:
     bounded = identify(SPEC, test, rng=1, bounds={"beta": (100.0, 300.0), "x_s": (0.1, 0.1)})
-    (beta,) = profile_likelihood(bounded, [test], parameters=["beta"]).profiles
+    (beta,) = mr.profile(bounded, [test], parameters=["beta"]).profiles
     assert (beta.lower, beta.lower_end, beta.upper_end) == (None, "bound", "closed")
     assert min(beta.values) == pytest.approx(100.0)
 
@@ -194,7 +192,7 @@ def test_a_spring_changes_its_sign_with_the_displacement_at_which_it_is_free() -
     test = cut(synthetic_test("spencer1997_fast"), every=4)
     model = damper("normalised_bouc_wen")
     fit = identify(model, test, rng=1)
-    (k,) = profile_likelihood(fit, [test], parameters=["k"], level=0.9999999).profiles
+    (k,) = mr.profile(fit, [test], parameters=["k"], level=0.9999999).profiles
     assert (k.lower_end, k.upper_end) == ("closed", "closed")
     # The stroke of 4 mm hardly tells k, so at such a level the interval reaches across zero or nearly so; wherever it
     # ends, the ratio rises smoothly to it.
@@ -208,7 +206,7 @@ def test_an_interrupt_keeps_what_there_is(fit: Fit, test: DamperTest, found: Pro
             raise KeyboardInterrupt
 
     with pytest.raises(Interrupted) as interrupt:
-        profile_likelihood(fit, [test], on_progress=stop)
+        mr.profile(fit, [test], on_progress=stop)
     kept = interrupt.value.result
     assert kept.status == "interrupted"
     assert sum(len(each.values) - 1 for each in kept.profiles) >= 10
@@ -222,7 +220,7 @@ def test_a_fit_short_of_its_minimum_is_told(fit: Fit, test: DamperTest) -> None:
     moved = tuple(
         replace(each, value=1.2 * each.value) if each.name == "alpha" else each for each in fit.estimates
     )
-    (f0,) = (found := profile_likelihood(replace(fit, estimates=moved), [test], parameters=["f0"])).profiles
+    (f0,) = (found := mr.profile(replace(fit, estimates=moved), [test], parameters=["f0"])).profiles
     assert "a better fit was found" in found.remark
     assert f0.verdict == "identifiable"
     assert found.misfit == pytest.approx(fit.nrmse, rel=1e-4)
@@ -239,7 +237,7 @@ def test_impossible_settings_are_named(
     fit: Fit, test: DamperTest, settings: dict[str, object], error: type[MrworkError], words: str
 ) -> None:
     with pytest.raises(error, match=words):
-        profile_likelihood(fit, [test], **settings)  # type: ignore[arg-type]
+        mr.profile(fit, [test], **settings)  # type: ignore[arg-type]
 
 
 def test_another_power_has_no_likelihood(fit: Fit, test: DamperTest) -> None:
@@ -247,4 +245,4 @@ def test_another_power_has_no_likelihood(fit: Fit, test: DamperTest) -> None:
         fit, provenance=replace(fit.provenance, settings=fit.provenance.settings | {"power": 4.0})
     )
     with pytest.raises(SettingError, match="power 4"):
-        profile_likelihood(powered, [test])
+        mr.profile(powered, [test])

@@ -15,12 +15,17 @@ from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify
 from mrwork.records import DamperTest
-from mrwork.uncertainty.choice.blocks import blocks_of
-from mrwork.uncertainty.choice.ellipsoid import fisher_ellipsoid
-from mrwork.uncertainty.choice.laplace import draw_about
-from mrwork.uncertainty.choice.likelihood import residuals_of, target_of, variance_of
-from mrwork.uncertainty.choice.psis import UNRELIABLE, block_densities, leave_one_out
+from mrwork.uncertainty.choice.leave_one_out import (
+    UNRELIABLE,
+    block_densities,
+    blocks_of,
+    leave_one_out,
+    residuals_of,
+    target_of,
+    variance_of,
+)
 from mrwork.uncertainty.noise import NOISES
+from mrwork.uncertainty.posterior.laplace import draw_about, fisher_ellipsoid
 
 THETA = (800.0, 900.0, 2000.0, 20.0)
 HELD = {"rho": (2000.0, 2000.0), "f0": (20.0, 20.0)}

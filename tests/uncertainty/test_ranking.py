@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from mrwork.errors import SettingError
-from mrwork.uncertainty.choice.psis import LeaveOneOut
-from mrwork.uncertainty.choice.ranking import Evidence, Standing, rank
-from mrwork.uncertainty.choice.verdict import Ranking, concluded
+from mrwork.uncertainty.choice.leave_one_out import LeaveOneOut
+from mrwork.uncertainty.choice.ranking import Evidence, Ranking, Standing, concluded, rank
 
 TESTS = np.array([0.10, 0.14, 0.08, 0.12, 0.11, 0.13])
 

@@ -17,9 +17,9 @@ from mrwork.records import Observation
 from mrwork.simulate import Loading, simulate_force
 from mrwork.uncertainty.autocorrelation import effective_samples
 from mrwork.uncertainty.noise import NOISES, noise_model
+from mrwork.uncertainty.posterior.laplace import first_walkers
 from mrwork.uncertainty.posterior.prior import Lognormal, Normal
 from mrwork.uncertainty.posterior.space import Space
-from mrwork.uncertainty.posterior.walkers import first_walkers
 
 SPENCER = damper("normalised_bouc_wen")
 

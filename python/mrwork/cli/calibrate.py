@@ -22,10 +22,14 @@ from mrwork.identification.identify import identify_again
 from mrwork.records import DamperTest
 from mrwork.store.run_folder import CALIBRATION
 from mrwork.uncertainty.bands.calibration_files import Folds, write_calibration, write_predictions
-from mrwork.uncertainty.bands.conformal import Calibration, calibrate
-from mrwork.uncertainty.bands.coverage import LEVELS, LeftOutCoverage, measured_coverage
-from mrwork.uncertainty.bands.left_out import IN_WORDS, Fold, predict_left_out
-from mrwork.uncertainty.bands.prediction import Prediction, predict_test
+from mrwork.uncertainty.bands.conformal import (
+    LEVELS,
+    Calibration,
+    LeftOutCoverage,
+    calibrate,
+    measured_coverage,
+)
+from mrwork.uncertainty.bands.prediction import IN_WORDS, Fold, Prediction, predict, predict_left_out
 
 
 def add_parser(verbs: Any) -> None:
@@ -81,8 +85,7 @@ def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:
                 "give tests that it has not seen, or none to leave its own out in turn"
             )
     nuisances = nuisances_of(options) or fit.nuisances
-    theta = np.array(fit.theta)
-    return tuple(predict_test(fit.spec, theta, test, nuisances=nuisances) for test in tests)
+    return tuple(predict(fit, test, nuisances=nuisances) for test in tests)
 
 
 def _left_out(options: argparse.Namespace) -> tuple[Prediction, ...]:

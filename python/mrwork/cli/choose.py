@@ -25,12 +25,12 @@ from mrwork.errors import Interrupted, JournalError, MrworkError, OutputError, S
 from mrwork.identification.settings import Search
 from mrwork.store.run_folder import FIT, MODELS, RANKING, check_destination
 from mrwork.store.unfinished import StepJournals
-from mrwork.uncertainty.bands.left_out import Fold
+from mrwork.uncertainty.bands.prediction import Fold
 from mrwork.uncertainty.choice.families import ALL
 
 if TYPE_CHECKING:
-    from mrwork.uncertainty.choice.comparison import Choice
-    from mrwork.uncertainty.choice.verdict import Ranking
+    from mrwork.uncertainty.choice.choose import Choice
+    from mrwork.uncertainty.choice.ranking import Ranking
 
 _WIDTH = 118
 

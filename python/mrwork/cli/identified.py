@@ -17,7 +17,7 @@ from mrwork.identification.settings import Reading
 from mrwork.records import DamperTest
 
 if TYPE_CHECKING:
-    from mrwork.uncertainty.choice.verdict import Ranking
+    from mrwork.uncertainty.choice.ranking import Ranking
 
 
 def note(sentence: str) -> None:

@@ -84,7 +84,7 @@ def run(options: argparse.Namespace) -> int:
             f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
         )
     # SciPy's optimisers are slow to load, and not wanted where help is.
-    from mrwork.uncertainty.planning.plan import knowledge_of, plan_next_test
+    from mrwork.uncertainty.planning.plan import knowledge_of, plan
     from mrwork.uncertainty.planning.plan_draws import checked_with_draws
 
     opened = reopen(options.place)
@@ -92,13 +92,13 @@ def run(options: argparse.Namespace) -> int:
     limits = Limits(stroke=options.stroke, peak_velocity=options.peak_velocity)
     candidates = _candidates(options, opened)
     targets = () if options.targets is None else read_candidates(options.targets, spec, limits=None)
-    plan = plan_next_test(
+    ranked = plan(
         opened.fit, opened.tests, candidates, band=options.band, targets=targets, threads=options.threads
     )
     known = knowledge_of(opened.fit, opened.tests, threads=options.threads)
     rng = np.random.default_rng(options.seed)
     draws, origin = _draws(opened, known, rng)
-    check = checked_with_draws(plan, known, draws, targets=targets, rng=rng)
+    check = checked_with_draws(ranked, known, draws, targets=targets, rng=rng)
     unit = None if spec.current is None else spec.current.unit
     document = asdict(check) | {"draws": origin, "limits": asdict(limits)}
     # Matplotlib is slow to load.
@@ -112,8 +112,8 @@ def run(options: argparse.Namespace) -> int:
         print(json.dumps(json.loads(json_document(document | {"out": str(opened.place / PLAN)}))))
     else:
         print(_text(check, origin, unit, opened.place))
-    if plan.left_out and not options.quiet:
-        left = "; ".join(each.in_words(unit) for each in plan.left_out)
+    if ranked.left_out and not options.quiet:
+        left = "; ".join(each.in_words(unit) for each in ranked.left_out)
         print(f"mrwork: not ranked, as they could not be simulated: {left}", file=sys.stderr)
     return 0
 

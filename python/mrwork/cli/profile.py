@@ -20,7 +20,7 @@ from mrwork.store.run_folder import PROFILES, write_files
 
 if TYPE_CHECKING:
     from mrwork.uncertainty.identifiability.profile import Profiles
-    from mrwork.uncertainty.identifiability.profiling import ProfileProgress
+    from mrwork.uncertainty.identifiability.profile_likelihood import ProfileProgress
 
 # Seconds until progress is worth a line, and between two.
 _PATIENCE, _EVERY = 2.0, 0.2
@@ -56,14 +56,14 @@ def run(options: argparse.Namespace) -> int:
     if options.threads < 0:
         raise SettingError(f"--threads is {options.threads}; it cannot be negative")
     # SciPy's optimisers are slow to load, and not wanted where help is.
-    from mrwork.uncertainty.identifiability.profiling import profile_likelihood
+    from mrwork.uncertainty.identifiability.profile_likelihood import profile
     from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
     opened = reopen(options.place)
     line = _Line(quiet=options.quiet or options.json)
     status = 0
     try:
-        profiles = profile_likelihood(
+        profiles = profile(
             opened.fit,
             opened.tests,
             parameters=options.parameters,

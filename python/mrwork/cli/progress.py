@@ -10,7 +10,7 @@ from mrwork.identification.progress import Progress
 
 if TYPE_CHECKING:
     from mrwork.study.run import StudyProgress
-    from mrwork.uncertainty.choice.comparison import ChoiceProgress
+    from mrwork.uncertainty.choice.choose import ChoiceProgress
     from mrwork.uncertainty.posterior.sample import SamplingProgress
 
 _EVERY = 0.2

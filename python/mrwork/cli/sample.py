@@ -72,14 +72,13 @@ def run(options: argparse.Namespace) -> int:
     opened = reopen(options.run_directory)
     # ArviZ, emcee and HDF5 take seconds to load.
     from mrwork.uncertainty.posterior.draws_file import write_draws
-    from mrwork.uncertainty.posterior.sample import sample_posterior
+    from mrwork.uncertainty.posterior.sample import sample
 
     line = SamplingLine(quiet=options.quiet or options.json)
     try:
-        draws = sample_posterior(
-            opened.fit.spec,
+        draws = sample(
+            opened.fit,
             opened.tests,
-            start=opened.fit,
             noise=options.noise,
             priors=priors,
             tempering=_tempering(options.tempering),

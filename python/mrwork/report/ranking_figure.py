@@ -8,8 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrwork.report import numbers, style
-from mrwork.uncertainty.choice.ranking import Standing
-from mrwork.uncertainty.choice.verdict import Ranking
+from mrwork.uncertainty.choice.ranking import Ranking, Standing
 
 _ROW = 0.27
 _AROUND = 1.35

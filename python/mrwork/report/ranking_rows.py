@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from mrwork.report import numbers
-from mrwork.uncertainty.choice.ranking import Standing
-from mrwork.uncertainty.choice.verdict import Ranking
+from mrwork.uncertainty.choice.ranking import Ranking, Standing
 
 HEADINGS = (
     "model",

@@ -1,4 +1,4 @@
-"""How sure an identification is: identifiability, posterior draws, calibrated bands, choice of model, next test."""
+"""Uncertainty of an identification: identifiability, posterior draws, calibrated bands, choice of model, next test."""
 
 import lazy_loader
 

@@ -150,7 +150,7 @@ def _contender(
     described: str,
     job: PosteriorJob,
 ) -> _Contender:
-    """An ensemble with our move, as `sample_posterior` runs it, or with emcee's default, as emcee runs it."""
+    """An ensemble with our move, as `mrwork.sample` runs it, or with emcee's default, as emcee runs it."""
     clock = _Clock(density=density)
     advance = _with_ours(job, clock) if kind == "de" else _with_stretch(job, clock)
     return _Contender(

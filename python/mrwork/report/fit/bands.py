@@ -22,10 +22,9 @@ from mrwork.report.fit.parameter_draws import ParameterDraws, drawn_forces
 from mrwork.report.fit.phrases import percent
 from mrwork.report.fit.section import Group, Section, panel
 from mrwork.report.style import DisplayUnit
-from mrwork.uncertainty.bands.band import score
+from mrwork.uncertainty.bands.band import parameter_band, score
 from mrwork.uncertainty.bands.calibration_files import StoredBands
 from mrwork.uncertainty.bands.conformal import calibrate
-from mrwork.uncertainty.bands.parametric import parameter_band
 from mrwork.uncertainty.bands.prediction import Prediction
 
 # Tests of the fit, and tests left out, that are drawn.

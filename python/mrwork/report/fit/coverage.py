@@ -11,7 +11,7 @@ from mrwork.report.fit.canvas import column_axes
 from mrwork.report.fit.phrases import percent
 from mrwork.report.fit.section import Group, Section, Table, panel, table
 from mrwork.uncertainty.bands.calibration_files import StoredBands
-from mrwork.uncertainty.bands.coverage import LEVELS, LeftOutCoverage
+from mrwork.uncertainty.bands.conformal import LEVELS, LeftOutCoverage
 
 # The level that a sentence is about, and how far from it a coverage is still called right.
 JUDGED = 0.9

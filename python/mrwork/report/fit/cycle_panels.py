@@ -14,7 +14,7 @@ from mrwork.report import numbers, style
 from mrwork.report.fit.canvas import small_axes
 from mrwork.report.fit.coverage import JUDGED
 from mrwork.report.fit.section import Panel, panel
-from mrwork.uncertainty.bands.band import Band
+from mrwork.uncertainty.bands.band import Band, parameter_band
 from mrwork.uncertainty.bands.cycle import (
     QUANTITIES,
     CycleQuantity,
@@ -22,7 +22,6 @@ from mrwork.uncertainty.bands.cycle import (
     cycles_of,
     errors_over_cycles,
 )
-from mrwork.uncertainty.bands.parametric import parameter_band
 from mrwork.uncertainty.bands.prediction import Prediction
 
 Array = NDArray[np.float64]

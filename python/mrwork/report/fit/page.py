@@ -21,7 +21,7 @@ from mrwork.report.fit.residuals import residual_section
 from mrwork.report.fit.section import Absent, Section
 from mrwork.report.html import identification_report
 from mrwork.stored import StoredRun
-from mrwork.uncertainty.choice.verdict import Ranking
+from mrwork.uncertainty.choice.ranking import Ranking
 
 _PROFILES = Absent(
     title="Profiles",

@@ -13,11 +13,11 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import DamperTest
-from mrwork.uncertainty.bands.parametric import simulate_draws
+from mrwork.uncertainty.bands.band import simulate_draws
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.draws_file import StoredDraws
+from mrwork.uncertainty.posterior.laplace import first_walkers
 from mrwork.uncertainty.posterior.target import Target
-from mrwork.uncertainty.posterior.walkers import first_walkers
 
 Array = NDArray[np.float64]
 

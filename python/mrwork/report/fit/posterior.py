@@ -9,7 +9,7 @@ from mrwork.report import numbers
 from mrwork.report.fit.posterior_figures import corner_figure, rank_figure, trace_figure
 from mrwork.report.fit.section import Group, Section, Table, panel, table
 from mrwork.report.tables import shown_unit
-from mrwork.uncertainty.posterior.diagnosis import LARGEST_RHAT, LEAST_ESS
+from mrwork.uncertainty.posterior.draws import LARGEST_RHAT, LEAST_ESS
 from mrwork.uncertainty.posterior.draws_file import StoredDraws
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from mrwork.report.fit.section import Group, Section, panel, table
 from mrwork.report.ranking_figure import ranking_figure
 from mrwork.report.ranking_rows import HEADINGS, ranking_rows
-from mrwork.uncertainty.choice.verdict import Ranking
+from mrwork.uncertainty.choice.ranking import Ranking
 
 
 def ranking_section(ranking: Ranking) -> Section:

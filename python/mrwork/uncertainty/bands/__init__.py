@@ -1,1 +1,1 @@
-"""Bands: of the parameters (what the fit does not know) and of prediction (where a measurement will lie)."""
+"""Parameter bands of the model's force, and calibrated prediction bands of the measured force."""

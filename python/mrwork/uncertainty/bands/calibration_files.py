@@ -17,8 +17,7 @@ from mrwork.records import DamperTest, Observation
 from mrwork.store.codec import json_document, read_document
 from mrwork.store.fingerprint import digest_of
 from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS, write_files
-from mrwork.uncertainty.bands.conformal import Calibration
-from mrwork.uncertainty.bands.coverage import LeftOutCoverage
+from mrwork.uncertainty.bands.conformal import Calibration, LeftOutCoverage
 from mrwork.uncertainty.bands.prediction import Prediction
 
 # Significant digits of a stored score; the errors that it is compared with are not known more precisely.

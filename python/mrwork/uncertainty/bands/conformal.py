@@ -1,8 +1,7 @@
-"""Prediction bands calibrated on tests that the fit has not seen: conformal over tests.
+"""Conformal prediction bands: calibrated on tests that the fit has not seen, and their measured coverage.
 
-A formula for noise knows nothing of another excitation, because there the error is the model's. What does know is how
-far the model was off on other tests that it had not seen: the scaled error of the next test is taken to be one more of
-theirs.
+On another excitation the error is mostly model error, which no noise model predicts. The bands rest on the errors on
+other tests that the fit has not seen: the scaled error of the next test is assumed exchangeable with them.
 """
 
 from __future__ import annotations
@@ -13,27 +12,29 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.errors import SettingError
+from mrwork.errors import RecordError, SettingError
 from mrwork.summary import Summarised, Summary, rounded
-from mrwork.uncertainty.bands.band import Band, score
+from mrwork.uncertainty.bands.band import Band, BandScore, next_test_quantile, pooled_quantile, score
+from mrwork.uncertainty.bands.cycle import cycle_band, cycles_of, errors_over_cycles
 from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles
-from mrwork.uncertainty.bands.quantile import next_test_quantile, pooled_quantile
 
-# Bins of the phase over which the mean error is taken, and the level at which the variants compete.
+# Bins of the phase for the mean error; level at which variants of the shape are compared, and tests it takes.
 _BINS = 24
 _JUDGED_AT = 0.9
 _LEAST_TO_CHOOSE = 4
-# Of each test: neighbours tell the same, and a quantile needs no more.
+LEVELS = (0.5, 0.9, 0.95)
+
+# Largest number of evenly spaced samples of each test.
 _SAMPLES = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shape:
-    """Where in a test errors are large, and which way they go.
+    """Scale and bias of the errors over a test.
 
-    The scale of an error is `deviation (level + slope steepness) + floor` [N], the deviation that of the model's force.
-    `bias` [deviations], shape (n_bins,), is the mean error over the phase of tests whose cycles are alike, the model's
-    discrepancy; empty where it is left out.
+    The scale of an error is `deviation (level + slope steepness) + floor` [N], with the standard deviation of the
+    model's force. `bias` [deviations], shape (n_bins,), is the mean error over the phase of periodic tests, the
+    systematic model error; empty where it is left out.
     """
 
     level: float = 1.0
@@ -49,10 +50,11 @@ class Shape:
         """Mean error [deviations], shape of `phase`."""
         if not self.bias:
             return np.zeros_like(phase)
-        return np.asarray(np.interp(phase, _bin_centres(), self.bias, period=2.0 * np.pi))
+        centres = -np.pi + (np.arange(_BINS) + 0.5) * 2.0 * np.pi / _BINS
+        return np.asarray(np.interp(phase, centres, self.bias, period=2.0 * np.pi))
 
     def of(self, prediction: Prediction) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Where the measured force is expected, and the scale of its error about that [N], shape (n_counted,)."""
+        """Expected measured force and the scale of the error about it [N], shape (n_counted,)."""
         deviation = prediction.deviation
         centre = prediction.force
         if has_regular_cycles(prediction.test):
@@ -62,10 +64,10 @@ class Shape:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Calibration(Summarised):
-    """What the errors on some tests say of the next one.
+    """Calibration of prediction bands from the errors on several tests.
 
-    `scores` are the errors of each test in its scale; `tests` are their names, `held_out` says in words how the model
-    came not to know them.
+    `scores` are the errors of each test in its scale; `tests` are their names; `held_out` says how the tests were kept
+    from the fit.
     """
 
     shape: Shape
@@ -74,7 +76,7 @@ class Calibration(Summarised):
     held_out: str
 
     def band(self, prediction: Prediction, level: float) -> Band:
-        """The prediction band of the force, shape (n_counted,).
+        """Prediction band of the force, shape (n_counted,).
 
         Raises
         ------
@@ -93,7 +95,7 @@ class Calibration(Summarised):
 
     @property
     def basis(self) -> str:
-        """On what the band rests, in words."""
+        """Origin of the band, in words."""
         n_tests = len(self.tests)
         if n_tests == 1:
             return f"calibrated on one test {self.held_out}, which says little of the next"
@@ -122,14 +124,14 @@ class Calibration(Summarised):
 def calibrate(predictions: Sequence[Prediction], *, held_out: str) -> Calibration:
     """Calibrate bands on tests that the fit has not seen.
 
-    An error is taken to be in proportion to the force of its test, or partly the same in all tests; to grow with the
-    steepness of the force, or not; to have a mean over the cycle, or none. Which of these is decided on the tests
-    themselves, each predicted from the others: the least interval score wins.
+    The scale of the error is proportional to the force of the test, with or without a constant; it grows with the
+    steepness of the force or does not; the error has a mean over the cycle or none. The variant with the least interval
+    score is chosen by leave-one-out cross-validation over the tests.
 
     Parameters
     ----------
     predictions
-        The model on each test, at least one.
+        Predictions of the tests, at least one.
     held_out
         How the tests were kept from the fit, such as "the fit has not seen".
 
@@ -158,7 +160,7 @@ def calibrate(predictions: Sequence[Prediction], *, held_out: str) -> Calibratio
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Variant:
-    """What a shape may have beside a level."""
+    """Terms of a shape beside its level."""
 
     steep: bool
     floored: bool
@@ -167,9 +169,9 @@ class _Variant:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Errors:
-    """Errors of one test [N] with what they may depend on, shape (n,), at evenly spaced samples.
+    """Errors of one test [N] with steepness and phase, shape (n,), at evenly spaced samples.
 
-    `deviation` is that of the model's force, `measured` that of the measured one [N].
+    `deviation` and `measured` are the standard deviations of the model's and the measured force [N].
     """
 
     name: str
@@ -199,13 +201,13 @@ class _Errors:
         return np.asarray(total / np.maximum(count, 1))
 
     def scores(self, shape: Shape) -> NDArray[np.float64]:
-        """Size of the errors about the bias, in the scale of the shape."""
+        """Absolute errors about the bias, in the scale of the shape."""
         about = self.error - self.deviation * shape.bias_at(self.phase)
         return np.asarray(np.abs(about) / shape.scale(self.deviation, self.steepness))
 
 
 def _left_out_score(errors: Sequence[_Errors], variant: _Variant) -> float:
-    """Sum of the interval scores of each test's band, calibrated on the others, per deviation of its force."""
+    """Sum over tests of the interval score of the band calibrated on the others, per deviation of the force."""
     if len(errors) == 1:
         return 0.0
     total = 0.0
@@ -225,7 +227,7 @@ def _calibrated(errors: Sequence[_Errors], variant: _Variant, held_out: str) -> 
         np.array([test.over_phase() for test in errors]) if variant.biased else np.empty((len(errors), 0))
     )
     total = curves.sum(axis=0)
-    # A test's own error is left out of the mean that its score is taken from, as it will be for the next test.
+    # The bias for the score of a test excludes its own error, as it will for the next test.
     others = (total - curves) / max(len(errors) - 1, 1)
     return Calibration(
         shape=replace(plain, bias=tuple(total / len(errors))),
@@ -238,10 +240,10 @@ def _calibrated(errors: Sequence[_Errors], variant: _Variant, held_out: str) -> 
 
 
 def _scale(errors: Sequence[_Errors], variant: _Variant) -> Shape:
-    """The size of errors as a sum of what the variant has, none of it negative, relative to each test's force."""
+    """Shape by non-negative least squares on the absolute errors, relative to each test's force."""
     if not (variant.steep or variant.floored):
         return Shape()
-    # Slow to load, and whoever reads a calibration does not need it.
+    # Slow to load, and not needed to read a calibration.
     from scipy.optimize import nnls
 
     rows, sizes = [], []
@@ -254,14 +256,68 @@ def _scale(errors: Sequence[_Errors], variant: _Variant) -> Shape:
         ]
         rows.append(per * np.stack(columns, axis=1))
         sizes.append(per * np.abs(test.error))
-    # The floor is in newtons, the others are shares: columns of like size for the solver.
+    # The floor is in newtons, the others are ratios: columns of equal norm for the solver.
     design = np.concatenate(rows)
     norm = np.maximum(np.linalg.norm(design, axis=0), 1e-300)
     level, slope, floor = nnls(design / norm, np.concatenate(sizes))[0] / norm
     shape = Shape(level=float(level), slope=float(slope), floor=float(floor))
-    # Where all of it is steepness, the band would have no width at all where the force is flat.
+    # With steepness alone the band would have no width where the force is constant.
     return shape if level + floor > 0.0 else Shape()
 
 
-def _bin_centres() -> NDArray[np.float64]:
-    return -np.pi + (np.arange(_BINS) + 0.5) * 2.0 * np.pi / _BINS
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeftOutCoverage:
+    """Score of the force's band on one test left out, per deviation of the measured force, at one level.
+
+    `cycles_inside` is the share of cycles whose dissipated energy lies in the energy band; NaN without whole cycles.
+    """
+
+    test: str
+    level: float
+    samples: BandScore
+    cycles_inside: float
+
+
+def measured_coverage(
+    predictions: Sequence[Prediction], levels: Sequence[float] = LEVELS
+) -> tuple[LeftOutCoverage, ...]:
+    """Coverage of each test by bands calibrated on the others, at each level.
+
+    Raises
+    ------
+    SettingError
+        Where there are fewer than two tests.
+    """
+    if len(predictions) < 2:
+        raise SettingError(
+            f"coverage is measured on tests that the calibration does not know, {len(predictions)} was given in all; "
+            "give at least two"
+        )
+    energy = [_energy_errors(prediction) for prediction in predictions]
+    rows = []
+    for index, prediction in enumerate(predictions):
+        others = [*predictions[:index], *predictions[index + 1 :]]
+        scores = [each for each in (*energy[:index], *energy[index + 1 :]) if each.size]
+        calibration = calibrate(others, held_out="")
+        deviation = float(np.std(prediction.measured))
+        for level in levels:
+            inside = float("nan")
+            if energy[index].size and scores:
+                band = cycle_band(prediction, "energy", scores, level)
+                inside = score(band, cycles_of(prediction.test, prediction.test.force).energy).coverage
+            rows.append(
+                LeftOutCoverage(
+                    test=prediction.test.path or prediction.test.name,
+                    level=level,
+                    samples=score(calibration.band(prediction, level), prediction.measured, per=deviation),
+                    cycles_inside=inside,
+                )
+            )
+    return tuple(rows)
+
+
+def _energy_errors(prediction: Prediction) -> NDArray[np.float64]:
+    try:
+        return errors_over_cycles(prediction, "energy")
+    except RecordError:
+        return np.empty(0)

@@ -1,4 +1,4 @@
-"""What a cycle of a test comes to: energy, equivalent stiffness and damping; and bands for these."""
+"""Energy, equivalent stiffness and equivalent damping of the cycles of a test, and prediction bands of them."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from mrwork.errors import RecordError
 from mrwork.records import DamperTest
 from mrwork.records.motion import whole_cycles
-from mrwork.uncertainty.bands.band import Band
+from mrwork.uncertainty.bands.band import Band, next_test_quantile
 from mrwork.uncertainty.bands.prediction import Prediction
-from mrwork.uncertainty.bands.quantile import next_test_quantile
 
 CycleQuantity = Literal["energy", "stiffness", "damping"]
 QUANTITIES: tuple[CycleQuantity, ...] = get_args(CycleQuantity)
@@ -22,9 +21,9 @@ QUANTITIES: tuple[CycleQuantity, ...] = get_args(CycleQuantity)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cycles:
-    """Whole cycles of one force: dissipated energy [J], equivalent stiffness [N/m] and damping [N s/m], (n_cycles,).
+    """Whole cycles: dissipated energy [J], equivalent stiffness [N/m] and damping [N s/m], shape (n_cycles,).
 
-    Stiffness and damping are those of the spring and dashpot nearest to the loop in least squares.
+    Stiffness and damping are those of the spring and dashpot that fit the loop by least squares.
     """
 
     energy: NDArray[np.float64]
@@ -32,12 +31,12 @@ class Cycles:
     damping: NDArray[np.float64]
 
     def quantity(self, name: CycleQuantity) -> NDArray[np.float64]:
-        """One of the three."""
+        """One of the three quantities."""
         return {"energy": self.energy, "stiffness": self.stiffness, "damping": self.damping}[name]
 
 
 def cycles_of(test: DamperTest, force: NDArray[np.float64]) -> Cycles:
-    """The cycles of a test that count, with this force [N], shape (n_time,).
+    """Counted cycles of a test with this force [N], shape (n_time,).
 
     Raises
     ------
@@ -59,7 +58,7 @@ def cycles_of(test: DamperTest, force: NDArray[np.float64]) -> Cycles:
 
 
 def scales_of(prediction: Prediction) -> dict[CycleQuantity, float]:
-    """The natural size of an error in each quantity: that of a loop as wide as the force deviates."""
+    """Scale of the error of each quantity, from the standard deviations of force and motion."""
     counted = prediction.test.counted
     x = float(np.std(prediction.test.displacement[counted]))
     v = float(np.std(prediction.test.velocity[counted]))
@@ -68,7 +67,7 @@ def scales_of(prediction: Prediction) -> dict[CycleQuantity, float]:
 
 
 def errors_over_cycles(prediction: Prediction, name: CycleQuantity) -> NDArray[np.float64]:
-    """Size of the error of each cycle of a test, in the natural size, shape (n_cycles,)."""
+    """Absolute error of each cycle of a test in its scale, shape (n_cycles,)."""
     measured = cycles_of(prediction.test, prediction.test.force).quantity(name)
     model = cycles_of(prediction.test, prediction.model_force).quantity(name)
     return np.asarray(np.abs(measured - model) / scales_of(prediction)[name])
@@ -77,12 +76,12 @@ def errors_over_cycles(prediction: Prediction, name: CycleQuantity) -> NDArray[n
 def cycle_band(
     prediction: Prediction, name: CycleQuantity, scores: Sequence[NDArray[np.float64]], level: float
 ) -> Band:
-    """The prediction band of a quantity, shape (n_cycles,), from the errors of the cycles of other tests.
+    """Prediction band of a quantity, shape (n_cycles,), from the errors of the cycles of other tests.
 
     Parameters
     ----------
     scores
-        `errors_over_cycles` of each test that the fit has not seen.
+        `errors_over_cycles` of each test, none of which the fit has seen.
     """
     model = cycles_of(prediction.test, prediction.model_force).quantity(name)
     half = next_test_quantile(scores, level) * scales_of(prediction)[name]
@@ -95,5 +94,5 @@ def _cycle(
 ) -> tuple[float, float, float]:
     design = np.stack([x - x.mean(), v, np.ones_like(x)], axis=1)
     stiffness, damping, _ = np.linalg.lstsq(design, force, rcond=None)[0]
-    # A whole cycle: the rectangle rule is exact to the order of the trapezoid.
+    # Over a whole cycle the rectangle rule is as accurate as the trapezoidal rule.
     return float(force @ v) * dt, float(stiffness), float(damping)

@@ -1,28 +1,50 @@
-"""A model's force on a test that it was not fitted to, with what of it tells where the error will be large."""
+"""Predictions of tests by fits that have not seen them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.dampers.spec import DamperSpec
+from mrwork.errors import SettingError, SimulationError
+from mrwork.identification.fit import Fit
 from mrwork.identification.nuisance import NuisanceName
-from mrwork.identification.result import free_run
+from mrwork.identification.residual import ObservedTest
 from mrwork.records import DamperTest
 from mrwork.records.motion import whole_cycles
 from mrwork.summary import Summarised, Summary
 
-# Of a cycle, to both sides: small errors in time show where the force changes over so much of it.
+Fold = Literal["test", "motion", "command"]
+"""What is left out together: each test by itself, all of one amplitude and frequency, all at one current or voltage."""
+
+IN_WORDS: dict[Fold, str] = {
+    "test": "each predicted without itself",
+    "motion": "each predicted without the tests of its motion",
+    "command": "each predicted without the tests at its command",
+}
+
+ONE_TEST = (
+    "one test was given, fitted on the first half of its cycles and judged on the second: cycles of one test repeat to "
+    "97-99 %, so this proves little; give tests at other motions"
+)
+
+# Identifies the damper from tests.
+IdentifyRest = Callable[[tuple[DamperTest, ...]], Fit]
+
+# Strokes and cycle lengths of one motion differ by less than this share: rigs repeat them to a few per cent.
+_SAME_MOTION = 0.15
+# Share of a cycle to either side over which the change of the force counts: errors in time matter where it is steep.
 _REACH = 0.02
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Prediction(Summarised):
-    """A test and the model's force on it [N], shape (n_time,), as the rig would have recorded it.
+    """A test and the model's force on it [N], shape (n_time,), with the observation model applied.
 
-    All properties are of the samples that count, shape (n_counted,).
+    Properties are of the counted samples, shape (n_counted,).
     """
 
     test: DamperTest
@@ -40,66 +62,249 @@ class Prediction(Summarised):
 
     @property
     def residual(self) -> NDArray[np.float64]:
-        """Measured less model force [N]."""
+        """Measured minus model force [N]."""
         return self.measured - self.force
 
     @property
     def deviation(self) -> float:
-        """Standard deviation of the model's force [N], the scale of its errors: known before anything is measured."""
+        """Standard deviation of the model's force [N]: the scale of its errors, known without a measurement."""
         return float(np.std(self.force))
 
     @property
     def steepness(self) -> NDArray[np.float64]:
-        """Change of the model's force over 4 % of a cycle, per deviation."""
+        """Change of the model's force over 4 % of a cycle, per standard deviation."""
         reach = max(1, round(_REACH * mean_cycle(self.test)))
         padded = np.pad(self.force, reach, mode="edge")
         return np.asarray(np.abs(padded[2 * reach :] - padded[: -2 * reach]) / self.deviation)
 
     @property
     def phase(self) -> NDArray[np.float64]:
-        """Where in its cycle the motion is, -pi to pi: the angle of displacement and velocity, each per its peak."""
+        """Phase of the motion in its cycle, -pi to pi: the angle of velocity and displacement, each per its peak."""
         x = self.test.displacement[self.test.counted]
         v = self.test.velocity[self.test.counted]
         x = x - 0.5 * (x.max() + x.min())
         return np.asarray(np.arctan2(v / np.max(np.abs(v)), x / np.max(np.abs(x))))
 
+    @property
+    def nrmse(self) -> float:
+        """Root mean square of the residual, per standard deviation of the measured force."""
+        return _rms(self.residual) / float(np.std(self.measured))
+
     def _summary(self) -> Summary:
-        error = float(np.sqrt(np.mean(self.residual**2)))
         return Summary(
             title=f"Prediction of {self.test.name}",
             facts=(
-                ("fit", f"{100.0 * (1.0 - error / float(np.std(self.measured))):.2f} %"),
-                ("error", f"{error:.4g} N rms, at most {float(np.abs(self.residual).max()):.4g} N"),
+                ("fit", f"{100.0 * (1.0 - self.nrmse):.2f} %"),
+                (
+                    "error",
+                    f"{_rms(self.residual):.4g} N rms, at most {float(np.abs(self.residual).max()):.4g} N",
+                ),
                 ("samples", f"{self.force.size} compared of {self.test.n_time}"),
             ),
         )
 
 
-def predict_test(
-    spec: DamperSpec,
-    theta: NDArray[np.float64],
-    test: DamperTest,
-    *,
-    nuisances: tuple[NuisanceName, ...] = (),
-) -> Prediction:
-    """Simulate a test with parameters `theta`, shape (n_params,); what it raises is as for `judge`."""
-    force, _ = free_run(spec, theta, test, nuisances=nuisances)
+def predict(fit: Fit, test: DamperTest, *, nuisances: tuple[NuisanceName, ...] | None = None) -> Prediction:
+    """Simulate a fitted damper on a test, with the test's observation model applied.
+
+    Parameters
+    ----------
+    nuisances
+        Nuisance parameters that are estimated from the test; default those of the fit.
+
+    Raises
+    ------
+    SimulationError
+        Where the simulation diverges or cannot be resolved.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> fit = mr.identify("bingham", mr.synthetic_test("spencer1997"))  # doctest: +SKIP
+    >>> mr.predict(fit, mr.synthetic_test("spencer1997_slow"))  # doctest: +SKIP
+    """
+    observed = ObservedTest.of(fit.spec, test, fit.nuisances if nuisances is None else nuisances)
+    force, _, _ = observed.predicted(np.array(fit.theta))
     return Prediction(test=test, model_force=force)
 
 
 def mean_cycle(test: DamperTest) -> float:
-    """Samples from one pass upwards through the middle of the stroke to the next, on average; all where it is one."""
+    """Mean number of samples in a cycle; that of the record where it has no whole cycle."""
     cycles = whole_cycles(test.displacement)
     return (cycles[-1].stop - cycles[0].start) / len(cycles) if cycles else float(test.n_time)
 
 
 def has_regular_cycles(test: DamperTest) -> bool:
-    """Whether the motion repeats itself: cycles alike within 5 % in length and 20 % in stroke."""
+    """Whether the motion is periodic: cycles equal within 5 % in length and 20 % in stroke."""
     x = test.displacement[test.counted]
     cycles = whole_cycles(x)
     if len(cycles) < 2:
         return False
     lengths = np.array([cycle.stop - cycle.start for cycle in cycles])
     strokes = np.array([np.ptp(x[cycle]) for cycle in cycles])
-    # A cycle may be off by a sample at each end, however short it is.
+    # Either end of a cycle may be off by one sample.
     return bool(np.ptp(lengths) <= 0.05 * lengths.mean() + 2 and np.ptp(strokes) <= 0.2 * strokes.mean())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeftOut:
+    """Predictions of tests left out, in the order of the tests, and the fit of each fold.
+
+    Where a fit cannot be simulated on a test, the prediction is missing and `failures` gives the reason.
+    """
+
+    fold: Fold
+    predictions: tuple[Prediction, ...]
+    fits: tuple[Fit, ...]
+    failures: tuple[str, ...]
+
+
+def predict_left_out(
+    tests: Sequence[DamperTest],
+    fold: Fold,
+    identify_rest: IdentifyRest,
+    *,
+    on_fold: Callable[[int, int], None] | None = None,
+) -> LeftOut:
+    """Leave out the tests of each fold in turn, identify from the others, and predict those left out.
+
+    Parameters
+    ----------
+    identify_rest
+        Identifies from tests. It must not use the ones left out, nor start from a fit to them.
+    on_fold
+        Called with the number of folds done and their count.
+
+    Raises
+    ------
+    SettingError
+        Where there are fewer than two folds.
+    """
+    folds = folds_of(tests, fold)
+    predictions: dict[int, Prediction] = {}
+    fits, failures = [], []
+    for done, members in enumerate(folds):
+        if on_fold is not None:
+            on_fold(done, len(folds))
+        fit = identify_rest(tuple(test for index, test in enumerate(tests) if index not in members))
+        fits.append(fit)
+        for index in members:
+            try:
+                predictions[index] = predict(fit, tests[index])
+            except SimulationError as reason:
+                failures.append(str(reason))
+    return LeftOut(
+        fold=fold,
+        predictions=tuple(predictions[index] for index in sorted(predictions)),
+        fits=tuple(fits),
+        failures=tuple(failures),
+    )
+
+
+def folds_of(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:
+    """Indices of the tests of each fold.
+
+    Raises
+    ------
+    SettingError
+        Where there are fewer than two.
+    """
+    folds: list[list[int]] = []
+    for index, test in enumerate(tests):
+        for members in folds:
+            if _ALIKE[fold](tests[members[0]], test):
+                members.append(index)
+                break
+        else:
+            folds.append([index])
+    if len(folds) < 2:
+        raise SettingError(
+            f"to leave one {fold} out there must be two, the {len(tests)} tests given have one {fold} in common; "
+            "give tests that differ in it"
+        )
+    return folds
+
+
+def _same_command(one: DamperTest, other: DamperTest) -> bool:
+    return (one.current, one.voltage) == (other.current, other.voltage)
+
+
+def _same_motion(one: DamperTest, other: DamperTest) -> bool:
+    pairs = zip(_motion(one), _motion(other), strict=True)
+    return all(abs(a - b) <= _SAME_MOTION * max(a, b) for a, b in pairs)
+
+
+def _motion(test: DamperTest) -> tuple[float, float]:
+    """Stroke [m] and mean length of a cycle [s]."""
+    return float(np.ptp(test.displacement[test.counted])), mean_cycle(test) * test.dt
+
+
+# Whether two tests belong to one fold.
+_ALIKE: dict[Fold, Callable[[DamperTest, DamperTest], bool]] = {
+    "test": lambda one, other: False,
+    "motion": _same_motion,
+    "command": _same_command,
+}
+
+
+def held_out_errors(
+    tests: tuple[DamperTest, ...], fold: Fold, identify_rest: IdentifyRest
+) -> tuple[float, ...]:
+    """Mean NRMSE of each fold left out, or of each later cycle of a single test.
+
+    Raises
+    ------
+    SettingError
+        Where several tests make one fold only.
+    SimulationError
+        Where a fit cannot be simulated on the tests left out.
+    """
+    if len(tests) == 1:
+        return _later_cycles(tests[0], identify_rest)
+    found = predict_left_out(tests, fold, identify_rest)
+    if found.failures:
+        raise SimulationError(f"what was left out cannot be predicted: {found.failures[0]}")
+    errors = [prediction.nrmse for prediction in found.predictions]
+    return tuple(float(np.mean([errors[index] for index in members])) for members in folds_of(tests, fold))
+
+
+def held_out_words(tests: tuple[DamperTest, ...], fold: Fold) -> str:
+    """Description of the data that `held_out_errors` refers to."""
+    if len(tests) == 1:
+        return "later cycles of one test, fitted on the earlier ones"
+    return f"{len(tests)} tests, {IN_WORDS[fold]}"
+
+
+def halves(test: DamperTest) -> tuple[DamperTest, DamperTest]:
+    """First half of the cycles, to fit; and the whole record with only the second half counted, to predict."""
+    counted = [cycle for cycle in whole_cycles(test.displacement) if cycle.start >= test.n_settle]
+    middle = test.n_settle + (test.n_time - test.n_settle) // 2
+    if len(counted) > 1:
+        middle = counted[len(counted) // 2].start
+    first = replace(
+        test,
+        displacement=test.displacement[:middle],
+        velocity=test.velocity[:middle],
+        force=test.force[:middle],
+    )
+    return first, replace(test, n_settle=middle)
+
+
+def _later_cycles(test: DamperTest, identify_rest: IdentifyRest) -> tuple[float, ...]:
+    first, second = halves(test)
+    fit = identify_rest((first,))
+    prediction = predict(fit, second)
+    start = second.n_settle
+    cycles = [
+        slice(cycle.start - start, cycle.stop - start)
+        for cycle in whole_cycles(test.displacement)
+        if cycle.start >= start
+    ]
+    deviation = float(np.std(prediction.measured))
+    if not cycles:
+        return (prediction.nrmse,)
+    return tuple(_rms(prediction.residual[cycle]) / deviation for cycle in cycles)
+
+
+def _rms(values: NDArray[np.float64]) -> float:
+    return float(np.sqrt(np.mean(values**2)))

@@ -1,1 +1,1 @@
-"""Which model: families compared by what their fits have not seen, by leave-one-out densities, and by BIC."""
+"""Choice of model: families compared by errors on tests left out of their fits, by PSIS-LOO, and by BIC."""

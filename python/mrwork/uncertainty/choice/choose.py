@@ -1,13 +1,16 @@
-"""Choice of model: every family identified, judged on what its fits have not seen, and ranked."""
+"""Choice of model: every family is identified, scored on data left out of its fits, and ranked."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TypeVar
 
 from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import Interrupted
+from mrwork.errors import Interrupted, JournalError, MrworkError, OutputError, SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify_with
 from mrwork.identification.nuisance import NuisanceName
@@ -15,12 +18,194 @@ from mrwork.identification.progress import Progress
 from mrwork.identification.settings import FitSettings, Search
 from mrwork.records import DamperTest
 from mrwork.store import Journal
-from mrwork.uncertainty.bands.left_out import Fold, folds_of
-from mrwork.uncertainty.choice.comparison import Choice, ChoiceProgress, JournalOf, RunningComparison
+from mrwork.summary import Summarised, Summary
+from mrwork.uncertainty.autocorrelation import effective_samples
+from mrwork.uncertainty.bands.prediction import ONE_TEST, Fold, folds_of, held_out_errors, held_out_words
 from mrwork.uncertainty.choice.families import ALL, Family, command_remark, families
-from mrwork.uncertainty.choice.held_out import ONE_TEST
-from mrwork.uncertainty.choice.likelihood import Likelihood
+from mrwork.uncertainty.choice.leave_one_out import Likelihood, free_parameters, residuals_of, variance_of
+from mrwork.uncertainty.choice.ranking import Evidence, Ranking, concluded, rank
 from mrwork.uncertainty.noise import noise_model
+
+T = TypeVar("T")
+
+# Opens the journal of the named step; it is closed when the step is done.
+JournalOf = Callable[[str], Journal]
+# Identifies a family from tests, with a progress callback and a journal.
+FitOf = Callable[
+    [Family, tuple[DamperTest, ...], Callable[[Progress], None], Journal | None],
+    Fit,
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Choice(Summarised):
+    """The ranking of families, and the fits of those that could be identified, in the same order."""
+
+    ranking: Ranking
+    fits: tuple[Fit, ...]
+
+    @property
+    def best(self) -> Fit:
+        """The fit of the chosen family to all tests."""
+        return next(fit for fit in self.fits if fit.model == self.ranking.chosen)
+
+    def _summary(self) -> Summary:
+        return self.ranking._summary()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChoiceProgress:
+    """Progress of a comparison: at the `number`-th of `n_models` families, doing `task`.
+
+    `seconds_left` is an estimate from the time of earlier fits, `None` before the first. `within` is the progress of
+    the current fit.
+    """
+
+    model: str
+    number: int
+    n_models: int
+    task: str
+    seconds: float
+    seconds_left: float | None
+    within: Progress | None = None
+
+
+@dataclass(slots=True, kw_only=True)
+class RunningComparison:
+    """A comparison in progress; `evidence` and `fits` are by model."""
+
+    tests: tuple[DamperTest, ...]
+    compared: tuple[Family, ...]
+    leave_out: Fold
+    n_folds: int
+    remarks: tuple[str, ...]
+    journal_of: JournalOf | None
+    on_progress: Callable[[ChoiceProgress], None] | None
+    evidence: dict[str, Evidence] = field(default_factory=dict)
+    fits: dict[str, Fit] = field(default_factory=dict)
+    n_blocks: int | None = None
+    _began: float = field(default_factory=time.perf_counter, init=False)
+    # Seconds and number of parameters of the fits so far; the cost of a fit grows with its parameters.
+    _spent: float = field(default=0.0, init=False)
+    _done: int = field(default=0, init=False)
+
+    @property
+    def judged(self) -> bool:
+        """Whether any family predicted the data left out."""
+        return any(each.left_out for each in self.evidence.values())
+
+    def judge(self, number: int, fit_of: FitOf) -> None:
+        """Identify a family from all tests and without each fold; a failure is recorded as its reason.
+
+        A family that is interrupted is left out.
+        """
+        family = self.compared[number - 1]
+        model = family.spec.name
+        made: list[Fit] = []
+
+        def identified(tests: tuple[DamperTest, ...]) -> Fit:
+            fold = len(made)
+            step, task = (
+                (f"left_out_{fold}", f"left out {fold} of {self.n_folds}") if fold else ("fit", "all tests")
+            )
+            self._tell(number, task)
+            tell = partial(self._tell, number, task)
+            fit = self._journalled(f"{model}/{step}", lambda journal: fit_of(family, tests, tell, journal))
+            made.append(fit)
+            self._spent += fit.seconds
+            self._done += len(family.spec.parameters)
+            return fit
+
+        left_out: tuple[float, ...] = ()
+        reason = ""
+        try:
+            identified(self.tests)
+            left_out = held_out_errors(self.tests, self.leave_out, identified)
+        except (JournalError, OutputError):
+            raise
+        except MrworkError as error:
+            reason = str(error)
+        fit = made[0] if made else None
+        if fit is not None:
+            self.fits[model] = fit
+        self.evidence[model] = Evidence(
+            model=model,
+            title=family.spec.title,
+            n_params=len(family.spec.parameters) if fit is None else free_parameters(fit),
+            status="failed" if fit is None else fit.status,
+            reason=reason,
+            seconds=sum(each.seconds for each in made),
+            fit_percent=None if fit is None else fit.fit_percent,
+            left_out=left_out,
+            variance=None if fit is None else variance_of(fit, self.tests),
+        )
+
+    def weigh(self, likelihood: Likelihood) -> None:
+        """PSIS-LOO of every identified family, on the same blocks and with the same tempering."""
+        if not self.fits:
+            return
+        shared = likelihood.shared(list(self.fits.values()), self.tests)
+        found: dict[str, Evidence] = {}
+        for number, family in enumerate(self.compared, start=1):
+            fit = self.fits.get(family.spec.name)
+            if fit is None:
+                continue
+            self._tell(number, "leave-one-out")
+            own = self.evidence[fit.model]
+            step = f"{fit.model}/leave_one_out"
+            try:
+                told = self._journalled(step, partial(shared.leave_one_out, fit))
+            except SettingError as reason:
+                found[fit.model] = replace(own, reason=own.reason or f"no PSIS-LOO: {reason}")
+            else:
+                found[fit.model] = replace(own, leave_one_out=told)
+        # Recorded only when all are done: among some families the best ELPD would mislead.
+        self.evidence.update(found)
+        self.n_blocks = shared.n_blocks
+
+    def conclude(self) -> Choice:
+        """The choice among the families that are done."""
+        best = min(self.fits.values(), key=lambda fit: fit.nrmse)
+        n_effective = effective_samples(residuals_of(best, self.tests))
+        evidence = list(self.evidence.values())
+        standings = rank(evidence, n_effective)
+        ranking = concluded(
+            standings,
+            held_out=held_out_words(self.tests, self.leave_out),
+            n_folds=max(len(each.left_out) for each in evidence),
+            n_blocks=self.n_blocks,
+            n_effective=n_effective,
+            remarks=self.remarks,
+            missing=[each.spec.name for each in self.compared if each.spec.name not in self.evidence],
+        )
+        order = [each.model for each in standings if each.model in self.fits]
+        return Choice(ranking=ranking, fits=tuple(self.fits[model] for model in order))
+
+    def _journalled(self, step: str, work: Callable[[Journal | None], T]) -> T:
+        if self.journal_of is None:
+            return work(None)
+        journal = self.journal_of(step)
+        try:
+            return work(journal)
+        finally:
+            journal.close()
+
+    def _tell(self, number: int, task: str, within: Progress | None = None) -> None:
+        if self.on_progress is None:
+            return
+        total = (1 + self.n_folds) * sum(len(family.spec.parameters) for family in self.compared)
+        left = self._spent / self._done * max(total - self._done, 0) if self._done else None
+        self.on_progress(
+            ChoiceProgress(
+                model=self.compared[number - 1].spec.name,
+                number=number,
+                n_models=len(self.compared),
+                task=task,
+                seconds=time.perf_counter() - self._began,
+                seconds_left=left,
+                within=within,
+            )
+        )
 
 
 def choose_model(
@@ -41,18 +226,18 @@ def choose_model(
     on_progress: Callable[[ChoiceProgress], None] | None = None,
     journal_of: JournalOf | None = None,
 ) -> Choice:
-    """Identify every family of models from the same tests, and rank them by what their fits have not seen.
+    """Identify families of models from the same tests, and rank them by their error on data left out of the fit.
 
-    Each family is identified from all tests, and again without each test in turn (motion, or command), which is then
-    predicted; from one test, on the first half of its cycles. PSIS-LOO over blocks of cycles and BIC stand beside it.
-    A family that fails is a row of the ranking.
+    Each family is identified from all tests, and again without each test in turn (or motion, or command), which is then
+    predicted. From a single test it is identified on the first half of the cycles and predicts the second. PSIS-LOO
+    over blocks of cycles and BIC are given as well. A family that fails is a row of the ranking.
 
     Parameters
     ----------
     models
-        Names or models, or "all".
+        Names of models, models with their laws, or "all".
     leave_out
-        What is left out together: each test, all tests of one motion, all at one command.
+        Unit that is left out: each test, all tests of one motion, or all at one command.
     laws, unit
         Laws of the parameters that follow the command, for the families that have such parameters.
     search, bounds, nuisances, power, rng, threads
@@ -60,20 +245,20 @@ def choose_model(
     noise
         Noise model of the likelihood, one of `mrwork.uncertainty.noise.NOISES`.
     sampled
-        Draw from the posterior by its chain, `sample_posterior`, rather than from an ellipsoid about the fit: slower.
+        Draw from the posterior by its chain, `sample`, in place of importance sampling about the fit: slower.
     on_progress
-        Called as the fits go on.
+        Called during the fits.
     journal_of
-        Gives the journal of each step of the comparison, by name; see `Journal`.
+        Opens the journal of each step of the comparison, by name; see `Journal`.
 
     Raises
     ------
     SettingError
-        Where nothing can be left out, or no family could be judged.
+        Where nothing can be left out, or every family failed.
     UnknownNameError
-        Where a model is unknown, or a law or bound names what no family has.
+        Where a model is unknown, or a law or bound names a parameter that no family has.
     Interrupted
-        On Ctrl-C once a family was judged, carrying the `Choice` so far.
+        On Ctrl-C after the first family, carrying the `Choice` so far.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Which families of models are compared, each with the laws and bounds that it has parameters for."""
+"""Families of models to be compared, each with the laws and bounds that apply to its parameters."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ALL = "all"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Family:
-    """A model with its laws, and the bounds that are its own."""
+    """A model with its laws, and the bounds of its parameters."""
 
     spec: DamperSpec
     bounds: dict[str, tuple[float, float]]
@@ -29,16 +29,16 @@ def families(
     unit: CommandUnit,
     bounds: Mapping[str, tuple[float, float]],
 ) -> tuple[tuple[Family, ...], tuple[str, ...]]:
-    """The families of that name, or all, and what is to be said of their selection.
+    """The named families, or all, and remarks on the selection.
 
-    Of all, those that are identified in another's parameters are left out: they would tie with it to the last digit.
+    "all" leaves out models that are identified in the parameters of another one, because they have the same fit.
 
     Raises
     ------
     UnknownNameError
-        Where there is no such model, or a law or bound names what no family has.
+        Where there is no such model, or a law or bound names a parameter that no family has.
     SettingError
-        Where a model is named twice, or none is.
+        Where a model is named twice, or none is named.
     """
     remarks: list[str] = []
     if isinstance(models, str) and models == ALL:
@@ -78,7 +78,7 @@ def families(
 
 
 def command_remark(tests: Sequence[DamperTest], *, has_laws: bool) -> tuple[str, ...]:
-    """A warning where plain models are to describe tests at several commands."""
+    """Remark where models without laws are to describe tests at several commands."""
     commands = {(test.current, test.voltage) for test in tests}
     if has_laws or len(commands) < 2:
         return ()

@@ -1,4 +1,4 @@
-"""Families of models ranked by how well they predict what they were not fitted to, with two criteria beside it."""
+"""Ranking of families of models by their left-out fit, with PSIS-LOO and BIC, and its conclusion in words."""
 
 from __future__ import annotations
 
@@ -10,21 +10,39 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
-from mrwork.uncertainty.choice.psis import UNRELIABLE, LeaveOneOut
+from mrwork.summary import Summarised, Summary, rounded
+from mrwork.uncertainty.choice.leave_one_out import UNRELIABLE, LeaveOneOut
 
-# Points of fit that make no difference: the cycles of a real test repeat to 97-99 %.
-HAIR = 0.1
+# Negligible difference in fit [percentage points]: the cycles of a real test repeat to 97-99 %.
+NEGLIGIBLE = 0.1
 
-Verdict = Literal["chosen", "as good", "behind", "failed"]
+# Number of folds below which a standard error is uncertain.
+_FEW = 4
+# A smaller difference in BIC is negligible (Kass and Raftery, JASA 90, 1995, 773-795).
+_BARE = 2.0
+
+DEFINITIONS = (
+    "Left-out fit: 100 (1 - NRMSE) in percent of what the fit has not seen, the mean over folds with its standard "
+    "error. A family is as good as the best within one standard error of the paired difference, not more than that "
+    f"of the best itself, or within {NEGLIGIBLE:g} points; of those the one with the fewest parameters is chosen.",
+    "ELPD: expected log predictive density of a block of whole cycles given the other blocks (PSIS-LOO), residuals in "
+    "deviations of each test's force, the log density tempered by n_eff / n. Cycles of one test repeat, so it "
+    "is about more of the same tests, not about another excitation.",
+    "BIC: n_eff ln(mean squared residual in deviations) + k ln(n_eff), with k free parameters and n_eff "
+    "effective samples, those of the residuals of the family that fits best, for all families alike. Every cycle "
+    "counts anew in n_eff though cycles repeat, so that differences in ELPD and BIC are upper limits.",
+)
+
+RankVerdict = Literal["chosen", "as good", "behind", "failed"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
-    """What is known of one family: `n_params` were free, `seconds` are those of all its fits.
+    """Results of one family with `n_params` free parameters; `seconds` of all its fits.
 
-    `left_out` has the mean NRMSE of each fold, in the same order for all families, and is empty where one could not be
-    predicted: `reason` says why. `variance` is the mean square of the residuals in deviations of each
-    test's force. What did not come about is `None`.
+    `left_out` has the mean NRMSE of each fold, in the same order for all families; it is empty where a prediction
+    failed, for the given `reason`. `variance` is the mean square of the residuals in deviations of each test's force.
+    Missing results are `None`.
     """
 
     model: str
@@ -41,16 +59,16 @@ class Evidence:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Standing:
-    """One row of the ranking. Differences are to the best family by that criterion, and positive where one is behind.
+    """One row of the ranking; differences to the best family by each criterion are positive.
 
-    Fits in percent; `left_out_behind` in points, its error that of the paired difference over folds.
-    `unreliable_blocks` counts those whose Pareto k is above 0.7.
+    Fits are in percent; `left_out_behind` is in percentage points, with the standard error of the paired difference.
+    `unreliable_blocks` is the number of blocks whose Pareto k is above 0.7.
     """
 
     model: str
     title: str
     n_params: int
-    verdict: Verdict
+    verdict: RankVerdict
     status: str
     reason: str
     seconds: float
@@ -69,12 +87,12 @@ class Standing:
 
 
 def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Standing, ...]:
-    """Rank families by their left-out fit, best first; those that could not be judged come last.
+    """Rank families by their left-out fit, best first; those that failed come last.
 
-    A family is as good as the best where its mean left-out NRMSE is behind by no more than the standard error of the
-    paired difference over folds, nor than that of the best itself (a family that fails badly on one test has a wide
-    error, which must not excuse it), or by no more than a tenth of a point. Of those as good, the one with the fewest
-    parameters is chosen. BIC is `n_eff ln(variance) + n_params ln(n_eff)`.
+    A family is as good as the best if its mean left-out NRMSE exceeds that of the best by no more than the standard
+    error of the paired difference over folds, limited to the standard error of the best itself (a family that fails on
+    one test has a large error of its own), or by no more than 0.1 percentage points. Of those as good, the one with the
+    fewest parameters is chosen. BIC is `n_eff ln(variance) + n_params ln(n_eff)`.
 
     Parameters
     ----------
@@ -84,7 +102,7 @@ def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Stand
     Raises
     ------
     SettingError
-        Where no family was judged on what was left out.
+        Where no family predicted the tests left out.
     """
     judged = sorted(
         (each for each in evidence if each.left_out), key=lambda each: float(np.mean(each.left_out))
@@ -103,7 +121,7 @@ def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Stand
     )
     standings = []
     for each in [*judged, *(each for each in evidence if not each.left_out)]:
-        verdict: Verdict = "failed" if not each.left_out else "behind"
+        verdict: RankVerdict = "failed" if not each.left_out else "behind"
         if each is chosen:
             verdict = "chosen"
         elif each in as_good:
@@ -114,7 +132,7 @@ def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Stand
 
 def _standing(
     own: Evidence,
-    verdict: Verdict,
+    verdict: RankVerdict,
     best: Evidence,
     most_likely: Evidence | None,
     bic: dict[str, float | None],
@@ -142,22 +160,19 @@ def _standing(
         elpd_error=_error_of_sum(elpd),
         elpd_behind=float(behind.sum()) if behind.size else None,
         elpd_behind_error=_error_of_sum(behind),
-        unreliable_blocks=None if own.leave_one_out is None else unreliable(own.leave_one_out),
+        unreliable_blocks=None
+        if own.leave_one_out is None
+        else int(np.count_nonzero(~(own.leave_one_out.pareto_k <= UNRELIABLE))),
         bic=value,
         bic_behind=None if value is None or least is None else value - least,
     )
-
-
-def unreliable(found: LeaveOneOut) -> int:
-    """Blocks whose Pareto k is above 0.7 or not a number."""
-    return int(np.count_nonzero(~(found.pareto_k <= UNRELIABLE)))
 
 
 def _is_as_good(own: Evidence, best: Evidence) -> bool:
     difference = 100.0 * (np.array(own.left_out) - np.array(best.left_out))
     errors = [_error_of_mean(difference), _error_of_mean(100.0 * np.array(best.left_out))]
     allowed = min((error for error in errors if error is not None), default=0.0)
-    return float(difference.mean()) <= max(allowed, HAIR)
+    return float(difference.mean()) <= max(allowed, NEGLIGIBLE)
 
 
 def _bic(own: Evidence, n_effective: float | None) -> float | None:
@@ -176,3 +191,139 @@ def _error_of_mean(values: NDArray[np.float64]) -> float | None:
 
 def _error_of_sum(values: NDArray[np.float64]) -> float | None:
     return float(np.std(values, ddof=1) * np.sqrt(values.size)) if values.size > 1 else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Ranking(Summarised):
+    """Families in order of merit, the chosen one, and the reason in a sentence.
+
+    `held_out` describes the data left out of the fits, in `n_folds`. `remarks` concern the comparison as a whole;
+    `missing` names families that an interrupt left undone.
+    """
+
+    chosen: str
+    sentence: str
+    standings: tuple[Standing, ...]
+    held_out: str
+    n_folds: int
+    n_blocks: int | None
+    n_effective: float | None
+    remarks: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
+    definitions: tuple[str, ...] = DEFINITIONS
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"Choice of model: {self.chosen}",
+            facts=(("judged on", self.held_out),),
+            columns=("model", "parameters", "fit %", "left out %", "verdict", "reason"),
+            rows=[
+                (
+                    each.model,
+                    str(each.n_params),
+                    rounded(each.fit_percent),
+                    rounded(each.left_out_percent),
+                    each.verdict,
+                    each.reason,
+                )
+                for each in self.standings
+            ],
+            notes=(self.sentence,),
+        )
+
+
+def concluded(
+    standings: tuple[Standing, ...],
+    *,
+    held_out: str,
+    n_folds: int,
+    n_blocks: int | None,
+    n_effective: float | None,
+    remarks: Sequence[str] = (),
+    missing: Sequence[str] = (),
+) -> Ranking:
+    """Ranking of these standings with its sentence."""
+    chosen = next(each for each in standings if each.verdict == "chosen")
+    parts = [_choice(standings, chosen, held_out)]
+    runner_up = next((each for each in standings if each.verdict == "behind"), None)
+    if runner_up is not None:
+        parts.append(
+            f"Next comes {runner_up.title} with {runner_up.n_params} parameters, "
+            f"{_points(runner_up, chosen)} behind the best"
+        )
+    parts += [_by_elpd(standings, chosen, n_blocks), _by_bic(standings, chosen)]
+    if 1 < n_folds < _FEW:
+        parts.append(f"So few as {n_folds} folds hardly tell a standard error")
+    failed = [each.title for each in standings if each.verdict == "failed"]
+    if failed:
+        parts.append(f"Not judged: {', '.join(failed)}")
+    if missing:
+        parts.append(f"The comparison was interrupted and lacks {', '.join(missing)}")
+    return Ranking(
+        chosen=chosen.model,
+        sentence=". ".join(part for part in parts if part) + ".",
+        standings=standings,
+        held_out=held_out,
+        n_folds=n_folds,
+        n_blocks=n_blocks,
+        n_effective=n_effective,
+        remarks=tuple(remarks),
+        missing=tuple(missing),
+    )
+
+
+def _choice(standings: tuple[Standing, ...], chosen: Standing, held_out: str) -> str:
+    count = f"Of {len(standings)} families" if len(standings) > 1 else "The only family"
+    error = "" if chosen.left_out_error is None else f", standard error {chosen.left_out_error:.2g}"
+    text = (
+        f"{count}, {chosen.title} with {chosen.n_params} parameters is chosen: its mean left-out fit is "
+        f"{chosen.left_out_percent:.2f} % ({held_out}{error})"
+    )
+    best = standings[0]
+    if best is not chosen:
+        more = best.n_params - chosen.n_params
+        text += (
+            f", {_points(chosen, best)} behind {best.title}, the best, which has {more} parameters more: "
+            "as good, and simpler"
+        )
+    others = [each for each in standings if each.verdict == "as good" and each is not best]
+    if others:
+        text += f". As good with no fewer parameters: {', '.join(each.title for each in others)}"
+    return text
+
+
+def _points(own: Standing, other: Standing) -> str:
+    """Difference in percentage points with the standard error of the paired difference; one of the two is the best."""
+    behind = own.left_out_behind or other.left_out_behind or 0.0
+    error = own.left_out_behind_error
+    return f"{behind:.2f} points" if error is None else f"{behind:.2f} ± {error:.2f} points"
+
+
+def _by_elpd(standings: tuple[Standing, ...], chosen: Standing, n_blocks: int | None) -> str:
+    best = next((each for each in standings if each.elpd_behind == 0.0), None)
+    if best is None or chosen.elpd_behind is None:
+        return ""
+    doubtful = [each for each in (best, chosen) if each.unreliable_blocks]
+    doubt = ""
+    if doubtful:
+        share = max(each.unreliable_blocks or 0 for each in doubtful)
+        blocks = "1 block" if share == 1 else f"{share} blocks"
+        doubt = f", though the Pareto k of {blocks} is above 0.7: importance weights are not reliable there"
+    if best is chosen:
+        return f"PSIS-LOO over {n_blocks} blocks agrees{doubt}"
+    error = chosen.elpd_behind_error or 0.0
+    by = f"{chosen.elpd_behind:.1f} ± {error:.1f} in log density over {n_blocks} blocks"
+    if chosen.elpd_behind <= error:
+        return f"PSIS-LOO cannot tell it from {best.title} ({by}){doubt}"
+    return f"PSIS-LOO prefers {best.title}, by {by}{doubt}"
+
+
+def _by_bic(standings: tuple[Standing, ...], chosen: Standing) -> str:
+    best = next((each for each in standings if each.bic_behind == 0.0), None)
+    if best is None or chosen.bic_behind is None:
+        return ""
+    if best is chosen:
+        return "BIC agrees"
+    if chosen.bic_behind < _BARE:
+        return f"BIC hardly tells it from {best.title} ({chosen.bic_behind:.1f})"
+    return f"BIC prefers {best.title}, by {chosen.bic_behind:.1f}"

@@ -1,1 +1,1 @@
-"""Which parameters the data tell: Fisher information, directions that nothing sees, profiles of the likelihood."""
+"""Identifiability of parameters: Fisher information, unidentifiable directions, profile likelihood."""

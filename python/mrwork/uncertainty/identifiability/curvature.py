@@ -1,4 +1,4 @@
-"""The squared misfit about many sets of parameters at once: its value, slope and curvature, simulated in lanes."""
+"""Scaled coordinates of the free parameters, and the squared misfit with its gradient and curvature in them."""
 
 from __future__ import annotations
 
@@ -9,25 +9,67 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
-from mrwork.uncertainty.identifiability.scale import Scale
+from mrwork.identification.search_ranges import search_box
+from mrwork.records import DamperTest
 
-# Numbers that the residuals of one batch may hold at once.
-_NUMBERS = 2**24
+# A value smaller than this share of the nominal one counts as zero.
+_NEGLIGIBLE = 0.01
+# Largest number of residual entries in one batch.
+_LARGEST_BATCH = 2**24
 
-# Residuals (n_residuals,) and their derivative (n_residuals, n_free) per unit of the free parameters, at each row of
-# theta (n_batch, n_params).
+# Residuals (n_residuals,) and their derivative (n_residuals, n_free) with respect to the free parameters, at each row
+# of theta (n_batch, n_params).
 Linearise = Callable[[NDArray[np.float64]], Iterable[tuple[NDArray[np.float64], NDArray[np.float64]]]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scaled:
-    """The free parameters of a box in coordinates of their own: logarithms, or multiples of their scale.
+class Scale:
+    """Size of a relevant change of each parameter, shape (n_params,): its value, or half its range where `of_range`.
 
-    `theta` has the values of those that are not free; arrays have shape (n_free,). `spring` are the places of a
-    stiffness and of the displacement at which it bears nothing, if both are free: their product offsets the force, so a
-    stiffness can change its sign only if the displacement does too, through infinity.
+    The size of a parameter with a logarithmic scale is its value. Other parameters may be zero; their size is half the
+    range derived from the scales of the records, where this is larger.
+    """
+
+    size: NDArray[np.float64]
+    of_range: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, box: Box, ranges: Box, theta: NDArray[np.float64]) -> Scale:
+        """Scales at `theta`, shape (n_params,), with the `ranges` of `scaled_ranges`."""
+        half = 0.5 * (np.array(ranges.upper) - np.array(ranges.lower))
+        size = np.abs(theta)
+        of_range = ~np.array(box.log) & (half > size)
+        return cls(size=np.where(of_range, half, size), of_range=of_range)
+
+
+def scaled_ranges(
+    spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: NDArray[np.float64]
+) -> Box:
+    """The box narrowed to the scales of the records; where these give no range, to the size of the value.
+
+    Where the value is negligible beside the nominal one, such as a share at its bound of zero, to the nominal size.
+    """
+    searched = search_box(spec, box, tests)
+    own = {}
+    for index, name in enumerate(box.names):
+        as_wide = searched.lower[index] == box.lower[index] and searched.upper[index] == box.upper[index]
+        size, typical = abs(float(theta[index])), abs(spec.parameters[index].nominal)
+        size = size if size > _NEGLIGIBLE * typical else typical
+        if as_wide and not box.log[index] and size > 0.0:
+            own[name] = (max(box.lower[index], -size), min(box.upper[index], size))
+    return searched.with_bounds({name: pair for name, pair in own.items() if pair[0] < pair[1]})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scaled:
+    """Scaled coordinates of the free parameters of a box: logarithms, or multiples of their size.
+
+    `theta` has the values of parameters that are not free; arrays have shape (n_free,). `spring` has the indices of the
+    accumulator's stiffness k and free length x0, if both are free: k x0 offsets the force, so k can change its sign
+    only if x0 does too, through infinity.
     """
 
     theta: NDArray[np.float64]
@@ -39,19 +81,20 @@ class Scaled:
     spring: tuple[int, int] | None = None
 
     @classmethod
-    def of(cls, box: Box, scale: Scale, theta: NDArray[np.float64]) -> Scaled:
+    def of(cls, spec: DamperSpec, box: Box, scale: Scale, theta: NDArray[np.float64]) -> Scaled:
         """Coordinates of the free parameters of `box`, about `theta`, shape (n_params,)."""
         free = np.array(box.free, dtype=int)
         log = np.array(box.log)[free]
         size = np.where(log, 1.0, scale.size[free])
         bounds = (np.array(each)[free] for each in (box.lower, box.upper))
         lower, upper = (np.where(log, np.log(np.where(log, each, 1.0)), each / size) for each in bounds)
-        return cls(
-            theta=theta, free=box.free, log=log, size=size, lower=lower, upper=upper, spring=_spring(box)
-        )
+        spring = None
+        if spec.spring is not None and set(spec.spring) <= set(box.free):
+            spring = (box.free.index(spec.spring[0]), box.free.index(spec.spring[1]))
+        return cls(theta=theta, free=box.free, log=log, size=size, lower=lower, upper=upper, spring=spring)
 
     def position(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Coordinates, shape (..., n_free), of parameters, shape (..., n_params), pulled into the box."""
+        """Coordinates, shape (..., n_free), of parameters, shape (..., n_params), clipped to the box."""
         value = theta[..., np.array(self.free, dtype=int)]
         own = np.where(self.log, np.log(np.where(self.log, value, 1.0)), value / self.size)
         return np.asarray(np.clip(own, self.lower, self.upper))
@@ -69,7 +112,7 @@ class Scaled:
     def moved(
         self, position: NDArray[np.float64], step: NDArray[np.float64], held: int | None
     ) -> NDArray[np.float64]:
-        """The position after a step, inside the box; a spring takes it in stiffness and offset, unless x0 is held."""
+        """Position after a step, clipped to the box; the step of a spring is one in k and k x0, unless x0 is held."""
         there = position + step
         if self.spring is not None and held != self.spring[1]:
             stiffness, free = self.spring
@@ -83,13 +126,6 @@ class Scaled:
         return np.asarray(np.where(self.log, self.values(position), self.size))
 
 
-def _spring(box: Box) -> tuple[int, int] | None:
-    free = [box.names[index] for index in box.free]
-    pairs = [(name, "x0") for name in ("k1", "k0", "k") if name in box.names and "x0" in box.names][:1]
-    both = [(free.index(name), free.index(rest)) for name, rest in pairs if name in free and rest in free]
-    return both[0] if both else None
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Curvature:
     """Squared misfit S of rows, (n_rows,), half its gradient, (n_rows, n_free), and J'J, (n_rows, n_free, n_free)."""
@@ -100,7 +136,7 @@ class Curvature:
 
 
 def curvature(linearise: Linearise, scaled: Scaled, position: NDArray[np.float64]) -> Curvature:
-    """Curvature at each row of `position`, shape (n_rows, n_free); where a simulation failed S is infinite."""
+    """Curvature at each row of `position`, shape (n_rows, n_free); S is infinite where a simulation failed."""
     squared, gradient, normal = [], [], []
     for (residuals, jacobian), slope in zip(
         linearise(scaled.parameters(position)), scaled.slope(position), strict=True
@@ -109,7 +145,7 @@ def curvature(linearise: Linearise, scaled: Scaled, position: NDArray[np.float64
         squared.append(float(residuals @ residuals))
         gradient.append(own.T @ residuals)
         normal.append(own.T @ own)
-    # Residuals of one are those of a simulation that failed.
+    # All residuals of a failed simulation are 1.
     total = np.array(squared)
     return Curvature(
         squared=np.where(total >= residuals.size, np.inf, total),
@@ -119,8 +155,8 @@ def curvature(linearise: Linearise, scaled: Scaled, position: NDArray[np.float64
 
 
 def linearise(objective: Objective, columns: Sequence[int]) -> Linearise:
-    """Residuals and exact derivatives with respect to columns of theta, a few rows at a time."""
-    rows = max(1, _NUMBERS // ((len(columns) + 1) * objective.n_time))
+    """Residuals and exact derivatives with respect to columns of theta, in batches of limited size."""
+    rows = max(1, _LARGEST_BATCH // ((len(columns) + 1) * objective.n_time))
 
     def in_chunks(theta: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
         for first in range(0, len(theta), rows):

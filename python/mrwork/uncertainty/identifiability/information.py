@@ -1,30 +1,99 @@
-"""What the derivative of the residuals says of each parameter: Fisher information, judged and put into words."""
+"""Verdicts on parameters and parameter directions from the Fisher information, with reasons in words."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.identification.fit import Change, Direction, Identifiability, Verdict
-from mrwork.uncertainty.identifiability.directions import (
-    changes_along,
-    listed,
-    sparse_basis,
-    told_combinations,
-)
 
-# Of the largest singular value, parameters scaled to unit sensitivity: what moves the residuals less is not seen.
-# Rounding leaves about 1e-9 where derivatives are difference quotients.
+# Components of a direction smaller than this share of the largest are not named.
+_SPOKEN = 0.03
+# Relative tolerance for exponents to count as simple fractions, and the largest of those.
+_SIMPLE = 2e-3
+_LARGEST_DENOMINATOR = 2
+_LARGEST_EXPONENT = 3
+
+
+def changes_along(
+    direction: NDArray[np.float64], names: Sequence[str], of_range: Sequence[bool]
+) -> tuple[Change, ...]:
+    """Changes of the parameters along a direction, shape (n_params,), in shares of their scales.
+
+    The first one increases by 1 %; parameters that hardly change are left out.
+    """
+    spoken = np.flatnonzero(np.abs(direction) > _SPOKEN * np.max(np.abs(direction)))
+    unit = direction / direction[spoken[0]]
+    return tuple(
+        Change(name=names[index], percent=float(unit[index]), of_range=of_range[index])
+        for index in map(int, spoken)
+    )
+
+
+def sparse_basis(null: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sparse basis of the row space of `null`, shape (n_directions, n_params).
+
+    Gauss-Jordan elimination with pivoting: each row has one parameter that no other row has.
+    """
+    rows = np.array(null)
+    pivots: list[int] = []
+    for index in range(len(rows)):
+        size = np.abs(rows[index])
+        size[pivots] = 0.0
+        pivots.append(int(np.argmax(size)))
+        rows[index] /= rows[index, pivots[-1]]
+        others = np.delete(np.arange(len(rows)), index)
+        rows[others] -= np.outer(rows[others, pivots[-1]], rows[index])
+    return np.where(np.abs(rows) > _SPOKEN * np.max(np.abs(rows), axis=1, keepdims=True), rows, 0.0)
+
+
+def told_combinations(changes: Sequence[Change], *, within: float = _SIMPLE) -> tuple[str, ...]:
+    """Products and ratios of two parameters with simple exponents that are constant along a direction.
+
+    Along `d ln p_i = v_i` the product `p_i^a p_j^b` is constant if `a v_i + b v_j = 0`. Each parameter is combined with
+    the first earlier one that permits simple exponents, to the relative tolerance `within`.
+    """
+    if any(change.of_range for change in changes):
+        return ()
+    found = []
+    for number, second in enumerate(changes):
+        joined = (_combination(first, second, within) for first in changes[:number])
+        found += list(filter(None, joined))[:1]
+    return tuple(found)
+
+
+def _combination(first: Change, second: Change, within: float) -> str:
+    """Combination such as "alpha A", "gamma/beta", "alpha^2 A"; empty without simple exponents."""
+    ratio = first.percent / second.percent
+    simple = Fraction(ratio).limit_denominator(_LARGEST_DENOMINATOR)
+    power, other = simple.denominator, abs(simple.numerator)
+    if other == 0 or other > _LARGEST_EXPONENT or abs(float(simple) - ratio) > within * abs(ratio):
+        return ""
+    return f"{_power(first.name, power)}{'/' if ratio > 0 else ' '}{_power(second.name, other)}"
+
+
+def _power(name: str, exponent: int) -> str:
+    return name if exponent == 1 else f"{name}^{exponent}"
+
+
+def listed(parts: Sequence[str]) -> str:
+    """Enumeration such as "a, b and c"."""
+    return parts[0] if len(parts) == 1 else f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+# Largest ratio of a singular value to the greatest one for an unidentifiable direction, parameters scaled to unit
+# sensitivity. Rounding leaves about 1e-9 where derivatives are difference quotients.
 UNSEEN = 1e-7
-# A standard error above this share of a parameter's scale leaves little more than its order of magnitude.
+# Parameters with a relative standard error above this are weakly identifiable.
 WEAK = 0.25
-# Shares of a parameter's variance that make it part of a direction.
+# Smallest component of a parameter that takes part in a direction.
 _PART = 1e-6
-# How far exponents of what is seen better may be from simple ones.
+# Tolerance of exponents for combinations along weakly identifiable directions.
 _ABOUT = 0.05
-# A partner is named from this correlation on.
+# Smallest correlation at which a partner is named.
 _TIED = 0.9
 
 
@@ -39,23 +108,23 @@ def judged(
 ) -> Identifiability:
     """Verdicts and directions from the derivative of the residuals, shape (n_residuals, n_params).
 
-    The covariance is `s^2 (J'J)^-1 n/n_eff`, with `s^2 = misfit^2 / (n - n_params)`. Not seen is a direction whose
-    singular value, parameters scaled to unit sensitivity, is below `UNSEEN` of the largest; weakly seen one along which
-    the standard error exceeds `WEAK` of the scale.
+    The covariance is `s^2 (J'J)^-1 n/n_eff`, with `s^2 = misfit^2 / (n - n_params)`. A direction is unidentifiable if
+    its singular value, parameters scaled to unit sensitivity, is below `UNSEEN` of the largest, and weakly identifiable
+    if the standard error along it exceeds `WEAK` of the scale.
 
     Parameters
     ----------
     jacobian
-        Per scale of each parameter, of residuals whose sum of squares is the squared misfit.
+        With respect to parameters in units of their scales; residuals sum up in squares to the squared misfit.
     of_range
-        Which of these scales are ranges, not values.
+        Whether the scale of each parameter is its range, not its value.
     held
-        Parameters that get no verdict because they were held, but may take part in a direction.
+        Parameters that were held fixed: without verdict, but they may take part in a direction.
 
     Returns
     -------
     Identifiability
-        Standard errors are in scales.
+        Standard errors are in units of the scales.
     """
     n_time = len(jacobian)
     null = _null_space(jacobian)
@@ -89,7 +158,7 @@ def judged(
 
 
 def _null_space(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Directions that are not seen, in scales of the parameters, shape (n_directions, n_params)."""
+    """Unidentifiable directions in units of the scales, shape (n_directions, n_params)."""
     if jacobian.shape[1] == 0:
         return np.empty((0, 0))
     norm = np.linalg.norm(jacobian, axis=0)
@@ -102,7 +171,7 @@ def _null_space(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _inverse(normal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Inverse of a positive definite matrix whose columns differ by many powers of ten."""
+    """Inverse of a positive definite matrix, scaled to unit diagonal for accuracy."""
     root = np.sqrt(np.diag(normal))
     return np.asarray(np.linalg.inv(normal / np.outer(root, root)) / np.outer(root, root))
 
@@ -136,7 +205,7 @@ def _weak(
     names: Sequence[str],
     of_range: Sequence[bool],
 ) -> tuple[Direction, ...]:
-    """Directions along which the standard error exceeds `WEAK` of the scales, the least seen first."""
+    """Directions along which the standard error exceeds `WEAK` of the scales, largest first."""
     if not len(cov):
         return ()
     variances, vectors = np.linalg.eigh(cov)
@@ -144,7 +213,7 @@ def _weak(
     for variance, vector in zip(variances[::-1], vectors.T[::-1], strict=True):
         if np.sqrt(variance) <= WEAK:
             break
-        # Named first is the one that the data leave open most.
+        # The parameter with the largest component comes first.
         order = np.argsort(np.arange(len(names)) != np.argmax(np.abs(vector)), kind="stable")
         changes = changes_along(
             vector[order], [names[index] for index in order], [of_range[index] for index in order]
@@ -163,7 +232,7 @@ def _weak(
 
 
 def _share(share: float, of_range: bool) -> str:
-    """As in "40 % of its value", or "33 times its value" where it is more than all of it."""
+    """Relative size such as "40 % of its value", or "33 times its value" above 100 %."""
     whole = "range" if of_range else "value"
     return f"{100.0 * share:.2g} % of its {whole}" if share < 1.0 else f"{share:.3g} times its {whole}"
 
@@ -187,7 +256,7 @@ def _verdict(
     of_range: Sequence[bool],
     blind: NDArray[np.bool_],
 ) -> Verdict:
-    """The verdict of one parameter; its standard error in scales."""
+    """Verdict on one parameter; its standard error in units of the scale."""
     name = names[number]
     if blind[number]:
         others = [each for each, also in zip(names, blind, strict=True) if also and each != name]

@@ -1,4 +1,4 @@
-"""Profiles of the likelihood: what they are, and what they say of a parameter."""
+"""Profile of the likelihood in one parameter: confidence interval and verdict."""
 
 from __future__ import annotations
 
@@ -13,15 +13,19 @@ from mrwork.identification.fit import VerdictName
 from mrwork.summary import Summarised, Summary, rounded
 from mrwork.uncertainty.identifiability.curvature import Scaled
 from mrwork.uncertainty.identifiability.information import WEAK
-from mrwork.uncertainty.identifiability.walk import End, Place, signed_root
+from mrwork.uncertainty.identifiability.walk import (
+    End,
+    Side,
+    signed_root,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Profile:
-    """The least misfit with one parameter held, at `values` in its `unit`, upwards.
+    """Least misfit with one parameter held, at increasing `values` in its `unit`.
 
     `ratio` is the likelihood ratio `dof ln(S/S_least)`; the interval ends where it reaches the threshold. An end that
-    is not "closed" is `None`: "bound" is the end of the admissible range; beyond "not simulated" none finished.
+    is not "closed" is `None`: "bound" is the end of the admissible range; beyond "not simulated" none was possible.
     """
 
     name: str
@@ -41,10 +45,10 @@ class Profile:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Profiles(Summarised):
-    """Profiles of the free parameters of a fit, in the form of its `model` that has no redundant ones.
+    """Profiles of the free parameters of a fit, in the form of its `model` without redundant parameters.
 
-    `threshold` is that of the likelihood ratio, chi-squared with one degree of freedom at `level`. `n_effective` is
-    what the `n_time` samples are worth. `remark` says so where the fit was not at the least misfit.
+    `threshold` of the likelihood ratio is the quantile of chi-squared with one degree of freedom at `level`.
+    `n_effective` is the effective number of samples of `n_time`. `remark` tells of a better minimum than the fit.
     """
 
     model: str
@@ -84,49 +88,44 @@ def profile_of(
     parameter: ParamSpec,
     scaled: Scaled,
     index: int,
-    below: list[Place],
-    above: list[Place],
-    ends: tuple[End, End],
+    below: Side,
+    above: Side,
     *,
     least: float,
     threshold: float,
     dof: float,
 ) -> Profile:
-    """The two sides of the free parameter `index`, both from the same origin, joined and judged.
+    """Profile of the free parameter `index` from its two sides, with the same origin, and the verdict.
 
     Parameters
     ----------
     least
-        The least squared misfit that is known.
+        Least known squared misfit.
     dof
         The likelihood ratio is `dof ln(S/least)`.
     """
-    line = [*reversed(below[1:]), *above]
-    position = np.array([place.position[index] for place in line])
-    roots = np.array([signed_root(place.squared, least, dof) for place in line])
-    limit = float(np.sqrt(threshold))
-    origin = len(below) - 1
-    lower_end, upper_end = ends
+    line = [*reversed(below.points[1:]), *above.points]
+    positions = np.array([point.position for point in line])
+    position, values = positions[:, index], scaled.values(positions)[:, index]
+    roots = np.array([signed_root(point.squared, least, dof) for point in line])
+    limit, origin = float(np.sqrt(threshold)), len(below.points) - 1
     crossings = [
-        _crossing(position[origin::-1], roots[origin::-1], limit) if lower_end == "closed" else None,
-        _crossing(position[origin:], roots[origin:], limit) if upper_end == "closed" else None,
+        _crossing(position[origin::-1], roots[origin::-1], limit) if below.end == "closed" else None,
+        _crossing(position[origin:], roots[origin:], limit) if above.end == "closed" else None,
     ]
-    at = np.tile(line[origin].position, (len(line), 1))
-    at[:, index] = position
-    values = scaled.values(at)[:, index]
-    interval = [None if each is None else _value(scaled, index, each) for each in crossings]
+    lower, upper = (None if each is None else _value(scaled, index, each) for each in crossings)
     profile = Profile(
         name=parameter.name,
         unit=parameter.unit,
         estimate=float(values[origin]),
         log=bool(scaled.log[index]),
         values=tuple(map(float, values)),
-        misfit=tuple(float(np.sqrt(place.squared)) for place in line),
+        misfit=tuple(float(np.sqrt(point.squared)) for point in line),
         ratio=tuple(map(float, roots**2)),
-        lower=interval[0],
-        upper=interval[1],
-        lower_end=lower_end,
-        upper_end=upper_end,
+        lower=lower,
+        upper=upper,
+        lower_end=below.end,
+        upper_end=above.end,
         verdict="identifiable",
         reason="",
     )
@@ -135,7 +134,7 @@ def profile_of(
 
 
 def _crossing(position: NDArray[np.float64], roots: NDArray[np.float64], limit: float) -> float | None:
-    """Where the root of the likelihood ratio first passes the limit, outwards; straight between points."""
+    """First crossing of the limit outwards, by linear interpolation of the root of the likelihood ratio."""
     beyond = np.flatnonzero(roots > limit)
     if beyond.size == 0:
         return None
@@ -149,7 +148,7 @@ def _value(scaled: Scaled, index: int, position: float) -> float:
 
 
 def _judged(profile: Profile, crossings: list[float | None], limit: float) -> tuple[VerdictName, str]:
-    """A verdict: closed and narrow, closed at one side or wide, or open on both sides."""
+    """Verdict: identifiable if closed and narrow, weakly if wide or open on one side, not if open on both sides."""
     open_ends = [
         f"{side}: {_IN_WORDS[end]}"
         for side, end, crossing in (
@@ -159,10 +158,9 @@ def _judged(profile: Profile, crossings: list[float | None], limit: float) -> tu
         if crossing is None
     ]
     if crossings[0] is None and crossings[1] is None:
-        reasons = [_IN_WORDS[profile.lower_end], _IN_WORDS[profile.upper_end]]
-        return "not", f"open either way: {reasons[0]}" if len(
-            set(reasons)
-        ) == 1 else f"open {'; '.join(open_ends)}"
+        if profile.lower_end == profile.upper_end:
+            return "not", f"open either way: {_IN_WORDS[profile.lower_end]}"
+        return "not", f"open {'; '.join(open_ends)}"
     if crossings[0] is None or crossings[1] is None:
         return "weakly", f"open {open_ends[0]}"
     half = 0.5 * (crossings[1] - crossings[0])

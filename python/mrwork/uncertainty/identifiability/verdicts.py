@@ -1,4 +1,4 @@
-"""Which parameters the tests of a fit settle, and which directions they do not see."""
+"""Identifiability of the parameters of a fit from its tests."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from mrwork.identification.problem import Problem
 from mrwork.identification.result import remark_of
 from mrwork.records import DamperTest
 from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
+from mrwork.uncertainty.identifiability.curvature import Scale, scaled_ranges
 from mrwork.uncertainty.identifiability.information import judged
-from mrwork.uncertainty.identifiability.scale import Scale, scaled_ranges
 
 
 def identifiability_of(
@@ -26,10 +26,10 @@ def identifiability_of(
     *,
     threads: int = 0,
 ) -> Identifiability:
-    """What the tests of a fit say of its parameters.
+    """Verdict on each parameter of a fit, and the directions in which its tests do not determine the parameters.
 
-    Of a parameter that the fit held to settle a scale that no data settle, as `A` of the Spencer Bouc-Wen, there is no
-    verdict, but the direction that made it necessary is named. A parameter on its bound counts as known for the others.
+    A parameter that was held fixed to remove a redundant scale, such as `A` of the Spencer Bouc-Wen, gets no verdict,
+    but the redundant direction is named. A parameter on its bound counts as known for the others.
     """
     problem = Problem.of_fit(fit, tuple(tests), threads=threads)
     spec, theta = problem.spec, np.array(fit.theta)
@@ -45,7 +45,7 @@ def identifiability_of(
     else:
         jacobian = _through(problem, theta)[:, interior]
     scale = Scale.of(box, ranges, theta)
-    # Signed, so that a negative value goes up with its size, and products and ratios come out as they are.
+    # Signed, so that the magnitude of a negative value increases, and products and ratios keep their form.
     sign = np.where(scale.of_range | (theta >= 0.0), 1.0, -1.0)
     found = judged(
         jacobian * (sign * scale.size)[interior],
@@ -81,7 +81,7 @@ def _jacobian(objective: Objective, box: Box, theta: NDArray[np.float64]) -> NDA
 
 
 def _through(problem: Problem, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Derivative for a model with redundant parameters, by the chain rule through its form without: exact in them."""
+    """Derivative for a model with redundant parameters, by the chain rule through its identifiable form."""
     form = problem.form
     mapped = form.forth.jacobian(theta)
     return np.asarray(

@@ -1,12 +1,12 @@
-"""One side of a profile: a parameter is moved away from the fit step by step, the others descend after each step.
+"""One side of a profile: one parameter is stepped away from the fit, and the others are refitted after each step.
 
-A walk is a generator: it yields the position it wants simulated and is sent what is there, so that many walks, each
-with another parameter held, share one batch.
+A walk is a generator: it yields the position to be simulated and receives the result, so that the walks of all
+parameters share one batch.
 """
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -17,31 +17,31 @@ from mrwork.uncertainty.identifiability.curvature import Curvature, Scaled
 
 End = Literal["closed", "bound", "not simulated", "too many points", "interrupted"]
 
-# Steps in the root of the likelihood ratio, which is a straight line where the misfit is a parabola.
+# Step in the root of the likelihood ratio, which is linear in the parameter where the misfit is quadratic.
 _RISE = 0.6
-# The next step over the last.
+# Limits on the ratio of successive steps.
 _SHORTEST, _LONGEST = 0.25, 2.5
-# Longest first step, for a parameter that the data do not tell, in its own coordinate.
+# Longest first step in the scaled coordinate, for insensitive parameters.
 _FIRST = 0.3
-# The threshold is crossed between two points; where they are farther apart, there is one more between.
+# Largest distance in the root of the likelihood ratio of the two points that bracket the threshold.
 _BRACKET = 0.8
-# Aimed at beyond the threshold, so that the last point is not just short of it.
+# Overshoot of the threshold, so that the last point is not just below it.
 _BEYOND = 0.05
-# Expected gain in the likelihood ratio below which a descent has arrived.
+# Expected gain in the likelihood ratio below which a descent has converged.
 _GAIN = 0.01
-# A step of this length in a coordinate counts as much as one unit of likelihood ratio: what the data hardly see does
-# not leap across its range because a straight line says so.
+# Ridge: a step of this length in a coordinate costs one unit of likelihood ratio, which limits the steps of insensitive
+# parameters.
 _LEAP = 0.5
 _MOST_TRIALS = 20
 _LEAST_DAMPING = 1e-3
 _MOST_POINTS = 40
 _MOST_BETWEEN = 6
-# Of the first step: where even so little cannot be simulated, the walk ends.
+# Smallest step as a share of the first; the walk ends where even this cannot be simulated.
 _LEAST_SHARE = 1e-3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class Point:
     """A position, shape (n_free,), with the squared misfit S, half its gradient and J'J there."""
 
     position: NDArray[np.float64]
@@ -50,36 +50,36 @@ class Place:
     normal: NDArray[np.float64]
 
 
-def places(position: NDArray[np.float64], found: Curvature) -> list[Place]:
-    """The rows of a batch, one by one."""
+def points_of(position: NDArray[np.float64], found: Curvature) -> list[Point]:
+    """Rows of a batch as points."""
     return [
-        Place(position=each, squared=float(squared), gradient=gradient, normal=normal)
+        Point(position=each, squared=float(squared), gradient=gradient, normal=normal)
         for each, squared, gradient, normal in zip(
             position, found.squared, found.gradient, found.normal, strict=True
         )
     ]
 
 
-Walk = Generator[NDArray[np.float64], Place, End]
-Descent = Generator[NDArray[np.float64], Place, Place]
+Walk = Generator[NDArray[np.float64], Point, End]
+Descent = Generator[NDArray[np.float64], Point, Point]
 
 
 def signed_root(squared: float, least: float, dof: float) -> float:
-    """Root of the likelihood ratio `dof ln(S/S_least)`; 0 at the least misfit and below it."""
+    """Root of the likelihood ratio `dof ln(S/S_least)`; 0 at and below the least misfit."""
     return float(np.sqrt(dof * max(np.log(squared / least), 0.0)))
 
 
 def walk(
-    scaled: Scaled, index: int, way: Literal[-1, 1], points: list[Place], *, limit: float, dof: float
+    scaled: Scaled, index: int, way: Literal[-1, 1], points: list[Point], *, limit: float, dof: float
 ) -> Walk:
-    """Walk the free parameter `index` up or down from the only one of `points`, to which each new one is added.
+    """Step the free parameter `index` up or down from the first of `points`, to which each new point is appended.
 
-    Ends beyond `limit`, the root of the likelihood ratio, with a point closely on either side of it; or on the bound.
+    Ends beyond `limit`, in the root of the likelihood ratio, with points close to it on either side; or on the bound.
 
     Parameters
     ----------
     dof
-        Effective samples less parameters: the likelihood ratio is `dof ln(S/S_least)`.
+        Degrees of freedom from the effective samples: the likelihood ratio is `dof ln(S/S_least)`.
     """
     (origin,) = points
     bound = float(scaled.upper[index] if way > 0 else scaled.lower[index])
@@ -92,13 +92,13 @@ def walk(
         target = here + way * step
         if way * (bound - target) <= 0.0:
             target = bound
-        place = yield from _descended(scaled, index, last, target, dof)
-        if not np.isfinite(place.squared):
+        point = yield from _descended(scaled, index, last, target, dof)
+        if not np.isfinite(point.squared):
             step = _SHORTEST * abs(target - here)
             if step < _LEAST_SHARE * first:
                 return "not simulated"
             continue
-        points.append(place)
+        points.append(point)
         before, after = (signed_root(each.squared, origin.squared, dof) for each in points[-2:])
         if after > limit:
             yield from _bracketed(scaled, index, points, limit, dof)
@@ -110,92 +110,92 @@ def walk(
     return "too many points"
 
 
-def descent(scaled: Scaled, start: Place, dof: float) -> Descent:
-    """Descend in all free parameters from a place that was simulated."""
+def descent(scaled: Scaled, start: Point, dof: float) -> Descent:
+    """Minimise the misfit in all free parameters from a simulated point."""
     return _settled(scaled, None, start, dof)
 
 
-def _bracketed(scaled: Scaled, index: int, points: list[Place], limit: float, dof: float) -> Descent:
-    """Put points between the last two until the `limit` is closely between."""
+def _bracketed(scaled: Scaled, index: int, points: list[Point], limit: float, dof: float) -> Descent:
+    """Insert points between the last two until they bracket `limit` closely."""
     for _ in range(_MOST_BETWEEN):
         low, high = points[-2:]
         roots = [signed_root(each.squared, points[0].squared, dof) for each in (low, high)]
         if roots[1] - roots[0] < _BRACKET:
             break
         ends = (float(low.position[index]), float(high.position[index]))
-        # Not so near an end that the next interval is hardly shorter.
+        # Away from the ends, so that the interval shrinks.
         share = float(np.clip((limit - roots[0]) / (roots[1] - roots[0]), 0.2, 0.8))
-        place = yield from _descended(scaled, index, low, ends[0] + share * (ends[1] - ends[0]), dof)
-        if not np.isfinite(place.squared):
+        point = yield from _descended(scaled, index, low, ends[0] + share * (ends[1] - ends[0]), dof)
+        if not np.isfinite(point.squared):
             break
-        beyond = signed_root(place.squared, points[0].squared, dof) > limit
-        points[-1:] = [place] if beyond else [place, high]
+        beyond = signed_root(point.squared, points[0].squared, dof) > limit
+        points[-1:] = [point] if beyond else [point, high]
     return points[-1]
 
 
-def _descended(scaled: Scaled, index: int, start: Place, target: float, dof: float) -> Descent:
-    """Descend with the parameter held at `target`, from where the curvature at `start` expects the others."""
+def _descended(scaled: Scaled, index: int, start: Point, target: float, dof: float) -> Descent:
+    """Minimise with the parameter held at `target`, from the prediction of the quadratic model at `start`."""
     step, _ = _step(scaled, start, index, dof, shift=target - float(start.position[index]))
     position = scaled.moved(start.position, step, index)
     position[index] = target
-    place = yield position
-    if np.isfinite(place.squared):
-        place = yield from _settled(scaled, index, place, dof)
-    return place
+    point = yield position
+    if np.isfinite(point.squared):
+        point = yield from _settled(scaled, index, point, dof)
+    return point
 
 
-def _settled(scaled: Scaled, index: int | None, place: Place, dof: float) -> Descent:
-    """Levenberg-Marquardt, damping relative to the curvature of each parameter, until little more is to be gained."""
+def _settled(scaled: Scaled, index: int | None, point: Point, dof: float) -> Descent:
+    """Levenberg-Marquardt with damping relative to each parameter's curvature, until the expected gain is small."""
     damping = 0.0
     for _ in range(_MOST_TRIALS):
-        step, fall = _step(scaled, place, index, dof, damping=damping)
-        if dof * fall < _GAIN * place.squared:
+        step, fall = _step(scaled, point, index, dof, damping=damping)
+        if dof * fall < _GAIN * point.squared:
             break
-        trial = yield scaled.moved(place.position, step, index)
-        if trial.squared < place.squared:
-            place = trial
+        trial = yield scaled.moved(point.position, step, index)
+        if trial.squared < point.squared:
+            point = trial
             damping = damping / 10.0 if damping > _LEAST_DAMPING else 0.0
         else:
             damping = max(10.0 * damping, _LEAST_DAMPING)
-    return place
+    return point
 
 
 def _step(
     scaled: Scaled,
-    place: Place,
+    point: Point,
     index: int | None,
     dof: float,
     *,
     shift: float = 0.0,
     damping: float = 0.0,
 ) -> tuple[NDArray[np.float64], float]:
-    """The step to where the others are best once `index` is shifted, and by how much S should fall.
+    """Minimiser of the quadratic model with `index` shifted, and the expected decrease of S.
 
-    A parameter that would leave its range goes to the bound, and those that are left are sought again.
+    A parameter that would leave its range is set to the bound, and the remaining system is solved again.
     """
-    step = np.zeros_like(place.position)
-    settled = np.diag(place.normal) <= 0.0
+    step = np.zeros_like(point.position)
+    settled = np.diag(point.normal) <= 0.0
     if index is not None:
         step[index], settled[index] = shift, True
-    ridge = place.squared / dof / _LEAP**2
+    ridge = point.squared / dof / _LEAP**2
     while not settled.all():
         moving = np.flatnonzero(~settled)
-        size = np.sqrt(np.diag(place.normal)[moving])
-        unit = place.normal[np.ix_(moving, moving)] / np.outer(size, size)
+        size = np.sqrt(np.diag(point.normal)[moving])
+        unit = point.normal[np.ix_(moving, moving)] / np.outer(size, size)
         unit += np.diag(damping + ridge / size**2)
-        gradient = place.gradient + place.normal @ np.where(settled, step, 0.0)
+        gradient = point.gradient + point.normal @ np.where(settled, step, 0.0)
         step[moving] = np.linalg.solve(unit, -gradient[moving] / size) / size
-        there = place.position + step
+        there = point.position + step
         leaving = ~settled & ((there < scaled.lower) | (there > scaled.upper))
         if not leaving.any():
             break
-        step[leaving] = (np.clip(there, scaled.lower, scaled.upper) - place.position)[leaving]
+        step[leaving] = (np.clip(there, scaled.lower, scaled.upper) - point.position)[leaving]
         settled |= leaving
-    return step, -float(2.0 * place.gradient @ step + step @ place.normal @ step)
+    return step, -float(2.0 * point.gradient @ step + step @ point.normal @ step)
 
 
-def _first_step(origin: Place, index: int, dof: float) -> float:
-    """Half a standard error, or what is small for a parameter that the data do not tell."""
+def _first_step(origin: Point, index: int, dof: float) -> float:
+    """Half a standard error, limited for insensitive parameters."""
     size = np.sqrt(np.diag(origin.normal))
     if size[index] == 0.0:
         return _FIRST
@@ -203,3 +203,59 @@ def _first_step(origin: Place, index: int, dof: float) -> float:
     inverse = np.linalg.pinv(origin.normal / np.outer(size, size), rcond=1e-12)
     error = np.sqrt(origin.squared / dof * max(float(inverse[index, index]), 1e-300)) / size[index]
     return float(min(0.5 * error, _FIRST))
+
+
+@dataclass(slots=True, kw_only=True)
+class Side:
+    """One side of a profile: points from the origin outwards, and how the walk ended."""
+
+    points: list[Point]
+    end: End = "interrupted"
+
+
+# By index among the free parameters, and direction.
+Sides = dict[tuple[int, Literal[-1, 1]], Side]
+DIRECTIONS: tuple[Literal[-1, 1], ...] = (-1, 1)
+
+
+def run_alone(
+    walked: Descent, point: Point, simulated: Callable[[NDArray[np.float64]], list[Point]]
+) -> Point:
+    """Run one descent to its end, each position a batch of its own."""
+    try:
+        wanted = next(walked)
+        while True:
+            (point,) = simulated(wanted[None])
+            wanted = walked.send(point)
+    except StopIteration as ended:
+        arrived: Point = ended.value
+        return arrived
+
+
+def run_together(
+    scaled: Scaled,
+    sides: Sides,
+    simulated: Callable[[NDArray[np.float64]], list[Point]],
+    tell: Callable[[Sides], None],
+    *,
+    limit: float,
+    dof: float,
+) -> None:
+    """Run all walks to their ends; their next positions make one batch."""
+    walks = {key: walk(scaled, *key, side.points, limit=limit, dof=dof) for key, side in sides.items()}
+    wanted: dict[tuple[int, Literal[-1, 1]], NDArray[np.float64]] = {}
+
+    def advance(key: tuple[int, Literal[-1, 1]], point: Point | None) -> None:
+        try:
+            wanted[key] = next(walks[key]) if point is None else walks[key].send(point)
+        except StopIteration as ended:
+            sides[key].end = ended.value
+            wanted.pop(key, None)
+
+    for key in walks:
+        advance(key, None)
+    while wanted:
+        found = simulated(np.array(list(wanted.values())))
+        for key, point in zip(list(wanted), found, strict=True):
+            advance(key, point)
+        tell(sides)

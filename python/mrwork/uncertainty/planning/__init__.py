@@ -1,1 +1,1 @@
-"""The next test: which of many would narrow a band most."""
+"""Choice of the next test: which candidate reduces the variance of a quantity most."""

@@ -1,4 +1,4 @@
-"""Tests that could be made next: sinusoids within what a rig can do, and the motion of each."""
+"""Candidate tests: sinusoids within the limits of a rig, and the motion of each."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from mrwork.records import DamperTest
 from mrwork.records.motion import spectrum
 from mrwork.simulate import Loading
 
-# About what was tested: this much further either way, in so many steps; the velocity goes less far.
+# Default grid: range beyond the tested amplitudes and frequencies either way, number of values, excess of velocity.
 _FURTHER = 2.0
 _STEPS = 7
 _FASTER = 1.5
 _SAMPLES_PER_CYCLE = 200
-# One to forget how the test began, two to be compared.
+# The first cycle settles the transient, the other two count.
 _CYCLES = 3
 _COLUMNS = ("amplitude", "frequency", "current")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
-    """A sinusoidal test: amplitude [m], frequency [Hz], and the command in the model's unit, `None` without laws."""
+    """Sinusoidal test: amplitude [m], frequency [Hz], and the command in the model's unit, `None` without laws."""
 
     amplitude: float
     frequency: float
@@ -37,18 +37,18 @@ class Candidate:
 
     @property
     def peak_velocity(self) -> float:
-        """The largest velocity [m/s]."""
+        """Peak velocity [m/s]."""
         return 2.0 * pi * self.frequency * self.amplitude
 
     def in_words(self, unit: CommandUnit | None) -> str:
-        """As in "10 mm, 1 Hz, 0.5 A"."""
+        """Description such as "10 mm, 1 Hz, 0.5 A"."""
         command = "" if self.command is None else f", {self.command:g} {unit}"
         return f"{1e3 * self.amplitude:.3g} mm, {self.frequency:.3g} Hz{command}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """What a rig can do: `stroke` peak to peak [m] and `peak_velocity` [m/s]; `None` is no limit."""
+    """Limits of a rig: `stroke` peak to peak [m] and `peak_velocity` [m/s]; `None` is no limit."""
 
     stroke: float | None = None
     peak_velocity: float | None = None
@@ -59,7 +59,7 @@ class Limits:
                 raise SettingError(f"`{name}` is {value:g}; a limit is a positive number, in SI")
 
     def allow(self, candidate: Candidate) -> bool:
-        """Whether the rig can make the test; rounding does not count."""
+        """Whether the test is within the limits, up to rounding."""
         within = 1.0 + 1e-9
         return (self.stroke is None or 2.0 * candidate.amplitude <= self.stroke * within) and (
             self.peak_velocity is None or candidate.peak_velocity <= self.peak_velocity * within
@@ -75,10 +75,10 @@ def candidate_grid(
     commands: Sequence[float] = (),
     limits: Limits | None = None,
 ) -> tuple[Candidate, ...]:
-    """Every amplitude with every frequency and command that the rig allows.
+    """All combinations of amplitude, frequency and command within the limits of the rig.
 
-    Those not given lie about what was tested, twice as far either way; commands are those that were tested. Where
-    either grid is a default and the velocity has no limit, half as much again as the largest tested is one.
+    Default amplitudes and frequencies range from half the least tested value to twice the largest; default commands are
+    the tested ones. Where either grid is a default, the default limit of velocity is 1.5 times the largest tested one.
 
     Raises
     ------
@@ -123,12 +123,12 @@ def candidate_grid(
 
 
 def read_candidates(path: Path, spec: DamperSpec, limits: Limits | None = None) -> tuple[Candidate, ...]:
-    """Candidates from a CSV file with the columns `amplitude` [m], `frequency` [Hz], and `current` where laws want it.
+    """Candidates from a CSV file: columns `amplitude` [m], `frequency` [Hz], and `current` for models with laws.
 
     Raises
     ------
     RecordError
-        Where the file cannot be read, lacks a column, holds no number, or nothing the rig allows.
+        Where the file cannot be read, lacks a column or a number, or has no candidate within the limits.
     """
     columns = _COLUMNS if spec.current is not None else _COLUMNS[:2]
     try:
@@ -160,7 +160,7 @@ def read_candidates(path: Path, spec: DamperSpec, limits: Limits | None = None) 
 
 
 def motion_of(candidate: Candidate, spec: DamperSpec) -> tuple[Loading, slice]:
-    """The motion of a candidate, from rest at mid-stroke, and the cycles of it that count."""
+    """Motion of a candidate from mid-stroke, and the samples of the counted cycles."""
     dt = 1.0 / (candidate.frequency * _SAMPLES_PER_CYCLE)
     phase = 2.0 * np.pi * np.arange(_CYCLES * _SAMPLES_PER_CYCLE + 1) / _SAMPLES_PER_CYCLE
     loading = Loading(
@@ -174,7 +174,7 @@ def motion_of(candidate: Candidate, spec: DamperSpec) -> tuple[Loading, slice]:
 
 
 def excitation_of(test: DamperTest) -> Candidate:
-    """The sinusoid nearest to what a test did."""
+    """Sinusoid with the amplitude and dominant frequency of a test."""
     return Candidate(
         amplitude=test.amplitude or 0.5 * float(np.ptp(test.displacement)),
         frequency=test.frequency or float(spectrum(test.displacement, test.dt).dominant),
@@ -182,6 +182,6 @@ def excitation_of(test: DamperTest) -> Candidate:
 
 
 def _about(values: Sequence[float]) -> list[float]:
-    """Values in equal ratios about some, rounded to two digits, each once."""
+    """Geometric grid about the values, rounded to two digits, without duplicates."""
     spread = np.geomspace(min(values) / _FURTHER, max(values) * _FURTHER, _STEPS)
     return sorted({float(f"{value:.2g}") for value in spread})

@@ -1,4 +1,4 @@
-"""The next test: which of some candidates narrows a band most, before it is made."""
+"""Plan of the next test: the expected reduction of a variance by each candidate, before it is made."""
 
 from __future__ import annotations
 
@@ -17,19 +17,18 @@ from mrwork.records import DamperTest
 from mrwork.simulate import Outcome, simulate_forces
 from mrwork.summary import Summarised, Summary, of_unit, rounded
 from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
-from mrwork.uncertainty.identifiability.curvature import Scaled, curvature, linearise
-from mrwork.uncertainty.identifiability.scale import Scale, scaled_ranges
+from mrwork.uncertainty.identifiability.curvature import Scale, Scaled, curvature, linearise, scaled_ranges
 from mrwork.uncertainty.planning.candidates import Candidate, motion_of
 
-# In the parameters' own coordinates.
+# Finite-difference step in scaled coordinates.
 _STEP = 1e-5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gain:
-    """What a candidate is worth: the share of the band's variance it takes away, and the band's deviation after it.
+    """Value of a candidate: the share by which it reduces the band's variance, and the band's deviation after it.
 
-    `drawn` is the share found with draws, `None` where there were too few to tell.
+    `drawn` is the share estimated from draws, `None` where there were too few.
     """
 
     candidate: Candidate
@@ -40,9 +39,9 @@ class Gain:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Plan(Summarised):
-    """Candidates, the best first, for a `band`: "force", "energy" or the name of a parameter.
+    """Candidates in order of gain for a `band`: "force", "energy" or the name of a parameter.
 
-    `deviation` is that of the band now, in `unit`. `left_out` could not be simulated.
+    `deviation` is the current one of the band, in `unit`. `left_out` could not be simulated.
     """
 
     model: str
@@ -79,10 +78,10 @@ class Plan(Summarised):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Response:
-    """How a candidate's force answers to the parameters.
+    """Sensitivity of a candidate's force to the parameters.
 
-    `force` [N], (n_counted,), and its derivative per coordinate, (n_counted, n_free), which `told` holds too, less what
-    nuisance parameters make up for; the `energy` of a cycle [J] and its derivative, (n_free,).
+    `force` [N], (n_counted,), and its `derivative` by coordinate, (n_counted, n_free); `told` is the derivative after
+    nuisance parameters have been fitted; the `energy` of a cycle [J] and its derivative, (n_free,).
     """
 
     candidate: Candidate
@@ -95,10 +94,10 @@ class Response:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Knowledge:
-    """What is known before the next test, in the coordinates of `scaled`, about `position`, shape (n_free,).
+    """Linearised posterior before the next test, in the coordinates of `scaled`, about `position`, shape (n_free,).
 
-    `precision` is the inverse covariance of the linearised posterior, (n_free, n_free). A test like those of the fit
-    adds `weight` times J'J, of a force in units of its deviation, mean over samples.
+    `precision` is the inverse covariance, (n_free, n_free). A further test adds `weight` times J'J / n_counted, with
+    the force in units of its standard deviation.
     """
 
     spec: DamperSpec
@@ -110,7 +109,7 @@ class Knowledge:
     threads: int
 
 
-def plan_next_test(
+def plan(
     fit: Fit,
     tests: Sequence[DamperTest],
     candidates: Sequence[Candidate],
@@ -119,28 +118,28 @@ def plan_next_test(
     targets: Sequence[Candidate] = (),
     threads: int = 0,
 ) -> Plan:
-    """Rank candidates by how much of a band's variance each is expected to take away.
+    """Rank candidate tests by the expected reduction of the variance of a band.
 
-    The posterior is taken as normal: a prior as wide as one that is even over the range of each parameter at the
-    records' own scales, and the information of the tests for as many samples as their residuals are worth. A candidate
-    adds the information of its own derivative, at the relative error and the effective number of samples that the
-    tests had on average. A band's variance after it does not depend on what will be measured, so the gain can be told
-    beforehand; it holds as far as the model does.
+    The posterior is approximated as normal, with a prior of the variance of a uniform one over the range of each
+    parameter at the scales of the records, and the information of the tests for their effective samples. A candidate
+    adds the information of its own derivative, at the mean relative error and effective number of samples of the tests.
+    In this approximation the variance does not depend on the result of the test, so the gain is known beforehand,
+    provided that the model is correct.
 
     Parameters
     ----------
     band
-        "force": relative variance of the force, mean over the targets. "energy": of the energy of a cycle, likewise. Or
+        "force": relative variance of the force, mean over the targets. "energy": likewise of the energy of a cycle. Or
         the name of a parameter.
     targets
-        Excitations that the band is wanted for; default all candidates.
+        Excitations of the band; default all candidates.
 
     Raises
     ------
     UnknownNameError
         Where the band is no parameter of the model.
     SettingError
-        Where it is one that was fixed.
+        Where the parameter was held fixed.
     SimulationError
         Where no candidate could be simulated.
     """
@@ -175,13 +174,13 @@ def plan_next_test(
 
 
 def knowledge_of(fit: Fit, tests: Sequence[DamperTest], *, threads: int = 0) -> Knowledge:
-    """The linearised posterior of a fit."""
+    """Linearised posterior of a fit."""
     problem = Problem.of_fit(fit, tuple(tests), threads=threads)
     objective, spec, box = problem.objective, problem.form.spec, problem.form.box
     theta = problem.inside(fit.theta)
     ranges = scaled_ranges(spec, box, objective.tests, theta)
     scale = Scale.of(box, ranges, theta)
-    scaled = Scaled.of(box, scale, theta)
+    scaled = Scaled.of(spec, box, scale, theta)
     position = scaled.position(theta)
     here = curvature(linearise(objective, box.free), scaled, position[None])
     residuals = objective.residuals(theta[None])[0]
@@ -206,9 +205,9 @@ def knowledge_of(fit: Fit, tests: Sequence[DamperTest], *, threads: int = 0) -> 
 
 
 def responses(known: Knowledge, candidates: Sequence[Candidate]) -> list[Response]:
-    """How each candidate that can be simulated answers to the parameters; by central differences, in lanes."""
+    """Responses of the candidates that can be simulated, by central differences in one batch each."""
     scaled, position = known.scaled, known.position
-    # Where a parameter lies on its bound, to one side.
+    # One-sided for a parameter on its bound.
     ahead = np.minimum(position + _STEP, scaled.upper)
     behind = np.maximum(position - _STEP, scaled.lower)
     steps = np.eye(position.size, dtype=np.bool_)
@@ -241,13 +240,13 @@ def responses(known: Knowledge, candidates: Sequence[Candidate]) -> list[Respons
 
 
 def information(known: Knowledge, answer: Response) -> NDArray[np.float64]:
-    """What a candidate adds to the precision, shape (n_free, n_free)."""
+    """Precision that a candidate adds, shape (n_free, n_free)."""
     unit = answer.told / (np.std(answer.force) * np.sqrt(answer.force.size))
     return np.asarray(known.weight * unit.T @ unit)
 
 
 def band_matrix(known: Knowledge, targets: Sequence[Response], band: str) -> tuple[NDArray[np.float64], str]:
-    """The matrix M of a band, shape (n_free, n_free), whose variance is trace(M cov), and the unit of its deviation."""
+    """Matrix M of a band with variance trace(M cov), shape (n_free, n_free), and the unit of its deviation."""
     if band == "force":
         parts = [each.derivative / (np.std(each.force) * np.sqrt(each.force.size)) for each in targets]
         return np.mean([part.T @ part for part in parts], axis=0), "deviations of the force"
@@ -262,12 +261,12 @@ def band_matrix(known: Knowledge, targets: Sequence[Response], band: str) -> tup
 
 
 def column_of(known: Knowledge, band: str) -> int:
-    """Place of a parameter among the free ones.
+    """Index of a parameter among the free ones.
 
     Raises
     ------
     UnknownNameError, SettingError
-        Where there is none, or it is fixed.
+        Where there is no such parameter, or it is fixed.
     """
     free = [known.spec.names[index] for index in known.scaled.free]
     if band in free:
@@ -278,6 +277,6 @@ def column_of(known: Knowledge, band: str) -> int:
 
 
 def _quotient(rows: NDArray[np.float64], width: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Difference quotients, shape (n_time, n_free), of rows: one at the centre, those ahead, those behind."""
+    """Difference quotients, shape (n_time, n_free), of rows: the centre, those ahead, those behind."""
     ahead, behind = np.split(rows[1:], 2)
     return np.asarray(((ahead - behind) / width[:, None]).T)

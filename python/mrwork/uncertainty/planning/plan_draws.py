@@ -1,4 +1,4 @@
-"""The same gains from draws of the posterior, as a check: one draw is the truth, the others are weighed by its test."""
+"""Check of a plan by nested Monte Carlo with draws of the posterior."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from mrwork.simulate import Outcome, simulate_forces
 from mrwork.uncertainty.planning.candidates import Candidate, motion_of
 from mrwork.uncertainty.planning.plan import Knowledge, Plan, column_of
 
-# Fewer draws than this that still count after a test tell nothing of a variance.
+# Smallest effective number of draws after a test for an estimate of the variance; number of draws taken as the truth.
 _LEAST = 8.0
 _TRUTHS = 60
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
-    """A plan with gains from draws: how far the two rank alike (Spearman), and how many draws were left to count.
+    """A plan with gains from draws, their rank correlation (Spearman), and the least effective number of draws.
 
-    `agreement` is `None` where fewer than three gains could be told.
+    `agreement` is `None` with fewer than three gains.
     """
 
     plan: Plan
@@ -32,7 +32,7 @@ class Check:
 
 
 def normal_draws(known: Knowledge, n_draws: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Draws of the linearised posterior, as parameters of the model, shape (n_draws, n_params), pulled into the box."""
+    """Draws of the linearised posterior as parameters, shape (n_draws, n_params), clipped to the box."""
     root = np.linalg.cholesky(np.linalg.inv(known.precision))
     position = known.position + rng.standard_normal((n_draws, known.position.size)) @ root.T
     return known.scaled.parameters(np.clip(position, known.scaled.lower, known.scaled.upper))
@@ -48,19 +48,19 @@ def checked_with_draws(
 ) -> Check:
     """Estimate each gain of a plan from draws (n_draws, n_params) of the posterior.
 
-    For each of some draws as the truth its test is simulated with noise, the others are weighed by the likelihood of
-    that test, and the variance of the band among them is taken; the mean over truths is what is left of the variance
-    (nested Monte Carlo, Ryan, Journal of Computational and Graphical Statistics 12, 2003, 585-603).
+    Some draws are taken as the truth in turn: the test is simulated with noise, the other draws are weighted by its
+    likelihood, and the variance of the band among them is computed. The mean over the truths is the expected remaining
+    variance (nested Monte Carlo, Ryan, Journal of Computational and Graphical Statistics 12, 2003, 585-603).
 
     Parameters
     ----------
     draws
-        In the order of the model of `known`; rows that cannot be simulated are left out.
+        Parameters of the model of `known`; rows that cannot be simulated are left out.
 
     Raises
     ------
     SettingError
-        Where there are too few draws to weigh.
+        Where there are too few draws.
     """
     if len(draws) < 2 * _LEAST:
         raise SettingError(f"{len(draws)} draws are too few to weigh against each other; give some hundreds")
@@ -89,9 +89,9 @@ def checked_with_draws(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Forces:
-    """Forces of the draws less their mean, (n_draws, n_counted), in its deviations over root n; energies of a cycle.
+    """Forces of the draws minus their mean, (n_draws, n_counted), per its deviation and root n; energies of a cycle.
 
-    `told` is what a test with nuisance parameters would tell of the forces.
+    `told` has the forces after nuisance parameters have been fitted.
     """
 
     force: NDArray[np.float64]
@@ -128,7 +128,7 @@ def _rows(forces: _Forces, usable: NDArray[np.bool_]) -> _Forces:
 def _band_gram(
     known: Knowledge, draws: NDArray[np.float64], wanted: Sequence[_Forces], band: str
 ) -> NDArray[np.float64]:
-    """Inner products of the draws in what the band is of, shape (n_draws, n_draws)."""
+    """Inner products of the draws in the quantity of the band, shape (n_draws, n_draws)."""
     if band == "force":
         return np.asarray(np.mean([each.force @ each.force.T for each in wanted], axis=0))
     if band == "energy":
@@ -141,15 +141,15 @@ def _band_gram(
 def _weights(
     known: Knowledge, told: NDArray[np.float64], truths: NDArray[np.int64], rng: np.random.Generator
 ) -> NDArray[np.float64]:
-    """How likely each draw makes the test of each truth, shape (n_truths, n_draws), rows adding up to one."""
+    """Posterior weight of each draw after the test of each truth, shape (n_truths, n_draws), rows of sum 1."""
     seen = told[truths] + rng.standard_normal((truths.size, told.shape[1])) / np.sqrt(known.weight)
     exponent = -0.5 * known.weight * (np.einsum("jt,jt->j", told, told) - 2.0 * seen @ told.T)
-    # The truth itself would always weigh most.
+    # The truth itself is excluded, for it would always have the largest weight.
     exponent[np.arange(truths.size), truths] = -np.inf
     weights = np.exp(exponent - exponent.max(axis=1, keepdims=True))
     return np.asarray(weights / weights.sum(axis=1, keepdims=True))
 
 
 def _variances(gram: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Variance under each row of weights, from inner products."""
+    """Variance for each row of weights, from inner products."""
     return np.asarray(weights @ np.diag(gram) - np.einsum("kj,kj->k", weights @ gram, weights))

@@ -1,1 +1,1 @@
-"""What the data leave possible: draws of the parameters and of the noise, and how good these are."""
+"""Posterior of parameters and noise: priors, target density, ensemble and NUTS samplers, draws with diagnostics."""

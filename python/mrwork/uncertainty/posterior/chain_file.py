@@ -1,8 +1,8 @@
-"""The chain of a sampling on disk: it grows with the chain, and the same random stream goes on from it.
+"""HDF5 file of a growing chain, from which sampling resumes with the same random stream.
 
-HDF5: `position` (n_steps + 1, n_walkers, n_dim), `log_density` (n_steps + 1, n_walkers), and two `place`s, each with a
-number of steps and the random state after them. The attribute `current` says which of the two counts; it is set last,
-so that a run that is killed while it writes goes on from where it wrote before.
+Data sets: `position` (n_steps + 1, n_walkers, n_dim), `log_density` (n_steps + 1, n_walkers), and two `place`s, each
+with a number of steps and the random state after them. The attribute `current` selects the valid one; it is written
+last, so that a process that is killed while writing resumes from the previous state.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ _ROWS = 64
 
 @dataclass(slots=True, kw_only=True)
 class ChainFile:
-    """A chain at `path`, of which `written` steps are on disk."""
+    """Chain file at `path`, which holds `written` steps."""
 
     path: Path
     written: int
 
     @classmethod
     def begin(cls, path: Path, premises: Mapping[str, Any], ensemble: Ensemble) -> ChainFile:
-        """A fresh file, in place of one that may be there, with the start of the ensemble.
+        """Create the file, replacing an existing one, with the start of the ensemble.
 
         Raises
         ------
         OutputError
-            Where it cannot be written.
+            Where the file cannot be written.
         """
         _, n_walkers, n_dim = ensemble.positions.shape
         try:
@@ -65,12 +65,12 @@ class ChainFile:
     def resume(
         cls, path: Path, premises: Mapping[str, Any], target: Callable[[Array], Array]
     ) -> tuple[ChainFile, Ensemble]:
-        """The file, and the ensemble where it stood.
+        """Open a file and restore the ensemble from it.
 
         Raises
         ------
         JournalError
-            Where there is none, it is damaged, or of another sampling than the one that `premises` describe.
+            Where the file does not exist, is damaged, or belongs to a sampling with another fingerprint, `premises`.
         """
         if not path.is_file():
             raise JournalError(f"there is no {path} to go on from; sample without resuming first")
@@ -100,7 +100,7 @@ class ChainFile:
         return cls(path=path, written=n_steps), ensemble
 
     def append(self, ensemble: Ensemble) -> None:
-        """Write the steps that are not on disk yet.
+        """Write the steps that are not in the file yet.
 
         Raises
         ------

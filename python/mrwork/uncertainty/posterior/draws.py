@@ -1,32 +1,145 @@
-"""What a sampling came to: draws of the parameters and the noise, how good they are, and where they came from."""
+"""Whether walkers have told enough: autocorrelation time, rank-normalised R-hat, effective sample sizes."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Literal
+from importlib import import_module
+from math import ceil
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.identification.fit import Provenance
 from mrwork.summary import Summarised, Summary, rounded
-from mrwork.uncertainty.noise import NoiseName
-from mrwork.uncertainty.posterior.diagnosis import convergence
 
 if TYPE_CHECKING:
     from xarray import DataTree
 
 Array = NDArray[np.float64]
 DrawsStatus = Literal["converged", "not_converged", "interrupted"]
+Remark = Literal["", "fixed", "piles up at its lower bound", "piles up at its upper bound"]
+
+# Limits on R-hat and effective sizes: Vehtari et al. (2021); on the length in autocorrelation times: emcee.
+LARGEST_RHAT = 1.01
+LEAST_ESS = 400.0
+LEAST_LENGTH = 50.0
+# Share of the chain that is discarded.
+BURN_IN = 0.25
+# Largest number of evenly spaced steps from which R-hat and effective sizes are computed.
+_MOST_DRAWS = 1000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnosis:
+    """Convergence diagnostics, shape (n_params,): autocorrelation time in steps, R-hat, bulk and tail ESS.
+
+    They are NaN for a parameter that did not vary. `n_steps` is the number of steps after the burn-in.
+    """
+
+    names: tuple[str, ...]
+    n_steps: int
+    tau: Array
+    rhat: Array
+    ess_bulk: Array
+    ess_tail: Array
+
+    @property
+    def length(self) -> float:
+        """Number of steps per longest autocorrelation time; 0 where a walker never moved."""
+        longest = float(np.max(self.tau))
+        return self.n_steps / longest if longest > 0.0 else 0.0
+
+    @property
+    def shortcomings(self) -> tuple[str, ...]:
+        """Criteria that are not met, in words; empty where the chain has converged."""
+        found = []
+        if not self.length >= LEAST_LENGTH:
+            found.append(
+                f"the chain is {self.length:.0f} autocorrelation times long where {LEAST_LENGTH:.0f} are wanted"
+            )
+        worst = int(np.argmax(np.where(np.isnan(self.rhat), np.inf, self.rhat)))
+        if not self.rhat[worst] < LARGEST_RHAT:
+            found.append(
+                f"walkers disagree most on {self.names[worst]} (R-hat {self.rhat[worst]:.3f}, below {LARGEST_RHAT} "
+                "is wanted)"
+            )
+        ess = np.minimum(self.ess_bulk, self.ess_tail)
+        least = int(np.argmin(np.where(np.isnan(ess), -np.inf, ess)))
+        if not ess[least] >= LEAST_ESS:
+            found.append(
+                f"{self.names[least]} has {ess[least]:.0f} effective draws where {LEAST_ESS:.0f} are wanted"
+            )
+        return tuple(found)
+
+
+def diagnose(values: Array, names: tuple[str, ...]) -> Diagnosis:
+    """Diagnose a chain without its burn-in, shape (n_steps, n_walkers, n_params); walkers count as chains."""
+    n_steps = len(values)
+    by_chain = np.moveaxis(values[:: max(1, ceil(n_steps / _MOST_DRAWS))], 0, 1)
+    columns = [np.ascontiguousarray(by_chain[:, :, index]) for index in range(values.shape[2])]
+    told = [convergence(column) for column in columns]
+    return Diagnosis(
+        names=names,
+        n_steps=n_steps,
+        tau=autocorrelation_times(values),
+        rhat=np.array([each.rhat for each in told]),
+        ess_bulk=np.array([each.ess_bulk for each in told]),
+        ess_tail=np.array([each.ess_tail for each in told]),
+    )
+
+
+class Convergence(NamedTuple):
+    """Convergence of one parameter; `mcse` is the Monte-Carlo standard error of its mean."""
+
+    rhat: float
+    ess_bulk: float
+    ess_tail: float
+    mcse: float
+
+
+def convergence(chains: Array) -> Convergence:
+    """Rank-normalised R-hat, effective sizes and Monte-Carlo error of draws, shape (n_chains, n_draws)."""
+    # ArviZ takes a second to load, and has no type annotations.
+    statistics: Any = import_module("arviz_stats.base").array_stats
+    # A constant chain has zero variance.
+    with np.errstate(all="ignore"):
+        return Convergence(
+            rhat=float(statistics.rhat(chains, method="rank")),
+            ess_bulk=float(statistics.ess(chains, method="bulk")),
+            ess_tail=float(statistics.ess(chains, method="tail", prob=(0.05, 0.95))),
+            mcse=float(statistics.mcse(chains, method="mean")),
+        )
+
+
+def autocorrelation_times(values: Array) -> Array:
+    """Integrated autocorrelation time in steps, shape (n_params,), of a chain, (n_steps, n_walkers, n_params)."""
+    from emcee.autocorr import integrated_time
+
+    with np.errstate(all="ignore"):
+        return np.asarray(integrated_time(values, tol=0, has_walkers=True))
+
+
+def kept(n_steps: int) -> slice:
+    """Rows of a chain after the burn-in; its first row is the start."""
+    return slice(1 + int(BURN_IN * n_steps), n_steps + 1)
+
+
+def next_check(n_steps: int, *, first: int = 200, growth: float = 1.25) -> int:
+    """Step of the next convergence check, a function of the step alone: a resumed run ends at the same step."""
+    check = first
+    while check <= n_steps:
+        check = ceil(check * growth)
+    return check
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawSummary:
-    """Draws of one parameter, or noise parameter, in `unit`.
+    """Summary of the draws of one parameter or noise parameter, in `unit`.
 
-    `mcse` is the Monte-Carlo standard error of the mean, `tau` the autocorrelation time in steps. Diagnostics are not
-    numbers where the parameter was held fixed. `remark` says so, or at which bound the draws pile up.
+    `mcse` is the Monte-Carlo standard error of the mean, `tau` the autocorrelation time in steps. Diagnostics are NaN
+    for a fixed parameter. `remark` names a fixed parameter, or the bound at which the draws pile up.
     """
 
     name: str
@@ -41,23 +154,23 @@ class DrawSummary:
     ess_tail: float
     rhat: float
     tau: float
-    remark: Literal["", "fixed", "piles up at its lower bound", "piles up at its upper bound"] = ""
+    remark: Remark = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Draws(Summarised):
-    """A posterior by its draws, kept apart by the walkers that made them.
+    """Draws from a posterior, by walker.
 
-    `chains` (n_walkers, n_kept, n_params) are parameters of the model asked for, in spec order;
-    `noise_chains` (n_walkers, n_kept, n_noise) those of the noise, in deviations of the test's force; `densities`
-    (n_walkers, n_kept) the log posterior in the coordinates that were sampled, up to a constant. `temper` is what the
-    log-likelihood was multiplied by. `n_steps` were taken, of which the burn-in and all but every `thinning`-th are
-    left out. `measured` has the force of each test [N], by its name.
+    `chains` (n_walkers, n_kept, n_params) are parameters of the model of the fit, in spec order; `noise_chains`
+    (n_walkers, n_kept, n_noise) those of the noise, in deviations of the test's force; `densities` (n_walkers, n_kept)
+    the log posterior in the coordinates that were sampled, up to a constant. `temper` is the factor of the
+    log-likelihood. Of `n_steps` steps the burn-in is left out, and every `thinning`-th of the others is kept.
+    `measured` has the force of each test [N] by its name.
     """
 
     model: str
     names: tuple[str, ...]
-    noise_model: NoiseName
+    noise_model: str
     noise_names: tuple[str, ...]
     chains: Array
     noise_chains: Array
@@ -88,7 +201,7 @@ class Draws(Summarised):
         return self.densities.reshape(-1)
 
     def as_datatree(self) -> DataTree:
-        """The draws for ArviZ: groups `posterior`, `sample_stats` and `observed_data`, with units and provenance."""
+        """Draws for ArviZ: groups `posterior`, `sample_stats` and `observed_data`, with units and provenance."""
         from arviz_base import from_dict
 
         named = dict(zip(self.names, np.moveaxis(self.chains, -1, 0), strict=True))
@@ -162,13 +275,11 @@ def summary_of(chain: Array, *, name: str, unit: str, bounds: tuple[float, float
     )
 
 
-def _pile(
-    chain: Array, bounds: tuple[float, float], width: float
-) -> Literal["", "piles up at its lower bound", "piles up at its upper bound"]:
-    """Where the outermost hundredth of the draws reaches within a fiftieth of their width of a bound.
+def _pile(chain: Array, bounds: tuple[float, float], width: float) -> Remark:
+    """Remark where the outermost 1 % of the draws comes within 2 % of their width of a bound.
 
-    That of a half-normal density, cut at its summit, is within 0.7 % of it; that of one cut two deviations from its
-    summit is 5 % away.
+    For a half-normal density, truncated at its mode, it comes within 0.7 %; for a normal density truncated two
+    deviations from its mode, within 5 %.
     """
     first, last = np.quantile(chain, [0.01, 0.99])
     if first - bounds[0] < 0.02 * width:

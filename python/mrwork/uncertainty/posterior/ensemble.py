@@ -1,7 +1,7 @@
-"""An ensemble of walkers on its way: emcee, a chain that grows, and a random stream that can be put aside.
+"""Ensemble sampler: emcee with differential evolution on the past, a growing chain, a random state that can be stored.
 
-Walkers move by differences of their past. The snooker move is left out: as emcee 3.1.6 has it, it samples something
-else (a standard normal of 8 dimensions comes out with a variance of 0.63).
+The snooker move is left out: as implemented in emcee 3.1.6 it samples another density (a standard normal of 8
+dimensions comes out with a variance of 0.63).
 """
 
 from __future__ import annotations
@@ -11,19 +11,54 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from emcee import EnsembleSampler, State
+from emcee.moves import Move
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-# As `numpy.random.RandomState.get_state` gives it.
+# As returned by `numpy.random.RandomState.get_state`.
 RandomState = tuple[str, NDArray[np.uint32], int, int, float]
+
+# Share of steps with gamma = 1, which jump between modes (ter Braak 2006).
+_JUMPS = 0.1
+# Relative scatter of gamma, so that a walker can reach every position.
+_SCATTER = 1e-5
+
+
+class PastDifferences(Move):  # type: ignore[misc] # a base class without types
+    """Differential evolution with the past (DE-MCZ, ter Braak and Vrugt 2008).
+
+    A walker at x proposes x + gamma (z1 - z2), gamma = 2.38 / sqrt(2 n_dim), with two states z1 and z2 from the second
+    half of all walkers' past. Proposals do not depend on the current state of other walkers, so all walkers are one
+    batch; a move that uses the rest of the ensemble needs two. Adaptation diminishes as the past grows; the first half
+    of the past, which may not be stationary, is not used.
+    """
+
+    def __init__(self, past: Callable[[], Array]) -> None:
+        self._past = past
+
+    def propose(self, model: Any, state: Any) -> tuple[Any, NDArray[np.bool_]]:
+        """One proposal for each walker; `past` returns positions, shape (n_past, n_walkers, n_dim)."""
+        random = model.random
+        n_walkers, n_dim = state.coords.shape
+        past = self._past()
+        states = past[len(past) // 2 :].reshape(-1, n_dim)
+        first = random.randint(len(states), size=n_walkers)
+        second = (first + 1 + random.randint(len(states) - 1, size=n_walkers)) % len(states)
+        gamma = 1.0 if random.rand() < _JUMPS else 2.38 / np.sqrt(2.0 * n_dim)
+        factor = gamma * (1.0 + _SCATTER * random.randn(n_walkers, 1))
+        tried = state.coords + factor * (states[first] - states[second])
+        densities, _ = model.compute_log_prob_fn(tried)
+        accepted = np.log(random.rand(n_walkers)) < densities - state.log_prob
+        return self.update(state, State(tried, log_prob=densities), accepted), accepted
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Ensemble:
-    """Positions, shape (n_steps + 1, n_walkers, n_dim), and log densities, (n_steps + 1, n_walkers), so far.
+    """Chain of positions, shape (n_steps + 1, n_walkers, n_dim), and log densities, (n_steps + 1, n_walkers).
 
-    The first is the start. `at` is the number of steps and the state of the random stream after them, in one: an
-    interrupt never comes between the two. The arrays may have room for more.
+    The first row is the start. `at` holds the number of steps and the random state after them in one tuple, so that an
+    interrupt cannot separate the two. The arrays may be longer than the chain.
     """
 
     target: Callable[[Array], Array]
@@ -33,8 +68,8 @@ class Ensemble:
 
     @classmethod
     def begin(cls, target: Callable[[Array], Array], walkers: Array, rng: int) -> Ensemble:
-        """At the start, with a stream of its own."""
-        # emcee draws from the legacy generator alone.
+        """An ensemble at its start, shape (n_walkers, n_dim), with its own random stream."""
+        # emcee uses the legacy generator.
         stream = np.random.RandomState(np.random.MT19937(np.random.SeedSequence(rng)))
         return cls(
             target=target,
@@ -45,29 +80,24 @@ class Ensemble:
 
     @property
     def n_steps(self) -> int:
-        """Steps done."""
+        """Number of steps done."""
         return self.at[0]
 
     @property
     def n_walkers(self) -> int:
-        """Walkers."""
+        """Number of walkers."""
         return int(self.positions.shape[1])
 
     def advance(self, until: int, on_step: Callable[[int], None]) -> None:
-        """Go on until so many steps are done; `on_step` is called after each."""
-        # emcee takes a second to load.
-        from emcee import EnsembleSampler, State
-
-        from mrwork.uncertainty.posterior.past_differences import PastDifferences
-
+        """Advance to step `until`; `on_step` is called after each step."""
         done, random_state = self.at
         self._make_room(until + 1)
-        # The past is the chain itself, so a chain that is resumed has the past that it had.
+        # The past is the chain itself, so a resumed chain has the same past.
         move = PastDifferences(lambda: self.positions[: self.n_steps + 1])
         sampler = EnsembleSampler(
             self.n_walkers, self.positions.shape[2], self.target, moves=move, vectorize=True
         )
-        # emcee's wrapper would print the place where Ctrl-C meets a simulation.
+        # emcee's wrapper prints a traceback where Ctrl-C interrupts a simulation.
         sampler.log_prob_fn = self.target
         start = State(self.positions[done], log_prob=self.densities[done], random_state=random_state)
         steps = sampler.sample(start, iterations=until - done, store=False, skip_initial_state_check=True)

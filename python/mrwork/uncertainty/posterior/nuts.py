@@ -1,4 +1,4 @@
-"""A second opinion: the no-U-turn sampler of numpyro on the twin, for the same target."""
+"""No-U-turn sampler of numpyro on the JAX twin, as an independent check of the ensemble."""
 
 from __future__ import annotations
 
@@ -13,16 +13,70 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
+from mrwork.twins._base import simulate
+from mrwork.uncertainty.posterior.laplace import ellipsoid
 from mrwork.uncertainty.posterior.target import Target
-from mrwork.uncertainty.posterior.twin_target import LogDensity, substeps_at, twin_log_posterior
-from mrwork.uncertainty.posterior.walkers import ellipsoid
 
 Array = NDArray[np.float64]
+LogDensity = Callable[[jax.Array], jax.Array]
+
+
+def twin_log_posterior(target: Target, substeps: tuple[int, ...]) -> LogDensity:
+    """Log posterior of one position, (n_dim,), equal to that of `target`, with fixed sub-steps for each test.
+
+    It is -inf outside the box, and where the simulation is not finite.
+
+    Raises
+    ------
+    SettingError
+        Where the target has an observation model, nuisance parameters or a noise that is not differentiable.
+    """
+    objective, space = target.objective, target.space
+    log_densities: Any = target.noise.log_densities
+    if not (target.noise.differentiable and objective.is_direct):
+        raise SettingError(
+            "the twin has the likelihood of a plain simulated force with iid, student_t, ar1 or amplitude noise; "
+            "sample this target by the ensemble alone"
+        )
+    stages = [
+        jnp.asarray(history.stages(count))
+        for history, count in zip(objective.histories, substeps, strict=True)
+    ]
+    measured = [jnp.asarray(each.measured) for each in objective.compared]
+
+    def log_posterior(position: jax.Array) -> jax.Array:
+        values, inside = space.values(position)
+        theta, noise = values[: space.n_params], values[space.n_params :]
+        total = jnp.zeros(())
+        for test, motions, force, deviation in zip(
+            objective.tests, stages, measured, target.deviations, strict=True
+        ):
+            found = simulate(objective.spec, theta, motions, test.dt, _command(target, test))[test.n_settle :]
+            about_mean = (found - jnp.mean(force)) / deviation
+            residual = (found - force) / deviation
+            total = total + jnp.sum(log_densities(residual[None], about_mean[None], noise[None]))
+        density = space.log_prior(values) + target.temper * total
+        return jnp.where(inside & jnp.isfinite(density), density, -jnp.inf)
+
+    return log_posterior
+
+
+def substeps_at(target: Target, theta: Any) -> tuple[int, ...]:
+    """Sub-steps of the stepping rule for one candidate, (n_params,), on each test."""
+    runs = target.objective.misfits(np.asarray(theta)[None])
+    return tuple(max(1, int(run.substeps[0])) for run in runs)
+
+
+def _command(target: Target, test: Any) -> float:
+    current = target.objective.spec.current
+    if current is None:
+        return 0.0
+    return float(test.current if current.unit == "A" else test.voltage)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NutsDraws:
-    """Parameters and noise, shape (n_chains, n_draws, n_params + n_noise), and how many trajectories diverged."""
+    """Parameters and noise, shape (n_chains, n_draws, n_params + n_noise), and the number of divergent trajectories."""
 
     values: Array
     diverged: int
@@ -31,10 +85,10 @@ class NutsDraws:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Trajectories:
-    """What trajectories run in: coordinates in which the target is about a standard normal.
+    """Unbounded coordinates for NUTS, in which the target is approximately standard normal.
 
-    Logits of the unit coordinates, which know no faces, then centred and scaled by the Fisher ellipsoid. Of a pair k
-    and k x0 the second would have a face that moves with the first; so x0 itself stands for it, with the volume |k|.
+    They are logits of the unit coordinates, centred and scaled by the Fisher ellipsoid. In place of the pair k and
+    k x0, where bounds of the second would depend on the first, k and x0 are used, with the volume element |k|.
     """
 
     target: Target
@@ -50,7 +104,7 @@ class Trajectories:
         even_in_product = pair is not None and target.space.priors[pair[1]] is None
         plain = replace(target, space=replace(target.space, pair=None))
         origin, root = ellipsoid(plain, start)
-        # A fit on a face of the box is an infinite logit: one deviation inside is where the draws will be.
+        # The logit of a fit on a face of the box is infinite; one standard deviation inside is typical of the draws.
         deviation = np.minimum(np.sqrt(np.sum(root**2, axis=1)), 0.25)
         inside = np.clip(origin, deviation, 1.0 - deviation)
         slope = 1.0 / (inside * (1.0 - inside))
@@ -62,13 +116,13 @@ class Trajectories:
             log_density=twin_log_posterior(plain, substeps_at(plain, target.form.box.inside(start))),
         )
 
-    def position(self, place: jax.Array) -> jax.Array:
-        """Unit coordinates, (n_dim,), from a place on a trajectory."""
-        return jax.nn.sigmoid(self.origin + self.root @ place)
+    def position(self, point: jax.Array) -> jax.Array:
+        """Unit coordinates, (n_dim,), of a point on a trajectory."""
+        return jax.nn.sigmoid(self.origin + self.root @ point)
 
-    def potential(self, place: jax.Array) -> jax.Array:
-        """Minus the log density of a place."""
-        latent = self.origin + self.root @ place
+    def potential(self, point: jax.Array) -> jax.Array:
+        """Negative log density of a point."""
+        latent = self.origin + self.root @ point
         position = jax.nn.sigmoid(latent)
         density = self.log_density(position)
         density = density + jnp.sum(jax.nn.log_sigmoid(latent) + jax.nn.log_sigmoid(-latent))
@@ -86,15 +140,14 @@ def sample_nuts(
     chains: int = 4,
     rng: int = 0,
 ) -> NutsDraws:
-    """Sample a target by the no-U-turn sampler, chains one after another from about `start`, (n_params,).
+    """Sample a target by the no-U-turn sampler, in sequential chains that start near `start`, (n_params,).
 
-    Derivatives are taken forwards: through a long scan they cost less than backwards. Sub-steps are those of the start
-    for every draw.
+    Forward-mode derivatives cost less than reverse mode through a long scan. All draws use the sub-steps of the start.
 
     Raises
     ------
     SettingError
-        Where numpyro is not installed, or the twin has no such target.
+        Where numpyro is not installed, or the twin does not support the target.
     """
     return nuts_of(target, start, warmup=warmup, draws=draws, chains=chains)(rng)
 
@@ -102,7 +155,7 @@ def sample_nuts(
 def nuts_of(
     target: Target, start: Array, *, warmup: int, draws: int, chains: int
 ) -> Callable[[int], NutsDraws]:
-    """What `sample_nuts` runs, by seed; compiled on the first call.
+    """The sampler of `sample_nuts` as a function of the seed, compiled on the first call.
 
     Raises
     ------

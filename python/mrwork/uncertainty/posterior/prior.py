@@ -1,7 +1,7 @@
-"""What is held for likely of a parameter before its data are seen.
+"""Prior densities of single parameters.
 
-A parameter of which nothing is given is spread evenly over its box, on its own scale: in its logarithm where the model
-says so. Densities are of the physical value; they are written on the array API, so NumPy and JAX both go through.
+The default prior is uniform over the bounds, on the parameter's own scale: in the logarithm where the model declares
+it. Densities are of the physical value, written on the array API for NumPy and JAX.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ _HALF_LOG_2_PI = 0.5 * log(2.0 * pi)
 
 
 class Prior(Protocol):
-    """A density of one parameter."""
+    """A prior density of one parameter."""
 
     def log_density(self, value: Array) -> Array:
-        """Log density of each value, of the same shape; -inf where there is none."""
+        """Log density of each value, of the same shape; -inf outside the support."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Normal:
-    """Normal about `mean`."""
+    """Normal about `mean` with standard `deviation`."""
 
     mean: float
     deviation: float
@@ -44,13 +44,13 @@ class Normal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lognormal:
-    """Normal in the logarithm: about `median`, with the `deviation` of the natural logarithm."""
+    """Lognormal about `median`, with the standard `deviation` of the natural logarithm."""
 
     median: float
     deviation: float
 
     def __post_init__(self) -> None:
-        """Refuse what is not positive."""
+        """Refuse a median or deviation that is not positive."""
         _check(
             self.median > 0.0 and self.deviation > 0.0, "lognormal", "MEDIAN:DEVIATION_OF_LOG, both positive"
         )
@@ -67,7 +67,7 @@ class Lognormal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Uniform:
-    """Even in the value itself between two limits, whatever the scale of the parameter."""
+    """Uniform in the value between two limits, whatever the scale of the parameter."""
 
     lower: float
     upper: float
@@ -91,12 +91,12 @@ _KINDS: dict[str, Callable[[float, float], Prior]] = {
 
 
 def parse_prior(text: str) -> tuple[str, Prior]:
-    """Name and prior of `NAME=KIND:NUMBER:NUMBER`, as in `k_w=normal:650:50`.
+    """Parse `NAME=KIND:NUMBER:NUMBER`, such as `k_w=normal:650:50`, into name and prior.
 
     Raises
     ------
     SettingError
-        Where it has another form, or its numbers make no density.
+        Where the text has another form, or its numbers define no density.
 
     Examples
     --------

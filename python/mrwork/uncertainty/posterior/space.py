@@ -1,9 +1,9 @@
-"""The coordinates in which a posterior is sampled: parameters and noise together, each on a range of about one.
+"""Coordinates in which a posterior is sampled: parameters and noise parameters together, each of range about 1.
 
-A coordinate runs over [0, 1] as its parameter does over its box, evenly on the scale of the parameter. One pair is
-different: of a force k (x - x0) the data see the stiffness k and the product k x0, an offset of the force. Where k may
-be zero, x0 alone runs away on a hyperbola that no sampler follows, and a prior that is even in x0 over metres would
-draw k to zero. There the product takes the place of x0, and where nothing else is given the prior is even in it.
+A coordinate runs over [0, 1] as its parameter runs over its bounds, on the scale of the parameter. One pair is
+different: of a spring force k (x - x0) the data determine the stiffness k and the product k x0, an offset of the force.
+Where k may be zero, the posterior of x0 follows a hyperbola that samplers cannot explore, and a prior that is uniform
+in x0 over metres would favour k = 0. There k x0 is the coordinate in place of x0, with a uniform prior by default.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from mrwork.uncertainty.posterior.prior import Prior
 Array = Any
 
 NOISE = "noise."
-# A parameter on a face of its box is inside, whatever the last bits of its logarithm.
+# Tolerance for parameters on a face of the box, whose logarithm is rounded.
 _ROUNDING = 1e-12
 
 
@@ -32,7 +32,8 @@ _ROUNDING = 1e-12
 class Space:
     """Positions, shape (..., n_dim), of the free parameters and the noise parameters of a `box` over both.
 
-    `pair` holds the coordinates of k and x0, where the second is the product instead. `priors` are by coordinate.
+    `pair` holds the coordinates of k and of k x0, `None` where x0 is its own coordinate. `priors` are by coordinate,
+    `None` where uniform.
     """
 
     box: Box
@@ -42,14 +43,14 @@ class Space:
 
     @classmethod
     def of(cls, form: Form, noise: Noise, priors: Mapping[str, Prior]) -> Space:
-        """The space of a model in its identifiable form, with the priors given by name; `noise.sigma` is the noise's.
+        """The space of a model in its identifiable form, with priors by name; those of the noise as `noise.sigma`.
 
         Raises
         ------
         UnknownNameError
-            Where a prior is of a parameter that there is not.
+            Where a prior names an unknown parameter.
         SettingError
-            Where it is of one that is held fixed.
+            Where a prior names a parameter that is held fixed.
         """
         own = form.box
         box = Box(
@@ -78,7 +79,7 @@ class Space:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the parameters behind the coordinates."""
+        """Names of the parameters, one for each coordinate."""
         return tuple(self.box.names[index] for index in self.box.free)
 
     @property
@@ -89,16 +90,16 @@ class Space:
     def values(self, position: Array) -> tuple[Array, Array]:
         """Parameters and noise parameters, shape (..., n_params + n_noise), and whether they lie in the box, (...).
 
-        The values of a position outside mean nothing.
+        The values of a position outside the box are undefined.
         """
         xp = position.__array_namespace__()
         unit = self._unit(position)
-        # Without stiffness there is no x0 with a product: then `unit` is not a number, and not inside.
+        # x0 is undefined for zero stiffness: `unit` is then NaN, hence not inside.
         inside = xp.all((unit >= -_ROUNDING) & (unit <= 1.0 + _ROUNDING), axis=-1)
         return self.box.theta_from_unit(xp.clip(xp.where(inside[..., None], unit, 0.5), 0.0, 1.0)), inside
 
     def position(self, values: Array) -> Array:
-        """The position of values, shape (..., n_dim)."""
+        """Position of values, shape (..., n_dim)."""
         unit = self.box.unit_from_theta(values)
         if self.pair is None:
             return unit
@@ -107,6 +108,14 @@ class Space:
         return xp.stack(
             [product if index == self.pair[1] else unit[..., index] for index in range(self.n_dim)], axis=-1
         )
+
+    def reflected(self, position: Array) -> Array:
+        """Positions reflected at the faces of the box; the product k x0 has no faces of its own."""
+        folded = np.abs(position)
+        folded = np.where(folded > 1.0, 2.0 - folded, folded)
+        if self.pair is not None:
+            folded[:, self.pair[1]] = position[:, self.pair[1]]
+        return folded
 
     def slope(self, values: Array) -> Array:
         """Derivative of the free parameters with respect to their coordinates, (n_free, n_free), at values (n,)."""
@@ -123,7 +132,7 @@ class Space:
         return slope
 
     def log_prior(self, values: Array) -> Array:
-        """Log prior density of values inside, shape (...), per volume of the position."""
+        """Log prior density of values in the box, shape (...), with respect to the position."""
         xp = values.__array_namespace__()
         total = xp.zeros(values.shape[:-1])
         for prior, index in zip(self.priors, self.box.free, strict=True):
@@ -135,7 +144,7 @@ class Space:
                 )
                 total = total + prior.log_density(value) + slope
         if self.pair is not None and self.priors[self.pair[1]] is not None:
-            # A density of x0 is one of the product once it is divided by |k|.
+            # Change of variables from x0 to k x0.
             total = total - xp.log(xp.abs(values[..., self._of_box(0)]) / self._largest_stiffness)
         return total
 
@@ -155,7 +164,7 @@ class Space:
         )
 
     def _of_box(self, which: int) -> int:
-        """Index in the box of k (0) or x0 (1)."""
+        """Index in the box of k (which=0) or x0 (which=1)."""
         return self.box.free[self.pair[which]] if self.pair is not None else 0
 
     @property
@@ -165,6 +174,6 @@ class Space:
 
     @property
     def _product_span(self) -> float:
-        """Width of the products k x0 that the box admits [N]."""
+        """Width of the range of k x0 in the box [N]."""
         index = self._of_box(1)
         return 2.0 * self._largest_stiffness * max(abs(self.box.lower[index]), abs(self.box.upper[index]))

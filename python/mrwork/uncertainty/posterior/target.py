@@ -1,4 +1,4 @@
-"""The density that is sampled: prior times likelihood of all tests, for a batch at once."""
+"""Posterior density: prior times likelihood of all tests, for a batch of positions."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from mrwork.uncertainty.posterior.space import Space
 Array = NDArray[np.float64]
 Tempering = Literal["effective"] | float
 
-# Rows whose histories are held in memory at once.
+# Largest number of force histories in memory.
 _ROWS = 64
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Target:
-    """Log posterior density of positions of a `space`, known up to a constant.
+    """Log posterior density of positions of a `space`, up to a constant.
 
-    Residuals are those of a free run, in units of each test's force deviation, `deviations` [N]; observation models
-    and nuisance parameters act as in the fit, the latter at their best for each candidate. `temper` multiplies the
-    log-likelihood.
+    Residuals are those of a free run, in units of the standard deviation of each test's force, `deviations` [N].
+    Observation models and nuisance parameters act as in the fit; the latter take their least-squares values for each
+    candidate. `temper` multiplies the log-likelihood.
     """
 
     form: Form
@@ -51,21 +51,20 @@ class Target:
         priors: Mapping[str, Prior],
         tempering: Tempering | None,
     ) -> Target:
-        """The target about `start`, shape (n_params,), where the residuals say what they are worth.
+        """The target with tempering from the residuals at `start`, shape (n_params,).
 
         Parameters
         ----------
         tempering
-            "effective" multiplies the log-likelihood by n_eff / n, the share of independent samples among the residuals
-            at the start; a number is that share. Default "effective" for noise that is independent from sample to
-            sample, 1 for noise that remembers. On real tests what is left is model error, of a lag-1 autocorrelation of
-            0.9 and more: counted as independent, 2000 such residuals claim to be 2000 observations where they
-            are some tens, and intervals come out far too narrow.
+            Factor of the log-likelihood: a number, or "effective" for n_eff / n, the share of independent samples among
+            the residuals at the start. Default "effective" for noise models without correlation, 1 for those with it.
+            Residuals of real tests are mostly model error with a lag-1 autocorrelation of 0.9 and more: 2000 are worth
+            some tens of independent observations, and intervals would be far too narrow if all were counted.
 
         Raises
         ------
         SettingError
-            Where the tempering is neither, or the start cannot be simulated.
+            Where `tempering` is neither, or the start cannot be simulated.
         """
         target = cls(
             form=form,
@@ -117,9 +116,9 @@ class Target:
         return total
 
     def residuals(self, theta: Array) -> Iterator[tuple[Array, Array, NDArray[np.bool_]]]:
-        """Test by test: residuals and forces about the measured mean, (n_batch, n_counted), and which rows failed.
+        """Residuals and forces about the measured mean, (n_batch, n_counted), and rows that failed, test by test.
 
-        Both are in units of the deviation of the test's measured force; those of a row that failed are zero.
+        Both are in units of the deviation of the test's measured force; both are zero in rows that failed.
         """
         objective = self.objective
         objective.tally.simulations += len(theta)
@@ -132,13 +131,13 @@ class Target:
             yield residual, force, failed
 
     def noise_at(self, theta: Array) -> Array:
-        """Noise parameters by the moments of the residuals at `theta` (n_params,), averaged over tests, (n_noise,)."""
+        """Moment estimates of the noise parameters, (n_noise,), at `theta` (n_params,), averaged over tests."""
         found = [
             self.noise.estimate(residual[0], force[0]) for residual, force, _ in self.residuals(theta[None])
         ]
         return np.asarray(np.mean(found, axis=0))
 
     def position_of(self, theta: Array) -> Array:
-        """Position (n_dim,) of parameters (n_params,) pulled into the box, with the noise that their residuals tell."""
+        """Position (n_dim,) of parameters (n_params,), clipped to the box, with the noise of the residuals."""
         values = np.concatenate([theta, self.noise_at(theta)])
         return np.asarray(self.space.position(self.space.box.inside(values)))

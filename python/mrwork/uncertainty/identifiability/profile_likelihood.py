@@ -1,4 +1,4 @@
-"""Profile likelihood: how far each parameter can go before no choice of the others makes up for it."""
+"""Profile likelihood: the range of each parameter in which the other parameters can compensate for its change."""
 
 from __future__ import annotations
 
@@ -18,20 +18,29 @@ from mrwork.identification.objective import ROOT_MEAN_SQUARE
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
-from mrwork.uncertainty.identifiability.curvature import Scaled, curvature, linearise
+from mrwork.uncertainty.identifiability.curvature import Scale, Scaled, curvature, linearise, scaled_ranges
 from mrwork.uncertainty.identifiability.profile import Profiles, profile_of
-from mrwork.uncertainty.identifiability.scale import Scale, scaled_ranges
-from mrwork.uncertainty.identifiability.walk import Descent, End, Place, descent, places, signed_root, walk
+from mrwork.uncertainty.identifiability.walk import (
+    DIRECTIONS,
+    Point,
+    Side,
+    Sides,
+    descent,
+    points_of,
+    run_alone,
+    run_together,
+    signed_root,
+)
 
-# A fit that gives way by more than this in the likelihood ratio was not at its minimum.
+# A decrease of the likelihood ratio by more than this means that the fit was not at its minimum.
 _BETTER = 0.5
-# About a better fit, where one is found, all begins again.
+# Largest number of restarts about a better minimum.
 _MOST_ROUNDS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProfileProgress:
-    """Sides that have ended, of how many, points and simulations so far."""
+    """Progress of a profile likelihood: sides that have ended of all, points, simulations."""
 
     ended: int
     sides: int
@@ -40,7 +49,7 @@ class ProfileProgress:
     seconds: float
 
 
-def profile_likelihood(
+def profile(
     fit: Fit,
     tests: Sequence[DamperTest],
     *,
@@ -49,23 +58,23 @@ def profile_likelihood(
     threads: int = 0,
     on_progress: Callable[[ProfileProgress], None] | None = None,
 ) -> Profiles:
-    """Profile the likelihood of a fit in its free parameters, both ways of all of them side by side in lanes.
+    """Profile likelihood of the free parameters of a fit, both sides of all parameters simulated in one batch.
 
-    With a Gaussian error of unknown size the likelihood ratio is `n ln(S/S_least)`; it is tempered to as many samples
-    as the residuals are worth, `n_eff (1 - n_params/n)`. The interval is where it stays below chi-squared with one
-    degree of freedom (Venzon, Moolgavkar, Applied Statistics 37, 1988, 87-94).
+    With Gaussian errors of unknown variance the likelihood ratio is `n ln(S/S_least)`; here n is replaced by
+    `n_eff (1 - n_params/n)` with the effective number of samples. The interval is where the ratio is below the quantile
+    of chi-squared with one degree of freedom (Venzon, Moolgavkar, Applied Statistics 37, 1988, 87-94).
 
-    A model with a redundant form is profiled in the one in which it is identified: along the valley of a Spencer
-    Bouc-Wen gamma and beta cancel to many digits, and nobody can walk there.
+    A model with redundant parameters is profiled in the form in which it is identified: along the valley of a Spencer
+    Bouc-Wen, gamma and beta cancel to many digits, which no descent can follow.
 
     Parameters
     ----------
     tests
-        Those of the fit.
+        The tests of the fit.
     parameters
-        Names of those to profile; default all that are free.
+        Names of the parameters to profile; default all free parameters.
     level
-        Of the intervals.
+        Probability of the intervals.
     on_progress
         Called after each batch.
 
@@ -74,7 +83,7 @@ def profile_likelihood(
     UnknownNameError
         Where the model has no such parameter.
     SettingError
-        Where a parameter is fixed, the level is no probability, or the fit was not one of least squares.
+        Where a parameter is fixed, the level is not a probability, or the fit was not a least-squares fit.
     Interrupted
         On Ctrl-C, carrying the `Profiles` so far, whose ends are "interrupted".
     """
@@ -92,17 +101,17 @@ def profile_likelihood(
     theta = np.clip(problem.form.forth(np.array(fit.theta)), box.lower, box.upper)
     wanted = _wanted(box, parameters)
     scale = Scale.of(box, scaled_ranges(spec, box, objective.tests, theta), theta)
-    scaled = Scaled.of(box, scale, theta)
+    scaled = Scaled.of(spec, box, scale, theta)
     derivatives = linearise(objective, box.free)
 
-    def simulated(position: NDArray[np.float64]) -> list[Place]:
-        return places(position, curvature(derivatives, scaled, position))
+    def simulated(position: NDArray[np.float64]) -> list[Point]:
+        return points_of(position, curvature(derivatives, scaled, position))
 
     (start,) = simulated(scaled.position(theta)[None])
     residuals = objective.residuals(scaled.parameters(start.position)[None])[0]
     n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
     dof = n_effective * max(1.0 - len(box.free) / residuals.size, 0.0)
-    # Of chi-squared with one degree of freedom, which is a squared normal variable.
+    # Quantile of chi-squared with one degree of freedom, the square of a normal variable.
     threshold = NormalDist().inv_cdf(0.5 * (1.0 + level)) ** 2
 
     def result(sides: Sides, status: Literal["finished", "interrupted"]) -> Profiles:
@@ -113,9 +122,8 @@ def profile_likelihood(
                 spec.parameters[box.free[index]],
                 scaled,
                 index,
-                sides[index, -1].points,
-                sides[index, 1].points,
-                (sides[index, -1].end, sides[index, 1].end),
+                sides[index, -1],
+                sides[index, 1],
                 least=least,
                 threshold=threshold,
                 dof=dof,
@@ -152,12 +160,12 @@ def profile_likelihood(
             )
 
     best = start
-    sides: Sides = {(index, way): Side(points=[start]) for index in wanted for way in _WAYS}
+    sides: Sides = {(index, way): Side(points=[start]) for index in wanted for way in DIRECTIONS}
     try:
         for _ in range(_MOST_ROUNDS):
-            origin = _run_alone(descent(scaled, best, dof), best, simulated)
+            origin = run_alone(descent(scaled, best, dof), best, simulated)
             sides = {key: Side(points=[origin]) for key in sides}
-            _run_together(scaled, sides, simulated, tell, limit=float(np.sqrt(threshold)), dof=dof)
+            run_together(scaled, sides, simulated, tell, limit=float(np.sqrt(threshold)), dof=dof)
             best = min(
                 (each for side in sides.values() for each in side.points), key=lambda each: each.squared
             )
@@ -168,21 +176,8 @@ def profile_likelihood(
     return result(sides, "finished")
 
 
-@dataclass(slots=True, kw_only=True)
-class Side:
-    """One side of a profile as it grows: places from the origin outwards, and how it ended."""
-
-    points: list[Place]
-    end: End = "interrupted"
-
-
-# By place among the free parameters, and way.
-Sides = dict[tuple[int, Literal[-1, 1]], Side]
-_WAYS: tuple[Literal[-1, 1], ...] = (-1, 1)
-
-
 def _wanted(box: Box, parameters: Sequence[str]) -> list[int]:
-    """Places among the free parameters of those to profile."""
+    """Indices among the free parameters of those to profile."""
     free = [box.names[index] for index in box.free]
     for name in parameters:
         if name not in box.names:
@@ -190,46 +185,3 @@ def _wanted(box: Box, parameters: Sequence[str]) -> list[int]:
         if name not in free:
             raise SettingError(f"{name} is fixed; only free parameters have a profile: {', '.join(free)}")
     return [number for number, name in enumerate(free) if not parameters or name in parameters]
-
-
-def _run_alone(
-    walked: Descent, place: Place, simulated: Callable[[NDArray[np.float64]], list[Place]]
-) -> Place:
-    """Run one descent to its end."""
-    try:
-        wanted = next(walked)
-        while True:
-            (place,) = simulated(wanted[None])
-            wanted = walked.send(place)
-    except StopIteration as ended:
-        arrived: Place = ended.value
-        return arrived
-
-
-def _run_together(
-    scaled: Scaled,
-    sides: Sides,
-    simulated: Callable[[NDArray[np.float64]], list[Place]],
-    tell: Callable[[Sides], None],
-    *,
-    limit: float,
-    dof: float,
-) -> None:
-    """Walk all sides to their ends; what all want next is one batch."""
-    walks = {key: walk(scaled, *key, side.points, limit=limit, dof=dof) for key, side in sides.items()}
-    wanted: dict[tuple[int, Literal[-1, 1]], NDArray[np.float64]] = {}
-
-    def advance(key: tuple[int, Literal[-1, 1]], place: Place | None) -> None:
-        try:
-            wanted[key] = next(walks[key]) if place is None else walks[key].send(place)
-        except StopIteration as ended:
-            sides[key].end = ended.value
-            wanted.pop(key, None)
-
-    for key in walks:
-        advance(key, None)
-    while wanted:
-        found = simulated(np.array(list(wanted.values())))
-        for key, place in zip(list(wanted), found, strict=True):
-            advance(key, place)
-        tell(sides)

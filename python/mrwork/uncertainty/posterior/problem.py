@@ -1,4 +1,4 @@
-"""A sampling under way: what it rests on, and the draws that can be made of its chain at any time."""
+"""A posterior to be sampled about a fit: its target and settings, and the draws made from a chain."""
 
 from __future__ import annotations
 
@@ -16,31 +16,37 @@ from numpy.typing import NDArray
 from mrwork import _rust
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
-from mrwork.identification.fit import Provenance
-from mrwork.store import digest_of
-from mrwork.uncertainty.posterior.diagnosis import (
+from mrwork.errors import SettingError
+from mrwork.identification.fit import Fit, Provenance
+from mrwork.identification.problem import Problem
+from mrwork.records import DamperTest
+from mrwork.store.fingerprint import digest_of
+from mrwork.uncertainty.noise import noise_model
+from mrwork.uncertainty.posterior.draws import (
     LARGEST_RHAT,
     Diagnosis,
+    Draws,
+    DrawsStatus,
+    DrawSummary,
     autocorrelation_times,
     diagnose,
     kept,
+    summary_of,
 )
-from mrwork.uncertainty.posterior.draws import Draws, DrawsStatus, DrawSummary, summary_of
 from mrwork.uncertainty.posterior.ensemble import Ensemble
 from mrwork.uncertainty.posterior.prior import Prior
-from mrwork.uncertainty.posterior.space import NOISE
-from mrwork.uncertainty.posterior.target import Target
+from mrwork.uncertainty.posterior.target import Target, Tempering
 
 Array = NDArray[np.float64]
 
 _PACKAGES = ("mrwork", "numpy", "emcee", "arviz-stats")
-# Rows of a walker that summaries are computed from, at most.
+# Largest number of draws per walker from which summaries are computed.
 _MOST_ROWS = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sampling:
-    """What stays the same from the first step to the draws; `start` is in the form that is sampled."""
+class SamplingProblem:
+    """Target and settings of a sampling run; `start`, shape (n_params,), is in the form that is sampled."""
 
     spec: DamperSpec
     target: Target
@@ -50,8 +56,56 @@ class Sampling:
     walkers: int
     rng: int
 
-    def premises(self) -> dict[str, Any]:
-        """All that the chain follows from, bit for bit: what a file and who resumes it share."""
+    @classmethod
+    def of_fit(
+        cls,
+        fit: Fit,
+        tests: tuple[DamperTest, ...],
+        *,
+        noise: str,
+        priors: Mapping[str, Prior],
+        tempering: Tempering | None,
+        walkers: int,
+        rng: int,
+        threads: int,
+    ) -> SamplingProblem:
+        """The problem that `sample` solves, from the same arguments.
+
+        Raises
+        ------
+        SettingError
+            Where the fit cannot be simulated on these tests, or a setting or a prior is impossible.
+        UnknownNameError
+            Where there is no such noise model, or a prior names an unknown parameter.
+        """
+        problem = Problem.of_fit(fit, tests, threads=threads)
+        form, objective = problem.form, problem.objective
+        theta = problem.inside(fit.theta)
+        if not np.isfinite(objective(theta[None])[0]):
+            raise SettingError(
+                f"the fit of {fit.model} cannot be simulated on these tests; give those of the fit"
+            )
+        target = Target.of(
+            form, objective, noise_model(noise), start=theta, priors=priors, tempering=tempering
+        )
+        n_dim = target.space.n_dim
+        if walkers < 2 * n_dim or walkers % 2:
+            raise SettingError(
+                f"`walkers` is {walkers} for {n_dim} parameters with those of the noise; "
+                f"give an even number, at least {2 * n_dim}"
+            )
+        return cls(
+            spec=fit.spec,
+            target=target,
+            bounds=problem.settings.bounds,
+            priors=priors,
+            start=theta,
+            walkers=walkers,
+            rng=rng,
+        )
+
+    def fingerprint(self) -> dict[str, Any]:
+        """Everything that determines the chain bit for bit; a stored chain is resumed only where it agrees."""
         objective = self.target.objective
         return {
             "model": self.spec.name,
@@ -86,7 +140,7 @@ class Sampling:
         }
 
     def diagnosis(self, ensemble: Ensemble) -> Diagnosis:
-        """How the chain stands, after its burn-in."""
+        """Convergence diagnostics of a chain after its burn-in."""
         space = self.target.space
         values, _ = space.values(ensemble.positions[kept(ensemble.n_steps)])
         return diagnose(np.asarray(values)[..., np.array(space.box.free)], space.names)
@@ -94,7 +148,7 @@ class Sampling:
     def draws(
         self, ensemble: Ensemble, diagnosis: Diagnosis, *, seconds: float, interrupted: bool = False
     ) -> Draws:
-        """The draws of a chain of at least one step."""
+        """Draws from a chain of at least one step, after its burn-in and thinned."""
         rows = kept(ensemble.n_steps)
         space = self.target.space
         values = np.moveaxis(np.asarray(space.values(ensemble.positions[rows])[0]), 0, 1)
@@ -103,13 +157,12 @@ class Sampling:
         summaries = self._summaries(np.concatenate([chains, noise_chains], axis=-1))
         longest = float(np.nanmax([1.0, *diagnosis.tau]))
         thin = max(1, int(longest / 2.0))
-        shortcomings = diagnosis.shortcomings
-        status: DrawsStatus = "not_converged" if shortcomings else "converged"
+        status: DrawsStatus = "not_converged" if diagnosis.shortcomings else "converged"
         return Draws(
             model=self.spec.name,
             names=self.spec.names,
             noise_model=self.target.noise.name,
-            noise_names=self._noise_names,
+            noise_names=space.box.names[space.n_params :],
             chains=np.ascontiguousarray(chains[:, ::thin]),
             noise_chains=np.ascontiguousarray(noise_chains[:, ::thin]),
             densities=np.ascontiguousarray(ensemble.densities[rows].T[:, ::thin]),
@@ -124,20 +177,15 @@ class Sampling:
             measured={test.name: test.force for test in self.target.objective.tests},
         )
 
-    @property
-    def _noise_names(self) -> tuple[str, ...]:
-        return tuple(NOISE + each.name for each in self.target.noise.parameters)
-
     def _summaries(self, chains: Array) -> tuple[DrawSummary, ...]:
-        """Of each parameter of the model asked for, then of the noise; chains (n_walkers, n_kept, n_all)."""
-        asked = Box.of(self.spec).with_bounds(self.bounds)
-        noise = self.target.noise.parameters
-        names = self.spec.names + self._noise_names
-        units = [parameter.unit for parameter in self.spec.parameters] + ["1"] * len(noise)
-        pairs = [
-            *zip(asked.lower, asked.upper, strict=True),
-            *((each.lower, each.upper) for each in noise),
-        ]
+        """Summaries of the model's parameters, then the noise parameters; chains (n_walkers, n_kept, n_all)."""
+        asked, space = Box.of(self.spec).with_bounds(self.bounds), self.target.space
+        names = self.spec.names + space.box.names[space.n_params :]
+        units = [parameter.unit for parameter in self.spec.parameters] + ["1"] * len(
+            self.target.noise.parameters
+        )
+        lower = asked.lower + space.box.lower[space.n_params :]
+        upper = asked.upper + space.box.upper[space.n_params :]
         tau = autocorrelation_times(np.moveaxis(chains, 0, 1))
         strided = chains[:, :: max(1, ceil(chains.shape[1] / _MOST_ROWS))]
         return tuple(
@@ -145,16 +193,15 @@ class Sampling:
                 np.ascontiguousarray(strided[..., index]),
                 name=name,
                 unit=units[index],
-                bounds=pairs[index],
+                bounds=(lower[index], upper[index]),
                 tau=float(tau[index]),
             )
             for index, name in enumerate(names)
         )
 
     def _verdict(self, n_steps: int, diagnosis: Diagnosis, summaries: tuple[DrawSummary, ...]) -> str:
-        shortcomings = diagnosis.shortcomings
-        if shortcomings:
-            said = f"Not converged after {n_steps} steps: {'; '.join(shortcomings)}."
+        if diagnosis.shortcomings:
+            said = f"Not converged after {n_steps} steps: {'; '.join(diagnosis.shortcomings)}."
         else:
             ess = float(min(diagnosis.ess_bulk.min(), diagnosis.ess_tail.min()))
             said = (
@@ -178,12 +225,12 @@ class Sampling:
             versions={"python": platform.python_version()} | {name: version(name) for name in _PACKAGES},
             instruction_set=_rust.instruction_set(),
             inputs={test.path or test.name: test.sha256 for test in objective.tests},
-            settings=self.premises() | {"nrmse": misfit},
+            settings=self.fingerprint() | {"nrmse": misfit},
             rng=self.rng,
             created=datetime.now(UTC).isoformat(timespec="seconds"),
         )
 
 
 def _fields(prior: Prior) -> dict[str, Any]:
-    # Priors are dataclasses; a protocol cannot say so.
+    # Priors are dataclasses, which a protocol cannot state.
     return asdict(prior)  # type: ignore[call-overload,no-any-return]

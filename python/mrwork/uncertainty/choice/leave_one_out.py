@@ -1,0 +1,244 @@
+"""PSIS-LOO of fitted families: leave-one-block-out densities by Pareto-smoothed importance sampling.
+
+All families share the tempering of the likelihood and the blocks, which are whole cycles longer than the
+autocorrelation time of the residuals, hence nearly independent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.errors import SettingError
+from mrwork.identification.equivalent import identifiable_form
+from mrwork.identification.fit import Fit
+from mrwork.identification.problem import Problem
+from mrwork.records import DamperTest
+from mrwork.records.motion import whole_cycles
+from mrwork.store import Journal, digest_of
+from mrwork.uncertainty.autocorrelation import autocorrelation_time, effective_samples
+from mrwork.uncertainty.noise import NOISES, Noise
+from mrwork.uncertainty.posterior.laplace import draw_about
+from mrwork.uncertainty.posterior.target import Target
+
+Array = NDArray[np.float64]
+
+# Pareto k above which the estimate for a block is unreliable, because its importance weights have heavy tails (Vehtari,
+# Gelman and Gabry, Statistics and Computing 27, 2017, 1413-1432).
+UNRELIABLE = 0.7
+# Largest number of force histories in memory.
+_ROWS = 64
+# Draws for each family.
+N_DRAWS = 2000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeaveOneOut:
+    """Expected log predictive density of each block given the others, and its Pareto k, shape (n_blocks,)."""
+
+    elpd: Array
+    pareto_k: Array
+
+
+def leave_one_out(log_densities: Array, log_ratio: Array) -> LeaveOneOut:
+    """PSIS-LOO from log densities of blocks under posterior draws.
+
+    Parameters
+    ----------
+    log_densities
+        Log density of each block under each draw, shape (n_draws, n_blocks).
+    log_ratio
+        Logarithm of posterior over proposal density, shape (n_draws,); zero for draws from the posterior.
+
+    Raises
+    ------
+    SettingError
+        Where there are fewer than two blocks, or fewer than 100 draws.
+    """
+    n_draws, n_blocks = log_densities.shape
+    if n_blocks < 2:
+        raise SettingError("the records make one block only, so none can be left out; give longer ones")
+    if n_draws < 100:
+        raise SettingError(f"{n_draws} draws fell where the posterior is; leave-one-out wants 100 or more")
+    # ArviZ takes seconds to load, and has no type annotations.
+    statistics: Any = import_module("arviz_stats.base").array_stats
+    if np.ptp(log_ratio) == 0.0:
+        elpd, pareto_k, _ = statistics.loo(log_densities.T[:, None, :])
+    else:
+        ratio = np.broadcast_to(log_ratio, (n_blocks, 1, n_draws))
+        elpd, pareto_k, _ = statistics.loo_approximate_posterior(
+            log_densities.T[:, None, :], ratio, np.zeros_like(ratio)
+        )
+    return LeaveOneOut(
+        elpd=np.asarray(elpd, dtype=np.float64), pareto_k=np.asarray(pareto_k, dtype=np.float64)
+    )
+
+
+def block_densities(target: Target, theta: Array, noise: Array, blocks: Sequence[Sequence[slice]]) -> Array:
+    """Tempered log density of the blocks of all tests under each draw, shape (n_draws, n_blocks).
+
+    Parameters
+    ----------
+    theta, noise
+        Draws in the target's form, shape (n_draws, n_params) and (n_draws, n_noise).
+    blocks
+        Blocks of the counted samples, test by test.
+    """
+    chunks = -(-len(theta) // _ROWS)
+    pairs = zip(np.array_split(theta, chunks), np.array_split(noise, chunks), strict=True)
+    return np.concatenate([_of_rows(target, np.ascontiguousarray(rows), own, blocks) for rows, own in pairs])
+
+
+def _of_rows(target: Target, theta: Array, noise: Array, blocks: Sequence[Sequence[slice]]) -> Array:
+    columns = []
+    for (residual, force, failed), of_test in zip(target.residuals(theta), blocks, strict=True):
+        density = target.temper * target.noise.log_densities(residual, force, noise)
+        density[failed] = -np.inf
+        columns += [density[:, block].sum(axis=1) for block in of_test]
+    return np.stack(columns, axis=1)
+
+
+def blocks_of(test: DamperTest, least: float) -> tuple[slice, ...]:
+    """Divide the counted samples into blocks of whole cycles, each of at least `least` samples.
+
+    Samples before the first whole cycle belong to the first block, those after the last to the last block. A short
+    record is one block.
+
+    Returns
+    -------
+    tuple of slice
+        Adjacent slices of the counted samples, which begin with the first.
+    """
+    displacement = test.displacement[test.counted]
+    cycles = whole_cycles(displacement)
+    edges = [cycle.start for cycle in cycles[1:]]
+    end = cycles[-1].stop if cycles else displacement.size
+    cuts = [0]
+    for edge in edges:
+        if edge - cuts[-1] >= least and end - edge >= least:
+            cuts.append(edge)
+    return tuple(slice(first, last) for first, last in zip(cuts, [*cuts[1:], displacement.size], strict=True))
+
+
+def longest_memory(residuals: Sequence[Sequence[NDArray[np.float64]]]) -> tuple[float, ...]:
+    """Longest autocorrelation time [samples] of each test, shape (n_tests,), over the residuals of several models."""
+    return tuple(
+        max(autocorrelation_time(each) for each in of_test) for of_test in zip(*residuals, strict=True)
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Likelihood:
+    """Noise model of the likelihood, and whether draws come from a chain or from importance sampling about the fit."""
+
+    noise: Noise
+    sampled: bool = False
+    rng: int = 0
+    threads: int = 0
+
+    def shared(self, fits: Sequence[Fit], tests: tuple[DamperTest, ...]) -> SharedLikelihood:
+        """Tempering by n_eff of the best fit, and blocks longer than the autocorrelation time of every fit."""
+        best = min(fits, key=lambda fit: fit.nrmse)
+        residuals = [residuals_of(fit, tests) for fit in fits]
+        n_time = sum(test.n_time - test.n_settle for test in tests)
+        blocks = tuple(
+            blocks_of(test, least) for test, least in zip(tests, longest_memory(residuals), strict=True)
+        )
+        return SharedLikelihood(
+            likelihood=self,
+            tests=tests,
+            blocks=blocks,
+            temper=effective_samples(residuals_of(best, tests)) / n_time,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SharedLikelihood:
+    """A likelihood on tests, tempered by `temper`, with `blocks` of the counted samples, test by test."""
+
+    likelihood: Likelihood
+    tests: tuple[DamperTest, ...]
+    blocks: tuple[tuple[slice, ...], ...]
+    temper: float
+
+    @property
+    def n_blocks(self) -> int:
+        """Number of blocks of all tests."""
+        return sum(len(of_test) for of_test in self.blocks)
+
+    def leave_one_out(self, fit: Fit, journal: Journal | None = None) -> LeaveOneOut:
+        """PSIS-LOO of a fitted family.
+
+        Raises
+        ------
+        SettingError
+            Where there are too few blocks or draws.
+        """
+        if journal is None:
+            return self._left_out(fit)
+        facts = digest_of(
+            fit.model, fit.theta, self.temper, self.blocks, self.likelihood.noise.name, self.likelihood.rng
+        )
+        step = "chain" if self.likelihood.sampled else "ellipsoid"
+        return journal.once(step, facts, LeaveOneOut, lambda: self._left_out(fit))
+
+    def _left_out(self, fit: Fit) -> LeaveOneOut:
+        own = self.likelihood
+        target, start = target_of(fit, self.tests, own.noise, temper=self.temper, threads=own.threads)
+        if own.sampled:
+            theta, noise = self._chain(fit, target)
+            log_ratio = np.zeros(len(theta))
+        else:
+            draws = draw_about(target, start, N_DRAWS, np.random.default_rng(own.rng))
+            theta, noise = np.split(np.asarray(target.space.values(draws.position)[0]), [start.size], axis=1)
+            log_ratio = draws.log_ratio
+        return leave_one_out(block_densities(target, theta, noise, self.blocks), log_ratio)
+
+    def _chain(self, fit: Fit, target: Target) -> tuple[Array, Array]:
+        """Evenly spaced draws of a chain: parameters in the target's form, and noise."""
+        # emcee and HDF5 take a while to load.
+        from mrwork.uncertainty.posterior.sample import sample
+
+        own = self.likelihood
+        draws = sample(
+            fit,
+            self.tests,
+            noise=own.noise.name,
+            tempering=self.temper,
+            rng=own.rng,
+            threads=own.threads,
+        )
+        rows = np.linspace(0, len(draws.theta) - 1, min(N_DRAWS, len(draws.theta))).round().astype(int)
+        theta = np.stack([np.asarray(target.form.forth(row)) for row in draws.theta[rows]])
+        return theta, draws.noise[rows]
+
+
+def target_of(
+    fit: Fit, tests: tuple[DamperTest, ...], noise: Noise, *, temper: float, threads: int = 0
+) -> tuple[Target, Array]:
+    """Posterior of a fit's family with uniform priors, and the fit in the target's form, shape (n_params,)."""
+    problem = Problem.of_fit(fit, tests, threads=threads)
+    theta = problem.inside(fit.theta)
+    target = Target.of(problem.form, problem.objective, noise, start=theta, priors={}, tempering=temper)
+    return target, theta
+
+
+def residuals_of(fit: Fit, tests: tuple[DamperTest, ...]) -> tuple[Array, ...]:
+    """Residuals of a fit, test by test, in deviations of the test's measured force, shape (n_counted,)."""
+    target, theta = target_of(fit, tests, NOISES["iid"], temper=1.0)
+    return tuple(residual[0] for residual, _, _ in target.residuals(theta[None]))
+
+
+def variance_of(fit: Fit, tests: tuple[DamperTest, ...]) -> float:
+    """Mean square of the residuals of all tests."""
+    return float(np.mean(np.concatenate(residuals_of(fit, tests)) ** 2))
+
+
+def free_parameters(fit: Fit) -> int:
+    """Number of free parameters in the form that was identified."""
+    return len(identifiable_form(fit.spec, fit.settings.bounds).box.free)
