@@ -29,11 +29,11 @@ class StoredRun(Summarised):
 
     place: Path
     fit: Fit
-    draws: StoredDraws | None
-    profiles: Profiles | None
-    bands: StoredBands | None
-    plan: Check | None
-    ranking: Ranking | None
+    draws: StoredDraws | None = None
+    profiles: Profiles | None = None
+    bands: StoredBands | None = None
+    plan: Check | None = None
+    ranking: Ranking | None = None
 
     @property
     def calibration(self) -> Calibration | None:

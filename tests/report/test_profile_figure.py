@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mrwork.report.profile_figure import profiles_figure
+from mrwork.report.fit.profiles import profiles_figure
 from mrwork.report.svg import png_bytes, svg_bytes
 from mrwork.uncertainty.identifiability.profile import Profile, Profiles
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mrwork.report import numbers
-from mrwork.report.ranking_figure import ranking_figure
+from mrwork.report.fit.ranking import ranking_figure
 from mrwork.report.ranking_rows import ranking_rows
 from mrwork.report.svg import svg_bytes
 from mrwork.uncertainty.choice.leave_one_out import LeaveOneOut

@@ -14,9 +14,10 @@ from report_samples import comparison, fit, quality
 
 from mrwork.errors import SettingError
 from mrwork.records.damper_test import DamperTest, Finding
-from mrwork.report import figures, tables
+from mrwork.report import figures
 from mrwork.report.comparison import Comparison
-from mrwork.report.html import identification_report
+from mrwork.report.fit import parameters
+from mrwork.report.fit.page import identification_report
 
 EQUATION = "f = c v + k (x - x0) + k_w w\nw' = rho (v - sigma |v| |w|^(n-1) w + (sigma - 1) v |w|^n)"
 VOID = {"meta", "br", "wbr", "link", "img", "hr"}
@@ -141,7 +142,7 @@ def test_correlated_residuals_are_said_to_make_the_errors_optimistic() -> None:
 
     def caution(autocorrelation: float) -> str:
         tried = replace(tested.quality, residual_autocorrelation=autocorrelation)
-        return tables.caution(replace(described, quality=(tried,)))
+        return parameters.caution(replace(described, quality=(tried,)))
 
     assert "0.9871, so the standard errors are optimistic" in caution(0.98712)
     assert "optimistic" not in caution(0.01)

@@ -22,6 +22,7 @@ from mrwork.identification.fit import SearchTrace
 from mrwork.report import figures, style
 from mrwork.report.comparison import Comparison
 from mrwork.report.cycles import even_samples, scattered_samples, zoom_window
+from mrwork.report.fit import page, search
 from mrwork.report.svg import svg_bytes
 
 
@@ -101,7 +102,7 @@ def test_convergence_is_drawn_for_any_trace(best: tuple[float, ...], refined: fl
         median=tuple(math.inf for _ in best),
         stop_reason="",
     )
-    figure = figures.convergence(trace, refined)
+    figure = search.convergence(trace, refined)
     with style.drawn_in_style():
         assert_labels_apart(figure)
     axes = figure.axes[0]
@@ -141,8 +142,8 @@ def test_the_same_figure_is_the_same_file() -> None:
 
 def test_a_search_without_refinement_shows_no_refined_misfit() -> None:
     described = fit(comparison())
-    assert "refined" in {text.get_text() for text in visible_texts(figures.search_figure(described))}
-    raw = figures.search_figure(replace(described, refinement_steps=0))
+    assert "refined" in {text.get_text() for text in visible_texts(search.search_figure(described))}
+    raw = search.search_figure(replace(described, refinement_steps=0))
     assert "refined" not in {text.get_text() for text in visible_texts(raw)}
 
 
@@ -156,7 +157,7 @@ def test_residual_and_force_share_their_time_axis() -> None:
 
 def test_figures_leave_the_settings_of_the_caller_alone() -> None:
     before = dict(matplotlib.rcParams)
-    for figure in figures.run_figures(fit(comparison()), [comparison()]).values():
+    for figure in page.run_figures(fit(comparison()), [comparison()]).values():
         svg_bytes(figure)
     assert dict(matplotlib.rcParams) == before
 
@@ -171,7 +172,7 @@ def test_the_report_never_loads_pyplot_and_a_run_is_read_without_matplotlib() ->
             env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)},
         ).stdout
 
-    assert "matplotlib.pyplot" not in loaded_by("mrwork.report.html")
+    assert "matplotlib.pyplot" not in loaded_by("mrwork.report.fit.page")
     assert "matplotlib" not in loaded_by("mrwork.store.run_folder")
 
 
@@ -237,6 +238,6 @@ def test_the_figure_of_a_repair_holds_both_loops_whole() -> None:
     low, high = axes.get_ylim()
     assert low < after.min() < before.max() < high
     repaired = replace(whole, test=replace(whole.test, original=raised))
-    assert set(figures.run_figures(fit(repaired), [repaired])) - set(
-        figures.run_figures(fit(whole), [whole])
-    ) == {"repair"}
+    assert set(page.run_figures(fit(repaired), [repaired])) - set(page.run_figures(fit(whole), [whole])) == {
+        "repair"
+    }

@@ -21,7 +21,7 @@ from report_samples import comparison, fit
 from mrwork.errors import OutputError, RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import read_fit, write_run
-from mrwork.report.figures import run_figures
+from mrwork.report.fit.page import run_figures
 from mrwork.report.svg import figure_files
 from mrwork.store.run_folder import JOURNAL, MANIFEST, check_destination, write_folder
 

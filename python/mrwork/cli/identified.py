@@ -70,20 +70,20 @@ def write_identification(
         )
         return
     # Matplotlib is slow to load and needed for reports only.
-    from mrwork.report.figures import run_figures
-    from mrwork.report.fit.page import comparisons_of, fit_page
+    from mrwork.report.fit.page import comparisons_of, fit_page, run_figures
     from mrwork.report.svg import figure_files
+    from mrwork.stored import StoredRun
 
     comparisons = comparisons_of(fit, tests)
     figures = run_figures(fit, comparisons)
     if ranking is not None:
-        from mrwork.report.ranking_figure import ranking_figure
+        from mrwork.report.fit.ranking import ranking_figure
 
         figures["ranking"] = ranking_figure(ranking)
     write_run(
         place,
         fit=fit,
-        report_html=fit_page(fit, comparisons, ranking=ranking),
+        report_html=fit_page(StoredRun(place=place, fit=fit, ranking=ranking), comparisons),
         figures=figure_files(figures),
         manifest=manifest,
         journal=journal,

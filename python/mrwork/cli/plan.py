@@ -102,7 +102,7 @@ def run(options: argparse.Namespace) -> int:
     unit = None if spec.current is None else spec.current.unit
     document = asdict(check) | {"draws": origin, "limits": asdict(limits)}
     # Matplotlib is slow to load.
-    from mrwork.report.plan_figure import plan_figure
+    from mrwork.report.fit.plan import plan_figure
     from mrwork.report.svg import figure_files
 
     figures = figure_files({"plan": plan_figure(check.plan, unit)})

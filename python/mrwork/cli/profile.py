@@ -80,7 +80,7 @@ def run(options: argparse.Namespace) -> int:
     figures: dict[str, bytes] = {}
     if status == 0:
         # Matplotlib is slow to load.
-        from mrwork.report.profile_figure import profiles_figure
+        from mrwork.report.fit.profiles import profiles_figure
         from mrwork.report.svg import figure_files
 
         figures = figure_files({"profiles": profiles_figure(profiles)})

@@ -184,6 +184,11 @@ class Fit(Summarised):
 
 
 VerdictName = Literal["identifiable", "weakly", "not"]
+VERDICT_IN_WORDS: dict[VerdictName, str] = {
+    "identifiable": "identifiable",
+    "weakly": "weakly identifiable",
+    "not": "not identifiable",
+}
 _IN_SHORT: dict[VerdictName, str] = {"identifiable": "yes", "weakly": "weakly", "not": "no"}
 
 

@@ -2,33 +2,33 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from mrwork.identification.fit import Fit, SearchTrace
 from mrwork.records.damper_test import DamperTest
-from mrwork.report import style
+from mrwork.report import canvas, style
+from mrwork.report.canvas import axes_between, draw_points, finish_signed, legend
 from mrwork.report.comparison import Comparison
-from mrwork.report.cycles import zoom_window
-from mrwork.report.panels import (
-    draw_convergence,
-    draw_force,
-    draw_loop,
-    draw_repair,
-    draw_residual,
-    mark_window,
-)
+from mrwork.report.cycles import even_samples, scattered_samples, zoom_window
 from mrwork.report.style import DisplayUnit
 
-# Margins in inches: the same in every panel, so that panels set side by side share their axes' edges.
-_LEFT, _RIGHT, _TOP, _BOTTOM = 0.62, 0.20, 0.34, 0.5
+POINTS_IN_WINDOW = 150
+POINTS_IN_LOOP = 600
+
+# Inches between a force history and its residual below, the residual's share of the height, and a line of heading.
 _BETWEEN = 0.42
 _RESIDUAL_SHARE = 0.3
 _HEADING = 0.34
+# The panels of a history are wide for their height.
+_HISTORY_ASPECT = 3.0
+_POINT = 2.8
+
+_Drawing = Callable[[Figure, int, Comparison, DisplayUnit], None]
+"""Draws one column of a figure, the number of which it is given."""
 
 
 def common_force_unit(comparisons: Sequence[Comparison]) -> DisplayUnit:
@@ -39,160 +39,190 @@ def common_force_unit(comparisons: Sequence[Comparison]) -> DisplayUnit:
 
 def force_history(comparison: Comparison, unit: DisplayUnit | None = None) -> Figure:
     """Force against time with the residual below: the whole record, and a few cycles of it enlarged."""
-    unit = unit or common_force_unit([comparison])
-    with style.drawn_in_style():
-        figure = _blank(columns=2, heading=_heading(comparison))
-        _draw_record(figure, comparison, unit, column=0, columns=2)
-        _draw_cycles(figure, comparison, unit, column=1, columns=2)
-    return figure
-
-
-def record_panel(comparison: Comparison, unit: DisplayUnit) -> Figure:
-    """The whole record and its residual, as one column."""
-    with style.drawn_in_style():
-        figure = _blank(columns=1)
-        _draw_record(figure, comparison, unit, column=0, columns=1)
-    return figure
-
-
-def cycles_panel(comparison: Comparison, unit: DisplayUnit) -> Figure:
-    """A few cycles from the middle of the record and their residual, as one column."""
-    with style.drawn_in_style():
-        figure = _blank(columns=1)
-        _draw_cycles(figure, comparison, unit, column=0, columns=1)
-    return figure
+    return _side_by_side(comparison, unit, _draw_record, _draw_cycles)
 
 
 def hysteresis_loops(comparison: Comparison, unit: DisplayUnit | None = None) -> Figure:
     """Force against displacement and against velocity: points of the test, line of the model."""
-    unit = unit or common_force_unit([comparison])
-    with style.drawn_in_style():
-        figure = _blank(columns=2, heading=_heading(comparison))
-        _draw_displacement_loop(_axes(figure, 0, 2), comparison, unit)
-        _draw_velocity_loop(_axes(figure, 1, 2), comparison, unit)
-    return figure
+    return _side_by_side(comparison, unit, _draw_displacement_loop, _draw_velocity_loop)
+
+
+def record_panel(comparison: Comparison, unit: DisplayUnit) -> Figure:
+    """The whole record and its residual, as one column."""
+    return _one_column(comparison, unit, _draw_record)
+
+
+def cycles_panel(comparison: Comparison, unit: DisplayUnit) -> Figure:
+    """A few cycles from the middle of the record and their residual, as one column."""
+    return _one_column(comparison, unit, _draw_cycles)
 
 
 def displacement_loop(comparison: Comparison, unit: DisplayUnit) -> Figure:
     """Force against displacement, as one column."""
-    with style.drawn_in_style():
-        figure = _blank(columns=1)
-        _draw_displacement_loop(_axes(figure, 0, 1), comparison, unit)
-    return figure
+    return _one_column(comparison, unit, _draw_displacement_loop)
 
 
 def velocity_loop(comparison: Comparison, unit: DisplayUnit) -> Figure:
     """Force against velocity, as one column."""
-    with style.drawn_in_style():
-        figure = _blank(columns=1)
-        _draw_velocity_loop(_axes(figure, 0, 1), comparison, unit)
-    return figure
+    return _one_column(comparison, unit, _draw_velocity_loop)
 
 
+@style.drawn_in_style()
 def repair_panel(test: DamperTest, original: DamperTest, unit: DisplayUnit) -> Figure:
     """Force against displacement before and after the repair of a test, as one column."""
-    with style.drawn_in_style():
-        figure = _blank(columns=1)
-        draw_repair(_axes(figure, 0, 1), test, original, unit)
+    figure, axes = canvas.column_axes()
+    axes.grid(True, axis="both")
+    scale = style.MILLIMETRE
+    for drawn, colour, width, label in (
+        (original, style.DATA, 1.6, "as recorded"),
+        (test, style.RESIDUAL, 0.9, "repaired"),
+    ):
+        axes.plot(
+            drawn.displacement * scale.factor,
+            drawn.force * unit.factor,
+            color=colour,
+            linewidth=width,
+            label=label,
+        )
+    finish_signed(axes, f"Force ({unit.symbol})", f"Displacement ({scale.symbol})")
+    legend(axes)
     return figure
 
 
-def convergence(trace: SearchTrace, refined: float | None = None) -> Figure:
-    """Best and median NRMSE of the population against evaluations, and where the refinement ended."""
-    with style.drawn_in_style():
-        figure = _blank(columns=1)
-        draw_convergence(_axes(figure, 0, 1), trace, refined)
+@style.drawn_in_style()
+def _side_by_side(comparison: Comparison, unit: DisplayUnit | None, *drawings: _Drawing) -> Figure:
+    width = len(drawings) * style.PANEL_WIDTH
+    figure = Figure(figsize=(width, style.PANEL_HEIGHT + _HEADING))
+    heading = comparison.test.name + (" (synthetic)" if comparison.test.synthetic else "")
+    top = 1 - 0.12 / figure.get_figheight()
+    figure.text(canvas.LEFT / width, top, heading, va="top", fontweight="bold")
+    for column, draw in enumerate(drawings):
+        draw(figure, column, comparison, unit or common_force_unit([comparison]))
     return figure
 
 
-def search_figure(fit: Fit) -> Figure:
-    """The convergence of a fit's search, with its refined misfit if it was refined."""
-    return convergence(fit.trace, fit.nrmse if fit.refinement_steps else None)
+@style.drawn_in_style()
+def _one_column(comparison: Comparison, unit: DisplayUnit, draw: _Drawing) -> Figure:
+    figure = Figure(figsize=(style.PANEL_WIDTH, style.PANEL_HEIGHT))
+    draw(figure, 0, comparison, unit)
+    return figure
 
 
-def run_figures(fit: Fit, comparisons: Sequence[Comparison]) -> dict[str, Figure]:
-    """Every figure of a run by the name of its file; with several tests the name starts with the test's."""
-    unit = common_force_unit(comparisons)
-    figures = {"convergence": search_figure(fit)}
-    for number, comparison in enumerate(comparisons, start=1):
-        prefix = "" if len(comparisons) == 1 else f"{number:02d}_{_file_stem(comparison.test.name)}_"
-        figures[f"{prefix}force_history"] = force_history(comparison, unit)
-        figures[f"{prefix}hysteresis_loops"] = hysteresis_loops(comparison, unit)
-        if comparison.test.original is not None:
-            figures[f"{prefix}repair"] = repair_panel(comparison.test, comparison.test.original, unit)
-    return figures
+def _draw_record(figure: Figure, column: int, comparison: Comparison, unit: DisplayUnit) -> None:
+    """The whole record as lines; the part that the next panel enlarges is shaded."""
+    test = comparison.test
+    upper, lower = _history_axes(figure, column)
+    upper.plot(
+        test.time, test.force * unit.factor, color=style.DATA, linewidth=1.7, label=comparison.data_label
+    )
+    upper.plot(
+        test.time, comparison.model_force * unit.factor, color=style.MODEL, linewidth=0.8, label="model"
+    )
+    _finish_force(upper, comparison, unit)
+    _draw_residual(lower, comparison, unit, slice(0, test.n_time), linewidth=0.8)
+    window = zoom_window(test.displacement)
+    for axes in (upper, lower):
+        ends = test.time[window.start], test.time[window.stop - 1]
+        axes.axvspan(*ends, color=style.WINDOW, linewidth=0, zorder=-1)
 
 
-def _draw_record(
-    figure: Figure, comparison: Comparison, unit: DisplayUnit, *, column: int, columns: int
+def _draw_cycles(figure: Figure, column: int, comparison: Comparison, unit: DisplayUnit) -> None:
+    """A few cycles: points of the record under the line of the model."""
+    test, window = comparison.test, zoom_window(comparison.test.displacement)
+    upper, lower = _history_axes(figure, column)
+    time = test.time[window.samples]
+    measured = test.force[window.samples] * unit.factor
+    drawn = even_samples(time, measured, POINTS_IN_WINDOW, aspect=_HISTORY_ASPECT)
+    draw_points(upper, time[drawn], measured[drawn], size=_POINT, label=comparison.data_label)
+    model = comparison.model_force[window.samples] * unit.factor
+    upper.plot(time, model, color=style.MODEL, linewidth=1.4, label="model")
+    _finish_force(upper, comparison, unit)
+    _draw_residual(lower, comparison, unit, window.samples, linewidth=1.1)
+
+
+def _draw_residual(
+    axes: Axes, comparison: Comparison, unit: DisplayUnit, samples: slice, *, linewidth: float
 ) -> None:
-    window = zoom_window(comparison.test.displacement)
-    upper, lower = _history_axes(figure, column, columns)
-    draw_force(upper, comparison, unit, None)
-    draw_residual(lower, comparison, unit, None)
-    mark_window(upper, comparison, window)
-    mark_window(lower, comparison, window)
+    """Measured minus model force against time, on one scale for every window of a record."""
+    time = comparison.test.time[samples]
+    unit = style.residual_unit(_largest(comparison.residual), unit)
+    residual = comparison.residual * unit.factor
+    axes.plot(time, residual[samples], color=style.RESIDUAL, linewidth=linewidth)
+    largest = _largest(residual) or 1.0
+    axes.set_ylim(-1.1 * largest, 1.1 * largest)
+    finish_signed(axes, f"Residual ({unit.symbol})", "Time (s)", y_bins=3)
+    margin = 0.0 if time.size > 1 else 0.5
+    axes.set_xlim(float(time[0]) - margin, float(time[-1]) + margin)
 
 
-def _draw_cycles(
-    figure: Figure, comparison: Comparison, unit: DisplayUnit, *, column: int, columns: int
-) -> None:
-    window = zoom_window(comparison.test.displacement)
-    upper, lower = _history_axes(figure, column, columns)
-    draw_force(upper, comparison, unit, window)
-    draw_residual(lower, comparison, unit, window)
-
-
-def _draw_displacement_loop(axes: Axes, comparison: Comparison, unit: DisplayUnit) -> None:
+def _draw_displacement_loop(figure: Figure, column: int, comparison: Comparison, unit: DisplayUnit) -> None:
     scale = style.MILLIMETRE
     displacement = comparison.test.displacement * scale.factor
-    draw_loop(axes, displacement, f"Displacement ({scale.symbol})", comparison, unit)
+    _draw_loop(figure, column, comparison, unit, displacement, f"Displacement ({scale.symbol})")
 
 
-def _draw_velocity_loop(axes: Axes, comparison: Comparison, unit: DisplayUnit) -> None:
+def _draw_velocity_loop(figure: Figure, column: int, comparison: Comparison, unit: DisplayUnit) -> None:
     scale = style.MILLIMETRE_PER_SECOND
     velocity = comparison.test.velocity * scale.factor
-    draw_loop(axes, velocity, f"Velocity ({scale.symbol})", comparison, unit)
+    _draw_loop(figure, column, comparison, unit, velocity, f"Velocity ({scale.symbol})")
 
 
-def _blank(*, columns: int, heading: str = "") -> Figure:
-    height = style.PANEL_HEIGHT + (_HEADING if heading else 0.0)
-    figure = Figure(figsize=(columns * style.PANEL_WIDTH, height))
-    if heading:
-        figure.text(
-            _LEFT / (columns * style.PANEL_WIDTH), 1 - 0.12 / height, heading, va="top", fontweight="bold"
-        )
-    return figure
+def _draw_loop(
+    figure: Figure,
+    column: int,
+    comparison: Comparison,
+    unit: DisplayUnit,
+    abscissa: NDArray[np.float64],
+    label: str,
+) -> None:
+    """Force against `abscissa`, shape (n_time,), in the units of its `label`: points and model line."""
+    axes = _axes(figure, column, canvas.BOTTOM, style.PANEL_HEIGHT - canvas.TOP)
+    axes.grid(True, axis="both")
+    measured = comparison.test.force * unit.factor
+    drawn = scattered_samples(abscissa, measured, POINTS_IN_LOOP)
+    draw_points(axes, abscissa[drawn], measured[drawn], size=_POINT, label=comparison.data_label)
+    axes.plot(abscissa, comparison.model_force * unit.factor, color=style.MODEL, linewidth=1.1, label="model")
+    _finish_force(axes, comparison, unit)
+    axes.set_xlabel(label)
 
 
-def _axes(figure: Figure, column: int, columns: int) -> Axes:
-    return figure.add_axes(_rectangle(figure, column, columns, _BOTTOM, style.PANEL_HEIGHT - _TOP))
+def _finish_force(axes: Axes, comparison: Comparison, unit: DisplayUnit) -> None:
+    axes.set_ylim(*_limits_of(comparison, unit))
+    finish_signed(axes, f"Force ({unit.symbol})")
+    legend(axes)
 
 
-def _history_axes(figure: Figure, column: int, columns: int) -> tuple[Axes, Axes]:
-    free = style.PANEL_HEIGHT - _TOP - _BOTTOM - _BETWEEN
-    split = _BOTTOM + _RESIDUAL_SHARE * free
-    lower = figure.add_axes(_rectangle(figure, column, columns, _BOTTOM, split))
-    upper = figure.add_axes(
-        _rectangle(figure, column, columns, split + _BETWEEN, style.PANEL_HEIGHT - _TOP), sharex=lower
-    )
+def _history_axes(figure: Figure, column: int) -> tuple[Axes, Axes]:
+    """Axes of a force history and, below, of its residual."""
+    free = style.PANEL_HEIGHT - canvas.TOP - canvas.BOTTOM - _BETWEEN
+    split = canvas.BOTTOM + _RESIDUAL_SHARE * free
+    lower = _axes(figure, column, canvas.BOTTOM, split)
+    upper = _axes(figure, column, split + _BETWEEN, style.PANEL_HEIGHT - canvas.TOP, sharex=lower)
     upper.tick_params(labelbottom=False)
     return upper, lower
 
 
-def _rectangle(
-    figure: Figure, column: int, columns: int, bottom: float, top: float
-) -> tuple[float, float, float, float]:
-    """Axes from `bottom` to `top` [in] in one of the equal columns, as fractions of the figure."""
-    width, height = columns * style.PANEL_WIDTH, float(figure.get_figheight())
-    left = column * style.PANEL_WIDTH + _LEFT
-    across = style.PANEL_WIDTH - _LEFT - _RIGHT
-    return left / width, bottom / height, across / width, (top - bottom) / height
+def _axes(figure: Figure, column: int, bottom: float, top: float, sharex: Axes | None = None) -> Axes:
+    left, right = column * style.PANEL_WIDTH + canvas.LEFT, (column + 1) * style.PANEL_WIDTH - canvas.RIGHT
+    return axes_between(figure, left=left, right=right, bottom=bottom, top=top, sharex=sharex)
 
 
-def _heading(comparison: Comparison) -> str:
-    return comparison.test.name + (" (synthetic)" if comparison.test.synthetic else "")
+def _limits_of(comparison: Comparison, unit: DisplayUnit) -> tuple[float, float]:
+    """The range of the data, opened for the model by half of that range at most on either side.
+
+    A model that is far off must not flatten the data it is compared with.
+    """
+    measured = comparison.test.force * unit.factor
+    low, high = float(np.nanmin(measured)), float(np.nanmax(measured))
+    spread = (high - low) or 1.0
+    model = comparison.model_force[np.isfinite(comparison.model_force)] * unit.factor
+    if model.size:
+        low = max(min(low, float(model.min())), low - spread / 2)
+        high = min(max(high, float(model.max())), high + spread / 2)
+    margin = 0.06 * spread
+    return low - margin, high + margin
 
 
-def _file_stem(name: str) -> str:
-    return re.sub(r"[^A-Za-z0-9.-]+", "_", name).strip("._") or "test"
+def _largest(values: NDArray[np.float64]) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.abs(finite).max()) if finite.size else 0.0

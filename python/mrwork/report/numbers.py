@@ -1,4 +1,4 @@
-"""Numbers as text: as many digits as they deserve, split where decimal points align."""
+"""Numbers as text: as many digits as they deserve, split where decimal points align; shares and counts in words."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ _PLAIN = (-6, 7)
 _DIGITS_OF_ERROR = 2
 _DIGITS_ALONE = 5
 _MOST_DIGITS = 8
+_LEAST_PROBABILITY = 0.001
 
 
 def fixed(value: float | None, decimals: int) -> str:
@@ -87,6 +88,32 @@ def at_point(text: str) -> tuple[str, str]:
         return head, point + tail
     head, times, power = text.partition(" ×")
     return head, times + power
+
+
+def probability(value: float) -> str:
+    """A probability as it is printed: two decimals, more where it is small, none below a thousandth."""
+    if math.isnan(value):
+        return fixed(value, 0)
+    return (
+        f"< {_LEAST_PROBABILITY:g}" if value < _LEAST_PROBABILITY else fixed(value, 3 if value < 0.1 else 2)
+    )
+
+
+def tests_of(count: int, total: int) -> str:
+    """As in "this test", "all 6 tests", "2 of 6 tests"."""
+    if total == 1:
+        return "this test"
+    return f"all {total} tests" if count == total else f"{count} of {total} tests"
+
+
+def most_of(share: float) -> str:
+    """A share in whole per cent, but never all of it where something is missing."""
+    return "more than 99" if 0.99 < share < 1.0 else fixed(100.0 * share, 0)
+
+
+def percent(share: float, decimals: int = 1) -> str:
+    """A share as a number of percent."""
+    return fixed(100.0 * share, decimals)
 
 
 def _times(power: int) -> str:

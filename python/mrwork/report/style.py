@@ -47,6 +47,10 @@ PAGE_FONTS = (
 PANEL_WIDTH = 5.0
 PANEL_HEIGHT = 3.75
 
+# Patterns of lines that are limits or references, in units of their width.
+DOTTED = (0, (1.2, 1.8))
+DASHED = (0, (4, 3))
+
 # Points. The letters of the figures' font are large for their size.
 TEXT_SIZE = 9.5
 SMALL_TEXT_SIZE = 9.1

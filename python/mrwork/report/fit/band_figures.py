@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,13 +10,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from mrwork.records.motion import whole_cycles
 from mrwork.report import style
+from mrwork.report.canvas import column_axes, draw_points, finish_signed, legend, name_ordinate, small_axes
 from mrwork.report.cycles import even_samples
-from mrwork.report.fit.canvas import column_axes
-from mrwork.report.panels import finish, legend
 from mrwork.report.style import DisplayUnit
 from mrwork.uncertainty.bands.band import Band
 from mrwork.uncertainty.bands.prediction import Prediction
@@ -41,23 +42,23 @@ class Banded:
         return "synthetic" if self.prediction.test.synthetic else "measured"
 
 
+@style.drawn_in_style()
 def time_figure(banded: Banded, unit: DisplayUnit) -> Figure:
     """Force over one cycle from the middle of the record, with what bands there are."""
     samples = middle_cycle(banded.prediction)
     test = banded.prediction.test
     time = test.time[test.counted][samples]
-    with style.drawn_in_style():
-        # Four entries want a second line.
-        figure, axes = column_axes(top=0.56)
-        _fill_over(axes, time, banded, samples, unit, np.zeros(time.size))
-        _draw_lines(axes, time, banded, samples, unit)
-        finish(axes, f"Force ({unit.symbol})")
-        axes.set_xlim(float(time[0]), float(time[-1]))
-        axes.set_xlabel("Time (s)")
-        legend(axes, columns=2)
+    # Four entries want a second line.
+    figure, axes = column_axes(top=0.56)
+    _fill_over(axes, time, banded, samples, unit, np.zeros(time.size))
+    _draw_lines(axes, time, banded, samples, unit)
+    finish_signed(axes, f"Force ({unit.symbol})", "Time (s)")
+    axes.set_xlim(float(time[0]), float(time[-1]))
+    legend(axes, columns=2)
     return figure
 
 
+@style.drawn_in_style()
 def error_figure(banded: Banded, unit: DisplayUnit) -> Figure:
     """The same cycle and its bands less the model's force: what the force itself hides where bands are narrow."""
     samples = middle_cycle(banded.prediction)
@@ -69,21 +70,19 @@ def error_figure(banded: Banded, unit: DisplayUnit) -> Figure:
         float(np.abs(end - banded.prediction.force).max()) for end in [*ends, banded.prediction.measured]
     )
     unit = style.residual_unit(largest, unit)
-    with style.drawn_in_style():
-        figure, axes = column_axes(top=0.56)
-        _fill_over(axes, time, banded, samples, unit, banded.prediction.force[samples])
-        drawn = _thin(time.size)
-        axes.plot(
-            time[drawn],
-            residual[drawn] * unit.factor,
-            color=style.INK,
-            linewidth=1.0,
-            label=banded.data_label,
-        )
-        finish(axes, f"Force less model ({unit.symbol})")
-        axes.set_xlim(float(time[0]), float(time[-1]))
-        axes.set_xlabel("Time (s)")
-        legend(axes, columns=2)
+    figure, axes = column_axes(top=0.56)
+    _fill_over(axes, time, banded, samples, unit, banded.prediction.force[samples])
+    drawn = _thin(time.size)
+    axes.plot(
+        time[drawn],
+        residual[drawn] * unit.factor,
+        color=style.INK,
+        linewidth=1.0,
+        label=banded.data_label,
+    )
+    finish_signed(axes, f"Force minus model ({unit.symbol})", "Time (s)")
+    axes.set_xlim(float(time[0]), float(time[-1]))
+    legend(axes, columns=2)
     return figure
 
 
@@ -101,6 +100,34 @@ def velocity_loop(banded: Banded, unit: DisplayUnit) -> Figure:
     return _loop(banded, unit, test.velocity[test.counted] * scale.factor, f"Velocity ({scale.symbol})")
 
 
+@style.drawn_in_style()
+def cycle_figure(title: str, measured: Array, model: Array, bands: Sequence[Band], factor: float) -> Figure:
+    """A quantity of each cycle, shape (n_cycles,), times `factor`, with its bands: bars, narrower for parameters."""
+    number = np.arange(1, measured.size + 1)
+    figure, axes = small_axes(labelled=True)
+    for band in bands:
+        lower, upper = band.lower * factor, band.upper * factor
+        wide = band.kind == "prediction"
+        axes.bar(
+            number,
+            upper - lower,
+            bottom=lower,
+            width=0.84 if wide else 0.4,
+            color=style.BAND if wide else style.PARAMETER_BAND,
+            edgecolor=style.BAND_EDGE if wide else style.PARAMETER_BAND,
+            linewidth=0.7,
+        )
+    axes.plot(number, model * factor, linestyle="none", marker="_", markersize=9, color=style.MODEL)
+    draw_points(axes, number, measured * factor, size=3.6, colour=style.INK)
+    name_ordinate(axes, title)
+    axes.use_sticky_edges = False
+    axes.autoscale_view()
+    axes.set_xlim(0.3, measured.size + 0.7)
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=4, integer=True))
+    axes.set_xlabel("Cycle")
+    return figure
+
+
 def middle_cycle(prediction: Prediction) -> slice:
     """The whole cycle in the middle of the samples that count; all of them where there is none."""
     cycles = whole_cycles(prediction.test.displacement[prediction.test.counted])
@@ -110,18 +137,17 @@ def middle_cycle(prediction: Prediction) -> slice:
     return slice(chosen.start, chosen.stop + 1)
 
 
+@style.drawn_in_style()
 def _loop(banded: Banded, unit: DisplayUnit, abscissa: Array, label: str) -> Figure:
     samples = middle_cycle(banded.prediction)
     across = abscissa[samples]
-    with style.drawn_in_style():
-        figure, axes = column_axes()
-        axes.grid(True, axis="both")
-        if banded.predicted is not None:
-            _fill_loop(axes, across, banded.predicted, samples, unit)
-        _draw_lines(axes, across, banded, samples, unit)
-        finish(axes, f"Force ({unit.symbol})")
-        axes.set_xlabel(label)
-        legend(axes)
+    figure, axes = column_axes()
+    axes.grid(True, axis="both")
+    if banded.predicted is not None:
+        _fill_loop(axes, across, banded.predicted, samples, unit)
+    _draw_lines(axes, across, banded, samples, unit)
+    finish_signed(axes, f"Force ({unit.symbol})", label)
+    legend(axes)
     return figure
 
 
@@ -139,7 +165,7 @@ def _fill_over(
             time[drawn], lower, upper, color=style.BAND, linewidth=0, label=_named(banded.predicted)
         )
         for end in (lower, upper):
-            axes.plot(time[drawn], end, color=style.BAND_EDGE, linewidth=0.9, linestyle=(0, (4, 2.5)))
+            axes.plot(time[drawn], end, color=style.BAND_EDGE, linewidth=0.9, linestyle=style.DASHED)
     if banded.parameters is not None:
         axes.fill_between(
             time[drawn],
@@ -183,17 +209,8 @@ def _draw_lines(axes: Axes, across: Array, banded: Banded, samples: slice, unit:
     line = _along(across, model)
     axes.plot(across[line], model[line], color=style.MODEL, linewidth=1.2, label="model", zorder=2.3)
     drawn = even_samples(across, measured, _POINTS, aspect=_ASPECT)
-    axes.plot(
-        across[drawn],
-        measured[drawn],
-        linestyle="none",
-        marker="o",
-        markersize=2.6,
-        markerfacecolor=style.INK,
-        markeredgewidth=0,
-        label=banded.data_label,
-        zorder=2.2,
-    )
+    label = banded.data_label
+    draw_points(axes, across[drawn], measured[drawn], size=2.6, colour=style.INK, label=label, zorder=2.2)
 
 
 def _along(across: Array, up: Array) -> NDArray[np.intp]:

@@ -3,41 +3,79 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.identification.fit import Fit
-from mrwork.report import figures
+from mrwork.identification.problem import Problem
+from mrwork.identification.residual import ObservedTest
+from mrwork.records import DamperTest
+from mrwork.report import numbers
 from mrwork.report.comparison import Comparison
+from mrwork.report.figures import common_force_unit
 from mrwork.report.fit.band_figures import (
     Banded,
+    cycle_figure,
     displacement_loop,
     error_figure,
     time_figure,
     velocity_loop,
 )
 from mrwork.report.fit.coverage import JUDGED, conditions_in_words
-from mrwork.report.fit.cycle_panels import cycle_panels
-from mrwork.report.fit.parameter_draws import ParameterDraws, drawn_forces
-from mrwork.report.fit.phrases import percent
-from mrwork.report.fit.section import Group, Section, panel
+from mrwork.report.fit.kind import SectionKind
+from mrwork.report.numbers import percent
+from mrwork.report.section import Group, Panel, Section, panel
 from mrwork.report.style import DisplayUnit
-from mrwork.uncertainty.bands.band import parameter_band, score
+from mrwork.stored import StoredRun
+from mrwork.uncertainty.bands.band import Band, parameter_band, score, simulate_draws
 from mrwork.uncertainty.bands.calibration_files import StoredBands
 from mrwork.uncertainty.bands.conformal import calibrate
+from mrwork.uncertainty.bands.cycle import (
+    QUANTITIES,
+    CycleQuantity,
+    cycle_band,
+    cycles_of,
+    errors_over_cycles,
+)
 from mrwork.uncertainty.bands.prediction import Prediction
+from mrwork.uncertainty.noise import noise_model
+from mrwork.uncertainty.posterior.draws_file import StoredDraws
+from mrwork.uncertainty.posterior.laplace import first_walkers
+from mrwork.uncertainty.posterior.target import Target
 
-# Tests of the fit, and tests left out, that are drawn.
+Array = NDArray[np.float64]
+
+# Tests of the fit, and tests left out, that are drawn; draws of the parameters.
 _OWN, _LEFT_OUT = 1, 6
+_DRAWS = 200
+
+_QUANTITIES: dict[CycleQuantity, tuple[str, float]] = {
+    "energy": ("Energy per cycle (J)", 1.0),
+    "stiffness": ("Stiffness (N/mm)", 1e-3),
+    "damping": ("Damping (N s/mm)", 1e-3),
+}
 
 
-def band_section(
-    fit: Fit, comparisons: Sequence[Comparison], draws: ParameterDraws | None, bands: StoredBands | None
-) -> Section | None:
-    """Bands about a test of the fit and about tests left out; `None` where there are neither draws nor calibration."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _ParameterDraws:
+    """Parameters `theta`, shape (n_draws, n_params), and in words where they come from."""
+
+    theta: Array
+    origin: str
+
+
+def _section(run: StoredRun, comparisons: Sequence[Comparison]) -> Section | None:
+    """Bands around a test of the fit and around tests left out; `None` without draws and without calibration."""
+    fit, bands = run.fit, run.bands
+    if run.draws is None and bands is None:
+        return None
+    draws = _parameter_draws(fit, [comparison.test for comparison in comparisons], run.draws)
     if draws is None and bands is None:
         return None
-    unit = figures.common_force_unit(comparisons)
+    unit = common_force_unit(comparisons)
     groups = [Group(prose=_prose(draws, bands))]
     worst = sorted(comparisons, key=lambda comparison: -comparison.quality.nrmse)[:_OWN]
     for number, each in enumerate(worst, start=1):
@@ -48,13 +86,13 @@ def band_section(
     return Section(anchor="bands", title="Bands", summary=_summary(draws, bands), groups=tuple(groups))
 
 
-def _summary(draws: ParameterDraws | None, bands: StoredBands | None) -> str:
+def _summary(draws: _ParameterDraws | None, bands: StoredBands | None) -> str:
     if bands is None:
         return "Bands: of the parameters only, none for predictions yet."
     return f"Bands: {bands.calibration.basis}."
 
 
-def _prose(draws: ParameterDraws | None, bands: StoredBands | None) -> tuple[str, ...]:
+def _prose(draws: _ParameterDraws | None, bands: StoredBands | None) -> tuple[str, ...]:
     first = (
         "Two different things are drawn. The parameter band (orange, narrow) holds the model's own force for the "
         "parameters that the data allow; it shrinks with more data, and no measurement need lie in it. The prediction "
@@ -80,12 +118,12 @@ def _own_groups(
     number: int,
     fit: Fit,
     comparison: Comparison,
-    draws: ParameterDraws | None,
+    draws: _ParameterDraws | None,
     bands: StoredBands | None,
     unit: DisplayUnit,
 ) -> tuple[Group, Group]:
     prediction = Prediction(test=comparison.test, model_force=comparison.model_force)
-    forces = None if draws is None else drawn_forces(fit, draws, comparison.test)
+    forces = None if draws is None else _drawn_forces(fit, draws, comparison.test)
     banded = Banded(
         prediction=prediction,
         predicted=None if bands is None else bands.calibration.band(prediction, JUDGED),
@@ -120,7 +158,7 @@ def _own_groups(
             ),
         ),
     )
-    return whole, Group(panels=cycle_panels(f"b{number}", prediction, errors, forces), layout="small")
+    return whole, Group(panels=_cycle_panels(f"b{number}", prediction, errors, forces), layout="small")
 
 
 def _left_out_groups(
@@ -159,7 +197,7 @@ def _left_out_groups(
             ),
         ),
     )
-    return whole, Group(panels=cycle_panels(f"l{number}", prediction, others, None), layout="small")
+    return whole, Group(panels=_cycle_panels(f"l{number}", prediction, others, None), layout="small")
 
 
 def _chosen(bands: StoredBands) -> list[Prediction]:
@@ -174,3 +212,84 @@ def _chosen(bands: StoredBands) -> list[Prediction]:
         return list(bands.predictions)
     chosen = np.linspace(0, len(ordered) - 1, _LEFT_OUT).round().astype(int)
     return [ordered[index] for index in chosen]
+
+
+def _cycle_panels(
+    identifier: str, prediction: Prediction, others: Sequence[Prediction], forces: Array | None
+) -> tuple[Panel, ...]:
+    """Energy, stiffness and damping of each cycle; none where the test has no whole cycle."""
+    test = prediction.test
+    try:
+        measured, model = cycles_of(test, test.force), cycles_of(test, prediction.model_force)
+    except RecordError:
+        return ()
+    drawn = [] if forces is None else [cycles_of(test, force) for force in forces]
+    panels = []
+    for name in QUANTITIES:
+        title, factor = _QUANTITIES[name]
+        bands: list[Band] = []
+        scores = [_errors(each, name) for each in others]
+        scores = [each for each in scores if each.size]
+        if scores:
+            bands.append(cycle_band(prediction, name, scores, JUDGED))
+        if drawn:
+            bands.append(parameter_band(np.array([each.quantity(name) for each in drawn]), JUDGED))
+        values = measured.quantity(name)
+        figure = cycle_figure(title, values, model.quantity(name), bands, factor)
+        kinds = " and ".join(band.kind for band in bands) or "no"
+        panels.append(
+            panel(
+                f"{identifier}-{name}",
+                "",
+                figure,
+                f"{title} of each cycle of test {test.name} with {kinds} band, mean "
+                f"{numbers.significant(float(values.mean()) * factor, 3)}",
+            )
+        )
+    return tuple(panels)
+
+
+def _errors(prediction: Prediction, name: CycleQuantity) -> Array:
+    try:
+        return errors_over_cycles(prediction, name)
+    except RecordError:
+        return np.empty(0)
+
+
+def _parameter_draws(
+    fit: Fit, tests: Sequence[DamperTest], stored: StoredDraws | None
+) -> _ParameterDraws | None:
+    """Draws of the parameters of a fit; `None` where its tests say too little for an ellipsoid."""
+    if stored is not None:
+        theta = stored.theta(fit.spec.names)
+        chosen = np.linspace(0, len(theta) - 1, min(_DRAWS, len(theta))).astype(int)
+        return _ParameterDraws(theta=theta[chosen], origin="the posterior")
+    problem = Problem.of_fit(fit, tuple(tests))
+    form, start = problem.form, problem.inside(fit.theta)
+    try:
+        target = Target.of(
+            form, problem.objective, noise_model("iid"), start=start, priors={}, tempering=None
+        )
+        position = first_walkers(target, start, _DRAWS, np.random.default_rng(0))
+    except (SettingError, np.linalg.LinAlgError):
+        return None
+    values = np.asarray(target.space.values(position)[0])[:, : target.space.n_params]
+    return _ParameterDraws(theta=np.asarray(form.back(values)), origin="the Fisher ellipsoid about the fit")
+
+
+def _drawn_forces(fit: Fit, draws: _ParameterDraws, test: DamperTest) -> Array | None:
+    """Forces of the draws on a test [N], shape (n_draws, n_time), relieved of nuisances as in the fit.
+
+    `None` where too many of them cannot be simulated.
+    """
+    try:
+        forces = simulate_draws(fit.spec, draws.theta, test)
+    except SimulationError:
+        return None
+    if not fit.nuisances:
+        return forces
+    observed = ObservedTest.of(fit.spec, test, fit.nuisances)
+    return np.array([observed.relieved(force)[0] for force in forces])
+
+
+BANDS = SectionKind(make=_section)

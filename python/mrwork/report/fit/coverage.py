@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.figure import Figure
 
 from mrwork.records import DamperTest
 from mrwork.report import numbers, style
-from mrwork.report.fit.canvas import column_axes
-from mrwork.report.fit.phrases import percent
-from mrwork.report.fit.section import Group, Section, Table, panel, table
+from mrwork.report.canvas import column_axes, draw_points
+from mrwork.report.comparison import Comparison
+from mrwork.report.fit.kind import SectionKind
+from mrwork.report.numbers import percent
+from mrwork.report.section import Absent, Group, Section, Table, panel, table
+from mrwork.stored import StoredRun
 from mrwork.uncertainty.bands.calibration_files import StoredBands
 from mrwork.uncertainty.bands.conformal import LEVELS, LeftOutCoverage
 
@@ -25,8 +30,11 @@ _ROW = 0.27
 _LETTER = 0.082
 
 
-def coverage_section(bands: StoredBands) -> Section:
+def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     """Coverage, interval score and cycles of each test left out."""
+    bands = run.bands
+    if bands is None:
+        return None
     rows = _by_test(bands)
     groups: tuple[Group, ...]
     if rows:
@@ -48,27 +56,21 @@ def coverage_section(bands: StoredBands) -> Section:
     return Section(anchor="left-out", title="Tests left out", summary=_summary(rows), groups=groups)
 
 
+@style.drawn_in_style()
 def coverage_figure(rows: list[dict[float, LeftOutCoverage]], names: list[str]) -> Figure:
     """One line per test, a mark per level."""
     height = 0.34 + 0.5 + _ROW * len(rows) + 0.2
-    with style.drawn_in_style():
-        figure, axes = column_axes(left=min(_LETTER * max(map(len, names)) + 0.25, 2.6), height=height)
-        for level in LEVELS:
-            axes.axvline(100 * level, color=_COLOURS[level], linewidth=1.0, linestyle=(0, (1.2, 1.8)))
-            axes.plot(
-                [100 * row[level].samples.coverage for row in rows],
-                range(len(rows)),
-                linestyle="none",
-                marker="o",
-                markersize=5.5,
-                color=_COLOURS[level],
-                label=f"{100 * level:.0f} %",
-            )
-        axes.set_yticks(range(len(rows)), names)
-        axes.set_ylim(len(rows) - 0.4, -0.6)
-        axes.set_xlim(0, 102)
-        axes.set_xlabel("Samples inside (%)")
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3)
+    figure, axes = column_axes(left=min(_LETTER * max(map(len, names)) + 0.25, 2.6), height=height)
+    for level in LEVELS:
+        axes.axvline(100 * level, color=_COLOURS[level], linewidth=1.0, linestyle=style.DOTTED)
+        covered = [100 * row[level].samples.coverage for row in rows]
+        label = f"{100 * level:.0f} %"
+        draw_points(axes, covered, range(len(rows)), size=5.5, colour=_COLOURS[level], label=label)
+    axes.set_yticks(range(len(rows)), names)
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    axes.set_xlim(0, 102)
+    axes.set_xlabel("Samples inside (%)")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3)
     return figure
 
 
@@ -181,3 +183,14 @@ def _texts(values: list[float]) -> list[str]:
 def _mean(values: tuple[float, ...]) -> float:
     known = [value for value in values if np.isfinite(value)]
     return float(np.mean(known)) if known else float("nan")
+
+
+COVERAGE = SectionKind(
+    make=_section,
+    absent=Absent(
+        title="Prediction bands",
+        command="mrwork calibrate RUN TESTS",
+        says="measures on tests that the fit has not seen how far its force is off, and calibrates prediction bands on "
+        "that; without TESTS the run's own tests are left out in turn.",
+    ),
+)

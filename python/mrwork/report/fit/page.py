@@ -1,58 +1,64 @@
-"""The page of a run: what its fit says by itself, and what each later verb has added."""
+"""The page of a fit: what the fit says by itself, and a section for what each later verb has added."""
 
 from __future__ import annotations
 
+import json
+import math
+import re
 from collections.abc import Sequence
 
 import numpy as np
+from markupsafe import Markup
+from matplotlib.figure import Figure
 
 from mrwork.identification.fit import Fit
 from mrwork.identification.result import free_run
 from mrwork.records import DamperTest
+from mrwork.report import figures, numbers
 from mrwork.report.comparison import Comparison
-from mrwork.report.fit.bands import band_section
-from mrwork.report.fit.coverage import coverage_section
-from mrwork.report.fit.identifiability import identifiability_section
-from mrwork.report.fit.parameter_draws import parameter_draws
-from mrwork.report.fit.plan import plan_section
-from mrwork.report.fit.posterior import posterior_section
-from mrwork.report.fit.ranking import ranking_section
-from mrwork.report.fit.residuals import residual_section
-from mrwork.report.fit.section import Absent, Section
-from mrwork.report.html import identification_report
+from mrwork.report.fit.agreement import agreement_rows, blocks_of_tests, checked
+from mrwork.report.fit.bands import BANDS
+from mrwork.report.fit.coverage import COVERAGE
+from mrwork.report.fit.identifiability import IDENTIFIABILITY
+from mrwork.report.fit.kind import SectionKind
+from mrwork.report.fit.parameters import caution, parameter_rows
+from mrwork.report.fit.plan import PLAN
+from mrwork.report.fit.posterior import POSTERIOR
+from mrwork.report.fit.profiles import PROFILES
+from mrwork.report.fit.ranking import RANKING
+from mrwork.report.fit.residuals import RESIDUALS
+from mrwork.report.fit.search import search_facts, search_figure, search_panels
+from mrwork.report.html import filled_in
+from mrwork.report.section import Absent, Section
+from mrwork.report.typeset import equation_html
 from mrwork.stored import StoredRun
-from mrwork.uncertainty.choice.ranking import Ranking
 
-_PROFILES = Absent(
-    title="Profiles",
-    command="mrwork profile RUN",
-    says="gives each parameter an interval by profile likelihood, which stays open where the data set no bound.",
+SECTIONS: tuple[SectionKind, ...] = (
+    IDENTIFIABILITY,
+    PROFILES,
+    POSTERIOR,
+    RESIDUALS,
+    BANDS,
+    COVERAGE,
+    RANKING,
+    PLAN,
 )
-_POSTERIOR = Absent(
-    title="Posterior",
-    command="mrwork sample RUN",
-    says="samples the parameters that the data allow: intervals, pairs that cannot be told apart.",
-)
-_BANDS = Absent(
-    title="Prediction bands",
-    command="mrwork calibrate RUN TESTS",
-    says="measures on tests that the fit has not seen how far its force is off, and draws bands from that; without "
-    "tests the run's own are left out in turn.",
-)
+"""The sections after the search, in their order on the page."""
 
-
-_RANKING = Absent(
-    title="Choice of model",
-    command="mrwork identify TESTS --model all",
-    says="compares families of models by what their fits have not seen, in a run of its own.",
-)
-
-
-_PLAN = Absent(
-    title="Next test",
-    command="mrwork plan RUN",
-    says="ranks candidates for the next test by how much they would narrow a band.",
-)
+_STATUS = {
+    "converged": "Converged",
+    "not_converged": "Not converged",
+    "interrupted": "Interrupted",
+    "stopped": "Stopped",
+}
+_BANNER = {
+    "interrupted": "This identification was interrupted. The parameters below are the best found until then, "
+    "not the end of the search.",
+    "stopped": "This identification was stopped on request. The parameters below are the best found until then, "
+    "not the end of the search.",
+    "not_converged": "The search stopped before it converged. The parameters below may still improve.",
+}
+_HASH_SHOWN = 12
 
 
 def comparisons_of(fit: Fit, tests: Sequence[DamperTest]) -> tuple[Comparison, ...]:
@@ -67,62 +73,125 @@ def comparisons_of(fit: Fit, tests: Sequence[DamperTest]) -> tuple[Comparison, .
     )
 
 
-def fit_page(
-    fit: Fit,
-    comparisons: Sequence[Comparison],
-    stored: StoredRun | None = None,
-    *,
-    ranking: Ranking | None = None,
-) -> str:
-    """The page of a fit.
+def run_figures(fit: Fit, comparisons: Sequence[Comparison]) -> dict[str, Figure]:
+    """Every figure of a run by the name of its file; with several tests the name starts with the test's."""
+    unit = figures.common_force_unit(comparisons)
+    drawn = {"convergence": search_figure(fit)}
+    for number, comparison in enumerate(comparisons, start=1):
+        prefix = "" if len(comparisons) == 1 else f"{number:02d}_{_file_stem(comparison.test.name)}_"
+        drawn[f"{prefix}force_history"] = figures.force_history(comparison, unit)
+        drawn[f"{prefix}hysteresis_loops"] = figures.hysteresis_loops(comparison, unit)
+        if comparison.test.original is not None:
+            drawn[f"{prefix}repair"] = figures.repair_panel(comparison.test, comparison.test.original, unit)
+    return drawn
 
-    Parameters
-    ----------
-    stored
-        The run folder, whose additions are shown; without it none are.
-    ranking
-        Of the comparison that the fit came out of, where it is not in a run directory yet.
-    """
-    sections: list[Section] = []
-    absent: list[Absent] = []
-    profiles = None if stored is None else stored.profiles
-    if fit.identifiability is not None:
-        sections.append(identifiability_section(fit, fit.identifiability, profiles))
-    if profiles is None:
-        absent.append(_PROFILES)
-    draws = None if stored is None else stored.draws
-    if draws is not None:
-        sections.append(posterior_section(fit, draws))
-    else:
-        absent.append(_POSTERIOR)
-    sections.append(residual_section(comparisons))
-    bands = None if stored is None else stored.bands
-    if draws is not None or bands is not None:
-        tests = [comparison.test for comparison in comparisons]
-        section = band_section(fit, comparisons, parameter_draws(fit, tests, draws), bands)
-        sections += [] if section is None else [section]
-    if bands is not None:
-        sections.append(coverage_section(bands))
-    else:
-        absent.append(_BANDS)
-    if ranking is None and stored is not None:
-        ranking = stored.ranking
-    if ranking is not None:
-        sections.append(ranking_section(ranking))
-    else:
-        absent.append(_RANKING)
-    spec = fit.spec
-    plan = None if stored is None else stored.plan
-    if plan is not None:
-        sections.append(plan_section(plan, None if spec.current is None else spec.current.unit))
-    else:
-        absent.append(_PLAN)
+
+def fit_page(run: StoredRun, comparisons: Sequence[Comparison]) -> str:
+    """The page of a run: its fit, `comparisons` with the tests of the fit, and what later verbs have added."""
+    made = [(kind, kind.make(run, comparisons)) for kind in SECTIONS]
+    fit = run.fit
     return identification_report(
         fit,
         comparisons,
-        model_title=spec.title,
-        equation=spec.equation,
-        source=spec.source,
-        sections=sections,
-        absent=absent,
+        model_title=fit.spec.title,
+        equation=fit.spec.equation,
+        source=fit.spec.source,
+        sections=[section for _, section in made if section is not None],
+        absent=[kind.absent for kind, section in made if section is None and kind.absent is not None],
     )
+
+
+def identification_report(
+    fit: Fit,
+    comparisons: Sequence[Comparison],
+    *,
+    model_title: str,
+    equation: str,
+    source: str,
+    sections: Sequence[Section] = (),
+    absent: Sequence[Absent] = (),
+) -> str:
+    """The page of a fit and of the tests it is compared with.
+
+    Parameters
+    ----------
+    fit
+        What was identified.
+    comparisons
+        The tests, each with the model's force, in the order in which they appear.
+    model_title, equation, source
+        The model's name for people, its equations in plain letters (`k_w`, `rho`, `|w|^(n-1)`; a few simple
+        tags pass through) and where they were published.
+    sections
+        What stands between the fit and its provenance.
+    absent
+        Sections that the run does not have yet.
+
+    Returns
+    -------
+    str
+        HTML with styles and figures inside.
+    """
+    *agreement, overall = agreement_rows(fit, comparisons)
+    synthetic = {
+        name
+        for comparison in comparisons
+        if comparison.test.synthetic
+        for name in (comparison.test.path, comparison.test.name)
+    }
+    return filled_in(
+        "fit.html.j2",
+        fit=fit,
+        model_title=model_title,
+        equation=Markup(equation_html(equation)),
+        source=source,
+        status=_STATUS[fit.status],
+        status_detail=_status_detail(fit),
+        banner=_BANNER.get(fit.status, ""),
+        headline=_headline(fit),
+        tests=[(comparison.test.name, comparison.test.synthetic) for comparison in comparisons],
+        parameters=parameter_rows(fit.estimates),
+        caution=caution(fit),
+        overall=overall,
+        blocks=blocks_of_tests(comparisons, agreement),
+        searched=search_panels(fit),
+        search=search_facts(fit),
+        sections=sections,
+        checked=checked(comparisons),
+        absent=absent,
+        settings=[(name, _plain(value)) for name, value in fit.provenance.settings.items() if value],
+        inputs=[
+            (name, digest, digest[:_HASH_SHOWN], name in synthetic)
+            for name, digest in fit.provenance.inputs.items()
+        ],
+    )
+
+
+def _status_detail(fit: Fit) -> str:
+    """What the status rests on."""
+    if fit.status in ("interrupted", "stopped"):
+        return "the best found so far"
+    steps = "step" if fit.refinement_steps == 1 else "steps"
+    return f"after {numbers.fixed(fit.refinement_steps, 0)} refinement {steps}"
+
+
+def _headline(fit: Fit) -> list[tuple[str, str, str]]:
+    """Label, number and unit of the figures that everyone looks for first."""
+    return [
+        ("Fit", numbers.fixed(fit.fit_percent, 2), "%" if math.isfinite(fit.fit_percent) else ""),
+        ("NRMSE", numbers.significant(fit.nrmse, 3), ""),
+        ("RMSE", numbers.significant(fit.rmse_n, 3), "N" if math.isfinite(fit.rmse_n) else ""),
+    ]
+
+
+def _plain(value: object) -> str:
+    """A setting as a person would write it."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, float):
+        return numbers.shortest(value, 6)
+    return json.dumps(value, ensure_ascii=False, default=str)
+
+
+def _file_stem(name: str) -> str:
+    return re.sub(r"[^A-Za-z0-9.-]+", "_", name).strip("._") or "test"

@@ -6,50 +6,56 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator
+from numpy.typing import NDArray
 
-from mrwork.report import figures, numbers
+from mrwork.report import numbers, style
+from mrwork.report.canvas import column_axes, draw_points, finish_signed, legend
 from mrwork.report.comparison import Comparison
-from mrwork.report.fit.phrases import most_of, percent, probability, tests_of
-from mrwork.report.fit.residual_figures import (
-    autocorrelation_figure,
-    displacement_figure,
-    phase_figure,
-    quantile_figure,
-    velocity_figure,
-)
-from mrwork.report.fit.residual_tests import LAGS, LEVEL, ResidualTests, residual_tests
-from mrwork.report.fit.section import Group, Panel, Section, Table, panel, table
+from mrwork.report.cycles import scattered_samples
+from mrwork.report.figures import common_force_unit
+from mrwork.report.fit.kind import SectionKind
+from mrwork.report.fit.residual_tests import LAGS, LEVEL, ResidualTests, autocorrelation, residual_tests
+from mrwork.report.numbers import most_of, percent, probability, tests_of
+from mrwork.report.section import Group, Panel, Section, Table, panel, table
+from mrwork.report.style import DisplayUnit
+from mrwork.uncertainty.bands.prediction import Prediction, mean_cycle
+
+Array = NDArray[np.float64]
 
 # Figures of more tests than this make a page that nobody reads: then those of the worst are drawn.
 _DRAWN = 2
 # Share of the mean square from which on the residuals are called the model's error.
 _MOST = 0.5
+# Of the figures.
+_POINTS = 350
+_QUANTILES = 120
+_BINS = 24
+_LEAST_LAGS = 40
+_LINE_POINTS = 300
 
 
 def residual_section(comparisons: Sequence[Comparison]) -> Section:
     """Tests of the residuals of all tests, with figures of the worst fitted."""
     found = [residual_tests(comparison) for comparison in comparisons]
     worst = sorted(range(len(comparisons)), key=lambda index: -comparisons[index].quality.nrmse)[:_DRAWN]
-    drawn = [
-        Group(
-            title=comparisons[index].test.name,
-            synthetic=comparisons[index].test.synthetic,
-            panels=_panels(index + 1, comparisons[index], found[index], comparisons),
-        )
-        for index in sorted(worst)
-    ]
+    note = (
+        f"The figures show the {_DRAWN} tests with the largest misfit." if len(comparisons) > _DRAWN else ""
+    )
     return Section(
         anchor="residuals",
         title="Residuals",
         summary=_summary(found),
         groups=(
-            Group(prose=_prose(found), table=_table(comparisons, found)),
+            Group(prose=(*_prose(found), *filter(None, (note,))), table=_table(comparisons, found)),
             *(
-                (Group(prose=(f"Drawn are the {_DRAWN} tests that the model fits worst.",)),)
-                if len(comparisons) > _DRAWN
-                else ()
+                Group(
+                    title=comparisons[index].test.name,
+                    synthetic=comparisons[index].test.synthetic,
+                    panels=_panels(index + 1, comparisons[index], found[index], comparisons),
+                )
+                for index in sorted(worst)
             ),
-            *drawn,
         ),
     )
 
@@ -146,7 +152,7 @@ def _table(comparisons: Sequence[Comparison], found: Sequence[ResidualTests]) ->
 def _panels(
     number: int, comparison: Comparison, found: ResidualTests, comparisons: Sequence[Comparison]
 ) -> tuple[Panel, ...]:
-    unit = figures.common_force_unit(comparisons)
+    unit = common_force_unit(comparisons)
     name = comparison.test.name + (" (synthetic)" if comparison.test.synthetic else "")
 
     def of(suffix: str, title: str, figure: Figure, what: str, note: str = "") -> Panel:
@@ -191,3 +197,99 @@ def _panels(
             "Residual against velocity, with its mean",
         ),
     )
+
+
+@style.drawn_in_style()
+def autocorrelation_figure(comparison: Comparison) -> Figure:
+    """Autocorrelation over a cycle and a half, with the limits within which 95 % of that of white noise lies."""
+    test = comparison.test
+    residual = comparison.residual[test.counted]
+    cycle = mean_cycle(test)
+    lags = int(min(max(1.5 * cycle, _LEAST_LAGS), residual.size // 2))
+    rho = autocorrelation(residual, lags)
+    drawn = np.unique(np.linspace(0, lags, _LINE_POINTS).astype(int))
+    limit = 1.96 / np.sqrt(residual.size)
+    figure, axes = column_axes()
+    axes.axhspan(-limit, limit, color=style.BAND, linewidth=0, label="95 % of white noise")
+    axes.plot(drawn * test.dt, rho[drawn], color=style.RESIDUAL, linewidth=1.4, label="residual")
+    if cycle < lags:
+        axes.axvline(cycle * test.dt, color=style.FAINT_INK, linewidth=0.9, linestyle=style.DOTTED)
+        axes.text(cycle * test.dt, 1.13, "one cycle", ha="center", va="top", fontsize=style.SMALL_TEXT_SIZE)
+    axes.set_ylim(min(-0.25, float(rho.min()) - 0.08), 1.12)
+    axes.set_xlim(0.0, lags * test.dt)
+    finish_signed(axes, "Autocorrelation", "Lag (s)")
+    legend(axes)
+    return figure
+
+
+@style.drawn_in_style()
+def quantile_figure(comparison: Comparison) -> Figure:
+    """Sorted residuals, in their deviation, against what normal ones would be."""
+    from scipy.special import ndtr, ndtri
+
+    residual = np.sort(comparison.residual[comparison.test.counted])
+    share = (np.arange(residual.size) + 0.5) / residual.size
+    ends = np.asarray(ndtri(share[[0, -1]]))
+    drawn = np.unique(
+        np.searchsorted(share, ndtr(np.linspace(ends[0], ends[1], _QUANTILES))).clip(0, residual.size - 1)
+    )
+    expected = ndtri(share[drawn])
+    found = (residual[drawn] - residual.mean()) / (float(np.std(residual)) or 1.0)
+    figure, axes = column_axes()
+    axes.plot(ends, ends, color=style.FAINT_INK, linewidth=1.0, label="normal")
+    draw_points(axes, expected, found, size=3.2, colour=style.RESIDUAL, label="residual")
+    finish_signed(axes, "Residual / standard deviation", "Normal quantile")
+    legend(axes)
+    return figure
+
+
+def phase_figure(comparison: Comparison, unit: DisplayUnit) -> Figure:
+    """Residual over the phase of the motion, 0 where it is farthest out."""
+    prediction = Prediction(test=comparison.test, model_force=comparison.model_force)
+    return _over(np.degrees(prediction.phase), "Phase of the motion (°)", comparison, unit, degrees=True)
+
+
+def displacement_figure(comparison: Comparison, unit: DisplayUnit) -> Figure:
+    """Residual over displacement."""
+    x = comparison.test.displacement[comparison.test.counted] * style.MILLIMETRE.factor
+    return _over(x, f"Displacement ({style.MILLIMETRE.symbol})", comparison, unit)
+
+
+def velocity_figure(comparison: Comparison, unit: DisplayUnit) -> Figure:
+    """Residual over velocity."""
+    scale = style.MILLIMETRE_PER_SECOND
+    v = comparison.test.velocity[comparison.test.counted] * scale.factor
+    return _over(v, f"Velocity ({scale.symbol})", comparison, unit)
+
+
+@style.drawn_in_style()
+def _over(
+    abscissa: Array, label: str, comparison: Comparison, unit: DisplayUnit, *, degrees: bool = False
+) -> Figure:
+    residual = comparison.residual[comparison.test.counted]
+    unit = style.residual_unit(float(np.max(np.abs(residual), initial=0.0)), unit)
+    residual = residual * unit.factor
+    drawn = scattered_samples(abscissa, residual, _POINTS)
+    centre, mean = _means(abscissa, residual)
+    figure, axes = column_axes()
+    draw_points(axes, abscissa[drawn], residual[drawn], size=2.6, label="residual")
+    axes.plot(centre, mean, color=style.RESIDUAL, linewidth=1.8, label="mean")
+    finish_signed(axes, f"Residual ({unit.symbol})", label)
+    if degrees:
+        axes.set_xlim(-180, 180)
+        axes.xaxis.set_major_locator(FixedLocator([-180, -90, 0, 90, 180]))
+    legend(axes)
+    return figure
+
+
+def _means(abscissa: Array, residual: Array) -> tuple[Array, Array]:
+    """Mean residual in equal bins of the abscissa that have samples."""
+    edges = np.linspace(abscissa.min(), abscissa.max(), _BINS + 1)
+    index = np.clip(np.searchsorted(edges, abscissa, side="right") - 1, 0, _BINS - 1)
+    count = np.bincount(index, minlength=_BINS)
+    total = np.bincount(index, weights=residual, minlength=_BINS)
+    filled = count > 0
+    return 0.5 * (edges[:-1] + edges[1:])[filled], total[filled] / count[filled]
+
+
+RESIDUALS = SectionKind(make=lambda _, comparisons: residual_section(comparisons))

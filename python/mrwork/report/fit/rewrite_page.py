@@ -27,6 +27,6 @@ def rewrite_page(place: str | Path) -> Path:
     if fit.identifiability is None:
         # An earlier version did not ask.
         fit = replace(fit, identifiability=identifiability_of(fit, opened.tests))
-    page = fit_page(fit, comparisons_of(fit, opened.tests), load(opened.place))
+    page = fit_page(replace(load(opened.place), fit=fit), comparisons_of(fit, opened.tests))
     write_files(opened.place, {REPORT: page.encode()})
     return opened.place / REPORT

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrwork.closed_loop.evaluation import criterion
-from mrwork.report.fit.section import Table
 from mrwork.report.numbers import fixed, significant
+from mrwork.report.section import Table
 from mrwork.study.results import Kind, StudyResults
 
 # Of each criterion: what it is called in a narrow column, the unit shown and the factor to it.

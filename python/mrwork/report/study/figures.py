@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrwork.report import style
-from mrwork.report.fit.canvas import column_axes
+from mrwork.report.canvas import column_axes
 from mrwork.report.study.lines import strokes
 from mrwork.study.results import StudyResults
 

@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from mrwork.report import style
-from mrwork.report.fit.canvas import column_axes, small_axes
+from mrwork.report.canvas import column_axes, small_axes
 from mrwork.report.study.lines import Stroke, envelope, strong_part
 from mrwork.report.style import DisplayUnit
 from mrwork.study.run_result import History

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from mrwork.report import style
-from mrwork.report.fit.section import Group, Panel, Section, panel
+from mrwork.report.section import Group, Panel, Section, panel
 from mrwork.report.study.history_figures import (
     command_figure,
     drift_figure,

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from markupsafe import Markup
 
-from mrwork.report.fit.section import Group, Section
 from mrwork.report.html import environment, resource, styles
 from mrwork.report.numbers import fixed
+from mrwork.report.section import Group, Section
 from mrwork.report.study.criteria_tables import overview_table, ratio_table, value_table
 from mrwork.report.study.history_sections import Histories, device_section, history_section
 from mrwork.report.study.profile_sections import energy_section, motion_section, profile_section

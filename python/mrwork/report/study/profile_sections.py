@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mrwork.report.fit.section import Group, Section, Table, panel
 from mrwork.report.numbers import fixed, significant
+from mrwork.report.section import Group, Section, Table, panel
 from mrwork.report.study.figures import energy_figure, profile_figure
 from mrwork.study.results import StudyResults
 

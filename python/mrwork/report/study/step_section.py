@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from mrwork.report.fit.section import Group, Section, Table
 from mrwork.report.numbers import significant
+from mrwork.report.section import Group, Section, Table
 from mrwork.study.results import StudyResults
 from mrwork.study.step_check import ON_OFF, step_changes
 

@@ -1,6 +1,8 @@
-"""Profiles of the likelihood as small multiples: one panel per parameter, the threshold, and ends that stay open."""
+"""The section on profiles of the likelihood: intervals of single parameters, and ends that stay open."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -8,13 +10,18 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
-from mrwork.report import style
+from mrwork.identification.fit import VERDICT_IN_WORDS
+from mrwork.report import numbers, style
+from mrwork.report.canvas import SMALL_WIDTH, grid_of_axes, plain_ticks, small_axes
+from mrwork.report.comparison import Comparison
+from mrwork.report.fit.kind import SectionKind
+from mrwork.report.fit.parameters import shown_unit
 from mrwork.report.numbers import shortest
+from mrwork.report.section import Absent, Group, Panel, Section, Table, panel, table
+from mrwork.stored import StoredRun
 from mrwork.uncertainty.identifiability.profile import Profile, Profiles
 
-_COLUMNS = 4
-# Inches: four panels are as wide as two columns of the report.
-_WIDTH, _HEIGHT = style.PANEL_WIDTH / 2.0, 2.2
+_COLUMNS, _HEIGHT = 4, 2.2
 # Of the threshold, the top of every panel.
 _TOP = 1.8
 _LINE_POINTS = 200
@@ -26,24 +33,95 @@ _LONG, _LABEL_SHARE = 4, 0.08
 _LEVEL, _FURTHER = 0.9, 1.5
 
 
-def profiles_figure(profiles: Profiles) -> Figure:
-    """Likelihood ratio against each parameter; dashed the threshold, shaded the interval, an arrow where it is open."""
+def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
+    """Intervals and a figure for each profiled parameter."""
+    profiles = run.profiles
+    if profiles is None:
+        return None
+    open_ended = [each.name for each in profiles.profiles if each.lower is None or each.upper is None]
     count = len(profiles.profiles)
-    columns = min(_COLUMNS, count)
-    rows = -(-count // columns)
-    with style.drawn_in_style():
-        figure = Figure(figsize=(columns * _WIDTH, rows * _HEIGHT), layout="constrained")
-        for number, profile in enumerate(profiles.profiles):
-            axes = figure.add_subplot(rows, columns, number + 1)
-            draw_profile(axes, profile, profiles.threshold)
-            if number % columns:
-                axes.tick_params(labelleft=False)
-            else:
-                axes.set_ylabel("Likelihood ratio")
+    found = f"open for {', '.join(open_ended)}" if open_ended else "closed for every parameter"
+    return Section(
+        anchor="profiles",
+        title="Profiles",
+        summary=f"Profiles: {100 * profiles.level:g} % intervals of {count} parameters, {found}.",
+        groups=(
+            Group(
+                title="Profile likelihood",
+                prose=_prose(profiles),
+                table=_table(profiles),
+                panels=tuple(_panel(profile, profiles.threshold) for profile in profiles.profiles),
+                layout="small",
+            ),
+        ),
+    )
+
+
+def _prose(profiles: Profiles) -> tuple[str, ...]:
+    text = (
+        "Each figure holds one parameter at values around its estimate and fits all others again. The line is the "
+        f"likelihood ratio; the values below the dashed threshold form the {100 * profiles.level:g} % interval "
+        "(shaded). Where the line does not reach the threshold, the data do not bound the parameter on that side."
+    )
+    remark = f"{profiles.remark[0].upper()}{profiles.remark[1:]}." if profiles.remark else ""
+    cut = "Profiling was interrupted: ends may be missing." if profiles.status == "interrupted" else ""
+    return tuple(filter(None, (text, remark, cut)))
+
+
+def _table(profiles: Profiles) -> Table:
+    return table(
+        label="Intervals by profile likelihood",
+        columns=("Parameter", "Estimate", "From", "To", "Unit", "Verdict", "Reason"),
+        words=(4, 5, 6),
+        rows=tuple(
+            (
+                each.name,
+                numbers.significant(each.estimate, 5),
+                _end(each.lower),
+                _end(each.upper),
+                shown_unit(each.unit),
+                VERDICT_IN_WORDS[each.verdict],
+                each.reason,
+            )
+            for each in profiles.profiles
+        ),
+    )
+
+
+def _end(value: float | None) -> str:
+    return "open" if value is None else numbers.significant(value, 4)
+
+
+@style.drawn_in_style()
+def _panel(profile: Profile, threshold: float) -> Panel:
+    figure, axes = small_axes()
+    _draw_profile(axes, profile, threshold)
+    if axes.get_xscale() == "linear":
+        axes.xaxis.set_major_locator(MaxNLocator(nbins=2, steps=[1, 2, 4, 5, 10]))
+        plain_ticks(axes, 5)
+    interval = f"interval {_end(profile.lower)} to {_end(profile.upper)}"
+    return panel(
+        f"profile-{profile.name.replace('.', '-')}",
+        "",
+        figure,
+        f"Likelihood ratio over {profile.name}, {interval}",
+    )
+
+
+@style.drawn_in_style()
+def profiles_figure(profiles: Profiles) -> Figure:
+    """Likelihood ratio against each parameter: threshold dashed, interval shaded, an arrow where it is open."""
+    figure, panels = grid_of_axes(len(profiles.profiles), _COLUMNS, (SMALL_WIDTH, _HEIGHT))
+    for number, (axes, profile) in enumerate(zip(panels, profiles.profiles, strict=True)):
+        _draw_profile(axes, profile, profiles.threshold)
+        if number % _COLUMNS:
+            axes.tick_params(labelleft=False)
+        else:
+            axes.set_ylabel("Likelihood ratio")
     return figure
 
 
-def draw_profile(axes: Axes, profile: Profile, threshold: float) -> None:
+def _draw_profile(axes: Axes, profile: Profile, threshold: float) -> None:
     """One parameter: the line through the points of its profile, the threshold, the interval or its open ends."""
     left, right = _span(profile)
     line, ratio = _line(profile, left, right)
@@ -55,7 +133,7 @@ def draw_profile(axes: Axes, profile: Profile, threshold: float) -> None:
         linewidth=0,
         zorder=-1,
     )
-    axes.axhline(threshold, color=style.RESIDUAL, linewidth=1.0, linestyle=(0, (4, 3)))
+    axes.axhline(threshold, color=style.RESIDUAL, linewidth=1.0, linestyle=style.DASHED)
     axes.plot(line, ratio, color=style.MODEL, linewidth=1.4)
     drawn = [
         (value, each)
@@ -158,3 +236,13 @@ def _line(profile: Profile, left: float, right: float) -> tuple[NDArray[np.float
 
     drawn = np.asarray(PchipInterpolator(position, signed)(grid)) ** 2
     return np.exp(grid) if profile.log else grid, drawn
+
+
+PROFILES = SectionKind(
+    make=_section,
+    absent=Absent(
+        title="Profiles",
+        command="mrwork profile RUN",
+        says="computes an interval for each parameter by profile likelihood, open where the data set no bound.",
+    ),
+)

@@ -1,0 +1,169 @@
+"""The one canvas of all figures: empty axes of fixed sizes, and what is done alike to any axes.
+
+Draw inside `style.drawn_in_style()`, a context or a decorator. Sizes are in inches, and margins are the same in every
+panel, so that the axes of neighbours line up.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, cast
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullFormatter, NullLocator
+from numpy.typing import ArrayLike, NDArray
+
+from mrwork.report import style
+from mrwork.report.numbers import shortest
+
+LEFT, RIGHT, TOP, BOTTOM = 0.62, 0.20, 0.34, 0.5
+# One of several figures side by side in a study, and one that fills its page.
+SMALL = (3.7, 2.8)
+WIDE = (style.PANEL_WIDTH, style.PANEL_HEIGHT)
+# Four small panels are as wide as two columns of the page.
+SMALL_WIDTH = style.PANEL_WIDTH / 2.0
+_SMALL_HEIGHT, _SMALL_LEFT, _SMALL_RIGHT, _SMALL_EDGE = 1.9, 0.62, 0.14, 0.3
+_ABSCISSA_NAME = 0.22
+_LEGEND_GAP = 0.07
+_ROUND, _COARSE = [1, 2, 2.5, 5, 10], [1, 2, 5, 10]
+_LOOP_POINTS = 80
+
+
+def axes_between(
+    figure: Figure, *, left: float, right: float, bottom: float, top: float, sharex: Axes | None = None
+) -> Axes:
+    """Axes between these distances from the lower left corner of the figure."""
+    width, height = figure.get_size_inches().tolist()
+    rectangle = (left / width, bottom / height, (right - left) / width, (top - bottom) / height)
+    return figure.add_axes(rectangle, sharex=sharex)
+
+
+def column_axes(
+    *, left: float = LEFT, top: float = TOP, height: float = style.PANEL_HEIGHT
+) -> tuple[Figure, Axes]:
+    """Axes as wide as one of two columns of a page."""
+    figure = Figure(figsize=(style.PANEL_WIDTH, height))
+    return figure, axes_between(
+        figure, left=left, right=style.PANEL_WIDTH - RIGHT, bottom=BOTTOM, top=height - top
+    )
+
+
+def small_axes(*, labelled: bool = False) -> tuple[Figure, Axes]:
+    """Axes as wide as one of four columns of a page; `labelled` leaves room below for the name of the abscissa."""
+    room = _ABSCISSA_NAME if labelled else 0.0
+    figure = Figure(figsize=(SMALL_WIDTH, _SMALL_HEIGHT + room))
+    axes = axes_between(
+        figure,
+        left=_SMALL_LEFT,
+        right=SMALL_WIDTH - _SMALL_RIGHT,
+        bottom=_SMALL_EDGE + room,
+        top=_SMALL_HEIGHT + room - _SMALL_EDGE,
+    )
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=3, steps=_COARSE))
+    axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=_ROUND))
+    return figure, axes
+
+
+def grid_of_axes(count: int, columns: int, size: tuple[float, float]) -> tuple[Figure, list[Axes]]:
+    """So many axes in rows of at most `columns`, each with its labels of this size; matplotlib sets the margins."""
+    columns = min(columns, count)
+    rows = -(-count // columns)
+    figure = Figure(figsize=(columns * size[0], rows * size[1]), layout="constrained")
+    return figure, [figure.add_subplot(rows, columns, number + 1) for number in range(count)]
+
+
+def blank(size: tuple[float, float]) -> tuple[Figure, Axes]:
+    """An empty figure of this size and its axes."""
+    figure, (axes,) = grid_of_axes(1, 1, size)
+    return figure, axes
+
+
+def finish(axes: Axes, title: str, abscissa: str = "") -> None:
+    """Name the ordinate above the axes and the abscissa below them; few, round ticks."""
+    name_ordinate(axes, title)
+    axes.set_xlabel(abscissa)
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=_ROUND))
+    axes.yaxis.set_major_locator(MaxNLocator(nbins=5, steps=_ROUND))
+
+
+def finish_signed(axes: Axes, title: str, abscissa: str = "", *, y_bins: int = 6) -> None:
+    """The same for a quantity of either sign: with a line at zero, and ticks that are symmetric where they are few."""
+    finish(axes, title, abscissa)
+    axes.yaxis.set_major_locator(MaxNLocator(nbins=y_bins, steps=_ROUND, symmetric=y_bins == 3))
+    axes.axhline(0.0, color=style.FAINT_INK, linewidth=0.6, zorder=0.9)
+
+
+def finish_loop(axes: Axes, *, over_velocity: bool) -> None:
+    """The same for a force loop in N and mm, or N and mm/s."""
+    finish(axes, "Force (N)", "Velocity (mm/s)" if over_velocity else "Displacement (mm)")
+
+
+def name_ordinate(axes: Axes, title: str) -> None:
+    """The quantity of the ordinate with its unit, above the axes at their left."""
+    axes.set_title(title, loc="left", pad=7)
+
+
+def plain_ticks(axes: Axes, digits: int, axis: Literal["x", "y"] = "x") -> None:
+    """Numbers at the ticks with at most so many digits, and without zeros that say nothing."""
+    chosen = axes.xaxis if axis == "x" else axes.yaxis
+    chosen.set_major_formatter(FuncFormatter(lambda value, _: shortest(value, digits)))
+
+
+def logarithmic(axes: Axes, values: NDArray[np.float64]) -> None:
+    """A logarithmic ordinate for positive `values`, with ticks wherever they are."""
+    axes.set_yscale("log")
+    low, high = (float(values.min()), float(values.max())) if values.size else (0.1, 1.0)
+    margin = (high / low) ** 0.08 if high > low else 1.2
+    low, high = low / margin, high * margin
+    axes.set_ylim(low, high)
+    decades = np.log10(high / low)
+    if decades < 0.7:
+        # 1-2-5 ticks may miss so short a range altogether: even ticks read well on it.
+        ticks = MaxNLocator(nbins=4, steps=_COARSE).tick_values(low, high)
+        axes.yaxis.set_major_locator(FixedLocator([tick for tick in ticks if low <= tick <= high]))
+    else:
+        subdivisions = (1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)
+        axes.yaxis.set_major_locator(LogLocator(subs=subdivisions, numticks=12))
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:.4g}"))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.yaxis.set_minor_formatter(NullFormatter())
+
+
+def legend(axes: Axes, columns: int = 3) -> None:
+    """A legend above the axes, at their right."""
+    figure = cast(Figure, axes.get_figure(root=True))
+    height = axes.get_position().height * figure.get_figheight()
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0 + _LEGEND_GAP / height), ncols=columns)
+
+
+def draw_points(
+    axes: Axes,
+    abscissa: ArrayLike,
+    ordinate: ArrayLike,
+    *,
+    size: float,
+    colour: str = style.DATA,
+    label: str | None = None,
+    zorder: float = 2.0,
+) -> None:
+    """Points of this diameter [pt], without lines between them and without edges."""
+    axes.plot(
+        abscissa,
+        ordinate,
+        linestyle="none",
+        marker="o",
+        markersize=size,
+        markerfacecolor=colour,
+        markeredgewidth=0,
+        label=label,
+        zorder=zorder,
+    )
+
+
+def tested_points(
+    axes: Axes, abscissa: NDArray[np.float64], force: NDArray[np.float64], cycle: slice
+) -> None:
+    """One cycle of a test as points, thinned until they can be told apart."""
+    drawn = slice(cycle.start, cycle.stop, max(1, (cycle.stop - cycle.start) // _LOOP_POINTS))
+    draw_points(axes, abscissa[drawn], force[drawn], size=4.5)

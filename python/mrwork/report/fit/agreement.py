@@ -1,0 +1,219 @@
+"""The tests of a fit on its page: how the model agrees with each, its figures, and what the checks found."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from matplotlib.figure import Figure
+
+from mrwork.identification.fit import Fit, FitQuality
+from mrwork.records.damper_test import DamperTest, Finding
+from mrwork.report import figures, numbers
+from mrwork.report.comparison import Comparison
+from mrwork.report.cycles import zoom_window
+from mrwork.report.section import Panel, panel
+from mrwork.report.style import DisplayUnit
+
+_THIN = "\N{NARROW NO-BREAK SPACE}"
+_MIDDLE_DOT = " · "
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AgreementRow:
+    """How the model agrees with one test or with all, as text with the decimals of its column."""
+
+    fit_percent: str
+    nrmse: str
+    rmse_n: str
+    time: str
+    displacement: str
+    velocity: str
+    autocorrelation: str
+    n_time: str
+    substeps: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TestBlock:
+    """Everything the page shows of one test."""
+
+    anchor: str
+    name: str
+    synthetic: bool
+    conditions: str
+    agreement: AgreementRow
+    findings: tuple[Finding, ...]
+    panels: tuple[Panel, ...]
+
+
+def blocks_of_tests(comparisons: Sequence[Comparison], agreement: Sequence[AgreementRow]) -> list[TestBlock]:
+    """What the page shows of each test, in their order, forces of all in one unit."""
+    unit = figures.common_force_unit(comparisons)
+    return [
+        _test_block(number, comparison, row, unit)
+        for number, (comparison, row) in enumerate(zip(comparisons, agreement, strict=True), start=1)
+    ]
+
+
+def agreement_rows(fit: Fit, comparisons: Sequence[Comparison]) -> list[AgreementRow]:
+    """A row per test and, last, one for all tests together; equal decimals down each column."""
+    tested = [comparison.quality for comparison in comparisons]
+    every: list[FitQuality | Fit] = [*tested, fit]
+    columns = zip(
+        [numbers.fixed(entry.fit_percent, 2) for entry in every],
+        numbers.column([entry.nrmse for entry in every], 3),
+        numbers.column([entry.rmse_n for entry in every], 3),
+        numbers.column([entry.error_norms.time for entry in every], 3),
+        numbers.column([entry.error_norms.displacement for entry in every], 3),
+        numbers.column([entry.error_norms.velocity for entry in every], 3),
+        [*(numbers.fixed(quality.residual_autocorrelation, 4) for quality in tested), ""],
+        [numbers.fixed(entry.n_time, 0) for entry in every],
+        [*(numbers.fixed(quality.substeps, 0) for quality in tested), ""],
+        strict=True,
+    )
+    return [
+        AgreementRow(
+            fit_percent=fit_percent,
+            nrmse=nrmse,
+            rmse_n=rmse_n,
+            time=time,
+            displacement=displacement,
+            velocity=velocity,
+            autocorrelation=autocorrelation,
+            n_time=n_time,
+            substeps=substeps,
+        )
+        for (
+            fit_percent,
+            nrmse,
+            rmse_n,
+            time,
+            displacement,
+            velocity,
+            autocorrelation,
+            n_time,
+            substeps,
+        ) in columns
+    ]
+
+
+def checked(comparisons: Sequence[Comparison]) -> str:
+    """How much the checks of the records found, in words."""
+    found = [finding.severity for comparison in comparisons for finding in comparison.test.findings]
+    parts = [
+        f"{count} {word}{'s' if count > 1 else ''}"
+        for word, count in (("warning", found.count("warning")), ("note", found.count("note")))
+        if count
+    ]
+    if "repaired" in found:
+        parts.append(f"{found.count('repaired')} repaired")
+    records = "the record" if len(comparisons) == 1 else f"{len(comparisons)} records"
+    return f"the checks of {records} found {', '.join(parts) or 'nothing to report'}."
+
+
+def _test_block(number: int, comparison: Comparison, agreement: AgreementRow, unit: DisplayUnit) -> TestBlock:
+    test = comparison.test
+    return TestBlock(
+        anchor=f"test-{number}",
+        name=test.name,
+        synthetic=test.synthetic,
+        conditions=_conditions(test, comparison.quality),
+        agreement=agreement,
+        findings=tuple(sorted(test.findings, key=lambda finding: finding.severity != "warning")),
+        panels=_test_panels(f"t{number}", comparison, agreement, unit),
+    )
+
+
+def _conditions(test: DamperTest, quality: FitQuality) -> str:
+    """The command, the motion and the sampling of a test, and what was done to the model's force, in one line."""
+    observed = ", ".join(filter(None, (quality.observation.in_words, quality.nuisance.in_words)))
+    parts = [
+        _quantity(test.current, "A"),
+        _quantity(test.voltage, "V"),
+        _quantity(None if test.amplitude is None else 1e3 * test.amplitude, "mm"),
+        _quantity(test.frequency, "Hz"),
+        f"{numbers.fixed(test.n_time, 0)} samples every {numbers.shortest(1e3 * test.dt)}{_THIN}ms",
+        f"velocity {test.velocity_source}",
+        f"first {numbers.shortest(test.n_settle * test.dt, 2)}{_THIN}s not compared" if test.n_settle else "",
+        f"model force {observed}" if observed else "",
+    ]
+    return _MIDDLE_DOT.join(part for part in parts if part)
+
+
+def _test_panels(
+    identifier: str, comparison: Comparison, agreement: AgreementRow, unit: DisplayUnit
+) -> tuple[Panel, ...]:
+    test, data = comparison.test, comparison.data_label
+    agrees = (
+        f"for test {test.name}: {data} and model, fit {agreement.fit_percent} %, RMSE {agreement.rmse_n} N"
+    )
+    window = zoom_window(test.displacement)
+    in_window = _thinning(window.stop - window.start, figures.POINTS_IN_WINDOW)
+    in_loop = _thinning(test.n_time, figures.POINTS_IN_LOOP)
+
+    def of(suffix: str, title: str, figure: Figure, what: str, note: str) -> Panel:
+        return panel(f"{identifier}-{suffix}", title, figure, f"{what} {agrees}", note)
+
+    panels = (
+        of(
+            "record",
+            "Whole record",
+            figures.record_panel(comparison, unit),
+            "Force against time over the whole record, with the residual below,",
+            f"Residual: {data} minus model. The shaded part is enlarged in the next figure.",
+        ),
+        of(
+            "cycles",
+            _window_title(comparison),
+            figures.cycles_panel(comparison, unit),
+            "Force against time over a few cycles, with the residual below,",
+            in_window,
+        ),
+        of(
+            "displacement",
+            "Force against displacement",
+            figures.displacement_loop(comparison, unit),
+            "Force against displacement",
+            in_loop,
+        ),
+        of(
+            "velocity",
+            "Force against velocity",
+            figures.velocity_loop(comparison, unit),
+            "Force against velocity",
+            in_loop,
+        ),
+    )
+    return (
+        panels if test.original is None else (*panels, _repair_panel(identifier, test, test.original, unit))
+    )
+
+
+def _repair_panel(identifier: str, test: DamperTest, original: DamperTest, unit: DisplayUnit) -> Panel:
+    return panel(
+        f"{identifier}-repair",
+        "Before and after repair",
+        figures.repair_panel(test, original, unit),
+        f"Force against displacement of test {test.name}, as it came and repaired",
+        "What was repaired stands among the findings; the model was compared with the repaired record.",
+    )
+
+
+def _window_title(comparison: Comparison) -> str:
+    window = zoom_window(comparison.test.displacement)
+    if window.first_cycle is None:
+        return "Middle of the record"
+    if window.n_cycles == 1:
+        return f"Cycle {window.first_cycle}"
+    return f"Cycles {window.first_cycle} to {window.first_cycle + window.n_cycles - 1}"
+
+
+def _thinning(n_time: int, drawn: int) -> str:
+    if n_time <= drawn:
+        return ""
+    return f"About {drawn} of {numbers.fixed(n_time, 0)} samples are drawn; the model line is whole."
+
+
+def _quantity(value: float | None, unit: str) -> str:
+    return "" if value is None else f"{numbers.shortest(value)}{_THIN}{unit}"

@@ -1,0 +1,98 @@
+"""The parameters of a fit as a table, and what their standard errors assume."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mrwork.identification.fit import Estimate, Fit
+from mrwork.report import numbers
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Aligned:
+    """A number cut at its decimal point; `width` [characters] holds the longest tail of its column."""
+
+    head: str
+    tail: str
+    width: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterRow:
+    """One estimate as text."""
+
+    name: str
+    value: Aligned
+    error: Aligned
+    relative: Aligned
+    unit: str
+    lower: Aligned
+    upper: Aligned
+    remark: str
+
+
+def parameter_rows(estimates: Sequence[Estimate]) -> list[ParameterRow]:
+    """A row per estimate, in the order of the model's spec."""
+    pairs = [numbers.value_and_error(estimate.value, estimate.standard_error) for estimate in estimates]
+    values = _aligned([value for value, _ in pairs])
+    errors = _aligned([error for _, error in pairs])
+    relatives = _aligned([relative_error(estimate.value, estimate.standard_error) for estimate in estimates])
+    lowers = _aligned([numbers.shortest(estimate.lower) for estimate in estimates])
+    uppers = _aligned([numbers.shortest(estimate.upper) for estimate in estimates])
+    return [
+        ParameterRow(
+            name=estimate.name,
+            value=value,
+            error=error,
+            relative=relative,
+            unit=shown_unit(estimate.unit),
+            lower=lower,
+            upper=upper,
+            remark=estimate.remark,
+        )
+        for estimate, value, error, relative, lower, upper in zip(
+            estimates, values, errors, relatives, lowers, uppers, strict=True
+        )
+    ]
+
+
+def caution(fit: Fit) -> str:
+    """What the standard errors assume, and what the residuals of this fit say about it."""
+    if all(estimate.standard_error is None for estimate in fit.estimates):
+        return "No standard errors: they could not be computed for this fit."
+    assumption = "Standard errors assume residuals that are independent from one sample to the next."
+    seen = [
+        quality.residual_autocorrelation
+        for quality in fit.quality
+        if math.isfinite(quality.residual_autocorrelation)
+    ]
+    if not seen:
+        return f"{assumption} The autocorrelation of these residuals is not known."
+    lowest, highest = numbers.fixed(min(seen), 4), numbers.fixed(max(seen), 4)
+    span = lowest if lowest == highest else f"between {lowest} and {highest}"
+    if max(seen) < 0.1:
+        return f"{assumption} The lag-1 autocorrelation of these residuals is {span}, close to that."
+    return (
+        f"{assumption} The lag-1 autocorrelation of these residuals is {span}, "
+        "so the standard errors are optimistic: read them as lower limits."
+    )
+
+
+def relative_error(value: float, error: float | None) -> str:
+    """A standard error as a percentage of its estimate; a dash where there is none."""
+    if error is None or value == 0:
+        return numbers.fixed(None, 0)
+    return numbers.significant(100 * error / abs(value), 2)
+
+
+def shown_unit(unit: str) -> str:
+    """A unit that does not break, nothing for none."""
+    return "" if unit in {"", "-", "1"} else unit.replace(" ", "\N{NO-BREAK SPACE}")
+
+
+def _aligned(texts: Sequence[str]) -> list[Aligned]:
+    parts = [numbers.at_point(text) for text in texts]
+    width = max((len(tail) for _, tail in parts), default=0)
+    return [Aligned(head=head, tail=tail, width=width) for head, tail in parts]

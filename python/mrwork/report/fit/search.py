@@ -1,0 +1,173 @@
+"""The section on the search: how the misfit fell, where the descents ended, and what the search cost."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter, MaxNLocator
+from numpy.typing import NDArray
+
+from mrwork.identification.fit import Fit, SearchTrace
+from mrwork.identification.multistart import Multistart
+from mrwork.report import numbers, style
+from mrwork.report.canvas import (
+    column_axes,
+    draw_points,
+    finish,
+    finish_signed,
+    legend,
+    logarithmic,
+)
+from mrwork.report.section import Panel, panel
+
+# From this ratio of the largest to the least misfit on, the descents are drawn on a logarithmic axis.
+_WIDE = 3.0
+_NO_BREAK_SPACE = "\N{NO-BREAK SPACE}"
+
+# Why a search ended, in words.
+_ENDED = {
+    "found_again": "once enough descents had reached the best minimum",
+    "max_rounds": "at the limit of descents",
+    "hypothesis_test": "by the hypothesis test on its decay",
+    "stall": "when the best no longer improved",
+    "spread": "when the population had drawn together",
+    "max_generations": "at the limit of generations",
+    "max_evaluations": "at the limit of simulations",
+    "max_seconds": "at the limit of time",
+    "target": "at the target misfit",
+    "callback": "on request",
+    "interrupted": "by an interrupt",
+}
+
+
+def search_panels(fit: Fit) -> tuple[Panel, ...]:
+    """The convergence of the search and, where it descended from many starts, where the descents ended."""
+    return tuple(filter(None, (_convergence_panel(fit), waterfall_panel(fit))))
+
+
+def search_facts(fit: Fit) -> list[tuple[str, str]]:
+    """What the search did and cost, by name."""
+    return [
+        ("Descents", _descents_in_words(fit)),
+        ("Search ended", _ENDED.get(fit.trace.stop_reason, fit.trace.stop_reason)),
+        ("Generations or iterations", numbers.fixed(len(fit.trace.evaluations), 0)),
+        ("Simulated candidates", numbers.fixed(fit.evaluations, 0)),
+        ("Refinement steps", numbers.fixed(fit.refinement_steps, 0)),
+        ("Samples compared", numbers.fixed(fit.n_time, 0)),
+        ("Duration", f"{numbers.significant(fit.seconds, 3)} s"),
+    ]
+
+
+def search_figure(fit: Fit) -> Figure:
+    """The convergence of a fit's search, with its refined misfit if it was refined."""
+    return convergence(fit.trace, fit.nrmse if fit.refinement_steps else None)
+
+
+@style.drawn_in_style()
+def convergence(trace: SearchTrace, refined: float | None = None) -> Figure:
+    """Best and median NRMSE of the population against evaluations; a dotted line marks the refined misfit."""
+    figure, axes = column_axes()
+    evaluations = np.asarray(trace.evaluations, dtype=np.float64)
+    best, median = _positive(trace.best), _positive(trace.median)
+    marker = "o" if evaluations.size < 2 else ""
+    for misfit, colour, width, label in (
+        (median, style.DATA, 1.5, "median"),
+        (best, style.MODEL, 1.7, "best"),
+    ):
+        axes.plot(
+            evaluations, misfit, color=colour, linewidth=width, marker=marker, markersize=4, label=label
+        )
+    shown = [best[np.isfinite(best)], median[np.isfinite(median)]]
+    if refined is not None and np.isfinite(refined) and refined > 0:
+        axes.axhline(refined, color=style.RESIDUAL, linewidth=1.2, linestyle=style.DOTTED, label="refined")
+        shown.append(np.asarray([refined]))
+    finish(axes, "NRMSE", "Simulated candidates")
+    axes.set_xlim(0, 1.04 * float(evaluations.max(initial=1)))
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=5, integer=True))
+    axes.xaxis.set_major_formatter(FuncFormatter(_count))
+    logarithmic(axes, np.concatenate(shown))
+    if evaluations.size == 0:
+        axes.text(0.5, 0.5, "no generation was finished", transform=axes.transAxes, ha="center")
+    legend(axes)
+    return figure
+
+
+def waterfall_panel(fit: Fit) -> Panel | None:
+    """The misfits at which the descents ended; none for a search that is no descent."""
+    ends, reached = _descents(fit)
+    if ends.size == 0:
+        return None
+    return panel(
+        "starts",
+        "Where the descents ended",
+        waterfall_figure(ends, reached),
+        f"NRMSE at which each of {ends.size} descents ended, best first; {reached} reached the least",
+        _note(ends.size, reached),
+    )
+
+
+@style.drawn_in_style()
+def waterfall_figure(ends: NDArray[np.float64], reached: int) -> Figure:
+    """Misfits in order, shape (n_descents,); the first `reached` are the least misfit."""
+    rank = np.arange(1, ends.size + 1)
+    figure, axes = column_axes()
+    axes.plot(rank, ends, color=style.RULE, linewidth=1.2, zorder=1)
+    for part, colour in ((slice(None, reached), style.MODEL), (slice(reached, None), style.DATA)):
+        draw_points(axes, rank[part], ends[part], size=5.5, colour=colour)
+    finish_signed(axes, "NRMSE", "Descent, best first")
+    if ends[0] > 0.0 and ends[-1] > _WIDE * ends[0]:
+        logarithmic(axes, ends)
+    else:
+        axes.set_ylim(0.0, 1.12 * ends[-1])
+    axes.set_xlim(0.4, ends.size + 0.6)
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=8, integer=True))
+    return figure
+
+
+def _convergence_panel(fit: Fit) -> Panel:
+    reached = "refined to" if fit.refinement_steps else "best fit"
+    description = (
+        f"NRMSE of the best and of the median candidate against simulated candidates, "
+        f"{len(fit.trace.evaluations)} generations or iterations, {reached} {numbers.significant(fit.nrmse, 3)}"
+    )
+    return panel("search", "Misfit during the search", search_figure(fit), description)
+
+
+def _descents(fit: Fit) -> tuple[NDArray[np.float64], int]:
+    """Misfits at which the descents ended, best first, and how many of them are the least misfit."""
+    ends = np.array([end for end in fit.trace.ends if np.isfinite(end)])
+    search = fit.settings.search
+    closeness = search.closeness if isinstance(search, Multistart) else Multistart().closeness
+    return ends, int(np.count_nonzero(ends <= (1.0 + closeness) * ends[0])) if ends.size else 0
+
+
+def _descents_in_words(fit: Fit) -> str:
+    ends, reached = _descents(fit)
+    return (
+        f"{numbers.fixed(ends.size, 0)}, {numbers.fixed(reached, 0)} at the least misfit" if ends.size else ""
+    )
+
+
+def _note(count: int, reached: int) -> str:
+    if count == 1:
+        return "A single descent cannot show whether there are other minima."
+    share = f"{reached} of {count} descents ended at the least misfit (blue)."
+    if reached == 1:
+        return f"{share} No other descent confirms it as the global minimum: run again with another seed."
+    if reached == count:
+        return f"{share} No other minimum was found."
+    return f"{share} The others ended in other minima, or before they had converged."
+
+
+def _positive(values: Sequence[float]) -> NDArray[np.float64]:
+    """Misfits that a logarithmic axis can show; the others leave a gap."""
+    misfits = np.asarray(values, dtype=np.float64)
+    return np.where(np.isfinite(misfits) & (misfits > 0), misfits, np.nan)
+
+
+def _count(value: float, _: int | None) -> str:
+    # The figure font has the wide no-break space, but not the narrow one.
+    text = f"{value:,.0f}"
+    return text.replace(",", _NO_BREAK_SPACE if value >= 1e4 else "")
