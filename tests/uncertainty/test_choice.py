@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from sinusoidal_tests import MOTIONS, PER_CYCLE, sinusoidal_test
 from mrwork.cli import parser
 from mrwork.errors import Interrupted, MrworkError, SettingError, UnknownNameError
 from mrwork.identification.multistart import Multistart
+from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest
 from mrwork.store import Journal
 from mrwork.store.unfinished import StepJournals
@@ -23,7 +24,7 @@ from mrwork.uncertainty.bands.prediction import halves
 from mrwork.uncertainty.choice.choose import Choice, ChoiceProgress, choose_model
 
 VISCOUS_DAHL = (800.0, 900.0, 2000.0, 20.0)
-FEW = Multistart(samples=10, starts=4, most_rounds=2, found=2)
+FEW = FitSettings(search=Multistart(samples=10, starts=4, most_rounds=2, found=2))
 MODELS = ("dahl", "viscous_dahl", "normalised_bouc_wen")
 
 
@@ -37,7 +38,7 @@ def tests() -> tuple[DamperTest, ...]:
 
 @pytest.fixture(scope="module")
 def choice(tests: tuple[DamperTest, ...]) -> Choice:
-    return choose_model(tests, MODELS, search=FEW, threads=1)
+    return choose_model(tests, MODELS, settings=FEW, threads=1)
 
 
 def standings(choice: Choice) -> list[dict[str, Any]]:
@@ -79,7 +80,7 @@ def test_fits_are_those_of_all_tests_in_the_order_of_the_ranking(choice: Choice)
 def test_a_family_that_fails_is_a_row(tests: tuple[DamperTest, ...]) -> None:
     # A bound that one family does not admit, and the other keeps.
     choice = choose_model(
-        tests[:2], ["dahl", "lugre"], search=FEW, bounds={"sigma_0": (1e20, 1e21)}, threads=1
+        tests[:2], ["dahl", "lugre"], settings=replace(FEW, bounds={"sigma_0": (1e20, 1e21)}), threads=1
     )
     last = choice.ranking.standings[-1]
     assert (last.model, last.verdict, last.status) == ("lugre", "failed", "failed")
@@ -96,7 +97,7 @@ def test_interrupted_and_resumed_is_as_if_nothing_had_happened(
 ) -> None:
     two = tests[:2]
     compared = ["dahl", "viscous_dahl"]
-    whole = choose_model(two, compared, search=FEW, threads=1)
+    whole = choose_model(two, compared, settings=FEW, threads=1)
 
     def interrupt(progress: ChoiceProgress) -> None:
         if progress.model == model and progress.task.startswith(task):
@@ -107,7 +108,7 @@ def test_interrupted_and_resumed_is_as_if_nothing_had_happened(
         choose_model(
             two,
             compared,
-            search=FEW,
+            settings=FEW,
             threads=1,
             journal_of=StepJournals(place, resume=False),
             on_progress=interrupt,
@@ -120,7 +121,9 @@ def test_interrupted_and_resumed_is_as_if_nothing_had_happened(
         missing = interrupted.value.result.ranking.missing
         assert missing == (("viscous_dahl",) if model == "viscous_dahl" else ())
         assert all(each.elpd is None for each in interrupted.value.result.ranking.standings)
-    resumed = choose_model(two, compared, search=FEW, threads=1, journal_of=StepJournals(place, resume=True))
+    resumed = choose_model(
+        two, compared, settings=FEW, threads=1, journal_of=StepJournals(place, resume=True)
+    )
     assert standings(resumed) == standings(whole)
     assert resumed.ranking.sentence == whole.ranking.sentence
     assert [fit.theta for fit in resumed.fits] == [fit.theta for fit in whole.fits]
@@ -137,7 +140,7 @@ def test_a_journal_of_every_step_is_asked_for_and_closed(
         opened.append(Journal(tmp_path / step.replace("/", "-")))
         return opened[-1]
 
-    choose_model(tests[:2], ["dahl"], search=FEW, threads=1, journal_of=journal_of)
+    choose_model(tests[:2], ["dahl"], settings=FEW, threads=1, journal_of=journal_of)
     assert steps == ["dahl/fit", "dahl/left_out_1", "dahl/left_out_2", "dahl/leave_one_out"]
     for journal in opened:
         assert journal.path.stat().st_size > 0
@@ -147,7 +150,7 @@ def test_a_journal_of_every_step_is_asked_for_and_closed(
 
 def test_progress_tells_which_model_how_many_and_the_time_left(tests: tuple[DamperTest, ...]) -> None:
     seen: list[ChoiceProgress] = []
-    choose_model(tests[:2], ["dahl", "bingham"], search=FEW, threads=1, on_progress=seen.append)
+    choose_model(tests[:2], ["dahl", "bingham"], settings=FEW, threads=1, on_progress=seen.append)
     assert {(each.model, each.number, each.n_models) for each in seen} == {("dahl", 1, 2), ("bingham", 2, 2)}
     assert [each.seconds for each in seen] == sorted(each.seconds for each in seen)
     assert seen[0].seconds_left is None
@@ -160,7 +163,7 @@ def test_of_one_test_the_later_cycles_are_predicted_and_that_proves_little() -> 
     first, second = halves(one)
     assert first.n_time == second.n_settle
     assert first.n_settle == one.n_settle
-    choice = choose_model(one, ["dahl", "viscous_dahl"], search=FEW, threads=1)
+    choice = choose_model(one, ["dahl", "viscous_dahl"], settings=FEW, threads=1)
     assert choice.ranking.chosen == "viscous_dahl"
     assert choice.ranking.n_folds >= 2
     assert any("this proves little" in remark for remark in choice.ranking.remarks)
@@ -172,7 +175,7 @@ def test_an_ellipsoid_about_the_fit_tells_what_the_chain_tells() -> None:
         sinusoidal_test("viscous_dahl", VISCOUS_DAHL, motion, noise=0.02, cycles=5) for motion in MOTIONS[:2]
     ]
     (drawn,), (sampled,) = (
-        choose_model(longer, ["viscous_dahl"], search=FEW, sampled=sampled, threads=1).ranking.standings
+        choose_model(longer, ["viscous_dahl"], settings=FEW, sampled=sampled, threads=1).ranking.standings
         for sampled in (False, True)
     )
     assert drawn.elpd is not None
@@ -187,7 +190,7 @@ def test_impossible_requests_are_refused_before_anything_is_fitted(tests: tuple[
     with pytest.raises(SettingError, match="have one command in common"):
         choose_model(tests, ["dahl"], leave_out="command")
     with pytest.raises(UnknownNameError, match="'k_q'"):
-        choose_model(tests, ["dahl"], bounds={"k_q": (0.0, 1.0)})
+        choose_model(tests, ["dahl"], settings=FitSettings(bounds={"k_q": (0.0, 1.0)}))
     with pytest.raises(UnknownNameError, match="a law was given for 'k_q'"):
         choose_model(tests, ["dahl"], laws={"k_q": "linear"})
     with pytest.raises(UnknownNameError, match="no damper model"):

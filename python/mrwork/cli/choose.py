@@ -18,11 +18,11 @@ from mrwork.cli.identified import (
     write_identification,
 )
 from mrwork.cli.laws import command_unit, laws_of
-from mrwork.cli.observe import nuisances_of, observed
-from mrwork.cli.options import parse_bounds, reading_of
+from mrwork.cli.observe import observed
+from mrwork.cli.options import reading_of
 from mrwork.cli.progress import ChoiceLine
 from mrwork.errors import Interrupted, JournalError, MrworkError, OutputError, SettingError
-from mrwork.identification.settings import Search
+from mrwork.identification.settings import FitSettings
 from mrwork.store.run_folder import FIT, MODELS, RANKING, check_destination
 from mrwork.store.unfinished import StepJournals
 from mrwork.uncertainty.bands.prediction import Fold
@@ -36,17 +36,18 @@ _WIDTH = 118
 
 
 def add_choice(parser: argparse.ArgumentParser) -> None:
-    """What only a comparison takes."""
+    """Declare the options that only a comparison takes."""
     parser.add_argument(
         "--leave-out",
         choices=get_args(Fold),
-        help="with several models: what is left out together and predicted, each test (default), all tests of one "
-        "motion, or all at one command",
+        help="with several models: which tests are left out together and predicted: each test (default), all tests of "
+        "one motion, or all at one command",
     )
     parser.add_argument(
         "--posterior",
         action="store_true",
-        help="with several models: draw for PSIS-LOO from the posterior's chain, not from an ellipsoid about the fit",
+        help="with several models: draw for PSIS-LOO from a Markov chain of the posterior, not from a normal "
+        "approximation about the fit",
     )
 
 
@@ -56,7 +57,7 @@ def is_choice(options: argparse.Namespace) -> bool:
     Raises
     ------
     SettingError
-        Where it does not, but gives what belongs to one; or gives what does not.
+        Where an option belongs to a comparison only and there is none, or is impossible in one.
     """
     several = options.model == ALL or "," in options.model
     if not several and (options.leave_out or options.posterior):
@@ -66,9 +67,9 @@ def is_choice(options: argparse.Namespace) -> bool:
     return several
 
 
-def run(options: argparse.Namespace, search: Search | None) -> int:
-    """Identify and rank, write the run directory of the best, say what came out."""
-    # What weighs models loads SciPy, which no other identification needs so soon.
+def run(options: argparse.Namespace, settings: FitSettings) -> int:
+    """Identify and rank the models, write the run folder with the report of the best, print the ranking."""
+    # Loads SciPy, which other identifications need later or not at all.
     from mrwork.uncertainty.choice.choose import choose_model
 
     models: str | list[str] = ALL if options.model == ALL else options.model.split(",")
@@ -86,12 +87,8 @@ def run(options: argparse.Namespace, search: Search | None) -> int:
             leave_out=options.leave_out or "test",
             laws=laws_of(options),
             unit=command_unit(tests, options),
-            search=search,
-            bounds=parse_bounds(options.bound, options.fix),
-            nuisances=nuisances_of(options),
-            power=options.power,
+            settings=settings,
             sampled=options.posterior,
-            rng=options.seed,
             threads=options.threads,
             on_progress=line,
             journal_of=journals,
@@ -99,7 +96,7 @@ def run(options: argparse.Namespace, search: Search | None) -> int:
     except Interrupted as interrupt:
         choice, status = interrupt.result, 130
     except MrworkError as error:
-        # What cannot be compared at all is not worth going on with; another disk or another setting may be.
+        # An impossible comparison cannot be resumed; one that failed to write its files can.
         if not options.resume and not isinstance(error, JournalError | OutputError):
             journals.discard()
         raise

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrwork.dampers.spec import damper
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import READING, write_run
+from mrwork.identification.fit_file import write_run
 from mrwork.identification.settings import Reading
 from mrwork.records import DamperTest
 
@@ -32,9 +32,8 @@ def stem_of(tests: tuple[DamperTest, ...]) -> str:
 
 
 def with_command(fit: Fit, reading: Reading) -> Fit:
-    """The fit with what was asked for, and how the tests were read, so that `reopen` can read them again."""
-    asked = {"command": shlex.join(["mrwork", *sys.argv[1:]]), READING: reading.as_record()}
-    return replace(fit, provenance=replace(fit.provenance, settings=fit.provenance.settings | asked))
+    """The fit with this command line, and how its tests were read, so that `reopen` can read them again."""
+    return fit.with_command(shlex.join(["mrwork", *sys.argv[1:]]), reading)
 
 
 def with_identifiability(fit: Fit, tests: tuple[DamperTest, ...], *, threads: int) -> Fit:

@@ -26,10 +26,10 @@ from mrwork.cli.progress import ProgressLine
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, JournalError, MrworkError, OutputError, SettingError
 from mrwork.identification.fit_file import read_fit
-from mrwork.identification.identify import identify
+from mrwork.identification.identify import identify_with
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.problem import start_from
-from mrwork.identification.settings import SEARCHES, Engine, Search, search_named
+from mrwork.identification.settings import SEARCHES, Engine, FitSettings, Search, search_named
 from mrwork.records import DamperTest
 from mrwork.store.run_folder import check_destination
 from mrwork.store.unfinished import begin_journal, discard_journal, is_copy, resume_journal
@@ -64,7 +64,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--command-unit",
         choices=["A", "V"],
-        help="what the laws take, default A where the tests have a current",
+        help="unit of the command in the laws, default A where the tests have a current",
     )
     add_choice(parser)
     add_observation(parser)
@@ -75,28 +75,28 @@ def add_parser(verbs: Any) -> None:
         default=[],
         type=Path,
         metavar="RUN",
-        help="descend also from an earlier fit of this model, or of one with some of its parameters; repeat for more",
+        help="start also from an earlier fit of this model, or of one with some of its parameters; repeat for more",
     )
     parser.add_argument(
         "--power",
         type=float,
         default=2.0,
         metavar="P",
-        help="make (mean NRMSE^P)^(1/P) over the files small: 2, the default, is the root mean square, "
-        "more helps the worst file",
+        help="minimise (mean NRMSE^P)^(1/P) over the files: 2, the default, is the root mean square; a higher power "
+        "weighs the worst file more",
     )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the search, default 0")
     parser.add_argument(
         "--search",
         choices=list(SEARCHES),
-        help="how the parameters are searched: by default a plain model by descents from many starts (multistart), "
-        "one with laws by the efficient genetic algorithm (genetic)",
+        help="search of the parameters; default multistart (least squares from many starts), for a model with laws "
+        "genetic (the efficient genetic algorithm)",
     )
     parser.add_argument(
         "--engine",
         choices=get_args(Engine),
         default="lanes",
-        help="where the last descent runs: in lanes (default), or on the JAX twin, slower, for comparison",
+        help="where the final fit runs: in lanes (default), or on the JAX twin, slower, for comparison",
     )
     parser.add_argument(
         "--population",
@@ -110,16 +110,28 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--resume",
         action="store_true",
-        help="go on with a run that was killed or interrupted; all else as it was begun, but for --threads",
+        help="resume a run that was killed or interrupted; all other options but --threads as in that run",
     )
     parser.add_argument("--quiet", action="store_true", help="no progress")
     add_json(parser)
     parser.set_defaults(run=run)
 
 
+def settings_of(options: argparse.Namespace) -> FitSettings:
+    """The settings that the command line gives; starts from earlier fits are added once the model is known."""
+    return FitSettings(
+        search=_search(options),
+        bounds=parse_bounds(options.bound, options.fix),
+        power=options.power,
+        engine=options.engine,
+        nuisances=nuisances_of(options),
+        rng=options.seed,
+    )
+
+
 def run(options: argparse.Namespace) -> int:
-    """Identify, write the run directory, say what came out."""
-    search = _search(options)
+    """Identify, write the run folder, print the result."""
+    settings = settings_of(options)
     if options.seed < 0 or options.threads < 0:
         raise SettingError(
             f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
@@ -129,28 +141,22 @@ def run(options: argparse.Namespace) -> int:
             raise SettingError(
                 f"--engine {options.engine} finishes one model; leave it out where models are compared"
             )
-        return choose.run(options, search)
+        return choose.run(options, settings)
     plain = damper(options.model)
-    bounds = parse_bounds(options.bound, options.fix)
     reading = reading_of(options)
     tests = tuple(observed(test, options) for test in reading.tests())
     spec = _with_laws(plain, tests, options)
+    starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
     place = options.out or Path("out") / f"{stem_of(tests)}-{spec.name}"
     check_destination(place)
     journal = resume_journal(place, note=note) if options.resume else begin_journal(place)
     line = ProgressLine(quiet=options.quiet or options.json)
     status = 0
     try:
-        fit = identify(
+        fit = identify_with(
             spec,
             tests,
-            search=search,
-            bounds=bounds,
-            nuisances=nuisances_of(options),
-            starts=[start_from(read_fit(run), spec) for run in options.starts],
-            power=options.power,
-            engine=options.engine,
-            rng=options.seed,
+            replace(settings, starts=starts),
             threads=options.threads,
             on_progress=line,
             journal=journal,
@@ -158,7 +164,7 @@ def run(options: argparse.Namespace) -> int:
     except Interrupted as interrupt:
         fit, status = interrupt.result, 130
     except MrworkError as error:
-        # What cannot be identified at all is not worth going on with; another disk or another setting may be.
+        # An impossible identification cannot be resumed; one that failed to write its files can.
         hopeless = not options.resume and not isinstance(error, JournalError | OutputError)
         if hopeless or is_copy(place, journal):
             discard_journal(journal)
@@ -184,7 +190,7 @@ def _with_laws(plain: DamperSpec, tests: tuple[DamperTest, ...], options: argpar
 
 
 def _search(options: argparse.Namespace) -> Search | None:
-    """What the command line asks for; `None` leaves it to the model."""
+    """The search that the command line gives; `None` selects the default of the model."""
     sized = options.population is not None or options.generations is not None
     if options.search == "multistart" and (sized or options.law):
         raise SettingError(
@@ -195,7 +201,7 @@ def _search(options: argparse.Namespace) -> Search | None:
     search = search_named(options.search or "genetic")
     if isinstance(search, Multistart):
         return search
-    # A protocol is not known to be a dataclass, but every search of the registry is one.
+    # The protocol does not say so, but every search of the registry is a dataclass.
     settings: Any = search
     if options.population is not None:
         settings = replace(settings, population=options.population)

@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 from mrwork.dampers.parameters import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
-from mrwork.identification.settings import FitSettings
+from mrwork.identification.settings import FitSettings, Reading
 from mrwork.records import AS_IT_IS, Observation
 from mrwork.summary import Summarised, Summary, listed, rounded
+
+# Key of the record of settings; of the command line, beside those of `FitSettings`.
+_READING = "reading"
 
 FitStatus = Literal["converged", "not_converged", "interrupted", "stopped"]
 
@@ -146,6 +149,21 @@ class Fit(Summarised):
         """
         apart = {"nuisances": self.nuisances, "rng": self.provenance.rng}
         return FitSettings.of_record(self.provenance.settings | apart)
+
+    def reading(self, *, origin: str = "this fit") -> Reading:
+        """How its tests were read from their files; `origin` names the fit in messages.
+
+        Raises
+        ------
+        RecordError
+            Where that is not recorded, as for a fit of tests in memory.
+        """
+        return Reading.of_record(self.provenance.settings.get(_READING), origin=origin)
+
+    def with_command(self, command: str, reading: Reading) -> Fit:
+        """The fit with the command line that it comes from, and how that read the tests."""
+        settings = self.provenance.settings | {"command": command, _READING: reading.as_record()}
+        return replace(self, provenance=replace(self.provenance, settings=settings))
 
     @property
     def theta(self) -> tuple[float, ...]:

@@ -9,7 +9,6 @@ from typing import Any
 
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
-from mrwork.identification.settings import Reading
 from mrwork.records import DamperTest
 from mrwork.store.codec import json_document, read_document, record_from_json
 from mrwork.store.run_folder import (
@@ -29,8 +28,6 @@ from mrwork.store.run_folder import (
     REPORT,
     write_folder,
 )
-
-READING = "reading"
 
 _WRITTEN = frozenset(
     {
@@ -145,8 +142,7 @@ def reopen(path: str | Path) -> OpenedRun:
     """
     place = Path(path)
     fit = read_fit(place)
-    reading = Reading.of_record(fit.provenance.settings.get(READING), origin=str(place / FIT))
-    tests = reading.tests()
+    tests = fit.reading(origin=str(place / FIT)).tests()
     if len(tests) != len(fit.quality):
         raise RecordError(
             f"{place / FIT} judges {len(fit.quality)} tests where {len(tests)} were read; "

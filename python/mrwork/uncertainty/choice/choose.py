@@ -13,9 +13,8 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, JournalError, MrworkError, OutputError, SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify_with
-from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.progress import Progress
-from mrwork.identification.settings import FitSettings, Search
+from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest
 from mrwork.store import Journal
 from mrwork.summary import Summarised, Summary
@@ -215,13 +214,9 @@ def choose_model(
     leave_out: Fold = "test",
     laws: Mapping[str, LawName] | None = None,
     unit: CommandUnit = "A",
-    search: Search | None = None,
-    bounds: Mapping[str, tuple[float, float]] | None = None,
-    nuisances: Sequence[NuisanceName] = (),
-    power: float = 2.0,
+    settings: FitSettings | None = None,
     noise: str = "iid",
     sampled: bool = False,
-    rng: int = 0,
     threads: int = 0,
     on_progress: Callable[[ChoiceProgress], None] | None = None,
     journal_of: JournalOf | None = None,
@@ -240,8 +235,11 @@ def choose_model(
         Unit that is left out: each test, all tests of one motion, or all at one command.
     laws, unit
         Laws of the parameters that follow the command, for the families that have such parameters.
-    search, bounds, nuisances, power, rng, threads
-        As for `identify`; bounds apply to the families that have such parameters.
+    settings
+        Settings of each identification, see `identify`; its bounds apply to the families that have such parameters,
+        its seed also to the draws.
+    threads
+        Threads of the simulation, 0 for all.
     noise
         Noise model of the likelihood, one of `mrwork.uncertainty.noise.NOISES`.
     sampled
@@ -254,7 +252,7 @@ def choose_model(
     Raises
     ------
     SettingError
-        Where nothing can be left out, or every family failed.
+        Where nothing can be left out, every family failed, or the settings give starts.
     UnknownNameError
         Where a model is unknown, or a law or bound names a parameter that no family has.
     Interrupted
@@ -267,9 +265,11 @@ def choose_model(
     >>> choice = mr.choose_model(tests, ["dahl", "normalised_bouc_wen"])  # doctest: +SKIP
     >>> print(choice.ranking.sentence)  # doctest: +SKIP
     """
-    settings = FitSettings(search=search, nuisances=tuple(nuisances), power=power, rng=rng)
+    settings = settings or FitSettings()
+    if settings.starts:
+        raise SettingError("`starts` are of one model; leave them out where models are compared")
     tests = (tests,) if isinstance(tests, DamperTest) else tuple(tests)
-    compared, remarks = families(models, laws=laws or {}, unit=unit, bounds=bounds or {})
+    compared, remarks = families(models, laws=laws or {}, unit=unit, bounds=settings.bounds)
     remarks += command_remark(tests, has_laws=bool(laws))
     if len(tests) == 1:
         remarks += (ONE_TEST,)
@@ -293,7 +293,7 @@ def choose_model(
         own = replace(settings, bounds=family.bounds)
         return identify_with(family.spec, these, own, threads=threads, on_progress=tell, journal=journal)
 
-    likelihood = Likelihood(noise=noise_model(noise), sampled=sampled, rng=rng, threads=threads)
+    likelihood = Likelihood(noise=noise_model(noise), sampled=sampled, rng=settings.rng, threads=threads)
     try:
         for number in range(1, len(compared) + 1):
             comparison.judge(number, fit_of)
