@@ -1,4 +1,4 @@
-"""Buildings: mass, damping and stiffness from a file, a shear frame or a publication, and what is built into them."""
+"""Buildings: matrices from a file, a shear frame or a publication, and additions such as dampers and isolators."""
 
 import lazy_loader
 

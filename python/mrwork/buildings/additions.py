@@ -13,21 +13,21 @@ from mrwork.errors import SettingError
 
 
 def with_viscous_damper(building: Building, *, storey: int | str, damping: float) -> Building:
-    """Return the building with a damper `f = damping * drift rate` across a storey: C grows by `damping e'e`.
+    """Return the building with a linear viscous damper across a storey: C grows by `damping e'e`.
 
     Parameters
     ----------
     storey
-        By number from 1 or by name.
+        Number from 1, or name.
     damping
-        Of all dampers there together [N s/m].
+        Sum over all dampers of the storey [N s/m].
 
     Raises
     ------
     SettingError
-        Where damping is negative.
+        If the damping is negative.
     UnknownNameError
-        Where there is no such storey.
+        If there is no such storey.
     """
     row = building.storey_row(storey)
     name = building.storey_name(storey)
@@ -58,20 +58,20 @@ def with_coordinate(
     stroke: Floats,
     stroke_name: str,
 ) -> Building:
-    """Return the building with a coordinate that is no floor, appended as the last.
+    """Return the building with one more coordinate, a mass on a spring and a dashpot, that is not a floor.
 
     Parameters
     ----------
     mass
-        Of the coordinate itself [kg].
+        Mass of the coordinate [kg].
     damping, stiffness
-        Between what `across` says [N s/m], [N/m].
+        Dashpot [N s/m] and spring [N/m].
     across
-        Elongation of that spring = across @ q, shape (n + 1,).
+        Elongation of spring and dashpot = across @ q, shape (n + 1,).
     follows_ground
         Entry of the influence: 1 for a displacement relative to the ground, 0 for a deformation.
     stroke, stroke_name
-        Row that is appended to the storeys, shape (n + 1,), and its name.
+        Row appended to the storeys, shape (n + 1,), and its name.
     """
     n = building.n_coordinates
     spring = np.outer(across, across)
@@ -104,33 +104,34 @@ def with_brace(
     damping: float = 0.0,
     name: str = "",
 ) -> Building:
-    """Return the building with a brace to which a damper can be attached.
+    """Return the building with a brace in series with a damper: the two share the drift of a storey.
 
-    The brace's deformation d is a new coordinate, `m d'' + c d' + k d = f`, and the damper takes what is left of the
-    drift, `e q - d`. That row is the last of the storeys, "damper in storey 1" for one in storey 1, and a stroke.
+    The deformation d of the brace is a new coordinate, `m d'' + c d' + k d = f`, and the rest of the drift,
+    `e q - d`, elongates the damper. This row is appended to the storeys as a stroke, named
+    "damper in storey 1" for storey 1.
 
-    A brace without mass would leave d to an algebraic equation, `c d' + k d = f`, which is the limit of small `mass`.
-    It moves with the deformation alone, so the building weighs the same. Where the damper is viscous with c0, d settles
-    at the rate `(c + c0) / m`, and rings at `sqrt(k / m)`; a mass of which both are quick beside the building and slow
-    beside the simulation's step does no harm. One part in a thousand of a floor mostly serves.
+    A massless brace would follow `c d' + k d = f`, which is the limit of small `mass`. The mass moves with the
+    deformation only, so the mass of the building does not change. With a viscous damper c0, d settles at the rate
+    `(c + c0) / m` and oscillates at `sqrt(k / m)`. Choose a mass for which both are fast compared with the building and
+    slow compared with the step of the simulation; a thousandth of a floor mass is usually suitable.
 
     Parameters
     ----------
     storey
-        By number from 1 or by name.
+        Number from 1, or name.
     stiffness, damping
-        Of the brace along the drift [N/m], [N s/m].
+        Stiffness [N/m] and damping [N s/m] of the brace along the drift.
     mass
-        That moves with its deformation [kg].
+        Mass that moves with the deformation of the brace [kg].
     name
-        Of the new row; by default "damper in" and the storey.
+        Name of the new row; by default "damper in" and the storey.
 
     Raises
     ------
     SettingError
-        Where stiffness or mass is not positive, or damping is negative.
+        If the stiffness or the mass is not positive, or the damping is negative.
     UnknownNameError
-        Where there is no such storey.
+        If there is no such storey.
     """
     row = building.storey_row(storey)
     where = building.storey_name(storey)
@@ -161,22 +162,23 @@ def with_brace(
 
 
 def with_base_isolation(building: Building, *, mass: float, stiffness: float, damping: float) -> Building:
-    """Return the building on a base slab that isolators hold to the ground.
+    """Return the building on a base slab with isolators between slab and ground.
 
-    The slab is a new first coordinate, its displacement u relative to the ground; the building stands on it, so what
-    was q is now `q - r u`. The slab is the lowest floor, the isolators are the lowest storey, "isolation".
+    The displacement u of the slab relative to the ground is a new first coordinate. The building stands on the slab, so
+    `q - r u` replaces q in its forces. The slab becomes the lowest floor, "base", and the isolators the lowest storey,
+    "isolation".
 
     Parameters
     ----------
     mass
-        Of the slab [kg].
+        Mass of the slab [kg].
     stiffness, damping
-        Of all isolators together [N/m], [N s/m].
+        Sum over all isolators [N/m], [N s/m].
 
     Raises
     ------
     SettingError
-        Where mass or stiffness is not positive, or damping is negative.
+        If the mass or the stiffness is not positive, or the damping is negative.
     """
     for title, value in (("mass", mass), ("stiffness", stiffness)):
         if not (np.isfinite(value) and value > 0.0):
@@ -187,7 +189,7 @@ def with_base_isolation(building: Building, *, mass: float, stiffness: float, da
         raise SettingError(
             f"base isolation of {building.name}: the damping is {damping:g}; give a number from zero"
         )
-    # Relative to the slab, q - r u.
+    # Displacements relative to the slab, q - r u.
     relative = np.hstack([-building.influence[:, None], np.eye(building.n_coordinates)])
     slab = np.concatenate([[1.0], np.zeros(building.n_coordinates)])
     held = np.outer(slab, slab)
@@ -210,24 +212,24 @@ def with_base_isolation(building: Building, *, mass: float, stiffness: float, da
 def with_base_isolation_of_period(
     building: Building, *, mass: float, period: float, ratio: float
 ) -> Building:
-    """Return the building on a base slab, the isolators given by period and damping ratio.
+    """Return the building on a base slab with isolators given by their period and damping ratio.
 
-    With all mass m on the isolators moving as one, `stiffness = m (2 pi / period)^2` and
+    With the total mass m above the isolators in rigid-body motion, `stiffness = m (2 pi / period)^2` and
     `damping = 2 ratio m (2 pi / period)` (Naeim, Kelly, Design of Seismic Isolated Structures, 1999).
 
     Parameters
     ----------
     mass
-        Of the slab [kg].
+        Mass of the slab [kg].
     period
-        Of the rigid building on its isolators [s].
+        Period of the rigid building on its isolators [s].
     ratio
-        Damping over critical damping of that motion.
+        Damping ratio of that motion.
 
     Raises
     ------
     SettingError
-        Where mass or period is not positive, or the ratio is negative.
+        If the mass or the period is not positive, or the ratio is negative.
     """
     if not (np.isfinite(period) and period > 0.0):
         raise SettingError(

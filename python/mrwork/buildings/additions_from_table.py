@@ -1,4 +1,4 @@
-"""Damping, isolators, viscous dampers, braces and tuned masses as a table states them."""
+"""Additions to a building from a table: damping, isolators, viscous dampers, braces and tuned masses."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ ADDITIONS: Final = ("rayleigh", "modal_damping", "isolation", "viscous", "brace"
 
 
 def with_additions(building: Building, entries: Entries) -> Building:
-    """Return the building with all that a table puts into it, in the order of `ADDITIONS`, whatever the table's.
+    """Return the building with the additions of a table, applied in the order of `ADDITIONS`.
 
-    So ratios of damping are those of the bare building, and after isolation storey 1 is that of the isolators.
+    Damping ratios therefore refer to the bare building, and storey 1 of an isolated building is the isolators.
 
     Raises
     ------
     MrworkError
-        Where an addition is stated wrongly or cannot be; the message has its place.
+        If an addition is invalid; the message has its place.
     """
     if "rayleigh" in entries and "modal_damping" in entries:
         entries.refuse("rayleigh and modal_damping both give the damping; keep one", "modal_damping")

@@ -1,4 +1,4 @@
-"""Damping by ratios: Rayleigh, C = a0 M + a1 K, and modal, one ratio for each mode. Each replaces C."""
+"""Damping from ratios: Rayleigh damping, C = a0 M + a1 K, and modal damping. Each replaces C."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from mrwork.errors import SettingError
 
 
 def with_rayleigh_coefficients(building: Building, *, a0: float, a1: float) -> Building:
-    """Return the building with C = a0 M + a1 K, a0 in [1/s], a1 in [s].
+    """Return the building with Rayleigh damping, C = a0 M + a1 K, with a0 [1/s] and a1 [s].
 
     Raises
     ------
     SettingError
-        Where a mode would be driven instead of damped.
+        If a mode would have negative damping.
     """
     omega, _ = modes_of(building.mass, building.stiffness)
     driven = np.flatnonzero(a0 + a1 * omega**2 < 0.0)
@@ -32,14 +32,14 @@ def with_rayleigh_coefficients(building: Building, *, a0: float, a1: float) -> B
 def with_rayleigh_damping(
     building: Building, *, ratios: tuple[float, float], modes: tuple[int, int] = (1, 2)
 ) -> Building:
-    """Return the building with Rayleigh damping of given ratios in two modes, numbered from 1.
+    """Return the building with Rayleigh damping that has given ratios in two modes, numbered from 1.
 
     a0 and a1 solve `ratio = (a0 / omega + a1 omega) / 2` for both (Chopra, Dynamics of Structures, 11.4.1).
 
     Raises
     ------
     SettingError
-        Where the modes are the same, do not exist or have no frequency, or a mode would be driven.
+        If the modes are equal, do not exist or have zero frequency, or a mode would have negative damping.
     """
     check_ratios(ratios, building.name)
     omega, _ = modes_of(building.mass, building.stiffness)
@@ -59,14 +59,14 @@ def with_rayleigh_damping(
 
 
 def with_modal_damping(building: Building, *, ratios: Sequence[float]) -> Building:
-    """Return the building with a damping ratio for each mode; a single ratio holds for all.
+    """Return the building with given modal damping ratios, one for each mode or a single one for all.
 
-    `C = M (sum of 2 ratio omega phi phi') M` over the modes phi, which have phi' M phi = 1.
+    `C = M (sum of 2 ratio omega phi phi') M` over the modes phi, normalised so that phi' M phi = 1.
 
     Raises
     ------
     SettingError
-        Where there are neither one nor n ratios, or one is negative.
+        If the number of ratios is neither 1 nor n, or a ratio is negative.
     """
     check_ratios(ratios, building.name)
     omega, modes = modes_of(building.mass, building.stiffness)
@@ -80,7 +80,7 @@ def with_modal_damping(building: Building, *, ratios: Sequence[float]) -> Buildi
 
 
 def check_ratios(ratios: Sequence[float], name: str) -> None:
-    """Refuse damping ratios that are negative or not finite."""
+    """Check that damping ratios are finite and not negative."""
     for ratio in ratios:
         if not (np.isfinite(ratio) and ratio >= 0.0):
             raise SettingError(

@@ -12,41 +12,41 @@ from mrwork.errors import RecordError
 
 Floats = NDArray[np.float64]
 
-# Half the stretch around an extreme to which a parabola is fitted, in periods.
+# Half width of the parabola fit around an extreme, in periods.
 _STRETCH: Final = 1.0 / 8.0
 _FEWEST_EXTREMES: Final = 5
 _FILTER_ORDER: Final = 3
-# Of the filter at the ends of the record, in inverse band widths: what is left there is below 0.1 %.
+# Settling time of the filter at the ends of the record, in inverse band widths; the rest is below 0.1 %.
 _SETTLING: Final = 3.0
 
 
 def logarithmic_decrement(
     signal: Floats, *, dt: float, band: tuple[float, float] | None = None, smallest: float = 0.05
 ) -> ModeEstimate:
-    """Frequency and damping of a mode from the extremes of its free vibration.
+    """Estimate frequency and damping of a mode from the extremes of its free vibration.
 
-    Extreme k, at the time t_k, is `offset + (-1)^k a exp(-sigma t_k)`; offset, a and sigma are fitted together. That is
-    the logarithmic decrement `2 pi sigma / omega_d` from all extremes at once, each counted by how far it stands out of
-    the noise. The times give `t_k = t_0 + k pi / omega_d`. Standard errors are those of the two fits.
+    The extreme k at time t_k is `offset + (-1)^k a exp(-sigma t_k)`; offset, a and sigma are fitted together. This
+    gives the logarithmic decrement `2 pi sigma / omega_d` from all extremes at once, with less weight on those close to
+    the noise. The times follow `t_k = t_0 + k pi / omega_d`. Standard errors are those of the two fits.
 
     Parameters
     ----------
     signal
-        From the release on, shape (n_time,), in any unit.
+        Record from the release on, shape (n_time,), in any unit.
     dt
-        Step [s].
+        Sampling step [s].
     band
-        Pass band [Hz] around the mode, where the record has others too; filtered forth and back, so nothing is shifted.
-        What the ends of the record do to the filter is left out.
+        Pass band [Hz] around the mode, if the record contains other modes. The filter runs forwards and backwards and
+        has no phase shift; its transients at both ends of the record are not used.
     smallest
-        Extremes below this share of the largest are left out.
+        Extremes smaller than this fraction of the largest are not used.
 
     Raises
     ------
     RecordError
-        Where the record has no peak, or fewer than five extremes that stand out.
+        If the record has no peak, or fewer than five clear extremes.
     SettingError
-        Where step or band cannot be.
+        If the step or the band is invalid.
     """
     signal, limits = checked(signal, dt, band)
     start = fourier_peak(signal, dt=dt, band=band)
@@ -66,7 +66,7 @@ def logarithmic_decrement(
         signal = sosfiltfilt(sections, signal - signal.mean())
         margin = _SETTLING / (limits[1] - limits[0])
     times, values = _extremes(signal, dt, start, period, margin)
-    kept = _standing_out(values, smallest)
+    kept = _n_clear(values, smallest)
     times, values = times[:kept], values[:kept]
     if kept < _FEWEST_EXTREMES:
         raise RecordError(
@@ -83,7 +83,10 @@ def logarithmic_decrement(
 
     fitted, covariance = curve_fit(envelope, times - times[0], values, p0=first)
     residuals = values - envelope(times - times[0], *fitted)
-    decay, decay_error = float(fitted[2]), float(np.sqrt(covariance[2, 2])) * _kinship(sides * residuals)
+    decay, decay_error = (
+        float(fitted[2]),
+        float(np.sqrt(covariance[2, 2])) * _correlation_factor(sides * residuals),
+    )
     if decay <= 0.0:
         raise RecordError(
             f"free vibration: the extremes of the mode at {start.frequency:g} Hz do not decay; give the record from "
@@ -93,7 +96,7 @@ def logarithmic_decrement(
     (half_period, _), spread = np.polyfit(np.arange(kept), times, 1, w=weights, cov=True)
     late = (times - np.polyval((half_period, _), np.arange(kept))) * weights
     omega = np.pi / half_period
-    omega_error = omega / half_period * float(np.sqrt(spread[0, 0])) * _kinship(late)
+    omega_error = omega / half_period * float(np.sqrt(spread[0, 0])) * _correlation_factor(late)
     return mode_estimate(
         "decrement",
         omega=float(omega),
@@ -107,7 +110,7 @@ def logarithmic_decrement(
 def _extremes(
     signal: Floats, dt: float, start: ModeEstimate, period: float, margin: float
 ) -> tuple[Floats, Floats]:
-    """Times and values of the extremes: where the mode has them by its phase, a parabola through the samples around."""
+    """Times and values of the extremes: expected from the phase of the mode, refined by a parabola fit."""
     time = dt * np.arange(signal.size)
     omega = 2.0 * np.pi * np.sqrt(1.0 - start.damping_ratio**2) / period
     decaying = np.exp(-start.decay * time)
@@ -115,7 +118,7 @@ def _extremes(
         [decaying * np.cos(omega * time), decaying * np.sin(omega * time), np.ones_like(time)], axis=1
     )
     cosine, sine, _ = np.linalg.lstsq(shapes, signal)[0]
-    # The derivative of exp(-sigma t) cos(omega t - phase) vanishes half a period apart.
+    # The zeros of the derivative of exp(-sigma t) cos(omega t - phase) are half a period apart.
     first = (np.arctan2(sine, cosine) - np.arctan2(start.decay, omega)) / omega
     reach = _STRETCH * period
     earliest, latest = max(margin, reach), time[-1] - max(margin, reach)
@@ -130,13 +133,13 @@ def _extremes(
         bend, slope, value = np.polyfit(time[around] - middle, signal[around], 2)
         moved = np.clip(-slope / (2.0 * bend), -reach, reach) if bend else 0.0
         times.append(middle + moved)
-        # At the vertex noise would always add to the extreme, and most to the small ones: the decay would seem slow.
+        # The value at the vertex would be biased outwards by noise, most for small extremes, and the decay too slow.
         values.append(value)
     return np.array(times), np.array(values)
 
 
-def _standing_out(values: Floats, smallest: float) -> int:
-    """How many extremes come before the first that is small, or on the wrong side of its neighbours."""
+def _n_clear(values: Floats, smallest: float) -> int:
+    """Number of extremes before the first that is too small or not alternating."""
     if values.size < 2:
         return int(values.size)
     swings = np.diff(values)
@@ -146,11 +149,11 @@ def _standing_out(values: Floats, smallest: float) -> int:
     return int(clear.size if clear.all() else clear.argmin()) + 1
 
 
-def _kinship(residuals: Floats) -> float:
-    """Factor on a standard error whose residuals follow one another: noise in a narrow band does not scatter freely."""
+def _correlation_factor(residuals: Floats) -> float:
+    """Factor on a standard error for correlated residuals (narrow-band noise), from their lag-one correlation."""
     power = float(residuals @ residuals)
     if power == 0.0 or residuals.size < 3:
         return 1.0
     neighbours = float(residuals[1:] @ residuals[:-1]) / power
-    kin = min(max(neighbours, 0.0), 0.9)
-    return float(np.sqrt((1.0 + kin) / (1.0 - kin)))
+    correlation = min(max(neighbours, 0.0), 0.9)
+    return float(np.sqrt((1.0 + correlation) / (1.0 - correlation)))

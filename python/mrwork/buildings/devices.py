@@ -1,4 +1,4 @@
-"""What sits in a building and follows a command."""
+"""Dampers at one place of a building that follow one command."""
 
 from __future__ import annotations
 
@@ -16,23 +16,23 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Device(Summarised):
-    """Dampers in one place, which follow one command between 0 and `largest_command`.
+    """Dampers at one place that follow one command between 0 and `largest_command`.
 
     Parameters
     ----------
     spec, theta
-        The damper model and its parameters, shape (n_params,), or one row for each draw.
+        Damper model and its parameters, shape (n_params,), or one row per draw.
     row
-        How the coordinates of the building elongate it, shape (n,): a row of `building.storeys`.
+        Elongation = row @ q, shape (n,): a row of `building.storeys`.
     count
-        Dampers side by side.
+        Number of dampers in parallel.
     differential
-        As many again the other way round: their constant forces cancel.
+        Adds as many dampers in the opposite direction, so that constant forces cancel.
 
     Raises
     ------
     SettingError
-        Where the parameters do not fit the model, or a number is not positive.
+        If `theta` does not fit the model, or a number is not positive.
     """
 
     name: str

@@ -24,7 +24,7 @@ _FEWEST: Final = 16
 class ModeEstimate:
     """Natural frequency [Hz] and damping ratio of a mode, with their standard errors.
 
-    `decay` is the rate sigma [1/s] of `exp(-sigma t)`, so that frequency and decay give the logarithmic decrement.
+    `n_extremes` is the number of extremes that `logarithmic_decrement` used, zero for `fourier_peak`.
     """
 
     method: Literal["fourier", "decrement"]
@@ -36,12 +36,12 @@ class ModeEstimate:
 
     @property
     def decay(self) -> float:
-        """Rate of decay [1/s]."""
+        """Decay rate sigma [1/s] of `exp(-sigma t)`."""
         return 2.0 * np.pi * self.frequency * self.damping_ratio
 
     @property
     def decrement(self) -> float:
-        """Logarithmic decrement: the logarithm of one peak over the next of the same side."""
+        """Logarithmic decrement: logarithm of the ratio of two successive peaks of the same sign."""
         return 2.0 * np.pi * self.damping_ratio / float(np.sqrt(1.0 - self.damping_ratio**2))
 
 
@@ -54,9 +54,9 @@ def mode_estimate(
     decay_error: float,
     n_extremes: int = 0,
 ) -> ModeEstimate:
-    """Return an estimate from the damped circular frequency and the rate of decay, both in [rad/s] with errors.
+    """Return an estimate from the damped circular frequency [rad/s] and the decay rate [1/s], with standard errors.
 
-    `omega_n^2 = omega_d^2 + sigma^2`, `zeta = sigma / omega_n`; errors to first order, the two taken as independent.
+    `omega_n^2 = omega_d^2 + sigma^2`, `zeta = sigma / omega_n`; errors to first order, for independent estimates.
     """
     natural = float(np.hypot(omega, decay))
     return ModeEstimate(
@@ -72,14 +72,14 @@ def mode_estimate(
 def checked(
     signal: Floats, dt: float, band: tuple[float, float] | None
 ) -> tuple[Floats, tuple[float, float]]:
-    """Return the record as an array, and the band [Hz] in which a mode is looked for.
+    """Check a record and a band; return the record as an array and the band [Hz] to search for a mode.
 
     Raises
     ------
     RecordError
-        Where the record is short, constant, or has a value that is not finite.
+        If the record is too short, constant, or has a value that is not finite.
     SettingError
-        Where the step is not positive, or the band does not lie between zero and half the sampling frequency.
+        If the step is not positive, or the band does not lie between zero and half the sampling frequency.
     """
     signal = np.asarray(signal, dtype=np.float64)
     if signal.ndim != 1 or signal.size < _FEWEST:
@@ -94,7 +94,7 @@ def checked(
     if not (np.isfinite(dt) and dt > 0.0):
         raise SettingError(f"free vibration: the step is {dt} s; give a positive number")
     highest = 0.5 / dt
-    # Two periods in the record are the least that a peak can be told from the offset by.
+    # A peak is separable from the offset only if the record holds at least two periods.
     low, high = band if band is not None else (2.0 / (dt * signal.size), highest)
     if not 0.0 < low < high <= highest:
         raise SettingError(
@@ -104,35 +104,36 @@ def checked(
     return signal, (low, high)
 
 
-# Points of the padded spectrum for each independent one; the peak is then found exactly.
+# Zero padding: points of the padded spectrum per independent point. The peak is then refined exactly.
 _PADDING: Final = 8
-# Of the power of a peak over that of the noise: among ten thousand points of noise the highest has about ten times it.
+# Least ratio of the power of a peak to that of the noise; the highest of ten thousand noise points has about ten.
 _CLEAR: Final = 25.0
 
 
 def fourier_peak(signal: Floats, *, dt: float, band: tuple[float, float] | None = None) -> ModeEstimate:
-    """Frequency and damping of the mode with the highest peak in a band, from that peak and its width.
+    """Estimate frequency and damping of the mode with the highest peak in a band, from that peak and its width.
 
-    The spectrum of `exp(-sigma t) cos(omega_d t)`, cut off at the time T, is near its peak
-    `|(1 - exp(-(sigma + i d) T)) / (sigma + i d)|`, d the distance from omega_d. Its width at half power is 2 sigma for
-    a long record; here sigma is solved from the width with T, so a short record does not pass for damping. Standard
-    errors are those that white noise as strong as the spectrum beside the peak gives, to first order.
+    Near its peak, the spectrum of `exp(-sigma t) cos(omega_d t)` cut off at time T is
+    `|(1 - exp(-(sigma + i d) T)) / (sigma + i d)|`, where d is the distance from omega_d. Its width at half power is
+    2 sigma for a long record. Here sigma is solved from the width for the actual T, so the width due to a short record
+    is not mistaken for damping. Standard errors are first-order errors for white noise at the level of the spectrum
+    beside the peak.
 
     Parameters
     ----------
     signal
-        From the release on, shape (n_time,), in any unit; its mean is taken off.
+        Record from the release on, shape (n_time,), in any unit; its mean is subtracted.
     dt
-        Step [s].
+        Sampling step [s].
     band
-        Where the peak is looked for [Hz]; by default all frequencies of which the record has two periods.
+        Band [Hz] to search for the peak; by default all frequencies with at least two periods in the record.
 
     Raises
     ------
     RecordError
-        Where the record has no peak in the band, or is so short that its length alone makes the peak as wide as it is.
+        If the record has no peak in the band, or its length alone explains the width of the peak.
     SettingError
-        Where step or band cannot be.
+        If the step or the band is invalid.
     """
     signal, (low, high) = checked(signal, dt, band)
     spectrum = _FourierIntegral(signal - signal.mean(), dt)
@@ -153,7 +154,7 @@ def fourier_peak(signal: Floats, *, dt: float, band: tuple[float, float] | None 
     omega, decay, sides = _peak_at(
         spectrum, 2.0 * np.pi * np.asarray(frequency, dtype=np.float64), power, top
     )
-    # The peak at minus omega_d reaches over, by zeta / 2 of the height; taken off, the other stands alone.
+    # The image peak at -omega_d leaks over by zeta / 2 of the height; it is removed before the refinement.
     alone = spectrum.without_image(omega, decay)
     omega, sides = alone.refined(omega, sides)
     decay = _rate(sides, spectrum.duration, omega)
@@ -181,7 +182,7 @@ def fourier_peak(signal: Floats, *, dt: float, band: tuple[float, float] | None 
 def _peak_at(
     spectrum: _FourierIntegral, grid: Floats, power: Floats, top: int
 ) -> tuple[float, float, tuple[float, float]]:
-    """Peak near a point of the padded spectrum, the decay by its width, and where it has half its power."""
+    """Peak near a point of the padded spectrum, decay rate from its width, and its two half-power frequencies."""
     half = power[top] / 2.0
     below, above = np.flatnonzero(power[:top] < half), top + np.flatnonzero(power[top:] < half)
     if not (below.size and above.size):
@@ -205,7 +206,7 @@ def _rate(sides: tuple[float, float], duration: float, omega: float) -> float:
 
 
 class _FourierIntegral:
-    """Fourier integral of a record at any circular frequency, and what noise makes of it."""
+    """Fourier integral of a record at any circular frequency, and the effect of noise on its peak."""
 
     def __init__(self, signal: NDArray[np.float64] | NDArray[np.complex128], dt: float) -> None:
         self.signal = signal
@@ -217,7 +218,7 @@ class _FourierIntegral:
         return float(np.abs(self._terms(omega).sum()) ** 2)
 
     def refined(self, omega: float, sides: tuple[float, float]) -> tuple[float, tuple[float, float]]:
-        """Peak and points of half power, exactly, from a guess of each."""
+        """Exact peak and half-power points from an initial guess of each."""
         from scipy.optimize import brentq, minimize_scalar
 
         near = 0.25 * (sides[1] - sides[0])
@@ -233,7 +234,7 @@ class _FourierIntegral:
         return peak, (low, high)
 
     def _beyond(self, peak: float, side: float, half: float) -> float:
-        """A point on this side of the peak with less than half its power."""
+        """A frequency on one side of the peak with less than half its power."""
         for reach in (1.0, 1.1, 1.25, 1.5):
             if self.power(peak + reach * (side - peak)) < half:
                 return peak + reach * (side - peak)
@@ -242,7 +243,7 @@ class _FourierIntegral:
         )
 
     def without_image(self, omega: float, decay: float) -> _FourierIntegral:
-        """The record less the half of the mode that turns backwards, and less its offset."""
+        """The record without its offset and without the negative-frequency half of the mode."""
         turning = np.exp((-decay + 1j * omega) * self.time)
         shapes = np.stack([turning.real, turning.imag, np.ones_like(self.time)], axis=1)
         cosine, sine, offset = np.linalg.lstsq(shapes, self.signal.real)[0]
@@ -250,24 +251,24 @@ class _FourierIntegral:
         return _FourierIntegral(self.signal - backwards - offset, self.dt)
 
     def likeness(self, omega: float, decay: float) -> float:
-        """Power of the record along a motion that decays at this rate: the spectrum alone does not tell its sign."""
+        """Power of the record projected on a motion of this decay rate; the spectrum alone does not give its sign."""
         turning = np.exp((-decay + 1j * omega) * self.time)
         return float(np.abs(turning.conj() @ self.signal) ** 2 / (turning.conj() @ turning).real)
 
     def noise(self, omega: float, decay: float, width: float) -> float:
-        """Standard deviation of white noise as strong as the spectrum beside the peak, the mode itself taken off."""
+        """Standard deviation of white noise at the level of the spectrum beside the peak, without the mode itself."""
         turning = np.exp((-decay + 1j * omega) * self.time)
         left = self.signal - turning * (turning.conj() @ self.signal) / (turning.conj() @ turning)
         frequency = 2.0 * np.pi * np.fft.fftfreq(self.signal.size, self.dt)
         power = np.abs(np.fft.fft(left)) ** 2
         off_peak = (np.abs(frequency - omega) > 3.0 * width) & (frequency > 0.0)
         beside = off_peak & (frequency > 0.5 * omega) & (frequency < 2.0 * omega)
-        # The power of noise is exponentially distributed; its median leaves out the peaks of other modes.
+        # The power of noise is exponentially distributed; the median is robust against the peaks of other modes.
         level = float(np.median(power[beside if beside.sum() > 10 else off_peak])) / np.log(2.0)
         return float(np.sqrt(level / self.signal.size))
 
     def errors(self, omega: float, sides: tuple[float, float], noise: float) -> tuple[float, float]:
-        """Standard errors of peak and width: each is, to first order, a weighted sum of the samples' noise."""
+        """Standard errors of peak and width, each to first order a weighted sum of the noise of the samples."""
         terms = self._terms(omega)
         phases = np.exp(-1j * omega * self.time)
         value, slope, bend = terms.sum(), (-1j * self.time * terms).sum(), (-(self.time**2) * terms).sum()
@@ -287,7 +288,7 @@ class _FourierIntegral:
 
 
 def _decay(width: float, duration: float) -> float | None:
-    """Rate of decay whose peak, cut off at `duration`, has this width at half power; `None` where none is so narrow."""
+    """Decay rate that gives this half-power width for a record of `duration`; `None` if no rate gives one so narrow."""
 
     def excess(decay: float) -> float:
         s = np.array([decay, decay + 0.5j * width])
@@ -296,6 +297,6 @@ def _decay(width: float, duration: float) -> float | None:
 
     from scipy.optimize import brentq
 
-    # The width grows with the decay, from that of a steady sine up to twice the decay and never beyond.
+    # The width increases with the decay rate, from that of a steady sine to at most twice the rate.
     smallest = 1e-9 / duration
     return float(brentq(excess, smallest, width)) if excess(smallest) < 0.0 < excess(width) else None

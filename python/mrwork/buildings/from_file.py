@@ -1,6 +1,6 @@
-"""A building from a file or an already parsed table.
+"""Read a building from a file or from a parsed table.
 
-A table states a building in one of four forms, and may then change it:
+A table gives a building in one of four forms, and may then change it:
 
 =====================  ==================================================================================
 key                    meaning
@@ -11,12 +11,12 @@ mass, stiffness,       matrices [kg], [N/m], [N s/m], as rows of numbers or the 
 damping                `published` or `file` they replace its own
 masses, stiffnesses,   floors [kg] and storeys [N/m], [N s/m] of a shear building, lowest first
 storey_damping
-n_storeys              of that building; a single mass, stiffness or damping then counts for all of them
-influence, floors,     as in `Building`; by default each coordinate is a floor's displacement
+n_storeys              of that building; a single mass, stiffness or damping then holds for all storeys
+influence, floors,     as in `Building`; by default each coordinate is the displacement of a floor
 storeys
-floor_names,           what reports call them
+floor_names,           names in reports
 storey_names
-name, source           what the building is called, and where the numbers come from
+name, source           name of the building, and origin of its numbers
 [rayleigh]             ratios = [0.02, 0.02], modes = [1, 3]; or a0 [1/s], a1 [s]
 [modal_damping]        ratios = [0.01], one for all or one for each mode
 [isolation]            mass [kg] of the slab; period [s], ratio, or stiffness [N/m], damping [N s/m]
@@ -32,7 +32,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +50,7 @@ Floats = NDArray[np.float64]
 
 _MATRICES: Final = ("mass", "damping", "stiffness")
 _ROWS: Final = ("floors", "storeys")
-# What papers call them.
+# Symbols used in papers.
 _LETTERS: Final = {"M": "mass", "C": "damping", "K": "stiffness", "r": "influence"}
 _SHEAR: Final = ("masses", "stiffnesses", "storey_damping", "n_storeys")
 _TITLES: Final = {**_LETTERS, **{title: title for title in (*_MATRICES, "influence", *_ROWS)}}
@@ -60,20 +60,20 @@ KEYS: Final = ("published", "file", *_MATRICES, *_SHEAR, "influence", *_ROWS, *_
 
 
 def read_building(path: str | Path) -> Building:
-    """Read a building from a .toml file, a .mat file, or a folder of one text file for each matrix.
+    """Read a building from a .toml file, a .mat file, or a folder with one text file per matrix.
 
     Raises
     ------
     RecordError
         The file is missing, damaged, or has another extension.
     SettingError
-        What it states is no building; the message names file and key.
+        The content does not describe a building; the message names file and key.
     """
     return _read(Path(path), ())
 
 
 def _read(path: Path, readers: tuple[Path, ...]) -> Building:
-    """Read a building; `readers` are the files that led to this one."""
+    """Read a building; `readers` are the files that refer to this one, to detect cycles."""
     if path.is_dir() or path.suffix.lower() == ".mat":
         return _from_matrices(
             read_matrices(path, _TITLES), Place(origin=str(path)), {"name": path.stem, "source": str(path)}
@@ -97,21 +97,21 @@ def _read(path: Path, readers: tuple[Path, ...]) -> Building:
 
 
 def building_from_table(table: Mapping[str, object], where: Place, *, folder: Path = Path()) -> Building:
-    """Return the building that a parsed table states; the module says which keys it may have.
+    """Return the building described by a parsed table; see the module for the keys.
 
     Parameters
     ----------
     table
-        As a TOML parser gives it.
+        Table as a TOML parser returns it.
     where
-        Its place in a document, with which messages begin.
+        Its place in a document; messages begin with it.
     folder
-        From which the names of files are taken.
+        Folder to which file names are relative.
 
     Raises
     ------
     SettingError, UnknownNameError, RecordError
-        What the table states is no building, or a file that it names cannot be read; the message has the place.
+        The table does not describe a building, or a file that it names cannot be read; the message has the place.
     """
     return _built(Entries(table, where), folder, ())
 
@@ -167,7 +167,7 @@ def _shear(entries: Entries) -> Building:
 
 
 def _each(entries: Entries, key: str) -> tuple[float, ...]:
-    """Return the numbers of floors or storeys; a single one is repeated where the table says how many there are."""
+    """Return one number per floor or storey; a single number is repeated `n_storeys` times."""
     values = entries.numbers(key)
     if "n_storeys" not in entries:
         return values
@@ -186,31 +186,19 @@ def _stated(entries: Entries, folder: Path) -> Building:
 
 
 def _changed(known: Building, entries: Entries, folder: Path) -> Building:
-    """Return a building with what the table says in place of its own."""
+    """Return a building with the entries of a table replacing its own."""
     arrays = _arrays(entries, folder)
-    names = {key: entries.texts(key) for key in _NAMES if key in entries}
-    words = {key: entries.text(key) for key in _WORDS if key in entries}
-    if arrays and "source" not in words:
-        words["source"] = f"{known.source}; {', '.join(arrays)} replaced".removeprefix("; ")
+    changes: dict[str, Any] = {key: entries.texts(key) for key in _NAMES if key in entries}
+    if arrays:
+        replaced = f"{known.source}; {', '.join(arrays)} replaced".removeprefix("; ")
+        changes |= {**arrays, "status": "ours", "source": replaced}
+    changes |= {key: entries.text(key) for key in _WORDS if key in entries}
     with entries.placed():
-        return replace(
-            known,
-            name=words.get("name", known.name),
-            source=words.get("source", known.source),
-            status="ours" if arrays else known.status,
-            mass=arrays.get("mass", known.mass),
-            damping=arrays.get("damping", known.damping),
-            stiffness=arrays.get("stiffness", known.stiffness),
-            influence=arrays.get("influence", known.influence),
-            floors=arrays.get("floors", known.floors),
-            storeys=arrays.get("storeys", known.storeys),
-            floor_names=names.get("floor_names", known.floor_names),
-            storey_names=names.get("storey_names", known.storey_names),
-        )
+        return replace(known, **changes)
 
 
 def _arrays(entries: Entries, folder: Path) -> dict[str, Floats]:
-    """Matrices of a table, each as rows or from the file that it names."""
+    """Read the matrices of a table, each given as rows or as the name of a file."""
     arrays: dict[str, Floats] = {}
     for key in (*_MATRICES, *_ROWS, "influence"):
         if key not in entries:
@@ -231,7 +219,7 @@ def _from_matrices(
     floor_names: tuple[str, ...] = (),
     storey_names: tuple[str, ...] = (),
 ) -> Building:
-    """Return the building of M, C, K and whatever else is given, by word or letter."""
+    """Return the building with the given matrices, named by word or symbol."""
     named = {_TITLES[name]: matrix for name, matrix in matrices.items() if name in _TITLES}
     entries = Entries(named, place)
     for title in ("mass", "stiffness"):

@@ -20,32 +20,32 @@ Floats = NDArray[np.float64]
 class Building(Summarised):
     """`M q'' + C q' + K q = -sum_d e_d' f_d - M r a_g`, with q relative to the ground.
 
-    The arrays are kept as read-only copies.
+    The arrays are stored as read-only copies.
 
     Parameters
     ----------
     mass, damping, stiffness
         M [kg], C [N s/m], K [N/m], shape (n, n).
     influence
-        r, how the coordinates follow the ground when all moves as one, shape (n,): ones for floor displacements.
+        r, the coordinates under a unit rigid-body displacement of the ground, shape (n,): ones for floor displacements.
     floors
         Displacement of each floor relative to the ground = floors @ q, shape (n_floors, n), lowest first; its
         absolute acceleration = floors @ q'' + a_g.
     storeys
         Drift of each storey = storeys @ q, shape (n_storeys, n), lowest first. A device across a storey is
-        elongated by its drift, and pulls the coordinates back by its row times the force.
+        elongated by the drift, and acts on the coordinates with minus its row times the force.
     floor_names, storey_names
-        What reports call them.
+        Their names in reports.
     source, status
-        Where the numbers come from: "verified", "published" or "ours".
+        Origin of the numbers; the status is "verified", "published" or "ours".
     n_strokes
-        How many of the last rows of `storeys` are strokes of what was put in (a tuned mass, a damper behind its
-        brace). They are no drifts, and criteria of drift leave them out.
+        Number of last rows of `storeys` that are strokes of additions (a tuned mass, a damper behind its brace).
+        They are not drifts and do not count in drift criteria.
 
     Raises
     ------
     SettingError
-        Where shapes disagree, a number is not finite, M or K is not symmetric, M is singular or K unstable.
+        If shapes disagree, a number is not finite, M or K is not symmetric, M is singular or K unstable.
     """
 
     name: str
@@ -70,17 +70,17 @@ class Building(Summarised):
 
     @property
     def n_coordinates(self) -> int:
-        """How many coordinates q has."""
+        """Number of coordinates."""
         return len(self.mass)
 
     @property
     def drifts(self) -> Floats:
-        """Those rows of `storeys` that are drifts between floors, shape (n_storeys - n_strokes, n)."""
+        """The rows of `storeys` that are drifts between floors, shape (n_storeys - n_strokes, n)."""
         return self.storeys[: len(self.storeys) - self.n_strokes]
 
     @property
     def total_mass(self) -> float:
-        """What the ground feels when all moves as one: r' M r [kg]."""
+        """Mass in rigid-body motion with the ground: r' M r [kg]."""
         return float(self.influence @ self.mass @ self.influence)
 
     @property
@@ -95,16 +95,16 @@ class Building(Summarised):
 
     @property
     def damping_ratios(self) -> Floats:
-        """Damping of each mode over its critical damping, shape (n,); what couples modes is left out.
+        """Ratio of damping to critical damping of each mode, shape (n,), without the coupling between modes.
 
-        Exact where damping is classical (Rayleigh, modal). Elsewhere, as with a damper at one storey, the poles
-        tell how a motion really decays.
+        Exact for classical damping (Rayleigh, modal). Otherwise, as with a damper at one storey, the poles give the
+        actual decay.
         """
         return damping_ratios_of(self.mass, self.damping, self.stiffness)
 
     @property
     def poles(self) -> NDArray[np.complex128]:
-        """Eigenvalues of the state matrix [rad/s], shape (2 n,), by magnitude."""
+        """Eigenvalues of the state matrix [rad/s], shape (2 n,), sorted by magnitude."""
         poles = np.linalg.eigvals(self.state_matrices()[0]).astype(np.complex128)
         return poles[np.lexsort((poles.imag, np.abs(poles).round(9)))]
 
@@ -114,13 +114,12 @@ class Building(Summarised):
         Parameters
         ----------
         rows
-            Attachment of each device, shape (n_devices, n): its elongation = row @ q. By default one device across
-            each storey.
+            Elongation of each device = row @ q, shape (n_devices, n). By default one device across each storey.
 
         Returns
         -------
         A, B, E
-            Shapes (2 n, 2 n), (2 n, n_devices), (2 n,). B carries the sign of a force that resists.
+            Shapes (2 n, 2 n), (2 n, n_devices), (2 n,). B has the sign of a resisting force.
         """
         n = self.n_coordinates
         rows = self.storeys if rows is None else np.asarray(rows, dtype=np.float64)
@@ -136,9 +135,9 @@ class Building(Summarised):
         Raises
         ------
         UnknownNameError
-            Where no storey has that number or name.
+            If no storey has that number or name.
         """
-        row: Floats = self.storeys[_place(storey, self.storey_names, f"{self.name}: there is no storey")]
+        row: Floats = self.storeys[_index(storey, self.storey_names, f"{self.name}: there is no storey")]
         return row
 
     def floor_row(self, floor: int | str) -> Floats:
@@ -147,14 +146,14 @@ class Building(Summarised):
         Raises
         ------
         UnknownNameError
-            Where no floor has that number or name.
+            If no floor has that number or name.
         """
-        row: Floats = self.floors[_place(floor, self.floor_names, f"{self.name}: there is no floor")]
+        row: Floats = self.floors[_index(floor, self.floor_names, f"{self.name}: there is no floor")]
         return row
 
     def storey_name(self, storey: int | str) -> str:
         """Name of a storey, by its number from 1 or by its name."""
-        return self.storey_names[_place(storey, self.storey_names, f"{self.name}: there is no storey")]
+        return self.storey_names[_index(storey, self.storey_names, f"{self.name}: there is no storey")]
 
     def _summary(self) -> Summary:
         frequencies = self.frequencies
@@ -167,8 +166,8 @@ class Building(Summarised):
         )
 
 
-def _place(wanted: int | str, names: tuple[str, ...], refusal: str) -> int:
-    """Index of a name, or of a number from 1."""
+def _index(wanted: int | str, names: tuple[str, ...], refusal: str) -> int:
+    """Index of a row given by name or by number from 1."""
     if isinstance(wanted, str) and wanted in names:
         return names.index(wanted)
     if isinstance(wanted, int) and not isinstance(wanted, bool) and 1 <= wanted <= len(names):
@@ -181,37 +180,37 @@ def _place(wanted: int | str, names: tuple[str, ...], refusal: str) -> int:
 def modes_of(mass: Floats, stiffness: Floats) -> tuple[Floats, Floats]:
     """Circular frequencies [rad/s], shape (n,), lowest first, and mode shapes as columns with modes' M modes = I.
 
-    The sign of a shape is that which makes its largest entry positive.
+    The largest entry of each shape is positive.
     """
     squares, modes = eigh(stiffness, mass)
     largest = np.take_along_axis(modes, np.abs(modes).argmax(axis=0)[None, :], axis=0)
-    # A coordinate that nothing holds has frequency zero, and rounding may leave its square below.
+    # A free coordinate has frequency zero; rounding may make its square negative.
     return np.sqrt(np.maximum(squares, 0.0)), modes * np.where(largest < 0.0, -1.0, 1.0)
 
 
 def damping_ratios_of(mass: Floats, damping: Floats, stiffness: Floats) -> Floats:
-    """Diagonal of modes' C modes over 2 omega, shape (n,); infinite or NaN where a mode has no stiffness."""
+    """Diagonal of modes' C modes over 2 omega, shape (n,); infinite or NaN for a mode without stiffness."""
     omega, modes = modes_of(mass, stiffness)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.einsum("im,ij,jm->m", modes, damping, modes) / (2.0 * omega))
 
 
 STATUSES: Final = ("verified", "published", "ours")
-# Matrices are typed from tables of five or six digits, each triangle rounded by itself.
+# Published matrices have five or six digits, with each triangle rounded separately.
 _ASYMMETRY: Final = 1e-6
-# Of the smallest eigenvalue over the largest, rows and columns scaled to a unit diagonal.
+# Ratio of the smallest to the largest eigenvalue, after scaling to a unit diagonal.
 _SINGULAR: Final = 1e-12
-# A negative stiffness of this share of the largest is rounding.
+# A negative stiffness below this fraction of the largest is rounding.
 _ROUNDING: Final = 1e-9
 
 
 def check_building(building: Building) -> None:
-    """Refuse a building that cannot be computed with.
+    """Check that a building can be simulated.
 
     Raises
     ------
     SettingError
-        Where shapes disagree, a number is not finite, M or K is not symmetric, M is singular or K unstable.
+        If shapes disagree, a number is not finite, M or K is not symmetric, M is singular or K unstable.
     """
     where = f"building {building.name}"
     _check_shapes(building, where)
@@ -288,7 +287,7 @@ def _check_mass(mass: Floats, where: str) -> None:
     scale = 1.0 / np.sqrt(diagonal)
     values, vectors = np.linalg.eigh(mass * np.outer(scale, scale))
     if values[0] <= _SINGULAR * values[-1]:
-        # The motion that moves no mass, in the coordinate where it is largest.
+        # Largest coordinate of the motion that moves no mass.
         first = int(np.abs(vectors[:, 0]).argmax())
         kind = "singular" if abs(values[0]) <= _SINGULAR * values[-1] else "not positive definite"
         raise SettingError(

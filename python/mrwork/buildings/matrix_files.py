@@ -1,4 +1,4 @@
-"""Matrices from files: one in each CSV file, or several by name in a .mat file."""
+"""Matrices from files: one per text file, or several by name in a .mat file."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _SUFFIXES: Final = (".csv", ".tsv", ".txt")
 
 
 def read_matrix(path: Path) -> Floats:
-    """Read a matrix from a text file of numbers, a row in each line, shape (n_rows, n_columns).
+    """Read a matrix from a text file with one row per line, shape (n_rows, n_columns).
 
-    Numbers are separated by commas, semicolons, tabs or spaces; what follows a # is left out.
+    Numbers are separated by commas, semicolons, tabs or spaces; text after a # is a comment.
 
     Raises
     ------
     RecordError
-        The file is missing, not text, holds something else than numbers, or rows of different lengths.
+        The file is missing or not text, or it holds entries that are not numbers, or rows of different lengths.
     """
     if path.suffix.lower() not in _SUFFIXES:
         raise RecordError(
@@ -58,7 +58,7 @@ def read_matrix(path: Path) -> Floats:
 
 
 def read_matrices(path: Path, names: Collection[str]) -> dict[str, Floats]:
-    """Matrices by name, from a .mat file or from a folder of one text file for each of those named.
+    """Read matrices by name from a .mat file, or from a folder with one text file per matrix in `names`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Buildings of the literature, as their papers give them."""
+"""Buildings from the literature, with the numbers of their papers."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def _frame() -> Building:
 
 
 def _sac3() -> Building:
-    # The source counts from the roof down.
+    # The source numbers the floors from the roof down.
     stiffness = np.array(
         [
             [9.35151e7, -1.29507e8, 4.21961e7],
@@ -114,17 +114,17 @@ _MAKERS: Final[dict[str, Callable[[], Building]]] = {
 
 @cache
 def buildings() -> tuple[Building, ...]:
-    """Every published building."""
+    """All published buildings."""
     return tuple(make() for make in _MAKERS.values())
 
 
 def building(name: str) -> Building:
-    """Return the published building called `name`.
+    """Return the published building with this name.
 
     Raises
     ------
     UnknownNameError
-        Where none has that name; the message lists those that exist.
+        If there is none with this name; the message lists all names.
 
     Examples
     --------

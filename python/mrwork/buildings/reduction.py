@@ -1,4 +1,4 @@
-"""Fewer coordinates: a building of its lowest modes, a linear system of its largest Hankel singular values."""
+"""Model reduction: modal truncation of a building, balanced truncation of a linear system."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from mrwork.errors import SettingError
 
 Floats = NDArray[np.float64]
 
-# The Gramians are exact to rounding, their square roots to its root: smaller singular values are noise.
+# Square roots of the Gramians are exact to the square root of rounding; smaller singular values are noise.
 _NOISE: Final = 1e-8
 
 
 def modal_truncation(building: Building, *, n_modes: int) -> Building:
     """Return the building in the coordinates of its lowest modes.
 
-    With `q = modes y` over those kept and modes' M modes = I, the mass is I, the stiffness omega^2, the damping
-    modes' C modes, coupling among the modes included, and the influence `modes' M r`. Floors and storeys are what they
-    were; what the modes that are left out add to them is lost, statically too.
+    With `q = modes y` over the modes kept and modes' M modes = I, the mass is I, the stiffness omega^2, the damping
+    modes' C modes including the coupling between modes, and the influence `modes' M r`. Floors and storeys remain the
+    same; the contribution of the truncated modes is lost, including its static part.
 
     Raises
     ------
     SettingError
-        Where there are not that many modes.
+        If there are fewer modes.
     """
     if not 1 <= n_modes <= building.n_coordinates:
         raise SettingError(
@@ -54,9 +54,9 @@ def modal_truncation(building: Building, *, n_modes: int) -> Building:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BalancedReduction:
-    """A reduced system, all Hankel singular values of the full one, shape (n,), and what the difference can be.
+    """A reduced system, the Hankel singular values of the full system, shape (n,), and an error bound.
 
-    `error_bound` holds for the largest singular value of the difference of frequency responses, at any frequency.
+    `error_bound` limits the largest singular value of the difference of the frequency responses at any frequency.
     """
 
     system: LinearSystem
@@ -65,15 +65,15 @@ class BalancedReduction:
 
 
 def balanced_truncation(system: LinearSystem, *, order: int) -> BalancedReduction:
-    """Reduce a stable system to the states that are reached and seen best.
+    """Reduce a stable system to its most controllable and observable states.
 
     Square-root method (Tombs, Postlethwaite, Int. J. Control 46, 1987, 1319-1330); the error is at most twice the sum
-    of the Hankel singular values left out (Glover, Int. J. Control 39, 1984, 1115-1193).
+    of the truncated Hankel singular values (Glover, Int. J. Control 39, 1984, 1115-1193).
 
     Raises
     ------
     SettingError
-        Where the system is not stable, or has fewer states of that kind than are asked for.
+        If the system is not stable, or has fewer significant states than `order`.
     """
     slowest = float(system.poles.real.max())
     if slowest >= 0.0:
@@ -81,9 +81,9 @@ def balanced_truncation(system: LinearSystem, *, order: int) -> BalancedReductio
             f"balanced truncation: a pole of the system has the real part {slowest:g} 1/s; it must be stable, so give "
             "each mode some damping"
         )
-    reached = _root(solve_continuous_lyapunov(system.A, -system.B @ system.B.T))
-    seen = _root(solve_continuous_lyapunov(system.A.T, -system.C.T @ system.C))
-    left, hankel, right = svd(seen.T @ reached)
+    controllability = _root(solve_continuous_lyapunov(system.A, -system.B @ system.B.T))
+    observability = _root(solve_continuous_lyapunov(system.A.T, -system.C.T @ system.C))
+    left, hankel, right = svd(observability.T @ controllability)
     n_clear = int((hankel > _NOISE * hankel[0]).sum())
     if not 1 <= order <= n_clear:
         raise SettingError(
@@ -91,8 +91,8 @@ def balanced_truncation(system: LinearSystem, *, order: int) -> BalancedReductio
             f"rounding, give a number from 1 to {n_clear}"
         )
     scale = 1.0 / np.sqrt(hankel[:order])
-    into = scale[:, None] * (left[:, :order].T @ seen.T)
-    out = (reached @ right[:order].T) * scale
+    into = scale[:, None] * (left[:, :order].T @ observability.T)
+    out = (controllability @ right[:order].T) * scale
     reduced = LinearSystem(
         A=into @ system.A @ out,
         B=into @ system.B,
@@ -105,6 +105,6 @@ def balanced_truncation(system: LinearSystem, *, order: int) -> BalancedReductio
 
 
 def _root(gramian: NDArray[np.floating]) -> Floats:
-    """Return L with L L' = gramian, which rounding may have left a little indefinite."""
+    """Return L with L L' = gramian; eigenvalues made negative by rounding are set to zero."""
     values, vectors = np.linalg.eigh((gramian + gramian.T) / 2.0)
     return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))

@@ -1,4 +1,4 @@
-"""Shear buildings: rigid floors, one spring and one dashpot in each storey."""
+"""Shear buildings: rigid floors, with one spring and one dashpot per storey."""
 
 from __future__ import annotations
 
@@ -24,21 +24,22 @@ def shear_building(
     source: str = "",
     status: str = "ours",
 ) -> Building:
-    """Building whose coordinates are the displacements of its floors relative to the ground.
+    """Build a shear building; its coordinates are the floor displacements relative to the ground.
 
     Parameters
     ----------
     masses
-        Of the floors [kg], lowest first.
+        Floor masses [kg], lowest first.
     stiffnesses, storey_damping
-        Of the storeys [N/m], [N s/m], lowest first; damping may be left out, and added as Rayleigh or modal damping.
+        Storey stiffnesses [N/m] and dashpots [N s/m], lowest first; damping can instead be added as Rayleigh or modal
+        damping.
     floor_names, storey_names
-        By default "floor 1", "storey 1" and so on.
+        Default: "floor 1", "storey 1" and so on.
 
     Raises
     ------
     SettingError
-        Where there is not one stiffness for each mass, a stiffness is not positive, or a damping is negative.
+        If the numbers of masses and stiffnesses differ, a stiffness is not positive, or a damping is negative.
 
     Examples
     --------
@@ -80,15 +81,15 @@ def shear_building(
 
 
 def chain(storeys: Floats, values: Sequence[float]) -> Floats:
-    """Matrix of springs or dashpots across storeys: sum of value e'e, shape (n, n)."""
+    """Matrix of springs or dashpots across storeys: the sum of value e'e, shape (n, n)."""
     return storeys.T @ np.diag(np.asarray(values, dtype=np.float64)) @ storeys
 
 
 def floor_differences(n_floors: int) -> Floats:
-    """Drift of each storey from the displacements of floors relative to the ground, shape (n_floors, n_floors)."""
+    """Matrix from floor displacements to storey drifts, shape (n_floors, n_floors)."""
     return np.eye(n_floors) - np.eye(n_floors, k=-1)
 
 
 def numbered(noun: str, count: int) -> tuple[str, ...]:
-    """Names for floors or storeys that have none: "floor 1", "floor 2" and so on."""
+    """Default names of floors or storeys: "floor 1", "floor 2" and so on."""
     return tuple(f"{noun} {number}" for number in range(1, count + 1))

@@ -23,7 +23,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinearSystem:
-    """`s' = A s + B u`, `y = C s + D u`, in continuous time. The arrays are kept as read-only copies.
+    """Continuous-time linear system `s' = A s + B u`, `y = C s + D u`. The arrays are stored as read-only copies.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class LinearSystem:
     Raises
     ------
     SettingError
-        Where shapes disagree or a number is not finite.
+        If shapes disagree or a number is not finite.
     """
 
     A: Floats
@@ -74,7 +74,7 @@ class LinearSystem:
 
     @property
     def n_states(self) -> int:
-        """How many states s has."""
+        """Number of states."""
         return len(self.A)
 
     @property
@@ -89,15 +89,15 @@ class LinearSystem:
         return np.asarray(self.C @ states + self.D, dtype=np.complex128)
 
     def select(self, *, inputs: Sequence[str] = (), outputs: Sequence[str] = ()) -> LinearSystem:
-        """Return the system with some inputs and outputs only, by name and in that order; none means all.
+        """Return the system with selected inputs and outputs, by name and in that order; an empty selection means all.
 
         Raises
         ------
         UnknownNameError
-            Where there is no such input or output.
+            If there is no such input or output.
         """
-        columns = _places(inputs, self.input_names, "input")
-        rows = _places(outputs, self.output_names, "output")
+        columns = _indices(inputs, self.input_names, "input")
+        rows = _indices(outputs, self.output_names, "output")
         return LinearSystem(
             A=self.A,
             B=self.B[:, columns],
@@ -108,12 +108,12 @@ class LinearSystem:
         )
 
     def to_control(self) -> StateSpace:
-        """Return the same system as a StateSpace of python-control.
+        """Convert to a StateSpace of python-control.
 
         Raises
         ------
         SettingError
-            Where python-control is not installed.
+            If python-control is not installed.
         """
         try:
             from control import StateSpace
@@ -121,7 +121,7 @@ class LinearSystem:
             raise SettingError(
                 "exchanging systems with python-control needs it; run: pip install 'mrwork[control]'"
             ) from error
-        # It keeps the point in names for itself.
+        # python-control reserves the point in signal names.
         inputs, outputs = (
             [name.replace(".", ",") for name in names] for names in (self.input_names, self.output_names)
         )
@@ -129,14 +129,14 @@ class LinearSystem:
 
 
 def from_control(system: StateSpace) -> LinearSystem:
-    """Return a StateSpace of python-control as a linear system.
+    """Convert a StateSpace of python-control to a linear system.
 
     Raises
     ------
     SettingError
-        Where it runs in discrete time.
+        If it is a discrete-time system.
     """
-    # None leaves open which time it runs in, and is what an old model often has.
+    # A step of None, common in old models, leaves the time base open and is accepted.
     if system.dt not in (None, 0):
         raise SettingError(
             f"the system runs in discrete time with a step of {system.dt} s; give one in continuous time"
@@ -151,7 +151,7 @@ def from_control(system: StateSpace) -> LinearSystem:
     )
 
 
-def _places(wanted: Sequence[str], names: tuple[str, ...], noun: str) -> list[int]:
+def _indices(wanted: Sequence[str], names: tuple[str, ...], noun: str) -> list[int]:
     for name in wanted:
         if name not in names:
             raise UnknownNameError(f"there is no {noun} {name!r}; choose among {', '.join(names)}")
@@ -159,27 +159,27 @@ def _places(wanted: Sequence[str], names: tuple[str, ...], noun: str) -> list[in
 
 
 OUTPUTS: Final = ("displacement", "velocity", "acceleration", "drift", "drift rate")
-# Of what is left against the largest entry, where an exact zero or symmetry was expected.
+# Tolerance relative to the largest entry where an exact zero or symmetry is expected.
 _ROUNDING: Final = 1e-8
 
 
 def system_of(
     building: Building, *, outputs: Sequence[str] = ("displacement",), devices: Sequence[int | str] = ()
 ) -> LinearSystem:
-    """Return a building as a linear system whose first input is the ground's acceleration.
+    """Return a building as a linear system whose first input is the ground acceleration.
 
     Parameters
     ----------
     outputs
-        Among "displacement" and "velocity" of the floors relative to the ground, their absolute "acceleration", "drift"
-        and "drift rate" of the storeys; each stands for all floors or storeys.
+        Any of "displacement" and "velocity" (of the floors, relative to the ground), "acceleration" (absolute, of the
+        floors), "drift" and "drift rate" (of the storeys); each gives one output per floor or storey.
     devices
-        Storeys, by number from 1 or name, across which a resisting force is a further input.
+        Storeys, by number from 1 or by name; the resisting force across each is a further input.
 
     Raises
     ------
     UnknownNameError
-        Where there is no such output or storey.
+        If there is no such output or storey.
 
     Examples
     --------
@@ -231,24 +231,24 @@ def building_of(
     storey_names: Sequence[str] = (),
     source: str = "",
 ) -> Building:
-    """Return a linear system as a building, where A = [0 I; -M^-1 K, -M^-1 C] lets it be one.
+    """Return a linear system with A = [0 I; -M^-1 K, -M^-1 C] as a building.
 
-    A tells only products with M^-1. Where `mass` is not given, one is made of the modes phi of M^-1 K, each of length
-    one: M = (phi phi')^-1, with which K is symmetric. It is the unit matrix where M^-1 K is symmetric already. The
-    motion under a ground acceleration does not depend on this choice; a force does, and pulls by the row `-(M b)'`, b
-    the lower half of its column of B.
+    A contains M only in products with M^-1. Without `mass`, M = (phi phi')^-1 is used, where phi are the modes of
+    M^-1 K with unit length; it makes K symmetric, and is the unit matrix if M^-1 K is symmetric already. The response
+    to a ground acceleration does not depend on this choice. The effect of a force does: its row is `-(M b)'`, where b
+    is the lower half of its column of B.
 
     Parameters
     ----------
     influence, floors, storeys
-        As in `Building`; of an input that is the ground's acceleration, the influence is minus the lower half of B.
+        As in `Building`; the influence is minus the lower half of the column of B for the ground acceleration.
     mass
         M [kg], shape (n / 2, n / 2).
 
     Raises
     ------
     SettingError
-        Where A has another form, no mass makes K symmetric, or that which is given does not.
+        If A has another form, or no mass makes K symmetric, or the given one does not.
     """
     n = system.n_states // 2
     expected = np.hstack([np.zeros((n, n)), np.eye(n)])
@@ -283,14 +283,14 @@ def building_of(
 
 
 def read_system(path: str | Path) -> LinearSystem:
-    """Read A, B, C and, if it is there, D from a .mat file or a folder of A.csv, B.csv and so on.
+    """Read A, B, C and optionally D from a .mat file or a folder of A.csv, B.csv and so on.
 
     Raises
     ------
     RecordError
         The file is missing or damaged.
     SettingError
-        A, B or C is not there, or their shapes disagree.
+        A, B or C is missing, or their shapes disagree.
     """
     path = Path(path)
     matrices = read_matrices(path, ("A", "B", "C", "D"))
@@ -303,7 +303,7 @@ def read_system(path: str | Path) -> LinearSystem:
 
 
 def _mass_of(stiffness: Floats, name: str) -> Floats:
-    """Return a mass that makes mass @ stiffness symmetric, from the modes of what is M^-1 K."""
+    """Return a mass that makes mass @ stiffness symmetric; `stiffness` is M^-1 K."""
     if np.abs(stiffness - stiffness.T).max() <= _ROUNDING * np.abs(stiffness).max():
         return np.eye(len(stiffness))
     squares, modes = np.linalg.eig(stiffness)

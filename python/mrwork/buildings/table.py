@@ -1,4 +1,4 @@
-"""Values of a parsed table, each of the kind that is wanted, or an error that says where it stands."""
+"""Access to a parsed table: values of a requested type, or an error that names the place of the entry."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Entries:
-    """A parsed table and its place.
+    """A parsed table and its place in a document.
 
-    Every method raises a SettingError where a value is missing or of another kind.
+    Every method raises a SettingError if a value is missing or of another type.
     """
 
     table: Mapping[str, object]
@@ -35,7 +35,7 @@ class Entries:
         self.place.within(*keys).refuse(sentence)
 
     def allow(self, known: Sequence[str]) -> None:
-        """Refuse a key that is not among those known."""
+        """Check that all keys are among those known."""
         for key in self.table:
             if key not in known:
                 near = get_close_matches(key, known, n=1)
@@ -96,14 +96,14 @@ class Entries:
         return np.array(value, dtype=np.float64)
 
     def inner(self, key: str) -> Entries:
-        """Return a table inside."""
+        """Return a nested table."""
         value = self._get(key, "a table")
         if not isinstance(value, dict):
             self.refuse(f"{key} is {shown(value)}; give a table, as [{key}]", key)
         return Entries(value, self.place.within(key))
 
     def inner_all(self, key: str) -> tuple[Entries, ...]:
-        """Return the tables of an array inside, none where it is not there; a single table is an array of one."""
+        """Return the tables of an array, none if the key is absent; a single table counts as an array of one."""
         value = self.table.get(key, [])
         tables = [value] if isinstance(value, dict) else value
         if not isinstance(tables, list) or not all(isinstance(each, dict) for each in tables):
@@ -114,7 +114,7 @@ class Entries:
 
     @contextmanager
     def placed(self) -> Iterator[None]:
-        """Begin the errors of what is done inside with this place."""
+        """Context manager that prefixes errors with this place."""
         try:
             yield
         except MrworkError as error:

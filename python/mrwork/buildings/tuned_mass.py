@@ -17,14 +17,14 @@ from mrwork.errors import SettingError, UnknownNameError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tuning:
-    """Frequency of the tuned mass over that of the mode, and its own damping ratio."""
+    """Ratio of the frequency of the tuned mass to that of the mode, and damping ratio of the tuned mass."""
 
     frequency_ratio: float
     damping_ratio: float
 
 
 def den_hartog(mass_ratio: float, _: float) -> Tuning:
-    """Least peak displacement under a harmonic force, on an undamped structure.
+    """Tuning for the least peak displacement of an undamped structure under a harmonic force.
 
     `1 / (1 + mu)` and `sqrt(3 mu / (8 (1 + mu)))` (Den Hartog, Mechanical Vibrations, 1956, ch. 3).
     """
@@ -33,7 +33,7 @@ def den_hartog(mass_ratio: float, _: float) -> Tuning:
 
 
 def warburton(mass_ratio: float, _: float) -> Tuning:
-    """Least rms displacement under white ground acceleration, on an undamped structure.
+    """Tuning for the least rms displacement of an undamped structure under white ground acceleration.
 
     `sqrt(1 - mu / 2) / (1 + mu)` and `sqrt(mu (1 - mu / 4) / (4 (1 + mu) (1 - mu / 2)))` (Warburton, Earthquake Eng.
     Struct. Dyn. 10, 1982, 381-401).
@@ -46,10 +46,10 @@ def warburton(mass_ratio: float, _: float) -> Tuning:
 
 
 def sadek(mass_ratio: float, damping_ratio: float) -> Tuning:
-    """Equal damping in both modes of structure and tuned mass.
+    """Tuning for equal damping in both modes of structure and tuned mass.
 
-    `(1 - beta sqrt(mu / (1 + mu))) / (1 + mu)` and `beta / (1 + mu) + sqrt(mu / (1 + mu))`, beta the damping ratio of
-    the mode (Sadek, Mohraz, Taylor, Chung, Earthquake Eng. Struct. Dyn. 26, 1997, 617-635).
+    `(1 - beta sqrt(mu / (1 + mu))) / (1 + mu)` and `beta / (1 + mu) + sqrt(mu / (1 + mu))`, where beta is the
+    damping ratio of the mode (Sadek, Mohraz, Taylor, Chung, Earthquake Eng. Struct. Dyn. 26, 1997, 617-635).
     """
     mu, beta = mass_ratio, damping_ratio
     share = sqrt(mu / (1.0 + mu))
@@ -70,26 +70,26 @@ def with_tuned_mass(
     ratio: float,
     name: str = "tuned mass",
 ) -> Building:
-    """Return the building with a mass on a floor, held by a spring and a dashpot.
+    """Return the building with a mass on a floor, attached by a spring and a dashpot.
 
-    Its displacement relative to the ground is a new coordinate, but no floor; its stroke is the last of the storeys,
-    called `name`, and counted among the strokes.
+    Its displacement relative to the ground is a new coordinate but not a floor; its stroke is appended to the storeys
+    under the name `name`.
 
     Parameters
     ----------
     floor
-        By number from 1 or by name.
+        Number from 1, or name.
     mass
-        [kg].
+        Mass [kg].
     frequency, ratio
-        Of the mass on its spring, the floor held [Hz]; damping over critical damping.
+        Frequency [Hz] and damping ratio of the mass on its spring, with the floor fixed.
 
     Raises
     ------
     SettingError
-        Where mass or frequency is not positive, or the ratio is negative.
+        If the mass or the frequency is not positive, or the ratio is negative.
     UnknownNameError
-        Where there is no such floor.
+        If there is no such floor.
     """
     row = building.floor_row(floor)
     for title, value in (("mass", mass), ("frequency", frequency)):
@@ -131,29 +131,29 @@ def with_optimal_tuned_mass(
     mode: int = 1,
     name: str = "tuned mass",
 ) -> Building:
-    """Return the building with a mass on a floor that is tuned to a mode by a published optimum.
+    """Return the building with a mass on a floor, tuned to a mode by a published optimum.
 
-    The optima are of a mass on a single mass; that of a mode, seen from the floor where its shape has the entry p, is
-    `1 / p^2` with phi' M phi = 1.
+    The optima are derived for a single mass; the effective mass of a mode at a floor where its shape has the entry p is
+    `1 / p^2`, with phi' M phi = 1.
 
     Parameters
     ----------
     floor
-        By number from 1 or by name.
+        Number from 1, or name.
     mass_ratio
-        Of the tuned mass to all mass of the building.
+        Ratio of the tuned mass to the mass of the building.
     tuning
         "warburton", for ground motion, "den_hartog" or "sadek".
     mode
-        Which it is tuned to, from 1.
+        Number of the mode, from 1.
 
     Raises
     ------
     SettingError
-        Where the mass ratio is not positive, there is no such mode, the mode does not move the floor, or the optimum
-        asks for a mass of twice the mode's.
+        If the mass ratio is not positive, there is no such mode, the mode does not move the floor, or the tuned mass
+        is at least twice the effective mass of the mode.
     UnknownNameError
-        Where there is no such floor or tuning.
+        If there is no such floor or tuning.
     """
     if tuning not in TUNINGS:
         raise UnknownNameError(f"there is no tuning {tuning!r}; choose one of {', '.join(TUNINGS)}")
@@ -168,7 +168,7 @@ def with_optimal_tuned_mass(
     omega, modes = modes_of(building.mass, building.stiffness)
     entry = float(building.floor_row(floor) @ modes[:, mode - 1])
     mass = mass_ratio * building.total_mass
-    # Of all entries a mode may have, one in a million of the largest is a node.
+    # An entry below a millionth of the largest is a node of the mode.
     if abs(entry) < 1e-6 * float(np.abs(building.floors @ modes[:, mode - 1]).max()):
         raise SettingError(
             f"{name} on {building.name}: mode {mode} does not move the floor {floor}; choose another"
