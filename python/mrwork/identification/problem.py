@@ -6,7 +6,6 @@ import platform
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from math import isfinite
 
 import numpy as np
@@ -25,6 +24,7 @@ from mrwork.identification.settings import FitSettings, Search, Start
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA
 from mrwork.store import Journal, digest_of
+from mrwork.store.fingerprint import package_version
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -138,7 +138,7 @@ def provenance_of(problem: Problem) -> Provenance:
     tests = problem.objective.tests
     record = problem.settings.as_record()
     return Provenance(
-        versions={"python": platform.python_version()} | {name: _version(name) for name in _PACKAGES},
+        versions={"python": platform.python_version()} | {name: package_version(name) for name in _PACKAGES},
         instruction_set=_rust.instruction_set(),
         inputs={test.path or test.name: test.sha256 for test in tests},
         settings={name: value for name, value in record.items() if name not in _APART}
@@ -182,15 +182,8 @@ def fingerprint_of(problem: Problem) -> dict[str, object]:
             }
             for test in problem.objective.tests
         ],
-        "version": {name: _version(name) for name in _PACKAGES},
+        "version": {name: package_version(name) for name in _PACKAGES},
     }
-
-
-def _version(package: str) -> str:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return "unknown"
 
 
 def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:

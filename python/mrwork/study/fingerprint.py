@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from importlib.metadata import version
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from mrwork.motions import GroundMotion
 from mrwork.store import digest_of
+from mrwork.store.fingerprint import package_version
 from mrwork.study.study import Arrangement, Study
 
 
@@ -22,7 +22,7 @@ def premises_of(study: Study) -> dict[str, object]:
         ],
         "motion": [{"name": motion.name, "content": _digest_of_motion(motion)} for motion in study.motions],
         "hardware": asdict(study.hardware),
-        "version": {name: version(name) for name in ("mrwork", "numpy", "scipy")},
+        "version": {name: package_version(name) for name in ("mrwork", "numpy", "scipy")},
     }
 
 

@@ -6,7 +6,6 @@ import platform
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
-from importlib.metadata import version
 from math import ceil
 from typing import Any
 
@@ -20,7 +19,7 @@ from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
-from mrwork.store.fingerprint import digest_of
+from mrwork.store.fingerprint import digest_of, package_version
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.draws import (
     LARGEST_RHAT,
@@ -136,7 +135,7 @@ class SamplingProblem:
                 }
                 for test in objective.tests
             ],
-            "version": {name: version(name) for name in _PACKAGES},
+            "version": {name: package_version(name) for name in _PACKAGES},
         }
 
     def diagnosis(self, ensemble: Ensemble) -> Diagnosis:
@@ -222,7 +221,8 @@ class SamplingProblem:
         objective = self.target.objective
         misfit = float(objective.plain(self.start[None])[0])
         return Provenance(
-            versions={"python": platform.python_version()} | {name: version(name) for name in _PACKAGES},
+            versions={"python": platform.python_version()}
+            | {name: package_version(name) for name in _PACKAGES},
             instruction_set=_rust.instruction_set(),
             inputs={test.path or test.name: test.sha256 for test in objective.tests},
             settings=self.fingerprint() | {"nrmse": misfit},
