@@ -117,7 +117,7 @@ def test_few_tests_make_the_band_wider_than_their_own_errors_ask_for() -> None:
 
 def test_one_test_alone_says_so() -> None:
     calibration = calibrate(group(np.random.default_rng(7), 1), held_out="the fit has not seen")
-    assert "says little of the next" in calibration.basis
+    assert "is little evidence for the next" in calibration.basis
 
 
 def test_impossible_requests_are_refused_in_a_sentence() -> None:

@@ -166,7 +166,7 @@ def test_of_one_test_the_later_cycles_are_predicted_and_that_proves_little() -> 
     choice = choose_model(one, ["dahl", "viscous_dahl"], settings=FEW, threads=1)
     assert choice.ranking.chosen == "viscous_dahl"
     assert choice.ranking.n_folds >= 2
-    assert any("this proves little" in remark for remark in choice.ranking.remarks)
+    assert any("this is little evidence" in remark for remark in choice.ranking.remarks)
 
 
 def test_an_ellipsoid_about_the_fit_tells_what_the_chain_tells() -> None:

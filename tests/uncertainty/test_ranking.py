@@ -168,7 +168,7 @@ def test_a_difference_within_its_error_is_no_preference() -> None:
         family("good", 4, TESTS, elpd=(5.0, 3.0, 5.0)),
         family("poor", 5, TESTS + 0.2, variance=0.05, elpd=(4.0, 5.0, 4.5)),
     ).sentence
-    assert "PSIS-LOO cannot tell it from Poor" in sentence
+    assert "PSIS-LOO does not distinguish it from Poor" in sentence
 
 
 def test_rows_are_frozen_numbers() -> None:

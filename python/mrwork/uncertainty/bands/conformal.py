@@ -98,7 +98,7 @@ class Calibration(Summarised):
         """Origin of the band, in words."""
         n_tests = len(self.tests)
         if n_tests == 1:
-            return f"calibrated on one test {self.held_out}, which says little of the next"
+            return f"calibrated on one test {self.held_out}, which is little evidence for the next"
         return f"calibrated on {n_tests} tests {self.held_out}"
 
     def _summary(self) -> Summary:

@@ -28,7 +28,7 @@ IN_WORDS: dict[Fold, str] = {
 
 ONE_TEST = (
     "one test was given, fitted on the first half of its cycles and judged on the second: cycles of one test repeat to "
-    "97-99 %, so this proves little; give tests at other motions"
+    "97-99 %, so this is little evidence; give tests at other motions"
 )
 
 # Identifies the damper from tests.

@@ -253,7 +253,7 @@ def concluded(
         )
     parts += [_by_elpd(standings, chosen, n_blocks), _by_bic(standings, chosen)]
     if 1 < n_folds < _FEW:
-        parts.append(f"So few as {n_folds} folds hardly tell a standard error")
+        parts.append(f"A standard error from {n_folds} folds is uncertain")
     failed = [each.title for each in standings if each.verdict == "failed"]
     if failed:
         parts.append(f"Not judged: {', '.join(failed)}")
@@ -314,7 +314,7 @@ def _by_elpd(standings: tuple[Standing, ...], chosen: Standing, n_blocks: int | 
     error = chosen.elpd_behind_error or 0.0
     by = f"{chosen.elpd_behind:.1f} ± {error:.1f} in log density over {n_blocks} blocks"
     if chosen.elpd_behind <= error:
-        return f"PSIS-LOO cannot tell it from {best.title} ({by}){doubt}"
+        return f"PSIS-LOO does not distinguish it from {best.title} ({by}){doubt}"
     return f"PSIS-LOO prefers {best.title}, by {by}{doubt}"
 
 
@@ -325,5 +325,5 @@ def _by_bic(standings: tuple[Standing, ...], chosen: Standing) -> str:
     if best is chosen:
         return "BIC agrees"
     if chosen.bic_behind < _BARE:
-        return f"BIC hardly tells it from {best.title} ({chosen.bic_behind:.1f})"
+        return f"BIC does not distinguish it from {best.title} ({chosen.bic_behind:.1f})"
     return f"BIC prefers {best.title}, by {chosen.bic_behind:.1f}"

@@ -50,7 +50,7 @@ def sparse_basis(null: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(np.abs(rows) > _SPOKEN * np.max(np.abs(rows), axis=1, keepdims=True), rows, 0.0)
 
 
-def told_combinations(changes: Sequence[Change], *, within: float = _SIMPLE) -> tuple[str, ...]:
+def simple_combinations(changes: Sequence[Change], *, within: float = _SIMPLE) -> tuple[str, ...]:
     """Products and ratios of two parameters with simple exponents that are constant along a direction.
 
     Along `d ln p_i = v_i` the product `p_i^a p_j^b` is constant if `a v_i + b v_j = 0`. Each parameter is combined with
@@ -185,17 +185,17 @@ def _unseen(
 ) -> Direction:
     changes = changes_along(direction, names, of_range)
     if len(changes) == 1:
-        sentence = f"the residuals do not feel {changes[0].name} at all"
+        sentence = f"the residuals do not depend on {changes[0].name}"
     else:
-        combinations = told_combinations(changes)
-        only = f", seen are only combinations such as {listed(combinations)}" if combinations else ""
+        combinations = simple_combinations(changes)
+        only = f"; combinations such as {listed(combinations)} can be identified" if combinations else ""
         sentence = (
-            f"{listed([each.name for each in changes])} are not told apart: {_together(changes)} "
-            f"changes no force{only}"
+            f"{listed([each.name for each in changes])} cannot be distinguished: {_together(changes)} "
+            f"does not change the force{only}"
         )
     kept = [each.name for each in changes if each.name in held]
     if kept:
-        sentence += f"; {listed(kept)} was held to settle it"
+        sentence += f"; {listed(kept)} was held fixed for this reason"
     return Direction(changes=changes, effect=_effect(changes, jacobian, names), seen=False, sentence=sentence)
 
 
@@ -220,12 +220,12 @@ def _weak(
         )
         effect = _effect(changes, jacobian, names)
         in_order = sorted(changes, key=lambda change: names.index(change.name))
-        combinations = told_combinations(in_order, within=_ABOUT)
-        better = f"; {listed(combinations)} is seen better" if combinations else ""
+        combinations = simple_combinations(in_order, within=_ABOUT)
+        better = f"; {listed(combinations)} is better identifiable" if combinations else ""
         first = float(np.sqrt(variance)) * abs(vector[names.index(changes[0].name)])
         sentence = (
-            f"{_together(changes)} is seen only weakly: it changes the force by {100.0 * effect:.1g} % of its "
-            f"deviation, so {changes[0].name} is known no better than to {_share(first, changes[0].of_range)}{better}"
+            f"{_together(changes)} is weakly identifiable: it changes the force by {100.0 * effect:.1g} % of its "
+            f"deviation, so the standard error of {changes[0].name} is {_share(first, changes[0].of_range)}{better}"
         )
         found.append(Direction(changes=changes, effect=effect, seen=True, sentence=sentence))
     return tuple(found)
@@ -261,7 +261,11 @@ def _verdict(
     if blind[number]:
         others = [each for each, also in zip(names, blind, strict=True) if also and each != name]
         felt = bool(np.any(jacobian[:, number] != 0.0)) and others
-        reason = f"seen only together with {listed(others)}" if felt else "the residuals do not feel it"
+        reason = (
+            f"identifiable only in combination with {listed(others)}"
+            if felt
+            else "the residuals do not depend on it"
+        )
         return Verdict(name=name, verdict="not", standard_error=None, reason=reason)
     error = float(np.sqrt(cov[number, number]))
     if error <= WEAK:
@@ -272,7 +276,5 @@ def _verdict(
     partner = int(np.argmax(np.abs(correlation)))
     reason = f"its standard error is {_share(error, of_range[number])}"
     if abs(correlation[partner]) > _TIED:
-        reason += (
-            f", mostly because {names[partner]} can make up for it (correlation {correlation[partner]:.3f})"
-        )
+        reason += f", mostly because {names[partner]} can compensate for it (correlation {correlation[partner]:.3f})"
     return Verdict(name=name, verdict="weakly", standard_error=error, reason=reason)

@@ -159,7 +159,7 @@ def _judged(profile: Profile, crossings: list[float | None], limit: float) -> tu
     ]
     if crossings[0] is None and crossings[1] is None:
         if profile.lower_end == profile.upper_end:
-            return "not", f"open either way: {_IN_WORDS[profile.lower_end]}"
+            return "not", f"open on both sides: {_IN_WORDS[profile.lower_end]}"
         return "not", f"open {'; '.join(open_ends)}"
     if crossings[0] is None or crossings[1] is None:
         return "weakly", f"open {open_ends[0]}"
@@ -172,8 +172,8 @@ def _judged(profile: Profile, crossings: list[float | None], limit: float) -> tu
 
 _IN_WORDS: dict[End, str] = {
     "closed": "the fit was not at the least misfit",
-    "bound": "the data do not object up to the bound of its range",
+    "bound": "the data permit values up to the bound of its range",
     "not simulated": "no simulation finished beyond",
-    "too many points": "the walk was given up",
+    "too many points": "the largest number of points was reached",
     "interrupted": "interrupted",
 }

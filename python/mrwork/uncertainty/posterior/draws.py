@@ -57,19 +57,19 @@ class Diagnosis:
         found = []
         if not self.length >= LEAST_LENGTH:
             found.append(
-                f"the chain is {self.length:.0f} autocorrelation times long where {LEAST_LENGTH:.0f} are wanted"
+                f"the chain is {self.length:.0f} autocorrelation times long where {LEAST_LENGTH:.0f} are required"
             )
         worst = int(np.argmax(np.where(np.isnan(self.rhat), np.inf, self.rhat)))
         if not self.rhat[worst] < LARGEST_RHAT:
             found.append(
                 f"walkers disagree most on {self.names[worst]} (R-hat {self.rhat[worst]:.3f}, below {LARGEST_RHAT} "
-                "is wanted)"
+                "is required)"
             )
         ess = np.minimum(self.ess_bulk, self.ess_tail)
         least = int(np.argmin(np.where(np.isnan(ess), -np.inf, ess)))
         if not ess[least] >= LEAST_ESS:
             found.append(
-                f"{self.names[least]} has {ess[least]:.0f} effective draws where {LEAST_ESS:.0f} are wanted"
+                f"{self.names[least]} has {ess[least]:.0f} effective draws where {LEAST_ESS:.0f} are required"
             )
         return tuple(found)
 

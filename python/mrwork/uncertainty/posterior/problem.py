@@ -214,7 +214,7 @@ class SamplingProblem:
             )
         for each in summaries:
             if each.remark.startswith("piles"):
-                said += f" {each.name} {each.remark}: there its interval ends with the box, not where the data say."
+                said += f" {each.name} {each.remark}: its interval is limited by the bound, not by the data."
         return said
 
     def _provenance(self) -> Provenance:
