@@ -10,12 +10,12 @@ from command_line import printed
 
 import mrwork as mr
 from mrwork.errors import UnknownNameError
-from mrwork.identification.settings import SEARCHES, FitSettings, search_named
+from mrwork.identification.settings import FitSettings, search_named, searches
 
 TEST = mr.synthetic_test("rd1005_1a")
 
 
-@pytest.mark.parametrize("name", SEARCHES)
+@pytest.mark.parametrize("name", searches())
 def test_a_search_is_chosen_by_name_and_recorded(
     tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -29,7 +29,7 @@ from mrwork.identification.fit_file import read_fit
 from mrwork.identification.identify import identify_with
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.problem import start_from
-from mrwork.identification.settings import SEARCHES, Engine, FitSettings, Search, search_named
+from mrwork.identification.settings import Engine, FitSettings, Search, search_named, searches
 from mrwork.records import DamperTest
 from mrwork.store.run_folder import check_destination
 from mrwork.store.unfinished import begin_journal, discard_journal, is_copy, resume_journal
@@ -88,7 +88,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the search, default 0")
     parser.add_argument(
         "--search",
-        choices=list(SEARCHES),
+        choices=list(searches()),
         help="search of the parameters; default multistart (least squares from many starts), for a model with laws "
         "genetic (the efficient genetic algorithm)",
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,10 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.identification.search_ranges import search_box
 from mrwork.identification.settings import Start
-from mrwork.search import Optimiser, SearchResult, run_search
-from mrwork.search.loop import GenerationEvent
+
+if TYPE_CHECKING:
+    from mrwork.search import Optimiser, SearchResult
+    from mrwork.search.loop import GenerationEvent
 
 # Largest number of starting points.
 _STARTS = 16
@@ -143,6 +145,8 @@ def search_box_with(
     on_generation: Callable[[GenerationEvent[Any]], None],
 ) -> SearchResult[Any]:
     """Run an optimiser on the free parameters of a box; its generations are recorded in the objective's journal."""
+    from mrwork.search import run_search
+
     return run_search(
         search,
         lambda unit: objective(np.asarray(box.theta_from_unit(unit))),

@@ -1,9 +1,8 @@
-"""Residuals of an objective with their exact derivatives: all that a descent asks for, from one simulation."""
+"""Residuals of an objective with their exact derivatives, from one simulation of each candidate."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,7 @@ def linearised(
 
     Shapes (n_batch, n_residuals) and (n_batch, n_columns, n_residuals), per unit of the column; zero where a
     simulation failed. Exact also where the force was observed, relieved of nuisance parameters, or weighed by
-    another power.
+    another power than 2.
     """
     held = max(1, _NUMBERS // (objective.n_time * max(len(columns), 1)))
     blocks = [_block(objective, theta[at : at + held], columns) for at in range(0, len(theta), held)]
@@ -58,12 +57,14 @@ def _block(
 
 
 def _for_each_test(objective: Objective, work: Callable[[int, int], None]) -> None:
-    """Work on every test with so many threads; several tests side by side, a thread each."""
+    """Call `work(index, threads)` for every test; several tests run side by side, one thread each."""
     n_tests = len(objective.tests)
     if n_tests == 1 or objective.threads == 1:
         for index in range(n_tests):
             work(index, objective.threads)
         return
+    from concurrent.futures import ThreadPoolExecutor  # slow to load, and not needed for one test
+
     with ThreadPoolExecutor(objective.threads or None) as pool:
         for _ in pool.map(lambda index: work(index, 1), range(n_tests)):
             pass

@@ -20,9 +20,8 @@ from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import offsets_left_to
 from mrwork.identification.objective import ROOT_MEAN_SQUARE, Objective
-from mrwork.identification.settings import FitSettings, Search, Start
+from mrwork.identification.settings import FitSettings, Search, Start, search_named
 from mrwork.records import DamperTest
-from mrwork.search import EfficientGA
 from mrwork.store import Journal, digest_of
 from mrwork.store.fingerprint import package_version
 
@@ -123,7 +122,7 @@ def _completed(settings: FitSettings, spec: DamperSpec) -> FitSettings:
     """Settings with the search that suits the model, where none is given, and the bounds that nuisances ask for."""
     return replace(
         settings,
-        search=settings.search or (Multistart() if spec.current is None else EfficientGA()),
+        search=settings.search or (Multistart() if spec.current is None else search_named("genetic")),
         bounds=offsets_left_to(settings.nuisances, spec) | dict(settings.bounds),
     )
 

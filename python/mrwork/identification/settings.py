@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from functools import cache
 from pathlib import Path
-from typing import Any, Literal, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args, get_type_hints
 
 from mrwork.errors import RecordError, SettingError, UnknownNameError
 from mrwork.identification.multistart import Multistart
@@ -14,11 +15,13 @@ from mrwork.identification.objective import ROOT_MEAN_SQUARE
 from mrwork.records import DamperTest, read_damper_test, repair
 from mrwork.records.repairs import RepairKind
 from mrwork.records.window import counted_from, cut
-from mrwork.search.loop import Optimiser
-from mrwork.search.registry import OPTIMISERS, PEERS
 from mrwork.synthetic import synthetic_test
 
+if TYPE_CHECKING:
+    from mrwork.search.loop import Optimiser
+
 _SYNTHETIC = "synthetic:"
+_MULTISTART = "multistart"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,9 +91,7 @@ class Reading:
 
 
 # Any: each optimiser has states of its own kind.
-Search = Multistart | Optimiser[Any]
-# Every search by the name that a user gives and a record keeps, with its default settings.
-SEARCHES: Mapping[str, Search] = {"multistart": Multistart(), **OPTIMISERS, **PEERS}
+Search: TypeAlias = "Multistart | Optimiser[Any]"
 
 # Where the last descent runs: in lanes, with derivatives of dual numbers, or on the JAX twin.
 Engine = Literal["lanes", "twin"]
@@ -169,8 +170,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_plain(entry) for entry in value]
     if is_dataclass(value):
-        kind = next(name for name, search in SEARCHES.items() if type(value) is type(search))
-        return {"kind": kind} | asdict(value)  # type: ignore[arg-type] # an instance, no class
+        return {"kind": _kind_of(value)} | asdict(value)  # type: ignore[arg-type] # an instance, no class
     return value
 
 
@@ -185,7 +185,7 @@ def _search_of(record: Mapping[str, Any]) -> Search:
     if kind is None:
         # Records of version 0.1 do not say it; then there were two, with no field in common.
         kind = "genetic" if "population" in record else "multistart"
-    search: Search = _built(type(SEARCHES[kind]), record)
+    search: Search = _built(Multistart if kind == _MULTISTART else type(searches()[kind]), record)
     return search
 
 
@@ -200,6 +200,23 @@ def _built(kind: type, record: Mapping[str, Any]) -> Any:
     )
 
 
+def _kind_of(search: Any) -> str:
+    if isinstance(search, Multistart):
+        return _MULTISTART
+    return next(name for name, each in searches().items() if type(search) is type(each))
+
+
+@cache
+def searches() -> Mapping[str, Search]:
+    """Every search with its default settings, by the name that a user gives and a record keeps.
+
+    The optimisers are loaded by the first call: that takes a tenth of the time of a small fit, which needs none.
+    """
+    from mrwork.search.registry import OPTIMISERS, PEERS
+
+    return {_MULTISTART: Multistart(), **OPTIMISERS, **PEERS}
+
+
 def search_named(name: str) -> Search:
     """The search called `name`, with its default settings.
 
@@ -208,6 +225,6 @@ def search_named(name: str) -> Search:
     UnknownNameError
         Where there is none; the message lists those there are.
     """
-    if name not in SEARCHES:
-        raise UnknownNameError(f"there is no search called {name!r}; choose one of {', '.join(SEARCHES)}")
-    return SEARCHES[name]
+    if name not in searches():
+        raise UnknownNameError(f"there is no search called {name!r}; choose one of {', '.join(searches())}")
+    return searches()[name]
