@@ -8,13 +8,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass, field, fields
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 from mrwork.errors import InvalidSettingError, SettingError
 
 _REQUIRED: Any = MISSING
+_NOTE = "says"
 
-Path = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 """Keys and array indices that lead to a value, as ("damper", 0, "storey")."""
 
 
@@ -27,8 +28,8 @@ class Place:
     """
 
     origin: str
-    path: Path = ()
-    lines: Mapping[Path, int] = field(default_factory=dict)
+    path: KeyPath = ()
+    lines: Mapping[KeyPath, int] = field(default_factory=dict)
 
     def within(self, *keys: str | int) -> Place:
         """The place of something inside."""
@@ -91,6 +92,11 @@ def key(
     """
     notes = {"says": says, "unit": unit, "least": least, "above": above}
     return field(metadata=notes) if default is MISSING else field(default=default, metadata=notes)
+
+
+def keys_of(table: type) -> tuple[Field[Any], ...]:
+    """The keys of a table: its fields declared by `key`."""
+    return tuple(entry for entry in fields(cast(Any, table)) if _NOTE in entry.metadata)
 
 
 def is_required(entry: Field[Any]) -> bool:

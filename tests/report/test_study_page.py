@@ -13,7 +13,8 @@ import pytest
 import study_samples
 
 from mrwork.report.study.criteria_tables import overview_table, ratio_table, value_table
-from mrwork.report.study.lines import envelope, strokes
+from mrwork.report.study.figures import strokes
+from mrwork.report.study.history_figures import envelope
 from mrwork.report.study.page import study_page
 
 

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from mrwork.study.results import Motion, Row, StudyResults
-from mrwork.study.run_result import History, RunResult
+from mrwork.study.results import MotionFacts, StudyResults
+from mrwork.study.run_result import RunHistory, RunResult
+from mrwork.study.study import Row
 
 SHAPE = np.array([0.4, 0.75, 1.0])
 ROWS = (
@@ -18,12 +19,14 @@ ROWS = (
     Row(label="Lyapunov <1 A>", kind="controller"),
 )
 MOTIONS = (
-    Motion(name="El Centro", peak=3.4, duration=8.0, source="el_centro.csv", changes=("time axis x 0.2",)),
-    Motion(name="filtered noise", peak=1.0, duration=8.0, synthetic=True),
+    MotionFacts(
+        name="El Centro", peak=3.4, duration=8.0, source="el_centro.csv", changes=("time axis x 0.2",)
+    ),
+    MotionFacts(name="filtered noise", peak=1.0, duration=8.0, synthetic=True),
 )
 
 
-def history(amplitude: float, n_devices: int) -> History:
+def history(amplitude: float, n_devices: int) -> RunHistory:
     """A swing that grows and decays."""
     time = np.arange(0.0, 8.0, 0.004)
     swing = amplitude * np.sin(12.0 * time) * np.exp(-(((time - 3.0) / 1.5) ** 2))
@@ -33,7 +36,7 @@ def history(amplitude: float, n_devices: int) -> History:
     velocity = np.gradient(deformation, time, axis=0)
     force = 5e4 * velocity + 2e5 * deformation
     into = np.cumsum(np.abs(swing))
-    return History(
+    return RunHistory(
         time=time,
         ground_acceleration=swing[::-1].copy(),
         displacement=displacement,
@@ -115,6 +118,6 @@ def results() -> StudyResults:
     )
 
 
-def histories(row: int, motion: int) -> History:
+def histories(row: int, motion: int) -> RunHistory:
     """The history of a run."""
     return history(amplitude(row, motion), devices(row))

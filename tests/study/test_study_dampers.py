@@ -11,7 +11,7 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import RecordError, SettingError
 from mrwork.keys import Place
 from mrwork.study.dampers import ChosenDamper, chosen_damper
-from mrwork.study.declared import built
+from mrwork.study.declared import read_table
 from mrwork.study.lines import parse
 from mrwork.study.schema import DamperTable
 
@@ -25,7 +25,7 @@ def identified(run: Path) -> tuple[DamperSpec, tuple[float, ...]]:
 
 def chosen(text: str) -> ChosenDamper:
     document, lines = parse(f"storey = 1\n{text}", "study.toml")
-    table = built(DamperTable, document, Place(origin="study.toml", lines=lines))
+    table = read_table(DamperTable, document, Place(origin="study.toml", lines=lines))
     return chosen_damper(table, Path("place"), identified)
 
 

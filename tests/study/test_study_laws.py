@@ -15,9 +15,9 @@ from mrwork.control.plant import accelerations
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.keys import Place
-from mrwork.study.control_laws import laws_text
-from mrwork.study.declared import built, said_at
+from mrwork.study.declared import located, read_table
 from mrwork.study.lines import parse
+from mrwork.study.print_schema import laws_text
 
 # What each law is told here; those that need nothing are told nothing.
 TOLD = {
@@ -53,8 +53,8 @@ def subject(name: str = "uts", preset: str = "kwok2006", model: str = "static_hy
 def design(law: str, text: str, on: DesignProblem | None = None) -> Design:
     document, lines = parse(text, "study.toml")
     place = Place(origin="study.toml", lines=lines)
-    settings: LawSettings = built(SETTINGS[law], document, place)
-    with said_at(place):
+    settings: LawSettings = read_table(SETTINGS[law], document, place)
+    with located(place):
         return settings.design(on or subject())
 
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mrwork.errors import SettingError
-from mrwork.keys import Path
+from mrwork.keys import KeyPath
 from mrwork.study.lines import parse
 
 DOCUMENT = '''# a comment with [brackets] and key = 1
@@ -41,7 +41,7 @@ size = +1_000.5e-3
 '''
 
 
-def paths_of(value: Any, prefix: Path = ()) -> set[Path]:
+def paths_of(value: Any, prefix: KeyPath = ()) -> set[KeyPath]:
     """Every key and array element of a parsed document."""
     entries = (
         value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
@@ -72,7 +72,7 @@ def test_every_key_of_the_document_has_a_line() -> None:
         (("damper", 1, "part", 0, "size"), 26),
     ],
 )
-def test_the_line_is_where_the_key_stands(path: Path, line: int) -> None:
+def test_the_line_is_where_the_key_stands(path: KeyPath, line: int) -> None:
     assert parse(DOCUMENT, "a.toml")[1][path] == line
     assert parse(DOCUMENT.replace("\n", "\r\n"), "a.toml")[1][path] == line
 

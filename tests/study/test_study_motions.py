@@ -10,7 +10,7 @@ import pytest
 from mrwork.errors import SettingError
 from mrwork.keys import Place
 from mrwork.motions import GroundMotion
-from mrwork.study.declared import built
+from mrwork.study.declared import read_table
 from mrwork.study.lines import parse
 from mrwork.study.motions import motions_of
 from mrwork.study.schema import MotionTable
@@ -26,7 +26,9 @@ def folder(tmp_path: Path) -> Path:
 
 def motions(text: str, folder: Path = Path(), seed: int = 0) -> tuple[GroundMotion, ...]:
     document, lines = parse(text, "study.toml")
-    return motions_of(built(MotionTable, document, Place(origin="study.toml", lines=lines)), folder, seed)
+    return motions_of(
+        read_table(MotionTable, document, Place(origin="study.toml", lines=lines)), folder, seed
+    )
 
 
 def test_each_peak_gives_a_motion_of_its_own(folder: Path) -> None:

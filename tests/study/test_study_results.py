@@ -10,7 +10,7 @@ import study_samples
 
 from mrwork.closed_loop.evaluation import criteria
 from mrwork.simulate import Outcome
-from mrwork.study.step_check import step_changes
+from mrwork.study.results import largest_step_changes
 
 
 def test_a_linear_swing_has_the_ratios_of_its_amplitudes() -> None:
@@ -58,7 +58,7 @@ def test_a_change_of_the_step_is_that_of_the_criteria() -> None:
     checked = replace(results, halved=halved)
     assert checked.step_changes(2, 0) is None
     assert checked.step_changes(3, 0) == dict.fromkeys((entry.name for entry in criteria()), 0.0)
-    (change,) = step_changes(checked)
+    (change,) = largest_step_changes(checked)
     assert (change.row, change.criterion, change.motion, change.lost) == (3, "rms_drift", 1, ())
     assert change.change == pytest.approx(0.02)
     assert "RMS drift, filtered noise" in change.in_words(checked)
@@ -67,7 +67,7 @@ def test_a_change_of_the_step_is_that_of_the_criteria() -> None:
 def test_a_run_that_ends_otherwise_with_half_the_step_is_said() -> None:
     results = study_samples.results()
     diverged = replace(results.runs[3, 1], outcome="diverged")
-    (change,) = step_changes(replace(results, halved={(3, 1): diverged}))
+    (change,) = largest_step_changes(replace(results, halved={(3, 1): diverged}))
     assert change.criterion == ""
     assert change.in_words(results) == "not compared: filtered noise"
 

@@ -10,14 +10,14 @@ import pytest
 from command_line import printed
 
 from mrwork.errors import Interrupted, JournalError
-from mrwork.report.study.stored_histories import Histories
 from mrwork.simulate import Outcome
 from mrwork.store import Journal
 from mrwork.store.unfinished import begin_journal
 from mrwork.study.reading import read_study
 from mrwork.study.results import StudyResults
 from mrwork.study.run import StudyProgress, run_study
-from mrwork.study.run_result import History
+from mrwork.study.run_result import RunHistory
+from mrwork.study.stored_histories import Histories
 from mrwork.study.study import Study
 
 # Two motions, four arrangements.
@@ -143,9 +143,9 @@ def test_a_journal_of_another_study_is_refused(study: Study, path: Path, tmp_pat
 
 def test_a_history_that_is_lost_is_simulated_again(study: Study, tmp_path: Path) -> None:
     ran(study, tmp_path / "journal")
-    found: dict[tuple[int, int], History] = {}
+    found: dict[tuple[int, int], RunHistory] = {}
 
-    def keep(row: int, motion: int, history: History) -> None:
+    def keep(row: int, motion: int, history: RunHistory) -> None:
         found[row, motion] = history
 
     journal = Journal(tmp_path / "journal", resume=True)

@@ -11,7 +11,7 @@ import pytest
 from mrwork.buildings.from_file import KEYS
 from mrwork.errors import SettingError
 from mrwork.keys import Place, is_required
-from mrwork.study.declared import built
+from mrwork.study.declared import read_table
 from mrwork.study.lines import parse
 from mrwork.study.print_schema import in_words, schema_text, tables
 from mrwork.study.schema import StudyTable
@@ -42,7 +42,7 @@ sample_time = "2 ms"
 
 def study_of(text: str) -> StudyTable:
     document, lines = parse(text, "study.toml")
-    return built(StudyTable, document, Place(origin="study.toml", lines=lines))
+    return read_table(StudyTable, document, Place(origin="study.toml", lines=lines))
 
 
 def test_a_study_is_read_with_its_units_and_defaults() -> None:

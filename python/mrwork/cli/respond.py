@@ -21,9 +21,9 @@ from mrwork.store import digest_of
 
 if TYPE_CHECKING:
     from mrwork.dampers.spec import DamperSpec
-    from mrwork.report.study.stored_histories import Histories
     from mrwork.store import Journal
     from mrwork.study.results import StudyResults
+    from mrwork.study.stored_histories import Histories
     from mrwork.study.study import Study
 
 
@@ -69,11 +69,11 @@ def run(options: argparse.Namespace) -> int:
             f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
         )
     # SciPy and the simulation are slow to load.
-    from mrwork.report.study.stored_histories import Histories
     from mrwork.store.run_folder import check_destination
     from mrwork.store.unfinished import begin_journal, discard_journal, is_copy, resume_journal
     from mrwork.study.reading import read_study
     from mrwork.study.run import run_study
+    from mrwork.study.stored_histories import Histories
 
     began = time.perf_counter()
     study = read_study(options.study, _identified, seed=options.seed)
@@ -119,7 +119,7 @@ def _asked_for(options: argparse.Namespace) -> str:
         from mrwork.study.print_schema import schema_text
 
         return schema_text()
-    from mrwork.study.control_laws import laws_text
+    from mrwork.study.print_schema import laws_text
 
     return laws_text()
 
@@ -141,7 +141,7 @@ def _write(
     seconds: float,
 ) -> None:
     from mrwork.report.study.page import study_page
-    from mrwork.report.study.study_directory import write_study
+    from mrwork.study.folder import write_study
 
     command = shlex.join(["mrwork", *sys.argv[1:]])
     manifest = {
@@ -179,7 +179,7 @@ def _write(
 
 def _said(results: StudyResults, place: Path, *, as_json: bool) -> str:
     from mrwork.cli.respond_text import study_text
-    from mrwork.report.study.study_json import study_document
+    from mrwork.study.folder import study_document
 
     if not as_json:
         return study_text(results, place)

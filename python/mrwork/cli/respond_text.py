@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator
 from pathlib import Path
 
-from mrwork.study.results import OFF_BALANCE, Kind, StudyResults
-from mrwork.study.step_check import ON_OFF, step_changes
+from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyResults, largest_step_changes
+from mrwork.study.study import Kind
 
 _SHOWN = (
     ("peak_drift", "drift"),
@@ -61,7 +61,7 @@ def _score_lines(results: StudyResults, width: int) -> Iterator[str]:
 
 
 def _step_lines(results: StudyResults, width: int) -> Iterator[str]:
-    changes = step_changes(results)
+    changes = largest_step_changes(results)
     if changes:
         yield "Half the step: the largest change of a criterion, over its value"
         for each in changes:

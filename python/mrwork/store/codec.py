@@ -82,7 +82,7 @@ def _floats(value: Any) -> Any:
 
 def json_document(value: object) -> str:
     """JSON, indented for people; numbers that are not finite become `null`."""
-    return json.dumps(_finite(value), allow_nan=False, ensure_ascii=False, indent=2) + "\n"
+    return json.dumps(finite(value), allow_nan=False, ensure_ascii=False, indent=2) + "\n"
 
 
 def record_from_json(kind: type[T], text: str, *, origin: str, name: str, verb: str) -> T:
@@ -120,15 +120,16 @@ class _MismatchError(Exception):
     """What was expected at which place of the document."""
 
 
-def _finite(value: object) -> object:
+def finite(value: object) -> Any:
+    """`value` with `None` in place of numbers that are not finite, as JSON wants it."""
     if isinstance(value, np.generic | np.ndarray):
-        return _finite(value.tolist())
+        return finite(value.tolist())
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, Mapping):
-        return {str(key): _finite(entry) for key, entry in value.items()}
+        return {str(key): finite(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [_finite(entry) for entry in value]
+        return [finite(entry) for entry in value]
     return str(value) if isinstance(value, PurePath) else value
 
 

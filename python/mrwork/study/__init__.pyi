@@ -1,3 +1,5 @@
+from .folder import StoredStudy as StoredStudy
+from .folder import read_results as read_results
 from .reading import read_study as read_study
 from .results import StudyResults as StudyResults
 from .run import run_study as run_study

@@ -1,19 +1,30 @@
-"""What a study compares: the building without dampers, i = 0, baselines, control laws."""
+"""Arrangements that a study compares: without dampers, i = 0, baselines, control laws."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
 from mrwork.buildings.from_file import building_from_table
 from mrwork.control.designs.problem import DesignProblem
-from mrwork.study.control_laws import PASSIVE_OFF, chosen_law, constant_command
-from mrwork.study.declared import said_at
-from mrwork.study.results import Row
-from mrwork.study.schema import BaselineTable, DamperTable, StudyTable
-from mrwork.study.study import Arrangement, arranged
+from mrwork.control.designs.registry import SETTINGS, LawSettings, law_of
+from mrwork.control.laws import ControlLaw, control_laws
+from mrwork.study.declared import located, read_table, suggestion
+from mrwork.study.schema import BaselineTable, ControllerTable, DamperTable, StudyTable
+from mrwork.study.study import Arrangement, Row, arranged
+
+PASSIVE_OFF, PASSIVE_ON, BEST_PASSIVE = "passive_off", "passive_on", "best_passive"
+CONSTANT_LAWS = {
+    PASSIVE_OFF: "i = 0",
+    PASSIVE_ON: "Largest command",
+    BEST_PASSIVE: "Best constant command",
+}
 
 
 def arrangements(
@@ -38,7 +49,7 @@ def arrangements(
         found.append(arranged(bare, off, building, devices, constant_command(devices, 0.0)))
     found += [_baseline(baseline, table, bare, folder) for baseline in table.baseline]
     first = table.damper[0] if devices else None
-    subject = DesignProblem(
+    problem = DesignProblem(
         building=building,
         devices=devices,
         sample_time=sample_time,
@@ -48,9 +59,9 @@ def arrangements(
     for controller in table.controller:
         if not devices:
             controller.place.refuse("a control law wants dampers, and the study has none; give a [[damper]]")
-        title, law = chosen_law(controller, subject)
+        title, law = chosen_law(controller, problem)
         if controller.law == PASSIVE_OFF:
-            # It is there already; only its label may be another.
+            # This arrangement exists already; only its label may differ.
             found[1] = replace(
                 found[1], row=replace(found[1].row, label=controller.label or found[1].row.label)
             )
@@ -70,7 +81,7 @@ def _range(table: DamperTable, name: str, given: tuple[float, ...] | None) -> tu
 
 def _baseline(baseline: BaselineTable, table: StudyTable, bare: Building, folder: Path) -> Arrangement:
     where = baseline.place.within("building")
-    with said_at(where):
+    with located(where):
         changed = building_from_table({**table.building, **baseline.building}, where, folder=folder)
     lost = [
         name
@@ -83,3 +94,40 @@ def _baseline(baseline: BaselineTable, table: StudyTable, bare: Building, folder
         )
     row = Row(label=baseline.label, kind="baseline", says=changed.name)
     return arranged(bare, row, changed, (), constant_command((), 0.0))
+
+
+def chosen_law(table: ControllerTable, problem: DesignProblem) -> tuple[str, ControlLaw | None]:
+    """Title and law of a table; no law for the best constant command, which follows from runs.
+
+    Raises
+    ------
+    SettingError
+        If the law or a setting does not exist, or the law cannot be designed; the message has the line.
+    """
+    place = table.place
+    if table.law in CONSTANT_LAWS:
+        for name in table.settings or {}:
+            place.within("settings", name).refuse(f"{table.law} has no settings; leave {name} out")
+        largest = min(device.largest_command for device in problem.devices)
+        command = largest if table.law == PASSIVE_ON else 0.0
+        law = None if table.law == BEST_PASSIVE else constant_command(problem.devices, command)
+        return CONSTANT_LAWS[table.law], law
+    specs = {spec.name: spec for spec in control_laws()}
+    if table.law not in specs:
+        known = [*specs, *CONSTANT_LAWS]
+        near = suggestion(table.law, known)
+        place.within("law").refuse(f"no control law is called {table.law!r}{near}")
+    settings: LawSettings = read_table(SETTINGS[table.law], table.settings or {}, place.within("settings"))
+    with located(place.within("settings")):
+        return specs[table.law].title, law_of(table.law, settings, problem)
+
+
+def constant_command(devices: Sequence[Device], command: float) -> ControlLaw:
+    """The law with a constant command."""
+    return constant_commands(devices, [command])
+
+
+def constant_commands(devices: Sequence[Device], commands: ArrayLike) -> ControlLaw:
+    """A candidate for each constant command."""
+    rows = np.outer(np.asarray(commands, dtype=np.float64), np.ones(len(devices)))
+    return ControlLaw(name="passive", gains={"command": rows})

@@ -1,30 +1,33 @@
-"""Which damper a study means: a published set, an identified run, or parameters written into it."""
+"""The dampers of a study: models and parameters, storeys and braces."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.buildings import Building
+from mrwork.buildings.additions import with_brace
+from mrwork.buildings.devices import Device
 from mrwork.dampers.parameters import CommandUnit, LawName, polynomial_laws
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import RecordError
 from mrwork.keys import Place
-from mrwork.study.declared import suggestion
+from mrwork.study.declared import located, suggestion
 from mrwork.study.schema import DamperTable
 
 Identified = Callable[[Path], tuple[DamperSpec, tuple[float, ...]]]
-"""The model and the parameters of the run in a folder."""
+"""Reads model and parameters from the folder of an identified run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChosenDamper:
     """A model with current laws and its parameters; the command lies between 0 and `largest_command`.
 
-    That is 1 where nothing follows the command.
+    `largest_command` is 1 if no parameter depends on the command.
     """
 
     spec: DamperSpec
@@ -34,18 +37,18 @@ class ChosenDamper:
 
     @property
     def follows(self) -> bool:
-        """Whether anything of it follows the command."""
+        """Whether any parameter depends on the command."""
         current = self.spec.current
         return current is not None and any(law != "constant" for law in current.laws)
 
 
 def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> ChosenDamper:
-    """The damper of a table; a run is looked for from `folder`.
+    """The damper of a table; the path of a run is relative to `folder`.
 
     Raises
     ------
     SettingError
-        If the table names no damper or several, or parameters that the model does not have.
+        If the table names no damper or several, or the model does not have a parameter.
     """
     place = table.place
     _refuse_two(table)
@@ -76,7 +79,7 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> C
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Draft:
-    """A damper whose parameters may still change: by name its law and the coefficients of that."""
+    """A damper under construction: laws of its parameters and their coefficients by name."""
 
     plain: DamperSpec
     laws: Mapping[str, LawName]
@@ -150,7 +153,7 @@ def _draft(spec: DamperSpec, theta: tuple[float, ...]) -> _Draft:
 
 
 def _changed(draft: _Draft, table: DamperTable) -> _Draft:
-    """The draft with what the table gives in place of its own."""
+    """The draft with the laws, parameters and lag that the table gives."""
     laws, values = dict(draft.laws), dict(draft.values)
     place = table.place.within("parameters")
     for name, given in (table.parameters or {}).items():
@@ -182,3 +185,58 @@ def _refuse_count(plain: DamperSpec, name: str, law: LawName, count: int, place:
     wanted = len(plain.with_current_laws({name: law}).names) - len(plain.names) + 1
     if wanted != count:
         place.within(name).refuse(f"{name} with the law {law} takes {wanted} coefficients, {count} are given")
+
+
+# Mass of a joint over the mean mass of a floor: negligible for the building.
+_JOINT_SHARE = 1e-3
+
+
+def equipped(
+    bare: Building, tables: Sequence[DamperTable], folder: Path, identified: Identified
+) -> tuple[Building, tuple[Device, ...], list[ChosenDamper]]:
+    """The building with braces, its devices, and the dampers chosen for them.
+
+    Raises
+    ------
+    SettingError
+        If a table is wrong, a storey does not exist, or the dampers are of several models.
+    """
+    chosen = [chosen_damper(table, folder, identified) for table in tables]
+    building, rows = bare, []
+    for table in tables:
+        with located(table.place.within("storey")):
+            row = bare.storey_row(table.storey)
+        if table.brace is not None:
+            mass = table.brace.mass or _JOINT_SHARE * bare.total_mass / len(bare.floor_names)
+            with located(table.place.within("brace")):
+                building = with_brace(
+                    building,
+                    storey=table.storey,
+                    stiffness=table.brace.stiffness,
+                    damping=table.brace.damping,
+                    mass=mass,
+                )
+            row = building.storeys[-1]
+        rows.append(row)
+    devices: list[Device] = []
+    for table, one, row in zip(tables, chosen, rows, strict=True):
+        if one.spec != chosen[0].spec:
+            table.place.refuse(
+                f"this damper is a {one.spec.name} and the first a {chosen[0].spec.name}, or their current laws "
+                "differ; all dampers of a building are of one model"
+            )
+        # Braces of later dampers add coordinates, which do not move this one.
+        whole = np.append(row, np.zeros(building.n_coordinates - len(row)))
+        where = bare.storey_name(table.storey)
+        devices.append(
+            Device(
+                name=f"damper in {where}",
+                spec=one.spec,
+                theta=one.theta,
+                row=whole,
+                count=table.count,
+                differential=table.differential,
+                largest_command=one.largest_command,
+            )
+        )
+    return building, tuple(devices), chosen

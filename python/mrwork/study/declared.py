@@ -9,12 +9,12 @@ from __future__ import annotations
 import types
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import Field, fields, is_dataclass
+from dataclasses import Field, is_dataclass
 from difflib import get_close_matches
 from typing import Any, Literal, NoReturn, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 from mrwork.errors import InvalidSettingError, MrworkError, SettingError
-from mrwork.keys import Place, described, is_required, out_of_range, shown
+from mrwork.keys import Place, described, is_required, keys_of, out_of_range, shown
 from mrwork.units import FACTORS, MeasuredQuantity
 
 T = TypeVar("T")
@@ -28,7 +28,7 @@ _MEASURES: Mapping[str, tuple[MeasuredQuantity, ...]] = {
 
 
 @contextmanager
-def said_at(place: Place) -> Iterator[None]:
+def located(place: Place) -> Iterator[None]:
     """Begin what goes wrong inside with the place it comes from."""
     try:
         yield
@@ -39,7 +39,7 @@ def said_at(place: Place) -> Iterator[None]:
         raise SettingError(text if text.startswith(f"{place.origin},") else f"{place}: {text}") from error
 
 
-def built(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
+def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
     """The dataclass `kind` from a table.
 
     Raises
@@ -47,7 +47,7 @@ def built(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
     SettingError
         If a key is unknown, missing, of another type or out of range; the message has the line.
     """
-    known = {entry.name: entry for entry in fields(cast(Any, kind)) if entry.name != "place"}
+    known = {entry.name: entry for entry in keys_of(kind)}
     for name in table:
         if name not in known:
             near = suggestion(name, list(known), otherwise="it has")
@@ -79,7 +79,7 @@ def _value(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
     if is_dataclass(kind):
         if not isinstance(value, dict):
             _refuse(place, value, f"a table [{place.path[-1]}]")
-        return built(cast(type, kind), value, place)
+        return read_table(cast(type, kind), value, place)
     if origin is Literal:
         if value not in arguments:
             place.refuse(f"{place.path[-1]} is {value!r}{suggestion(value, arguments)}")

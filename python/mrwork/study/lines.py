@@ -9,14 +9,14 @@ import tomllib
 from typing import Any
 
 from mrwork.errors import SettingError
-from mrwork.keys import Path
+from mrwork.keys import KeyPath
 
 _BLANK = " \t\r\n"
 _BARE_ENDS = frozenset("=.]}, \t\r\n#")
 _VALUE_ENDS = frozenset(",]}\r\n#")
 
 
-def parse(text: str, origin: str) -> tuple[dict[str, Any], dict[Path, int]]:
+def parse(text: str, origin: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
     """A TOML document, and the line of every key, table and array element in it.
 
     Raises
@@ -40,12 +40,12 @@ class _Scanner:
         self._text = text
         self._at = 0
         self._line = 1
-        self._found: dict[Path, int] = {}
+        self._found: dict[KeyPath, int] = {}
         # How many tables each array of tables has so far.
-        self._counts: dict[Path, int] = {}
+        self._counts: dict[KeyPath, int] = {}
 
-    def lines(self) -> dict[Path, int]:
-        table: Path = ()
+    def lines(self) -> dict[KeyPath, int]:
+        table: KeyPath = ()
         while self._skip_blank():
             line = self._line
             if self._text.startswith("[[", self._at):
@@ -67,20 +67,20 @@ class _Scanner:
             self._note(table, line)
         return self._found
 
-    def _resolved(self, key: tuple[str, ...]) -> Path:
+    def _resolved(self, key: tuple[str, ...]) -> KeyPath:
         """A header's key, with the last table of each array of tables it goes through."""
-        path: Path = ()
+        path: KeyPath = ()
         for part in key:
             path = (*path, part)
             if path in self._counts:
                 path = (*path, self._counts[path] - 1)
         return path
 
-    def _note(self, path: Path, line: int) -> None:
+    def _note(self, path: KeyPath, line: int) -> None:
         for length in range(1, len(path) + 1):
             self._found.setdefault(path[:length], line)
 
-    def _pair(self, table: Path) -> None:
+    def _pair(self, table: KeyPath) -> None:
         line = self._line
         path = (*table, *self._key())
         self._note(path, line)
@@ -88,7 +88,7 @@ class _Scanner:
         self._skip_spaces()
         self._value(path)
 
-    def _value(self, path: Path) -> None:
+    def _value(self, path: KeyPath) -> None:
         opening = self._text[self._at]
         if opening == "[":
             self._forward(1)

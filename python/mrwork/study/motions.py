@@ -21,7 +21,7 @@ from mrwork.motions.processing import (
 from mrwork.motions.read import read_motion
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 from mrwork.motions.synthetic import synthetic_motion
-from mrwork.study.declared import said_at
+from mrwork.study.declared import located
 from mrwork.study.schema import MotionTable
 from mrwork.units import STANDARD_GRAVITY
 
@@ -42,13 +42,13 @@ def motions_of(table: MotionTable, folder: Path, seed: int) -> tuple[GroundMotio
     if table.factor is not None and table.pga is not None:
         place.within("pga").refuse("a motion is scaled by factor or to a pga; keep one")
     bare = _made(table, seed) if table.file is None else _read(table, table.file, folder)
-    with said_at(place):
+    with located(place):
         whole = _processed(bare, table)
         return tuple(_scaled(whole, table))
 
 
 def _read(table: MotionTable, file: str, folder: Path) -> GroundMotion:
-    with said_at(table.place.within("file")):
+    with located(table.place.within("file")):
         return read_motion(
             folder / file, unit=table.unit, dt=table.dt, column=table.column, channel=table.channel
         )
@@ -60,7 +60,7 @@ def _made(table: MotionTable, seed: int) -> GroundMotion:
             table.place.within(name).refuse(
                 f"{name} is for files, and this motion is synthetic; leave it out"
             )
-    with said_at(table.place):
+    with located(table.place):
         return synthetic_motion(
             _spectrum(table),
             rng=seed + table.seed,

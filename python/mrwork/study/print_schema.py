@@ -1,4 +1,4 @@
-"""The schema of a study as people read it, from the declarations that the reader goes by."""
+"""The schema of a study file and the control laws as text, from their declarations."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ import math
 import textwrap
 import types
 from collections.abc import Iterator, Mapping
-from dataclasses import Field, fields, is_dataclass
+from dataclasses import Field, is_dataclass
 from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hints
 
 from mrwork.buildings import from_file
-from mrwork.keys import is_required
+from mrwork.control.designs.registry import SETTINGS
+from mrwork.control.laws import control_laws
+from mrwork.keys import is_required, keys_of
 from mrwork.study.schema import StudyTable
 
 _WIDTH = 110
@@ -19,7 +21,7 @@ _WORDS = {str: "text", float: "number", int: "whole number", bool: "true or fals
 
 
 def schema_text() -> str:
-    """Every table with its keys, what they are, their units and defaults."""
+    """Every table with its keys, their meanings, units and defaults, for `mrwork respond --schema`."""
     blocks = []
     for heading, kind in tables():
         says = textwrap.wrap(
@@ -31,15 +33,32 @@ def schema_text() -> str:
     return "\n\n".join(blocks)
 
 
+def laws_text() -> str:
+    """Every control law with its equation, source and settings, for `mrwork respond --laws`."""
+    blocks = []
+    for spec in control_laws():
+        prose = [
+            line
+            for text in (spec.description, spec.source)
+            for line in textwrap.wrap(text, width=_WIDTH, initial_indent="  ", subsequent_indent="  ")
+        ]
+        lines = [f"{spec.name}: {spec.title}", *(f"  {line}" for line in spec.equation.splitlines()), *prose]
+        settings = [f"  {line}" for line in key_lines(SETTINGS[spec.name])]
+        blocks.append("\n".join([*lines, *(["  settings", *settings] if settings else [])]))
+    blocks.append("passive_off, passive_on: zero command, the largest command; no settings")
+    blocks.append("best_passive: the constant command of the lowest score over all motions; no settings")
+    return "\n\n".join(blocks)
+
+
 def _building_lines() -> list[str]:
-    """The keys of a building, as the module that reads them says them."""
+    """The keys of a building, from the docstring of the module that reads them."""
     lines = (inspect.getdoc(from_file) or "").splitlines()
     rules = [number for number, line in enumerate(lines) if line.startswith("==")]
     return [f"  {line}" for line in lines[rules[1] + 1 : rules[-1]]]
 
 
 def tables(kind: type = StudyTable, path: str = "") -> Iterator[tuple[str, type]]:
-    """Headings and declarations of all tables, outer ones first."""
+    """Headings and declarations of all tables, outer tables first."""
     yield path, kind
     for entry, hint in _keys(kind):
         inner, repeated = _inner(hint)
@@ -50,7 +69,7 @@ def tables(kind: type = StudyTable, path: str = "") -> Iterator[tuple[str, type]
 
 def _keys(kind: type) -> list[tuple[Field[Any], Any]]:
     hints = get_type_hints(kind)
-    return [(entry, hints[entry.name]) for entry in fields(cast(Any, kind)) if entry.name != "place"]
+    return [(entry, hints[entry.name]) for entry in keys_of(kind)]
 
 
 def _inner(hint: Any) -> tuple[type | None, bool]:
@@ -64,7 +83,7 @@ def _inner(hint: Any) -> tuple[type | None, bool]:
 
 
 def key_lines(kind: type) -> list[str]:
-    """The keys of a table, what they are, their defaults and types."""
+    """The keys of a table, their meanings, defaults and types."""
     keys = _keys(kind)
     if not keys:
         return []

@@ -1,8 +1,9 @@
-"""A study file, read into what it stands for."""
+"""Read a study file into a study that is ready to run."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +11,13 @@ import numpy as np
 from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
 from mrwork.buildings.from_file import building_from_table
+from mrwork.closed_loop.hardware import Fault, Hardware
 from mrwork.errors import RecordError
 from mrwork.keys import Place
 from mrwork.motions import GroundMotion
 from mrwork.study.arrangements import arrangements
-from mrwork.study.dampers import ChosenDamper, Identified
-from mrwork.study.declared import built, said_at, suggestion
-from mrwork.study.equipment import equipped
-from mrwork.study.hardware import hardware_of
+from mrwork.study.dampers import ChosenDamper, Identified, equipped
+from mrwork.study.declared import located, read_table, suggestion
 from mrwork.study.lines import parse
 from mrwork.study.motions import motions_of
 from mrwork.study.schema import HardwareTable, ReportTable, StudyTable
@@ -30,22 +30,22 @@ def read_study(path: str | Path, identified: Identified, *, seed: int = 0) -> St
     Parameters
     ----------
     path
-        The TOML file; other files that it names are looked for from its folder.
+        The TOML file; names of other files in it are relative to its folder.
     identified
-        Opens the run of an identified damper.
+        Reads model and parameters from the folder of an identified damper.
     seed
-        Of noise and synthetic motions.
+        Seed of noise and synthetic motions.
 
     Raises
     ------
     RecordError
-        If there is no such file, or it is no text.
+        If the file does not exist or is not text.
     SettingError
         If anything in it is wrong; the message has file and line.
     """
     path = Path(path)
     table, place = _tables(path)
-    with said_at(place.within("building")):
+    with located(place.within("building")):
         bare = building_from_table(table.building, place.within("building"), folder=path.parent)
     building, devices, chosen = equipped(bare, table.damper, path.parent, identified)
     made = [
@@ -92,7 +92,7 @@ def _tables(path: Path) -> tuple[StudyTable, Place]:
         raise RecordError(f"{path}: byte {error.start} is not UTF-8 text; save the file as UTF-8") from error
     document, lines = parse(text, str(path))
     place = Place(origin=str(path), lines=lines)
-    return built(StudyTable, document, place), place
+    return read_table(StudyTable, document, place), place
 
 
 def _refuse_same(names: Sequence[str], place: Place, what: str, key: str) -> None:
@@ -143,3 +143,35 @@ def _facts(
         )
     )
     return tuple(facts)
+
+
+def hardware_of(table: HardwareTable, place: Place, seed: int) -> Hardware:
+    """The hardware of a table; `seed` is that of the sensor noise.
+
+    Raises
+    ------
+    SettingError
+        If its numbers contradict each other; the message has the line.
+    """
+    apart = ("fault", "measured_floors")
+    plain = {entry.name: getattr(table, entry.name) for entry in fields(table) if entry.name not in apart}
+    faults = []
+    for fault in table.fault:
+        if fault.end <= fault.start:
+            fault.place.refuse(
+                f"the fault lasts from {fault.start:g} to {fault.end:g} s; give an end after its start"
+            )
+        faults.append(
+            Fault(
+                channel=fault.signal,
+                index=fault.number - 1,
+                start=fault.start,
+                end=fault.end,
+                value="hold" if fault.value is None else fault.value,
+            )
+        )
+    with located(place):
+        floors = (
+            None if table.measured_floors is None else tuple(floor - 1 for floor in table.measured_floors)
+        )
+        return Hardware(**plain, measured_floors=floors, seed=seed, faults=tuple(faults))

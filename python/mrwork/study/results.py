@@ -1,47 +1,43 @@
-"""What a study has found: its runs, and the criteria that follow from them."""
+"""Results of a study: its runs, the criteria that follow from them, and the check of the step."""
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
-from mrwork.closed_loop.evaluation import criteria, ratio, score, values
+from mrwork.closed_loop.evaluation import criteria, criterion, ratio, score, values
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
-from mrwork.study.run_result import RunResult
+from mrwork.study.run_result import RunEnd, RunResult
+from mrwork.study.study import Kind, Row
 from mrwork.summary import Summarised, Summary, listed, rounded
 from mrwork.units import STANDARD_GRAVITY
 
 Key = tuple[int, int]
-"""A run: the numbers of its row and motion."""
+"""Indices of the row and the motion of a run."""
 
 # Columns of a summary beside the label of a row.
 _MOTIONS_SHOWN = 5
 
-Kind = Literal["uncontrolled", "passive_off", "baseline", "controller"]
-
 OFF_BALANCE = (
-    "Energies that do not add up show that a law chatters, or that the steps are too long for what happens in them: "
+    "Energies that do not balance indicate that a law chatters or that the step is too long: "
     "halve the step and compare, as --check-step does."
 )
-"""What to do about it."""
+"""Advice for runs whose energies do not balance."""
+
+ON_OFF = (
+    "On/off laws at a coarse step move most: quantities that jump with the command, such as accelerations, are "
+    "evaluated at the steps only."
+)
+"""Note on the check of the step."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
-    """One arrangement as tables show it: label, what kind it is, what it consists of."""
-
-    label: str
-    kind: Kind
-    says: str = ""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Motion:
-    """A ground motion as tables show it: peak [m/s^2], duration [s], what was done to it."""
+class MotionFacts:
+    """A ground motion in tables: peak [m/s^2], duration [s], source, and how it was processed."""
 
     name: str
     peak: float
@@ -51,70 +47,64 @@ class Motion:
     synthetic: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class StudyResults(Summarised):
-    """Runs by (row, motion), as far as they are done; the first rows are the building without dampers and i = 0.
+class StudyCriteria(Summarised, ABC):
+    """Criteria of a study by (row, motion), and the ratios, scores and warnings that follow from them.
 
-    `mass` is that of the building [kg], `facts` what else a page says of building, dampers and loop. `halved` are the
-    runs again with half the step, where they were asked for.
+    The first rows are the building without dampers and i = 0. `halved` are the runs with half the step, if asked for.
     """
+
+    __slots__ = ()
 
     title: str
     rows: tuple[Row, ...]
-    motions: tuple[Motion, ...]
-    runs: Mapping[Key, RunResult]
-    floor_names: tuple[str, ...]
-    storey_names: tuple[str, ...]
+    motions: tuple[MotionFacts, ...]
     device_names: tuple[str, ...]
     command_unit: str
-    mass: float
-    facts: tuple[tuple[str, str], ...] = ()
-    halved: Mapping[Key, RunResult] | None = None
+
+    @property
+    @abstractmethod
+    def ends(self) -> Mapping[Key, RunEnd]:
+        """How each run ended."""
+
+    @property
+    @abstractmethod
+    def checked(self) -> frozenset[Key] | None:
+        """Runs that were repeated with half the step; `None` if the step is not to be checked."""
+
+    @abstractmethod
+    def criteria(self, row: int, motion: int) -> dict[str, float] | None:
+        """Every criterion of a run that finished."""
+
+    @abstractmethod
+    def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
+        """Relative change of every criterion with half the step; `None` unless both runs finished."""
 
     @property
     def done(self) -> int:
-        """How many runs there are, those with half the step too."""
-        return len(self.runs) + len(self.halved or ())
+        """Number of runs that are done, including those with half the step."""
+        return len(self.ends) + len(self.checked or ())
 
     @property
     def wanted(self) -> int:
-        """How many there are to be."""
-        return len(self.rows) * len(self.motions) * (1 if self.halved is None else 2)
+        """Number of runs of the whole study."""
+        return len(self.rows) * len(self.motions) * (1 if self.checked is None else 2)
 
     @property
     def complete(self) -> bool:
-        """Whether no run is missing."""
+        """Whether all runs are done."""
         return self.done == self.wanted
 
     def finished(self, motion: int) -> list[int]:
         """The rows whose run under a motion finished."""
-        runs = ((row, self.runs.get((row, motion))) for row in range(len(self.rows)))
+        runs = ((row, self.ends.get((row, motion))) for row in range(len(self.rows)))
         return [row for row, run in runs if run is not None and run.finished]
 
     def row_of(self, kind: Kind) -> int | None:
         """The first row of a kind, if there is one."""
         return next((number for number, row in enumerate(self.rows) if row.kind == kind), None)
 
-    def criteria(self, row: int, motion: int) -> dict[str, float] | None:
-        """Every criterion of a run that finished."""
-        return self._criteria(self.runs.get((row, motion)))
-
-    def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
-        """How far half the step moves every criterion, over its value; none where one of the two runs has none."""
-        whole = self.criteria(row, motion)
-        half = self._criteria((self.halved or {}).get((row, motion)))
-        if whole is None or half is None:
-            return None
-        return {name: _relative_change(value, half[name]) for name, value in whole.items()}
-
-    def _criteria(self, run: RunResult | None) -> dict[str, float] | None:
-        if run is None or not run.finished:
-            return None
-        found = values(run, weight=self.mass * STANDARD_GRAVITY)
-        return {name: float(value) for name, value in found.items()}
-
     def ratios(self, row: int, motion: int, against: Kind) -> dict[str, float]:
-        """Criteria over those without dampers or at i = 0; NaN where there is nothing to divide by."""
+        """Ratio of every criterion to that without dampers or at i = 0; NaN if there is no reference."""
         reference = self.row_of(against)
         above = self.criteria(row, motion)
         below = None if reference is None else self.criteria(reference, motion)
@@ -130,7 +120,7 @@ class StudyResults(Summarised):
         }
 
     def score(self, row: int) -> float:
-        """The mean over motions of the criteria over those at i = 0; NaN unless all its runs finished."""
+        """Mean over motions of the criteria over those at i = 0; NaN unless all runs of the row finished."""
         reference = self.row_of("passive_off")
         if reference is None:
             return float("nan")
@@ -146,23 +136,23 @@ class StudyResults(Summarised):
 
     @property
     def balanced(self) -> bool:
-        """Whether the energies of all runs that finished add up."""
-        return all(run.balanced for run in self.runs.values() if run.finished)
+        """Whether the energies of all runs that finished balance."""
+        return all(run.balanced for run in self.ends.values() if run.finished)
 
     def warnings(self) -> list[str]:
-        """What a reader must know of runs that did not finish or whose energy does not add up."""
+        """Warnings of runs that did not finish or whose energies do not balance."""
         said = []
         for number, row in enumerate(self.rows):
             runs = [
                 (self.motions[motion].name, run)
-                for (each, motion), run in sorted(self.runs.items())
+                for (each, motion), run in sorted(self.ends.items(), key=lambda item: item[0])
                 if each == number
             ]
             for name, run in runs:
                 if run.outcome != "finished":
                     lost = "" if run.finished else " It has no criteria."
                     said.append(f"{row.label} under {name} {run.end}.{lost}")
-            # A balance that is no number does not hold either.
+            # A balance that is not a number counts as an error, too.
             off = [(run.energy_error, name) for name, run in runs if run.finished and not run.balanced]
             if off:
                 worst, name = max(off, key=lambda each: math.inf if math.isnan(each[0]) else each[0])
@@ -184,7 +174,7 @@ class StudyResults(Summarised):
         return Summary(
             title=f"{self.title}: {self.done} of {self.wanted} runs",
             facts=(
-                ("dampers", listed(self.device_names)),
+                *([("dampers", listed(self.device_names))] if self.device_names else []),
                 ("motions", listed([motion.name for motion in self.motions])),
             ),
             columns=("peak drift [m]", *(motion.name for motion in self.motions[:_MOTIONS_SHOWN])),
@@ -195,7 +185,103 @@ class StudyResults(Summarised):
         )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class StudyResults(StudyCriteria):
+    """Runs of a study by (row, motion), as far as they are done.
+
+    `mass` is that of the building [kg], `facts` are further lines of the page on building, dampers and loop.
+    """
+
+    title: str
+    rows: tuple[Row, ...]
+    motions: tuple[MotionFacts, ...]
+    runs: Mapping[Key, RunResult]
+    floor_names: tuple[str, ...]
+    storey_names: tuple[str, ...]
+    device_names: tuple[str, ...]
+    command_unit: str
+    mass: float
+    facts: tuple[tuple[str, str], ...] = ()
+    halved: Mapping[Key, RunResult] | None = None
+
+    @property
+    def ends(self) -> Mapping[Key, RunEnd]:
+        """How each run ended."""
+        return self.runs
+
+    @property
+    def checked(self) -> frozenset[Key] | None:
+        """Runs that were repeated with half the step; `None` if the step is not to be checked."""
+        return None if self.halved is None else frozenset(self.halved)
+
+    def criteria(self, row: int, motion: int) -> dict[str, float] | None:
+        """Every criterion of a run that finished."""
+        return self._criteria(self.runs.get((row, motion)))
+
+    def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
+        """Relative change of every criterion with half the step; `None` unless both runs finished."""
+        whole = self.criteria(row, motion)
+        half = self._criteria((self.halved or {}).get((row, motion)))
+        if whole is None or half is None:
+            return None
+        return {name: _relative_change(value, half[name]) for name, value in whole.items()}
+
+    def _criteria(self, run: RunResult | None) -> dict[str, float] | None:
+        if run is None or not run.finished:
+            return None
+        found = values(run, weight=self.mass * STANDARD_GRAVITY)
+        return {name: float(value) for name, value in found.items()}
+
+
 def _relative_change(value: float, other: float) -> float:
     if value == other:
         return 0.0
     return abs(other - value) / abs(value) if value != 0.0 else math.inf
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepChange:
+    """The largest relative change of a criterion of a row with half the step, and its motion.
+
+    `lost` are the motions under which one of the two runs did not finish; `criterion` is empty if all are lost.
+    """
+
+    row: int
+    change: float = 0.0
+    criterion: str = ""
+    motion: int = 0
+    lost: tuple[int, ...] = ()
+
+    def in_words(self, results: StudyCriteria) -> str:
+        """The criterion and the motion, and the motions that are not compared."""
+        found = ""
+        if self.criterion:
+            found = f"{criterion(self.criterion).title}, {results.motions[self.motion].name}"
+        lost = ", ".join(results.motions[motion].name for motion in self.lost)
+        return "; ".join(part for part in (found, f"not compared: {lost}" if lost else "") if part)
+
+
+def largest_step_changes(results: StudyCriteria) -> tuple[StepChange, ...]:
+    """The largest change of each row that was repeated with half the step."""
+    checked = results.checked or frozenset()
+    rows = sorted({row for row, _ in checked})
+    return tuple(
+        _largest(results, row, sorted(motion for each, motion in checked if each == row)) for row in rows
+    )
+
+
+def _largest(results: StudyCriteria, row: int, motions: list[int]) -> StepChange:
+    largest: tuple[float, str, int] | None = None
+    lost = []
+    for motion in motions:
+        changes = results.step_changes(row, motion)
+        if changes is None:
+            lost.append(motion)
+            continue
+        name = max(changes, key=lambda each: changes[each])
+        if largest is None or changes[name] > largest[0]:
+            largest = (changes[name], name, motion)
+    if largest is None:
+        return StepChange(row=row, lost=tuple(lost))
+    change, name, motion = largest
+    return StepChange(row=row, change=change, criterion=name, motion=motion, lost=tuple(lost))

@@ -1,9 +1,9 @@
-"""Run a study: every arrangement under every motion, each run once and journalled."""
+"""Run a study: every arrangement under every motion; a journal records each run."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,21 +19,19 @@ from mrwork.errors import Interrupted
 from mrwork.motions import GroundMotion
 from mrwork.store import Journal
 from mrwork.store.codec import plain, rebuilt
-from mrwork.study.control_laws import constant_command, constant_commands
-from mrwork.study.conversion import history_of, result_of, results_of
-from mrwork.study.fingerprint import digest_of_run, premises_of
-from mrwork.study.results import Key, StudyResults
-from mrwork.study.run_result import History, RunResult
-from mrwork.study.study import Arrangement, Study
+from mrwork.study.arrangements import constant_command, constant_commands
+from mrwork.study.results import Key, MotionFacts, StudyResults
+from mrwork.study.run_result import RunHistory, RunResult, history_of, result_of
+from mrwork.study.study import Arrangement, Row, Study, digest_of_run, fingerprint_of
 from mrwork.units import STANDARD_GRAVITY
 
 LEVELS = 21
-"""How many constant commands are tried for the best one, evenly from none to the largest."""
+"""Number of constant commands, equally spaced from zero to the largest, among which the best is chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyProgress:
-    """How far a study is: runs done and wanted, whose are next, time since its beginning [s]."""
+    """Progress of a study: runs done and in total, the label of the present ones, elapsed time [s]."""
 
     done: int
     wanted: int
@@ -43,7 +41,7 @@ class StudyProgress:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BestConstant:
-    """The constant command of the least score."""
+    """The constant command with the lowest score."""
 
     command: float
     score: float
@@ -54,37 +52,37 @@ def run_study(
     *,
     journal: Journal,
     kept: Callable[[int, int], bool] = lambda row, motion: True,
-    keep: Callable[[int, int, History], None] = lambda row, motion, history: None,
+    keep: Callable[[int, int, RunHistory], None] = lambda row, motion, history: None,
     on_progress: Callable[[StudyProgress], None] = lambda progress: None,
     check_step: bool = False,
     threads: int = 0,
 ) -> StudyResults:
-    """Run what the journal does not know yet.
+    """Run a study; runs in the journal are not repeated.
 
     Parameters
     ----------
     kept
-        Whether the history of a (row, motion) is kept already; one that is lost is simulated again.
+        Whether the history of a (row, motion) is stored already; a lost one is simulated again.
     keep
-        Takes the history of a (row, motion).
+        Stores the history of a (row, motion).
     check_step
-        Run everything again with half the step, once all is done.
+        Repeat every run with half the step at the end.
 
     Raises
     ------
     Interrupted
-        On Ctrl-C, carrying the `StudyResults` of the runs that are done.
+        On Ctrl-C, with the `StudyResults` of the runs that are done.
     JournalError
-        If the journal is of another study.
+        If the journal belongs to another study.
     """
     began = time.perf_counter()
-    journal.agree("study", premises_of(study))
+    journal.agree("study", fingerprint_of(study))
     arrangements = list(study.arrangements)
     runs: dict[Key, RunResult] = {}
     halved: dict[Key, RunResult] | None = {} if check_step else None
 
     def results() -> StudyResults:
-        return results_of(study, tuple(each.row for each in arrangements), runs, halved)
+        return _results_of(study, tuple(each.row for each in arrangements), runs, halved)
 
     def say(label: str) -> None:
         so_far, seconds = results(), time.perf_counter() - began
@@ -99,12 +97,12 @@ def run_study(
             for motion, result in _runs(study, arrangements[row], journal, fresh, threads):
                 runs[row, motion] = result
             for motion in study.histories:
-                # What is beyond all numbers is no history to draw.
+                # The history of a run that did not finish holds numbers that are not finite.
                 if not runs[row, motion].finished:
                     continue
                 if motion in fresh or not kept(row, motion):
                     keep(row, motion, _history(study, arrangements[row], motion, threads))
-        # After all others, so that a study can be resumed with the check that was begun without it.
+        # After all other runs, so that a study without this check can be resumed with it.
         if halved is not None:
             for row, arrangement in enumerate(arrangements):
                 say(f"{arrangement.row.label}, half the step")
@@ -113,6 +111,39 @@ def run_study(
     except KeyboardInterrupt:
         raise Interrupted(results(), "study") from None
     return results()
+
+
+def _results_of(
+    study: Study,
+    rows: tuple[Row, ...],
+    runs: Mapping[Key, RunResult],
+    halved: Mapping[Key, RunResult] | None,
+) -> StudyResults:
+    """The results of the runs so far; `halved` are those with half the step, if asked for."""
+    bare = study.building
+    return StudyResults(
+        title=study.title,
+        rows=rows,
+        motions=tuple(
+            MotionFacts(
+                name=motion.name,
+                peak=motion.peak,
+                duration=motion.duration,
+                source=motion.source,
+                changes=motion.changes,
+                synthetic=number in study.synthetic,
+            )
+            for number, motion in enumerate(study.motions)
+        ),
+        runs=dict(runs),
+        floor_names=bare.floor_names,
+        storey_names=bare.storey_names[: len(bare.drifts)],
+        device_names=study.device_names,
+        command_unit=study.command_unit,
+        mass=bare.total_mass,
+        facts=study.facts,
+        halved=None if halved is None else dict(halved),
+    )
 
 
 def _runs(
@@ -124,7 +155,7 @@ def _runs(
     *,
     step_factor: int = 1,
 ) -> Iterator[tuple[int, RunResult]]:
-    """The run under each motion: recalled, or simulated with all that follow; `fresh` is told which."""
+    """The run under each motion, recalled or simulated with all later ones; `fresh` collects the simulated ones."""
     step = "run" if step_factor == 1 else "run with half the step"
     simulated: dict[int, RunResult] = {}
     for motion, ground in enumerate(study.motions):
@@ -144,7 +175,7 @@ def _runs(
         yield motion, simulated[motion]
 
 
-def _history(study: Study, arrangement: Arrangement, motion: int, threads: int) -> History:
+def _history(study: Study, arrangement: Arrangement, motion: int, threads: int) -> RunHistory:
     responses = simulated_by(
         arrangement, study.motions[motion : motion + 1], study, histories=True, threads=threads
     )
@@ -161,7 +192,7 @@ def simulated_by(
     step_factor: int = 1,
     threads: int = 0,
 ) -> Responses:
-    """The runs of an arrangement under these motions; one without devices has actuators that give no force."""
+    """Simulate an arrangement under these motions; without devices it gets an actuator of zero force."""
     building, devices, law = arrangement.building, arrangement.devices, arrangement.law
     assert law is not None
     if not devices:
@@ -184,7 +215,7 @@ def simulated_by(
 def _with_best_constant(
     study: Study, arrangement: Arrangement, journal: Journal, threads: int
 ) -> Arrangement:
-    """The arrangement with the constant command that has the least score over all motions."""
+    """The arrangement with the constant command of the lowest score over all motions."""
     devices = arrangement.devices
     weight = arrangement.building.total_mass * STANDARD_GRAVITY
     motions = range(len(study.motions))
@@ -197,7 +228,7 @@ def _with_best_constant(
             [_criteria(responses, level * len(motions) + motion, arrangement, weight) for motion in motions]
             for level in range(LEVELS)
         ]
-        # The first level is i = 0. A command under which a run failed has no score.
+        # The first level is i = 0. A command has no score if one of its runs failed.
         scores = [float(score(each, found[0])) for each in found]
         best = int(np.nanargmin(scores))
         return BestConstant(command=float(commands[best]), score=scores[best])

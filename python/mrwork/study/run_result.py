@@ -1,14 +1,23 @@
-"""What is kept of one run of a study: one arrangement under one ground motion."""
+"""Result and history of a run of a study: one arrangement under one ground motion."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.closed_loop.responses import ENERGY_TOLERANCE
+from mrwork.closed_loop.responses import (
+    ENERGY_TOLERANCE,
+    History,
+    Quantity,
+    Responses,
+    history_signals,
+    run_quantities,
+)
 from mrwork.simulate import Outcome
+from mrwork.study.study import Arrangement
 
 Floats = NDArray[np.float64]
 
@@ -21,13 +30,38 @@ _ENDS = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunResult:
-    """Peaks and root mean squares of floors, storeys and devices, energies [J] at the end, and how the run ended.
+class RunEnd:
+    """How a run ended: its outcome, and whether its energies balance."""
 
-    `outcome` is "finished", "failed_safe" where a broken sensor left the dampers without a command, or what kept the
-    run from its end. `energy_error` is what is missing in the balance of energy, over the energy turned over. `steps`
-    counts integration steps per sample.
+    __slots__ = ()
+
+    outcome: str
+    energy_error: float
+
+    @property
+    def finished(self) -> bool:
+        """Whether the run has results."""
+        return self.outcome in ("finished", "failed_safe")
+
+    @property
+    def end(self) -> str:
+        """The outcome as words that follow the name of the run, with a remedy."""
+        outcome = Outcome[self.outcome.upper()]
+        return _ENDS[outcome] if outcome is Outcome.FINISHED else f"{_ENDS[outcome]}: {outcome.remedy}"
+
+    @property
+    def balanced(self) -> bool:
+        """Whether the energies balance."""
+        return self.energy_error <= ENERGY_TOLERANCE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunResult(RunEnd):
+    """Peaks and root mean squares of floors, storeys and devices, final energies [J], and how the run ended.
+
+    `outcome` is "finished", "failed_safe" if a sensor failed and the dampers had no command, or the reason why the run
+    did not finish. `energy_error` is the imbalance of energy over the largest energy. `steps` is the number of
+    integration steps per sample.
     """
 
     outcome: str
@@ -51,28 +85,12 @@ class RunResult:
     energy_error: float
     steps: int
 
-    @property
-    def finished(self) -> bool:
-        """Whether its numbers count."""
-        return self.outcome in ("finished", "failed_safe")
-
-    @property
-    def end(self) -> str:
-        """How it ended, as words that follow its name, with what to do about it."""
-        outcome = Outcome[self.outcome.upper()]
-        return _ENDS[outcome] if outcome is Outcome.FINISHED else f"{_ENDS[outcome]}: {outcome.remedy}"
-
-    @property
-    def balanced(self) -> bool:
-        """Whether its energies add up."""
-        return self.energy_error <= ENERGY_TOLERANCE
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class History:
-    """A run in time: shapes (n_time,), of floors, storeys and devices (n_time, n).
+class RunHistory:
+    """The history of a run: shapes (n_time,), for floors, storeys and devices (n_time, n).
 
-    `energy` has the columns input, kinetic, strain, damping, devices [J], summed up from the start.
+    `energy` has the columns input, kinetic, strain, damping and devices [J], cumulative from the start.
     """
 
     time: Floats
@@ -86,3 +104,58 @@ class History:
     command: Floats
     current: Floats
     energy: Floats
+
+
+_KEPT = get_type_hints(RunResult)
+_HISTORY = get_type_hints(RunHistory)
+
+
+def result_of(responses: Responses, run: int, arrangement: Arrangement) -> RunResult:
+    """The result of a run of a batch, for the floors and storeys of the bare building."""
+    kept: dict[str, Any] = {}
+    for quantity in run_quantities():
+        if quantity.name in _KEPT:
+            values = getattr(responses, quantity.name)[(run, *_selected(quantity, arrangement))]
+            kept[quantity.name] = float(values) if _KEPT[quantity.name] is float else np.asarray(values)
+    if not arrangement.devices:
+        # Added storeys without devices, such as isolators, have a stroke, too.
+        others = [number for number in arrangement.strokes if number < responses.peak_drift.shape[1]]
+        kept["peak_stroke"] = responses.peak_drift[run, others]
+    if arrangement.law is not None and arrangement.law.spec.commands_force:
+        # The command of an ideal actuator is a force, not a current.
+        kept |= {name: kept[name][:0] for name in ("mean_current", "rms_current")}
+    return RunResult(
+        outcome=Outcome(int(responses.outcome[run])).name.lower(),
+        steps=int(responses.steps[run]),
+        **kept,
+    )
+
+
+def _selected(quantity: Quantity, arrangement: Arrangement) -> tuple[list[int] | slice, ...]:
+    """Index of the columns of the bare building and of the devices of the arrangement."""
+    match quantity.axis:
+        case "floor":
+            return (list(arrangement.floors),)
+        case "storey":
+            return (list(arrangement.storeys),)
+        case "device":
+            return (slice(len(arrangement.devices)),)
+        case _:
+            return ()
+
+
+def history_of(history: History, arrangement: Arrangement) -> RunHistory:
+    """The history of a run, for the floors and storeys of the bare building."""
+    energies = (
+        history.input_energy,
+        history.kinetic_energy(arrangement.building),
+        history.strain_energy(arrangement.building),
+        history.damping_energy,
+        history.device_energy[:, : len(arrangement.devices)].sum(axis=1),
+    )
+    kept = {
+        signal.name: getattr(history, signal.name)[(slice(None), *_selected(signal, arrangement))]
+        for signal in history_signals()
+        if signal.name in _HISTORY
+    }
+    return RunHistory(time=history.time, energy=np.stack(energies, axis=1), **kept)

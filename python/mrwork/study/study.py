@@ -1,24 +1,40 @@
-"""A study, ready to be run: buildings with their devices and laws, motions, hardware."""
+"""A study ready to run: buildings with devices and laws, motions, hardware; and the fingerprint of its inputs."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.control.laws import ControlLaw
 from mrwork.motions import GroundMotion
-from mrwork.study.results import Row
+from mrwork.store import digest_of
+from mrwork.store.fingerprint import package_version
 from mrwork.summary import Summarised, Summary, listed
+
+Kind = Literal["uncontrolled", "passive_off", "baseline", "controller"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """An arrangement in tables: its label, its kind, and a description."""
+
+    label: str
+    kind: Kind
+    says: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arrangement:
-    """A building with devices under one law; one without a law is given the best constant command.
+    """A building with devices under one law; without a law it gets the best constant command.
 
-    `floors` and `storeys` are those of its floors and storeys that are the bare building's, in its order: what is put
-    in may add a base slab, or a storey of isolators. `strokes` are the rows of storeys that it adds.
+    `floors` and `storeys` are the indices of the floors and storeys of the bare building, since an arrangement may add
+    a base slab or a storey of isolators. `strokes` are the indices of the added storeys.
     """
 
     row: Row
@@ -32,10 +48,10 @@ class Arrangement:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Study(Summarised):
-    """What a study file says; the first arrangements are the building without dampers and, with them, i = 0.
+    """The content of a study file; the first arrangements are the building without dampers and the dampers at i = 0.
 
-    `synthetic` are the motions that were made, `detailed` is the one that is drawn in time, `drawn` the arrangements
-    that are; the histories of the motions `histories` are kept.
+    `synthetic` are the indices of the synthetic motions, `histories` those of the motions whose histories are kept.
+    The page shows time histories of the motion `detailed` for the arrangements `drawn`.
     """
 
     title: str
@@ -68,7 +84,7 @@ class Study(Summarised):
 def arranged(
     bare: Building, row: Row, building: Building, devices: tuple[Device, ...], law: ControlLaw | None
 ) -> Arrangement:
-    """An arrangement, with its floors and storeys told apart from those of the bare building."""
+    """An arrangement with the indices of its floors and storeys that belong to the bare building."""
     floors = tuple(building.floor_names.index(name) for name in bare.floor_names)
     own = bare.storey_names[: len(bare.drifts)]
     storeys = tuple(building.storey_names.index(name) for name in own)
@@ -76,3 +92,54 @@ def arranged(
     return Arrangement(
         row=row, building=building, devices=devices, law=law, floors=floors, storeys=storeys, strokes=strokes
     )
+
+
+def fingerprint_of(study: Study) -> dict[str, object]:
+    """Fingerprint of the inputs of a study, which must be equal for a journal to resume."""
+    return {
+        "arrangement": [
+            {"label": each.row.label, "kind": each.row.kind, "content": digest_of_run(each)}
+            for each in study.arrangements
+        ],
+        "motion": [{"name": motion.name, "content": _digest_of_motion(motion)} for motion in study.motions],
+        "hardware": asdict(study.hardware),
+        "version": {name: package_version(name) for name in ("mrwork", "numpy", "scipy")},
+    }
+
+
+def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
+    """Digest of all inputs of the runs of an arrangement, except the hardware."""
+    building, law = arrangement.building, arrangement.law
+    devices = [
+        (
+            device.spec,
+            _digest(device.draws),
+            _digest(device.row),
+            device.count,
+            device.differential,
+            device.largest_command,
+        )
+        for device in arrangement.devices
+    ]
+    numbers = {} if law is None else {**law.gains, **law.tables}
+    return digest_of(
+        building.mass,
+        building.damping,
+        building.stiffness,
+        building.influence,
+        building.floors,
+        building.storeys,
+        devices,
+        None if law is None else law.name,
+        None if law is None or law.curve is None else (law.curve[0], _digest(law.curve[1])),
+        sorted((name, _digest(array)) for name, array in numbers.items()),
+        *(_digest_of_motion(motion) for motion in motions),
+    )
+
+
+def _digest(numbers: ArrayLike) -> str:
+    return digest_of(np.asarray(numbers, dtype=np.float64))
+
+
+def _digest_of_motion(motion: GroundMotion) -> str:
+    return digest_of(motion.dt, motion.acceleration)

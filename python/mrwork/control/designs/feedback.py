@@ -23,7 +23,7 @@ class NoSettings:
 class PassiveSettings:
     """A constant command."""
 
-    command: float = key("the constant command, up to the largest", unit="A or V", least=0.0)
+    command: float = key("the command that is held constant, up to the largest", unit="A or V", least=0.0)
 
     def __post_init__(self) -> None:
         check_keys(self)

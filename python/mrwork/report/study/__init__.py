@@ -1,1 +1,1 @@
-"""The page of a study of buildings with dampers, and the folder it lies in."""
+"""The page of a study of buildings with dampers."""

@@ -1,4 +1,4 @@
-"""Tables of a study: criteria of every row, and their ratios to the building without dampers and to i = 0."""
+"""Tables of criteria of every row, and their ratios to the building without dampers and to i = 0."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ import numpy as np
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.report.numbers import fixed, significant
 from mrwork.report.section import Table
-from mrwork.study.results import Kind, StudyResults
+from mrwork.study.results import StudyResults
+from mrwork.study.study import Kind
 
-# Of each criterion: what it is called in a narrow column, the unit shown and the factor to it.
+# Criterion, its name in a narrow column, displayed unit, and factor to that unit.
 _MILLIMETRE, _KILONEWTON = ("mm", 1e3), ("kN", 1e-3)
 _ACCELERATION = ("m/s²", 1.0)
 _VALUES = (
@@ -38,7 +39,7 @@ _DECIMALS = 3
 
 
 def overview_table(results: StudyResults) -> Table:
-    """The score, and each ratio as its mean over the motions."""
+    """The score, and the mean of each ratio over the motions."""
     motions = range(len(results.motions))
     rows = range(len(results.rows))
 
@@ -53,9 +54,9 @@ def overview_table(results: StudyResults) -> Table:
         columns,
         label="Score and mean ratios over all motions",
         first=("score",),
-        note="The score is the mean over motions of peak and RMS drift and acceleration, each over its value at "
-        "i = 0; it is ours. Ratios are means over the motions. The best of each column is bold, the building without "
-        "dampers aside.",
+        note="The score is our own: the mean over the motions of peak and RMS drift and acceleration, each over "
+        "its value at i = 0. Ratios are means over the motions. The best of each column is bold, the building without "
+        "dampers excluded.",
     )
 
 
@@ -80,8 +81,8 @@ def value_table(results: StudyResults, motion: int) -> Table:
     columns: list[list[float]] = []
     for name, _, _, factor in _VALUES:
         numbers = [math.nan if each is None else each[name] * factor for each in found]
-        # A building without dampers has no force, stroke or command, rather than one of zero; other devices have a
-        # stroke alone.
+        # A building without dampers has no force, stroke or command, rather than zero; other devices have only a
+        # stroke.
         if not criterion(name).ratio:
             without = ("uncontrolled",) if name == "peak_stroke" else ("uncontrolled", "baseline")
             numbers = [
@@ -99,7 +100,7 @@ def value_table(results: StudyResults, motion: int) -> Table:
             (row.label, *(column[number] for column in cells)) for number, row in enumerate(results.rows)
         ),
         strong=_best(results, columns[:5]),
-        note="Peaks unless said otherwise, of the worst floor, storey or damper.",
+        note="Peaks unless stated otherwise, of the worst floor, storey or damper.",
     )
 
 
@@ -125,7 +126,7 @@ def _ratio_table(
 
 
 def _best(results: StudyResults, columns: Sequence[Sequence[float]]) -> frozenset[tuple[int, int]]:
-    """The least of each column, and what is printed the same; no row is best of itself alone."""
+    """Cells with the smallest printed number of each column; none if there is only one number."""
     candidates = [number for number, row in enumerate(results.rows) if row.kind != "uncontrolled"]
     strong = set()
     for place, column in enumerate(columns, start=1):

@@ -1,17 +1,18 @@
-"""Figures of a study over all its rows: storey profiles and where the energy went."""
+"""Figures over all rows of a study: storey profiles and energies; and the line style of each row."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from mrwork.closed_loop.responses import axis_of
 from mrwork.report import style
 from mrwork.report.canvas import column_axes
-from mrwork.report.study.lines import strokes
 from mrwork.study.results import StudyResults
 
 _LEFT_OF_NAMES = 0.95
@@ -19,11 +20,40 @@ _KEY_LINE = 0.178
 _KEY_FONT = style.SMALL_TEXT_SIZE
 _BAR = 0.30
 _TONES = {"damping": style.BAND_EDGE, "devices": style.MODEL, "left": style.RULE}
+# They differ in lightness, too, as those of `style` do.
+_HUES = (style.MODEL, style.RESIDUAL, "#3c8d5a", "#8a5aa8", "#c79a1e", "#3aa0b8", "#a83c5c", "#6b6b2a")
+_PATTERNS = ("-", (0, (5, 1.6)), (0, (1.2, 1.4)))
+_DOTTED, _DASHED = (0, (1.2, 1.6)), (0, (5, 2))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stroke:
+    """Colour, pattern and width [pt] of the lines of a row."""
+
+    colour: str
+    pattern: str | tuple[int, tuple[float, ...]]
+    width: float = 1.4
+
+
+def strokes(results: StudyResults) -> tuple[Stroke, ...]:
+    """The stroke of each row: grey without dampers, dark for i = 0, a hue for each other row."""
+    found: list[Stroke] = []
+    number = 0
+    for row in results.rows:
+        if row.kind == "uncontrolled":
+            found.append(Stroke(colour=style.DATA, pattern=_DOTTED, width=1.7))
+        elif row.kind == "passive_off":
+            found.append(Stroke(colour=style.INK, pattern=_DASHED, width=1.3))
+        else:
+            pattern = _PATTERNS[(number // len(_HUES)) % len(_PATTERNS)]
+            found.append(Stroke(colour=_HUES[number % len(_HUES)], pattern=pattern))
+            number += 1
+    return tuple(found)
 
 
 def profile_figure(results: StudyResults, motion: int, quantity: str) -> Figure:
-    """Peak drift or peak acceleration over the height, a line for each row; `quantity` is the field of the run."""
-    drift = quantity.endswith("drift")
+    """A quantity of storeys or floors, peak drift or acceleration, over the height, a line for each row."""
+    drift = axis_of(quantity) == "storey"
     names = results.storey_names if drift else results.floor_names
     factor, label = (1e3, "mm") if drift else (1.0, "m/s²")
     with style.drawn_in_style():
@@ -55,7 +85,7 @@ def profile_figure(results: StudyResults, motion: int, quantity: str) -> Figure:
 
 
 def energy_figure(results: StudyResults, motion: int) -> Figure:
-    """Where the energy that came in had gone by the end: a bar for each row."""
+    """Distribution of the input energy at the end of the motion, a bar for each row."""
     with style.drawn_in_style():
         shown = results.finished(motion)
         figure, axes = column_axes(left=2.05, top=0.42, height=0.95 + _BAR * len(shown))
@@ -90,7 +120,7 @@ def energy_figure(results: StudyResults, motion: int) -> Figure:
 
 
 def _name_heights(axes: Axes, names: Sequence[str]) -> None:
-    # With many floors every second, fifth or tenth is named.
+    # Of many floors only every second, fifth or tenth is labelled.
     step = next(step for step in (1, 2, 5, 10, 20) if len(names) <= 14 * step or step == 20)
     places = [n for n in range(1, len(names) + 1) if step == 1 or n % step == 0]
     axes.set_yticks(places, [_short(names[n - 1], 13) for n in places])

@@ -1,4 +1,4 @@
-"""Figures of one run in time: drift, command, energies, and the loops of a damper."""
+"""Figures of the history of a run: drift, command, energies, and force loops of a damper."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, small_axes
-from mrwork.report.study.lines import Stroke, envelope, strong_part
+from mrwork.report.study.figures import Stroke
 from mrwork.report.style import DisplayUnit
-from mrwork.study.run_result import History
+from mrwork.study.run_result import RunHistory
 
 Floats = NDArray[np.float64]
 
@@ -24,8 +24,8 @@ _LOOP_POINTS = 1500
 _HEIGHT = 2.5
 
 
-def drift_figure(history: History, reference: History | None, storey: int, stroke: Stroke) -> Figure:
-    """Drift of a storey against time; behind it that of the building without dampers."""
+def drift_figure(history: RunHistory, reference: RunHistory | None, storey: int, stroke: Stroke) -> Figure:
+    """Drift of a storey over time, in front of that of the building without dampers."""
     with style.drawn_in_style():
         figure, axes = column_axes(height=_HEIGHT)
         if reference is not None:
@@ -38,8 +38,8 @@ def drift_figure(history: History, reference: History | None, storey: int, strok
     return figure
 
 
-def ground_figure(history: History) -> Figure:
-    """Ground acceleration against time."""
+def ground_figure(history: RunHistory) -> Figure:
+    """Ground acceleration over time."""
     with style.drawn_in_style():
         figure, axes = column_axes(height=_HEIGHT)
         time, ground = envelope(history.time, history.ground_acceleration, _BINS)
@@ -50,9 +50,9 @@ def ground_figure(history: History) -> Figure:
 
 
 def loop_figure(
-    history: History, device: int, unit: DisplayUnit, stroke: Stroke, *, over_velocity: bool
+    history: RunHistory, device: int, unit: DisplayUnit, stroke: Stroke, *, over_velocity: bool
 ) -> Figure:
-    """Force of a damper against its elongation or velocity, in the strong part of a motion."""
+    """Force of a damper over its elongation or velocity, in the strong part of a motion."""
     with style.drawn_in_style():
         figure, axes = small_axes(labelled=True)
         part = strong_part(history.time, history.force[:, device], _LOOP_SECONDS)
@@ -70,8 +70,8 @@ def loop_figure(
     return figure
 
 
-def command_figure(history: History, device: int, unit: str, largest: float, stroke: Stroke) -> Figure:
-    """What the coil of a damper gets against time, where its force is largest."""
+def command_figure(history: RunHistory, device: int, unit: str, largest: float, stroke: Stroke) -> Figure:
+    """Current or voltage in the coil of a damper over time, around its largest force."""
     with style.drawn_in_style():
         figure, axes = small_axes(labelled=True)
         part = strong_part(history.time, history.force[:, device], _COMMAND_SECONDS)
@@ -84,8 +84,8 @@ def command_figure(history: History, device: int, unit: str, largest: float, str
     return figure
 
 
-def energy_history_figure(history: History) -> Figure:
-    """Energy put in, and what it has become, summed up from the start and stacked."""
+def energy_history_figure(history: RunHistory) -> Figure:
+    """Input energy and its distribution, cumulative from the start and stacked."""
     with style.drawn_in_style():
         figure, axes = small_axes(labelled=True)
         step = max(1, len(history.time) // _SMALL_BINS)
@@ -100,7 +100,7 @@ def energy_history_figure(history: History) -> Figure:
             linewidth=0.0,
         )
         axes.plot(time, history.energy[::step, 0], color=style.INK, linewidth=0.9)
-        # An actuator may push energy in, so that what it takes up is below nothing.
+        # An actuator may supply energy; the energy that it takes up is then negative.
         axes.set_ylim(
             0.0, 1.05 * max(float(history.energy[:, 0].max()), float((damping + devices).max()), 1e-9)
         )
@@ -122,3 +122,23 @@ def _symmetric(axes: Axes) -> None:
     lower, upper = axes.get_ylim()
     largest = max(-lower, upper)
     axes.set_ylim(-largest, largest)
+
+
+def envelope(time: Floats, signal: Floats, bins: int) -> tuple[Floats, Floats]:
+    """The minimum and the maximum of a signal in each of `bins` intervals, in their order; keeps the peaks."""
+    length = len(time) // bins
+    if length < 3:
+        return time, signal
+    whole = length * bins
+    parts = signal[:whole].reshape(bins, length)
+    at = np.sort(np.stack([parts.argmin(axis=1), parts.argmax(axis=1)], axis=1), axis=1)
+    index = np.append((at + length * np.arange(bins)[:, None]).ravel(), np.arange(whole, len(time)))
+    return time[index], signal[index]
+
+
+def strong_part(time: Floats, signal: Floats, seconds: float) -> slice:
+    """The samples of an interval of `seconds` around the peak of a signal."""
+    at = time[int(np.abs(signal).argmax())]
+    end = min(max(at + seconds / 2.0, time[0] + seconds), time[-1])
+    first, last = np.searchsorted(time, [end - seconds, end])
+    return slice(int(first), int(last) + 1)

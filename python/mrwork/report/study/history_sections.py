@@ -1,4 +1,4 @@
-"""Sections of a study in time, under one motion: drift, and for each damper its loops, current and energies."""
+"""Sections of time histories under one motion: drift, and force loops, command and energies of a damper."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from mrwork.report import style
 from mrwork.report.section import Group, Panel, Section, panel
+from mrwork.report.study.figures import strokes
 from mrwork.report.study.history_figures import (
     command_figure,
     drift_figure,
@@ -15,18 +16,17 @@ from mrwork.report.study.history_figures import (
     ground_figure,
     loop_figure,
 )
-from mrwork.report.study.lines import strokes
 from mrwork.study.results import StudyResults
-from mrwork.study.run_result import History
+from mrwork.study.run_result import RunHistory
 
-Histories = Callable[[int, int], History | None]
-"""The history of a row under a motion, where it is kept."""
+ReadHistory = Callable[[int, int], RunHistory | None]
+"""Reads the history of a row under a motion; `None` if it is not stored."""
 
 
 def history_section(
-    results: StudyResults, histories: Histories, motion: int, drawn: Sequence[int]
+    results: StudyResults, histories: ReadHistory, motion: int, drawn: Sequence[int]
 ) -> Section | None:
-    """The drift of the storey that drifts most without dampers, against time, for each row that is drawn."""
+    """Drift over time of the storey with the largest drift without dampers, for each row that is drawn."""
     base = results.row_of("uncontrolled")
     reference = None if base is None else histories(base, motion)
     rows = [row for row in drawn if row != base and histories(row, motion) is not None]
@@ -34,7 +34,7 @@ def history_section(
         return None
     storey = int(np.abs(reference.drift).max(axis=0).argmax())
     name, storey_name = results.motions[motion].name, results.storey_names[storey]
-    panels = [panel("ground", "The ground", ground_figure(reference), f"Ground acceleration of {name}")]
+    panels = [panel("ground", "Ground", ground_figure(reference), f"Ground acceleration of {name}")]
     for row in rows:
         history = histories(row, motion)
         assert history is not None
@@ -43,7 +43,7 @@ def history_section(
                 f"drift-{row}",
                 results.rows[row].label,
                 drift_figure(history, reference, storey, strokes(results)[row]),
-                f"Drift of {storey_name} under {name}: {results.rows[row].label} before no dampers",
+                f"Drift of {storey_name} under {name}: {results.rows[row].label}, and without dampers in grey",
             )
         )
     return Section(
@@ -62,9 +62,9 @@ def history_section(
 
 
 def device_section(
-    results: StudyResults, histories: Histories, motion: int, drawn: Sequence[int]
+    results: StudyResults, histories: ReadHistory, motion: int, drawn: Sequence[int]
 ) -> Section | None:
-    """Loops, current and energies of the first damper, for each row that is drawn and has one."""
+    """Force loops, command and energies of the first damper, for each row that is drawn and has one."""
     name = results.motions[motion].name
     shown = [
         (row, history)
@@ -94,7 +94,7 @@ def device_section(
                 f"command-{row}",
                 "",
                 command_figure(history, 0, results.command_unit, largest, stroke),
-                f"What {device} is driven with under {name}: {label}",
+                f"Command of {device} under {name}: {label}",
             )
         )
         panels.append(
@@ -108,9 +108,9 @@ def device_section(
         groups=(
             Group(
                 prose=(
-                    f"{device[:1].upper()}{device[1:]}: loops in the ten seconds around its largest force, current in "
-                    "four of them. Energies of the whole motion, summed up: blue what the dampers took up, light blue "
-                    "the structure, grey what still moves; the line is what came in.",
+                    f"{device[:1].upper()}{device[1:]}: force loops in the ten seconds around the largest force, "
+                    "command in four of them. Cumulative energies: dissipated by the dampers (blue) and by "
+                    "the structure (light blue), kinetic and strain energy (grey), input (line).",
                 )
             ),
             *groups,

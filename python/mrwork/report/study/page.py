@@ -10,15 +10,14 @@ from mrwork.report.html import environment, resource, styles
 from mrwork.report.numbers import fixed
 from mrwork.report.section import Group, Section
 from mrwork.report.study.criteria_tables import overview_table, ratio_table, value_table
-from mrwork.report.study.history_sections import Histories, device_section, history_section
-from mrwork.report.study.profile_sections import energy_section, motion_section, profile_section
-from mrwork.report.study.step_section import step_section
+from mrwork.report.study.history_sections import ReadHistory, device_section, history_section
+from mrwork.report.study.sections import energy_section, motion_section, profile_section, step_section
 from mrwork.study.results import OFF_BALANCE, StudyResults
 
 
 def study_page(
     results: StudyResults,
-    histories: Histories,
+    histories: ReadHistory,
     *,
     motion: int,
     drawn: Sequence[int],
@@ -30,18 +29,18 @@ def study_page(
     Parameters
     ----------
     motion
-        The motion that is drawn in time.
+        Index of the motion of the time histories.
     drawn
-        The rows that are.
+        Indices of the rows that are drawn there.
     status
-        Heading, what it says, and a line below it.
+        Heading, value and note of the last number of the headline.
     command
-        With which the study was run.
+        Command line of the study.
 
     Returns
     -------
     str
-        HTML with styles and figures inside.
+        HTML with embedded styles and figures.
     """
     sections = [
         _criteria_section(results),
@@ -80,7 +79,7 @@ def _criteria_section(results: StudyResults) -> Section:
 
 
 def _best(results: StudyResults) -> tuple[int, float] | None:
-    """The control law with the least score."""
+    """The control law with the lowest score."""
     scores = [(results.score(row), row) for row in range(len(results.rows))]
     told = [
         (score, row) for score, row in scores if score == score and results.rows[row].kind == "controller"
@@ -94,7 +93,7 @@ def _best_in_words(results: StudyResults) -> str:
         return ""
     row, score = best
     return (
-        f"{results.rows[row].label} has the least score, {fixed(score, 3)}: on average drift and acceleration are "
+        f"{results.rows[row].label} has the lowest score, {fixed(score, 3)}: on average drift and acceleration are "
         f"{fixed(100.0 * (1.0 - score), 0)} % below those at i = 0."
     )
 
@@ -102,7 +101,7 @@ def _best_in_words(results: StudyResults) -> str:
 def _headline(results: StudyResults) -> list[tuple[str, str, str]]:
     best = _best(results)
     return [
-        ("Least score", fixed(None if best is None else best[1], 3), ""),
+        ("Lowest score", fixed(None if best is None else best[1], 3), ""),
         ("Arrangements", fixed(len(results.rows), 0), ""),
         ("Ground motions", fixed(len(results.motions), 0), ""),
     ]
@@ -113,5 +112,5 @@ def _banner(results: StudyResults) -> str:
         return ""
     return (
         f"This study was interrupted: {results.done} of {results.wanted} runs are done. "
-        "Run it with --resume to go on."
+        "Run it with --resume to continue."
     )

@@ -1,4 +1,4 @@
-"""Histories of a study's runs, one compressed file of arrays for each."""
+"""Histories of the runs of a study, a file of arrays for each."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import numpy as np
 
 from mrwork.store.run_folder import HISTORIES, real_place, replacing
 from mrwork.store.unfinished import part_of
-from mrwork.study.run_result import History
+from mrwork.study.run_result import RunHistory
 from mrwork.study.study import Study
 
 
 class Histories:
-    """Those of the study to be written to `path`: beside it while it runs; also in an earlier run, if it is resumed.
+    """Histories of the study to be written to `path`, in single precision except for time.
 
-    They are kept in single precision; time in double.
+    While the study runs they lie in a folder beside `path`; a resumed study also finds those in `path`.
     """
 
     def __init__(self, path: Path, study: Study, *, resume: bool) -> None:
@@ -35,11 +35,11 @@ class Histories:
         }
 
     def kept(self, row: int, motion: int) -> bool:
-        """Whether there is one."""
+        """Whether the history of a run is stored."""
         return self._path(row, motion) is not None
 
-    def keep(self, row: int, motion: int, history: History) -> None:
-        """Write one, whole or not at all.
+    def keep(self, row: int, motion: int, history: RunHistory) -> None:
+        """Store the history of a run, whole or not at all.
 
         Raises
         ------
@@ -50,27 +50,29 @@ class Histories:
             entry.name: np.asarray(
                 getattr(history, entry.name), dtype=np.float64 if entry.name == "time" else np.float32
             )
-            for entry in fields(History)
+            for entry in fields(RunHistory)
         }
         target = self._begun / self._names[row, motion]
         with replacing(target) as beside, beside.open("wb") as stream:
             np.savez(stream, **arrays)  # type: ignore[arg-type]
 
-    def read(self, row: int, motion: int) -> History | None:
-        """One of them, if there is."""
+    def read(self, row: int, motion: int) -> RunHistory | None:
+        """The history of a run, if it is stored."""
         path = self._path(row, motion)
         if path is None:
             return None
         with np.load(path) as arrays:
-            return History(**{entry.name: arrays[entry.name].astype(np.float64) for entry in fields(History)})
+            return RunHistory(
+                **{entry.name: arrays[entry.name].astype(np.float64) for entry in fields(RunHistory)}
+            )
 
     def paths(self) -> list[Path]:
-        """Those that there are."""
+        """Files of all stored histories."""
         found = (self._path(row, motion) for row, motion in self._names)
         return [path for path in found if path is not None]
 
     def discard(self) -> None:
-        """Remove those beside the place of the study, which has them now."""
+        """Remove the folder beside the study, which has the histories now."""
         if self._begun.is_dir():
             for path in self._begun.iterdir():
                 path.unlink(missing_ok=True)
@@ -82,5 +84,5 @@ class Histories:
 
 
 def stem_of(name: str) -> str:
-    """A label as part of a file's name."""
+    """A label as part of the name of a file."""
     return re.sub(r"[^A-Za-z0-9.]+", "_", name).strip("._") or "run"

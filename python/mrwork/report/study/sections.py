@@ -1,4 +1,4 @@
-"""Sections of a study that need no histories: storey profiles, energies, the motions themselves."""
+"""Sections without histories: storey profiles, energies, check of the step, ground motions."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ import numpy as np
 from mrwork.report.numbers import fixed, significant
 from mrwork.report.section import Group, Section, Table, panel
 from mrwork.report.study.figures import energy_figure, profile_figure
-from mrwork.study.results import StudyResults
+from mrwork.study.results import ON_OFF, StudyResults, largest_step_changes
 
 _QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceleration"))
 
 
 def profile_section(results: StudyResults, detailed: int) -> Section:
-    """Peak drift and acceleration over the height, under each motion; that drawn in detail comes first."""
+    """Peak drift and acceleration over the height under each motion, that of the time histories first."""
     order = [detailed, *(number for number in range(len(results.motions)) if number != detailed)]
     groups = tuple(
         Group(
@@ -42,7 +42,7 @@ def profile_section(results: StudyResults, detailed: int) -> Section:
 
 
 def energy_section(results: StudyResults, motion: int) -> Section | None:
-    """Where the energy went, and how well its balance holds."""
+    """Distribution of the input energy, and the error of its balance."""
     if not results.finished(motion):
         return None
     name = results.motions[motion].name
@@ -57,7 +57,7 @@ def energy_section(results: StudyResults, motion: int) -> Section | None:
                 panels=(
                     panel(
                         "energy",
-                        "Where the energy had gone by the end",
+                        "Energy at the end of the motion",
                         energy_figure(results, motion),
                         f"Energy dissipated by dampers and structure under {name}, for each arrangement",
                     ),
@@ -69,7 +69,7 @@ def energy_section(results: StudyResults, motion: int) -> Section | None:
 
 
 def motion_section(results: StudyResults) -> Section:
-    """The ground motions: peak, duration, where they come from and what was done to them."""
+    """The ground motions: peak, duration, source and processing."""
     return Section(
         anchor="motions",
         title="Ground motions",
@@ -114,15 +114,54 @@ def _balance_table(results: StudyResults) -> Table:
         )
     return Table(
         label="Balance of energy",
-        columns=("", "taken up by dampers (%)", "largest error of balance", "most steps per sample"),
+        columns=("", "dissipated by dampers (%)", "largest error of balance", "most steps per sample"),
         rows=tuple(rows),
         note="Input = kinetic + strain + structural damping + dampers, integrated with the same stages as the motion. "
-        "The error is what is missing, over the input; the worst of all motions.",
+        "The error is the imbalance over the largest energy, the largest of all motions.",
     )
 
 
 def _balance_in_words(results: StudyResults) -> str:
     errors = [run.energy_error for run in results.runs.values() if run.finished]
     if not errors:
-        return "no run has finished."
-    return f"the balance holds to {significant(max(errors), 2)} of the input in all runs that finished."
+        return "no run finished."
+    return f"the largest error of the energy balance is {significant(max(errors), 2)} of the largest energy."
+
+
+def step_section(results: StudyResults) -> Section | None:
+    """The largest change of each row; `None` if the step was not checked."""
+    changes = largest_step_changes(results)
+    if not changes:
+        return None
+    compared = [each for each in changes if each.criterion]
+    summary = "no runs can be compared."
+    if compared:
+        worst = max(compared, key=lambda each: each.change)
+        summary = (
+            f"half the step changes no criterion by more than {significant(worst.change, 2)} of its value, that of "
+            f"{results.rows[worst.row].label}."
+        )
+    return Section(
+        anchor="step",
+        title="Half the step",
+        summary=summary,
+        groups=(
+            Group(
+                table=Table(
+                    label="Largest change of a criterion with half the step",
+                    columns=("", "largest change", "criterion, motion"),
+                    rows=tuple(
+                        (
+                            results.rows[each.row].label,
+                            significant(each.change if each.criterion else None, 2),
+                            each.in_words(results),
+                        )
+                        for each in changes
+                    ),
+                    words=(2,),
+                    note=f"Every run was repeated with half its integration step; changes are relative to the value. "
+                    f"{ON_OFF}",
+                )
+            ),
+        ),
+    )

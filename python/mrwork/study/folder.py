@@ -1,0 +1,273 @@
+"""The folder of a study: its results, tables and histories; and the results read back."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from mrwork.closed_loop.evaluation import criteria
+from mrwork.errors import RecordError
+from mrwork.store.codec import finite, json_document, read_document
+from mrwork.store.run_folder import HISTORIES, JOURNAL, MANIFEST, REPORT, RESULTS, STUDY, write_folder
+from mrwork.study.results import Key, MotionFacts, StudyCriteria, StudyResults
+from mrwork.study.run_result import RunEnd
+from mrwork.study.stored_histories import Histories
+from mrwork.study.study import Kind, Row
+
+_CRITERIA, _PROFILES = "criteria.csv", "profiles.csv"
+_WRITTEN = frozenset({MANIFEST, JOURNAL, RESULTS, STUDY, REPORT, HISTORIES, _CRITERIA, _PROFILES})
+
+# Every criterion by name; NaN if the run has none, `null` in the file.
+_Criteria = dict[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredStepCheck:
+    """A run with half the step in the results file: relative change of each criterion."""
+
+    outcome: str
+    steps: int
+    largest: float | None
+    changes: _Criteria
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredStudyRun(RunEnd):
+    """A run in the results file: its criteria and their ratios to those without dampers and at i = 0."""
+
+    controller: str
+    kind: Kind
+    motion: str
+    outcome: str
+    criteria: _Criteria
+    over_uncontrolled: _Criteria
+    over_passive_off: _Criteria
+    energy_error: float
+    steps: int
+    step_check: StoredStepCheck | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _StoredMotion:
+    name: str
+    peak: float
+    duration: float
+    changes: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Document:
+    """The results file; its fields are the keys of the JSON object."""
+
+    title: str
+    complete: bool
+    command_unit: str
+    motions: tuple[_StoredMotion, ...]
+    scores: _Criteria
+    warnings: tuple[str, ...]
+    results: tuple[StoredStudyRun, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class StoredStudy(StudyCriteria):
+    """The results of a study as its folder holds them: criteria instead of responses.
+
+    Rows of an interrupted study without a run are among `rows` with the kind "controller".
+    """
+
+    title: str
+    rows: tuple[Row, ...]
+    motions: tuple[MotionFacts, ...]
+    runs: Mapping[Key, StoredStudyRun]
+    command_unit: str
+    device_names: tuple[str, ...] = ()
+
+    @property
+    def ends(self) -> Mapping[Key, RunEnd]:
+        """How each run ended."""
+        return self.runs
+
+    @property
+    def checked(self) -> frozenset[Key] | None:
+        """Runs that were repeated with half the step; `None` if there are none."""
+        return frozenset(key for key, run in self.runs.items() if run.step_check is not None) or None
+
+    def criteria(self, row: int, motion: int) -> dict[str, float] | None:
+        """Every criterion of a run that finished."""
+        run = self.runs.get((row, motion))
+        return None if run is None or not run.finished else run.criteria
+
+    def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
+        """Relative change of every criterion with half the step; `None` unless both runs finished."""
+        run = self.runs.get((row, motion))
+        if run is None or run.step_check is None:
+            return None
+        changes = run.step_check.changes
+        return None if all(map(math.isnan, changes.values())) else changes
+
+
+def read_results(folder: str | Path) -> StoredStudy:
+    """Read the results of a study back from its folder.
+
+    Raises
+    ------
+    RecordError
+        If it is not the folder of a study, or the file of its results is damaged.
+
+    Examples
+    --------
+    >>> from mrwork.study import read_results
+    >>> results = read_results("out/study")  # doctest: +SKIP
+    >>> results.criteria(0, 0)["peak_drift"]  # doctest: +SKIP
+    0.0123
+    """
+    place = Path(folder) / RESULTS
+    document = read_document(_Document, place, name="study", verb="respond")
+    if document is None:
+        raise RecordError(f"{folder} has no {RESULTS}; give the folder that `mrwork respond --out` wrote")
+    rows = {label: Row(label=label, kind="controller") for label in document.scores}
+    for run in document.results:
+        rows[run.controller] = Row(label=run.controller, kind=run.kind)
+    labels, names = list(rows), [motion.name for motion in document.motions]
+    for run in document.results:
+        if run.motion not in names:
+            raise RecordError(f"{place} has no motion {run.motion!r}; run `mrwork respond` again")
+    return StoredStudy(
+        title=document.title,
+        rows=tuple(rows.values()),
+        motions=tuple(
+            MotionFacts(name=each.name, peak=each.peak, duration=each.duration, changes=each.changes)
+            for each in document.motions
+        ),
+        runs={(labels.index(run.controller), names.index(run.motion)): run for run in document.results},
+        command_unit=document.command_unit,
+    )
+
+
+def write_study(
+    place: Path,
+    results: StudyResults,
+    *,
+    study_file: Path,
+    page: str,
+    manifest: Mapping[str, object],
+    journal: Path,
+    histories: Histories,
+) -> None:
+    """Write the folder of a study, in place of an earlier one.
+
+    Raises
+    ------
+    OutputError
+        If anything cannot be written; the place is then as it was.
+    """
+    tables = {
+        MANIFEST: json_document(manifest),
+        RESULTS: json_document(study_document(results)),
+        _CRITERIA: criteria_csv(results),
+        _PROFILES: profiles_csv(results),
+        REPORT: page,
+    }
+    write_folder(
+        place,
+        {name: text.encode() for name, text in tables.items()},
+        copied={STUDY: study_file, JOURNAL: journal},
+        linked={f"{HISTORIES}/{path.name}": path for path in histories.paths()},
+        folders=(HISTORIES,),
+        written=_WRITTEN,
+        flush=results.complete,
+    )
+
+
+def study_document(results: StudyResults) -> dict[str, Any]:
+    """The results as a JSON object; numbers that are not finite are `null`."""
+    document = _Document(
+        title=results.title,
+        complete=results.complete,
+        command_unit=results.command_unit,
+        motions=tuple(
+            _StoredMotion(name=each.name, peak=each.peak, duration=each.duration, changes=each.changes)
+            for each in results.motions
+        ),
+        scores={row.label: results.score(number) for number, row in enumerate(results.rows)},
+        warnings=tuple(results.warnings()),
+        results=tuple(_stored_run(results, *key) for key in sorted(results.runs)),
+    )
+    found: dict[str, Any] = finite(asdict(document))
+    return found
+
+
+def criteria_csv(results: StudyResults) -> str:
+    """The criteria as a table, a line for each controller and motion; the header has the units."""
+    known = criteria()
+    units = [results.command_unit if entry.unit == "A or V" else entry.unit for entry in known]
+    heads = [f"{entry.name} [{unit}]" for entry, unit in zip(known, units, strict=True)]
+    lines: list[list[str]] = [["controller", "motion", "outcome", "energy_error", *heads]]
+    for (row, motion), run in sorted(results.runs.items()):
+        found = results.criteria(row, motion) or {}
+        numbers = [f"{found[entry.name]:.9g}" if entry.name in found else "" for entry in known]
+        name = results.motions[motion].name
+        lines.append([results.rows[row].label, name, run.outcome, f"{run.energy_error:.3g}", *numbers])
+    return _csv(lines)
+
+
+def profiles_csv(results: StudyResults) -> str:
+    """Peaks and root mean squares of every floor and storey as a table, a line for each."""
+    lines: list[list[str]] = [["controller", "motion", "quantity", "where", "peak", "rms", "unit"]]
+    for (row, motion), run in sorted(results.runs.items()):
+        if not run.finished:
+            continue
+        labels = results.rows[row].label, results.motions[motion].name
+        for quantity, names, peaks, squares, unit in (
+            ("displacement", results.floor_names, run.peak_displacement, run.rms_displacement, "m"),
+            ("drift", results.storey_names, run.peak_drift, run.rms_drift, "m"),
+            ("acceleration", results.floor_names, run.peak_acceleration, run.rms_acceleration, "m/s2"),
+        ):
+            for name, peak, rms in zip(names, peaks, squares, strict=True):
+                lines.append([*labels, quantity, name, f"{peak:.9g}", f"{rms:.9g}", unit])
+    return _csv(lines)
+
+
+def _stored_run(results: StudyResults, row: int, motion: int) -> StoredStudyRun:
+    run = results.runs[row, motion]
+    return StoredStudyRun(
+        controller=results.rows[row].label,
+        kind=results.rows[row].kind,
+        motion=results.motions[motion].name,
+        outcome=run.outcome,
+        criteria=_every_criterion(results.criteria(row, motion)),
+        over_uncontrolled=_every_criterion(results.ratios(row, motion, "uncontrolled")),
+        over_passive_off=_every_criterion(results.ratios(row, motion, "passive_off")),
+        energy_error=run.energy_error,
+        steps=run.steps,
+        step_check=_stored_step_check(results, row, motion),
+    )
+
+
+def _stored_step_check(results: StudyResults, row: int, motion: int) -> StoredStepCheck | None:
+    half = (results.halved or {}).get((row, motion))
+    if half is None:
+        return None
+    changes = results.step_changes(row, motion)
+    return StoredStepCheck(
+        outcome=half.outcome,
+        steps=half.steps,
+        largest=None if changes is None else max(changes.values()),
+        changes=_every_criterion(changes),
+    )
+
+
+def _every_criterion(numbers: Mapping[str, float] | None) -> _Criteria:
+    found = numbers or {}
+    return {entry.name: found.get(entry.name, math.nan) for entry in criteria()}
+
+
+def _csv(lines: Iterable[list[str]]) -> str:
+    target = io.StringIO()
+    csv.writer(target, lineterminator="\n").writerows(lines)
+    return target.getvalue()

@@ -1,0 +1,63 @@
+"""Results of a study, read back from its folder, are those that were written."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import study_samples
+
+from mrwork.errors import RecordError
+from mrwork.store.codec import json_document
+from mrwork.store.run_folder import RESULTS
+from mrwork.study import StudyResults, read_results
+from mrwork.study.folder import StoredStudy, study_document
+from mrwork.study.results import largest_step_changes
+
+
+def read_back(results: StudyResults, folder: Path) -> StoredStudy:
+    (folder / RESULTS).write_text(json_document(study_document(results)), encoding="utf-8")
+    return read_results(folder)
+
+
+def test_what_follows_from_the_runs_follows_from_their_file(tmp_path: Path) -> None:
+    results = study_samples.results()
+    failed = replace(results.runs[4, 0], outcome="diverged", energy_error=math.nan)
+    halved = {key: replace(run, peak_drift=1.01 * run.peak_drift) for key, run in results.runs.items()}
+    results = replace(results, runs={**results.runs, (4, 0): failed}, halved=halved)
+    stored = read_back(results, tmp_path)
+    assert [(row.label, row.kind) for row in stored.rows] == [(row.label, row.kind) for row in results.rows]
+    assert [motion.peak for motion in stored.motions] == [motion.peak for motion in results.motions]
+    for row, motion in results.runs:
+        assert stored.criteria(row, motion) == results.criteria(row, motion)
+        for against in ("uncontrolled", "passive_off"):
+            assert repr(stored.ratios(row, motion, against)) == repr(results.ratios(row, motion, against))
+    assert repr([stored.score(row) for row in range(5)]) == repr([results.score(row) for row in range(5)])
+    assert stored.warnings() == results.warnings()
+    assert largest_step_changes(stored) == largest_step_changes(results)
+    assert (stored.done, stored.wanted, stored.complete) == (results.done, results.wanted, True)
+    assert stored.finished(0) == results.finished(0) == [0, 1, 2, 3]
+
+
+def test_rows_that_were_not_reached_are_known_by_their_labels(tmp_path: Path) -> None:
+    results = study_samples.results()
+    begun = replace(results, runs={key: run for key, run in results.runs.items() if key[0] < 3})
+    stored = read_back(begun, tmp_path)
+    assert [row.label for row in stored.rows] == [row.label for row in results.rows]
+    assert (stored.done, stored.wanted, stored.complete) == (6, 10, False)
+    assert stored.criteria(4, 0) is None
+    assert "6 of 10 runs" in repr(stored)
+
+
+def test_another_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(
+        RecordError, match=r"has no results.json; give the folder that `mrwork respond --out` wrote"
+    ):
+        read_results(tmp_path)
+    (tmp_path / RESULTS).write_text('{"title": 3}', encoding="utf-8")
+    with pytest.raises(
+        RecordError, match=r"results.json is not a study: `study` lacks complete, .* `mrwork respond` again"
+    ):
+        read_results(tmp_path)
