@@ -1,4 +1,4 @@
-"""Ground motions: read from the formats of the field or generated from a seed, then scaled, cut and corrected."""
+"""Ground motions: read from strong-motion formats or generated from a seed, then scaled, cut and corrected."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""A ground motion: horizontal acceleration of the ground, sampled uniformly."""
+"""Ground motion: horizontal acceleration of the ground, sampled uniformly."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from mrwork.summary import Summarised, Summary
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class GroundMotion(Summarised):
-    """Acceleration of the ground [m/s^2], shape (n_time,), every `dt` [s]; between samples it runs straight.
+    """Ground acceleration [m/s^2], shape (n_time,), every `dt` [s], linear between samples.
 
-    `source` says where it comes from, `changes` what was done to it since, in order.
+    `source` states its origin; `changes` lists the processing since, in order.
 
     Raises
     ------
     RecordError
-        Where it has fewer than two samples, a value that is not finite, or a step that is not positive.
+        If there are fewer than two samples, a value is not finite, or the step is not positive.
     """
 
     name: str
@@ -52,7 +52,7 @@ class GroundMotion(Summarised):
 
     @property
     def duration(self) -> float:
-        """From the first sample to the last [s]."""
+        """Time from the first sample to the last [s]."""
         return self.dt * (self.acceleration.size - 1)
 
     @property
@@ -62,15 +62,15 @@ class GroundMotion(Summarised):
 
     @property
     def velocity(self) -> NDArray[np.float64]:
-        """Velocity of the ground [m/s], shape (n_time,), from rest: the exact integral of straight pieces."""
+        """Ground velocity [m/s], shape (n_time,), from rest: exact integral of the piecewise linear acceleration."""
         a = self.acceleration
         return np.concatenate(([0.0], np.cumsum(0.5 * self.dt * (a[:-1] + a[1:]))))
 
     @property
     def displacement(self) -> NDArray[np.float64]:
-        """Displacement of the ground [m], shape (n_time,), from rest at zero: exact as `velocity` is.
+        """Ground displacement [m], shape (n_time,), from rest at zero, integrated exactly as `velocity`.
 
-        A record keeps no baseline, so this drifts off unless the motion was corrected (`baseline_corrected`).
+        Records do not preserve the baseline, so it drifts unless the motion was corrected (`baseline_corrected`).
         """
         a, h = self.acceleration, self.dt
         steps = h * self.velocity[:-1] + h * h * (2.0 * a[:-1] + a[1:]) / 6.0
@@ -89,5 +89,5 @@ class GroundMotion(Summarised):
 
 
 def changed(motion: GroundMotion, acceleration: NDArray[np.float64], dt: float, change: str) -> GroundMotion:
-    """Motion with other samples, and a line more on what was done to it."""
+    """Return the motion with other samples and one more entry in `changes`."""
     return replace(motion, acceleration=acceleration, dt=dt, changes=(*motion.changes, change))

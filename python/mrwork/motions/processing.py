@@ -16,7 +16,7 @@ from mrwork.motions.ground_motion import GroundMotion, changed
 
 
 def scaled(motion: GroundMotion, factor: float) -> GroundMotion:
-    """Motion with its acceleration multiplied by `factor`.
+    """Multiply the acceleration of a motion by `factor`.
 
     Raises
     ------
@@ -31,7 +31,7 @@ def scaled(motion: GroundMotion, factor: float) -> GroundMotion:
 
 
 def scaled_to_peak(motion: GroundMotion, peak: float) -> GroundMotion:
-    """Motion scaled so that its peak ground acceleration is `peak` [m/s^2].
+    """Scale a motion to the peak ground acceleration `peak` [m/s^2].
 
     Raises
     ------
@@ -49,9 +49,9 @@ def scaled_to_peak(motion: GroundMotion, peak: float) -> GroundMotion:
 
 
 def time_scaled(motion: GroundMotion, factor: float) -> GroundMotion:
-    """Motion with its time axis multiplied by `factor`: 0.2 makes it five times as fast.
+    """Multiply the time axis of a motion by `factor`: 0.2 makes it five times as fast.
 
-    Accelerations stay as they are, as a model of length scale `factor` squared under the same acceleration wants it.
+    Accelerations do not change, as similitude requires for a model of length scale `factor` squared.
 
     Raises
     ------
@@ -70,14 +70,14 @@ def time_scaled(motion: GroundMotion, factor: float) -> GroundMotion:
 
 
 def trimmed(motion: GroundMotion, *, start: float = 0.0, end: float = math.inf) -> GroundMotion:
-    """Samples from `start` to `end` [s], both included; an end behind the last sample keeps the rest.
+    """Keep the samples from `start` to `end` [s], both included; an end after the last sample keeps the rest.
 
     Raises
     ------
     SettingError
-        The stretch holds fewer than two samples.
+        The window holds fewer than two samples.
     """
-    # A bound that is a multiple of the step but for rounding belongs to its sample.
+    # A bound that is a multiple of the step up to rounding includes its sample.
     slack = 1e-6 * motion.dt
     first = max(0, math.ceil((start - slack) / motion.dt)) if start > 0.0 else 0
     last = motion.n_time - 1
@@ -94,15 +94,15 @@ def trimmed(motion: GroundMotion, *, start: float = 0.0, end: float = math.inf) 
     return changed(motion, motion.acceleration[first : last + 1].copy(), motion.dt, change)
 
 
-# Steps whose ratio needs more than this are not met exactly by the band-limited rule.
+# Largest numerator and denominator of the ratio of steps in band-limited resampling.
 _LARGEST_RATIO = 1000
 
 
 def resampled(motion: GroundMotion, dt: float) -> GroundMotion:
-    """Motion every `dt` [s], straight between its samples, as a simulation runs through them.
+    """Resample a motion every `dt` [s] by linear interpolation, as simulations interpolate it.
 
-    A finer grid on which the old samples lie is the same motion. A coarser one lets what is faster than it can
-    hold fold back into it: `resampled_band_limited` does not. What is left at the end, less than a step, is dropped.
+    A finer grid that contains the old samples gives the same motion. A coarser grid aliases frequencies above half its
+    rate; use `resampled_band_limited` there. A remainder of less than a step at the end is dropped.
 
     Raises
     ------
@@ -117,16 +117,16 @@ def resampled(motion: GroundMotion, dt: float) -> GroundMotion:
 
 
 def resampled_band_limited(motion: GroundMotion, dt: float) -> GroundMotion:
-    """Motion every `dt` [s] without what is faster than half its rate: for coarser grids.
+    """Resample a motion every `dt` [s] without aliasing, for coarser grids.
 
-    A symmetric low-pass filter, hence without delay (`scipy.signal.resample_poly`), takes out what the new grid cannot
-    hold. Peaks between the samples of the old grid may come to stand out, others are cut.
+    A symmetric low-pass filter, hence without delay (`scipy.signal.resample_poly`), removes frequencies above half the
+    new rate. Peaks can rise or fall, since they may lie between the samples of either grid.
 
     Raises
     ------
     SettingError
-        The step is not positive, longer than the motion, or its ratio to the old one is no fraction of
-        whole numbers up to 1000.
+        The step is not positive, longer than the motion, or its ratio to the old step is not a fraction of whole
+        numbers up to 1000.
     """
     n_time = _n_time(motion, dt)
     ratio = Fraction(motion.dt / dt).limit_denominator(_LARGEST_RATIO)
@@ -154,18 +154,18 @@ _HIGHEST_ORDER = 10
 
 
 def baseline_corrected(motion: GroundMotion, *, order: int) -> GroundMotion:
-    """Motion less the polynomial of that order that fits its acceleration best.
+    """Subtract the best-fitting polynomial from the acceleration of a motion.
 
     Parameters
     ----------
     order
-        Order of the polynomial fitted to the acceleration by least squares: 0 takes out the mean, 1 a straight
-        line. The drift of velocity is then of one order more.
+        Order of the polynomial, fitted to the acceleration by least squares: 0 removes the mean, 1 a straight line.
+        The corresponding drift of the velocity is one order higher.
 
     Raises
     ------
     SettingError
-        The order is negative, above 10, or too high for so short a record.
+        The order is negative, above 10, or too high for the length of the record.
     """
     highest = min(_HIGHEST_ORDER, motion.n_time - 2)
     if not 0 <= order <= highest:

@@ -1,8 +1,7 @@
-"""Read ground motions from files: the format is known by the content."""
+"""Read ground motions from files; the format is recognised by the content."""
 
 from __future__ import annotations
 
-import glob
 import os
 from collections.abc import Iterable
 from pathlib import Path
@@ -18,9 +17,9 @@ from mrwork.motions.formats.format import Format, Stated, open_lines, refuse_abs
 from mrwork.motions.formats.knet import K_NET
 from mrwork.motions.formats.table import TABLE, read_matrix_motion
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.records.table import check_is_file
+from mrwork.records.table import check_is_file, listed_files
 
-# Each knows its own by content; a table is what is left.
+# Each recognises its own content; a table is the fallback and stands last.
 FORMATS: Final[tuple[Format, ...]] = (PEER_AT2, K_NET, COSMOS, ESM, TABLE)
 
 _MATLAB_5: Final = b"MATLAB 5.0"
@@ -36,25 +35,26 @@ def read_motion(
 ) -> GroundMotion:
     """Read a ground motion: PEER AT2, K-NET, COSMOS, ESM, a table of text or CSV, or a .mat file.
 
-    The options state what a file does not; what it says itself is not to be stated again.
+    The options supply what a file does not state; an option that repeats what the file states is refused.
 
     Parameters
     ----------
     path
         The file.
     unit
-        Of the acceleration: ``"g"``, ``"m/s2"``, ``"cm/s2"``, ``"gal"``, ...; for tables whose columns do not say it.
+        Unit of the acceleration, for tables whose column names do not state it: ``"g"``, ``"m/s2"``, ``"cm/s2"``,
+        ``"gal"``, ...
     dt
-        Step [s] of a table without a column of times.
+        Sampling step [s] of a table without a column of times.
     column
-        Column of the acceleration in a table, or variable of a .mat file, where several may be it.
+        Column of the acceleration in a table, or variable of a .mat file, if there are several candidates.
     channel
-        Channel of a file that holds several, counted from 1.
+        Channel of a file with several channels, counted from 1.
 
     Returns
     -------
     GroundMotion
-        In m/s^2 on one step; `changes` says what the reader had to do for that.
+        Motion in m/s^2 on a uniform step; `changes` lists what the reader had to do.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def read_motion(
     stated = Stated(unit=unit, dt=dt, column=column, channel=channel)
     check_is_file(file)
     try:
-        # What overflows becomes infinite, and the readers refuse that.
+        # Overflowing values become infinite, and the readers refuse them.
         with np.errstate(over="ignore", invalid="ignore"):
             motion = _read(file, stated)
     except OSError as error:
@@ -96,16 +96,7 @@ def read_motions(
     UnitError, SettingError
         As from `read_motion`.
     """
-    if isinstance(paths, str | os.PathLike):
-        pattern = os.fspath(paths)
-        found = glob.glob(pattern, recursive=True)  # noqa: PTH207 - patterns may be absolute
-        files = [pattern] if Path(pattern).exists() else sorted(found)
-        if not files:
-            raise RecordError(f"no file matches '{pattern}'; check the path and the pattern")
-    else:
-        files = [os.fspath(path) for path in paths]
-        if not files:
-            raise RecordError("no ground motion given; name at least one file")
+    files = listed_files(paths, none="no ground motion given; name at least one file")
     return tuple(read_motion(file, unit=unit) for file in files)
 
 

@@ -1,6 +1,6 @@
-"""Power spectral densities of ground acceleration: white noise through the soil.
+"""Power spectral densities of ground acceleration: white noise filtered by the soil.
 
-Densities are two-sided over circular frequency: the variance is the integral over w from minus to plus infinity.
+Densities are two-sided in circular frequency: the variance is the integral over w from minus to plus infinity.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ Complexes = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilterMatrices:
-    """`s' = state s + noise w`, `a_g = output s`, with white noise w of two-sided density `intensity`."""
+    """Shaping filter `s' = state s + noise w`, `a_g = output s`, with white noise w of density `intensity`."""
 
     state: Floats
     noise: Floats
@@ -28,18 +28,18 @@ class FilterMatrices:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KanaiTajimi:
-    """White noise at the bedrock through one layer of soil (Kanai 1957, Tajimi 1960).
+    """Kanai-Tajimi spectrum: white noise at the bedrock filtered by one layer of soil (Kanai 1957, Tajimi 1960).
 
     `S(w) = S0 (w_g^4 + 4 zeta_g^2 w_g^2 w^2) / ((w_g^2 - w^2)^2 + 4 zeta_g^2 w_g^2 w^2)`. The defaults are firm soil
-    (Der Kiureghian and Neuenhofer, Earthq. Eng. Struct. Dyn. 21, 1992, 713-740); the intensity is ours, for peaks of
-    about 0.3 g.
+    (Der Kiureghian and Neuenhofer, Earthq. Eng. Struct. Dyn. 21, 1992, 713-740); the intensity is our choice, for peaks
+    of about 0.3 g.
 
     Parameters
     ----------
     frequency, damping
         w_g [rad/s] and zeta_g of the ground.
     intensity
-        S0 [m^2/s^3], two-sided over circular frequency.
+        S0 [m^2/s^3], two-sided in circular frequency.
     """
 
     frequency: float = 15.0
@@ -57,20 +57,20 @@ class KanaiTajimi:
 
     @property
     def name(self) -> str:
-        """What reports call it."""
+        """Name in reports."""
         return "Kanai-Tajimi"
 
     def transfer(self, w: Floats) -> Complexes:
-        """Ground acceleration over that of the bedrock at circular frequencies w [rad/s], in their shape."""
+        """Transfer function from bedrock to ground acceleration at circular frequencies w [rad/s], shape of w."""
         w_g, zeta_g = self.frequency, self.damping
         return (w_g**2 + 2j * zeta_g * w_g * w) / (w_g**2 - w**2 + 2j * zeta_g * w_g * w)
 
     def density(self, w: Floats) -> Floats:
-        """Two-sided density [m^2/s^3] at circular frequencies w [rad/s], in their shape."""
+        """Two-sided density [m^2/s^3] at circular frequencies w [rad/s], in the shape of w."""
         return self.intensity * np.abs(self.transfer(w)) ** 2
 
     def filter_matrices(self) -> FilterMatrices:
-        """The filter in state space: displacement and velocity of the layer relative to the bedrock."""
+        """State-space form of the filter: displacement and velocity of the layer relative to the bedrock."""
         w_g, zeta_g = self.frequency, self.damping
         return FilterMatrices(
             state=np.array([[0.0, 1.0], [-(w_g**2), -2.0 * zeta_g * w_g]]),
@@ -81,7 +81,7 @@ class KanaiTajimi:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CloughPenzien:
-    """Kanai-Tajimi without its slow part: a second filter lets displacements of the ground stay finite.
+    """Clough-Penzien spectrum: Kanai-Tajimi with a high-pass filter, which keeps ground displacements finite.
 
     `S(w) = S_KT(w) w^4 / ((w_f^2 - w^2)^2 + 4 zeta_f^2 w_f^2 w^2)` (Clough and Penzien, Dynamics of Structures, 1975).
     The defaults are firm soil as in `KanaiTajimi`.
@@ -89,7 +89,7 @@ class CloughPenzien:
     Parameters
     ----------
     soil
-        The first filter, with the intensity.
+        The soil filter, with the intensity.
     frequency, damping
         w_f [rad/s] and zeta_f of the second filter.
     """
@@ -105,7 +105,7 @@ class CloughPenzien:
 
     @property
     def name(self) -> str:
-        """What reports call it."""
+        """Name in reports."""
         return "Clough-Penzien"
 
     @property
@@ -114,16 +114,16 @@ class CloughPenzien:
         return self.soil.intensity
 
     def transfer(self, w: Floats) -> Complexes:
-        """Ground acceleration over that of the bedrock at circular frequencies w [rad/s], in their shape."""
+        """Transfer function from bedrock to ground acceleration at circular frequencies w [rad/s], shape of w."""
         w_f, zeta_f = self.frequency, self.damping
         return self.soil.transfer(w) * -(w**2) / (w_f**2 - w**2 + 2j * zeta_f * w_f * w)
 
     def density(self, w: Floats) -> Floats:
-        """Two-sided density [m^2/s^3] at circular frequencies w [rad/s], in their shape."""
+        """Two-sided density [m^2/s^3] at circular frequencies w [rad/s], in the shape of w."""
         return self.soil.intensity * np.abs(self.transfer(w)) ** 2
 
     def filter_matrices(self) -> FilterMatrices:
-        """Both filters in state space, the states of the soil first."""
+        """State-space form of both filters, with the states of the soil first."""
         w_f, zeta_f = self.frequency, self.damping
         soil = self.soil.filter_matrices()
         own = np.array([[0.0, 1.0], [-(w_f**2), -2.0 * zeta_f * w_f]])

@@ -1,4 +1,4 @@
-"""Elastic response spectrum: peaks of damped oscillators on the shaken ground, over their period."""
+"""Elastic response spectrum: peak responses of damped oscillators to a ground motion, over their period."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from mrwork.summary import Summarised, Summary, rounded
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
-# Peaks are sought at so many places of a period: the least that can be missed is 1 - cos(pi / 64) = 0.12 %.
+# Points per period at which peaks are evaluated; the error of a peak is at most 1 - cos(pi / 64) = 0.12 %.
 _PER_PERIOD = 64
-# Damping hands bends of the ground's acceleration on to the oscillator's, so a step has some places in any case.
+# Least number of points in a step: with damping, kinks of the ground acceleration appear in that of the oscillator.
 _FEWEST_PLACES = 4
-# An oscillator that swings faster than the step follows the straight pieces; more places find nothing more.
+# Most points in a step: a much faster oscillator follows the linear pieces, and more points find no higher peak.
 _MOST_PLACES = 64
-# Places of all oscillators that are held at once [16 bytes each].
+# Points of all oscillators in memory at once [16 bytes each].
 _AT_ONCE = 1 << 20
 
 
@@ -72,12 +72,12 @@ class ResponseSpectrum(Summarised):
 
 
 def response_spectrum(motion: GroundMotion, periods: ArrayLike, *, damping: float = 0.05) -> ResponseSpectrum:
-    """Response spectrum of a motion, by the exact recurrence for straight pieces of ground acceleration.
+    """Response spectrum of a motion, by the exact recurrence for piecewise linear ground acceleration.
 
-    `x'' + 2 zeta w x' + w^2 x = -a_g` from rest is one complex equation of first order, `z' = lambda z - a_g` with
-    `lambda = -zeta w + i w_d` and `z = x' + zeta w x + i w_d x`. Over a step h in which a_g runs straight from a to b,
-    `z(h) = e^(lambda h) z(0) - a (phi_1 - phi_2) - b phi_2`, without error: the recurrence of Nigam and Jennings
-    (Bull. Seismol. Soc. Am. 59, 1969, 909-922). Within a step the same formula gives the places between.
+    `x'' + 2 zeta w x' + w^2 x = -a_g` from rest is one complex equation of first order, `z' = lambda z - a_g`, with
+    `lambda = -zeta w + i w_d` and `z = x' + zeta w x + i w_d x`. Over a step h in which a_g is linear from a to b,
+    `z(h) = e^(lambda h) z(0) - a (phi_1 - phi_2) - b phi_2`, exactly: the recurrence of Nigam and Jennings (Bull.
+    Seismol. Soc. Am. 59, 1969, 909-922). The same formula gives the points within a step.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def _peaks(motion: GroundMotion, w: Floats, zeta: float, places: int) -> Floats:
 def _march(a: Floats, h: float, eigenvalue: Complexes) -> Complexes:
     """States z at the samples, shape (n_time, n)."""
     decay, first, second = _step(eigenvalue, h)
-    # What the ground does in each step, then the steps one after the other.
+    # The input of each step first, then the recurrence.
     z = np.zeros((a.size, eigenvalue.size), dtype=np.complex128)
     z[1:] = -first * a[:-1, None] - second * np.diff(a)[:, None]
     for k in range(1, a.size):
@@ -150,7 +150,7 @@ def _step(eigenvalue: Complexes, h: float) -> tuple[Complexes, Complexes, Comple
     """`e^(lambda h)`, and the integrals of `e^(lambda (h - s))` and of that times s / h, over s from 0 to h."""
     product = eigenvalue * h
     grown: Complexes = np.expm1(product)
-    # For a small product the difference cancels, and three terms of its series are exact to rounding.
+    # For a small product the difference suffers cancellation; the series is exact to rounding.
     small = np.abs(product) < 1e-3
     series = 0.5 + product / 6.0 + product**2 / 24.0 + product**3 / 120.0
     second = h * np.asarray(np.where(small, series, (grown - product) / product**2), dtype=np.complex128)

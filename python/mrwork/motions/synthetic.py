@@ -13,7 +13,7 @@ from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.processing import scaled_to_peak
 from mrwork.motions.spectral_density import CloughPenzien, SpectralDensity
 
-# Longest memory of a filter that is run in before the motion begins, in its time constants.
+# Run-in time of the filter before the motion begins, in its longest time constant.
 _RUN_IN = 8.0
 
 
@@ -27,23 +27,23 @@ def synthetic_motion(
     peak: float | None = None,
     name: str = "synthetic",
 ) -> GroundMotion:
-    """Motion drawn from a spectral density; with no argument it is the one of demo and tests.
+    """Draw a motion from a spectral density; without arguments, the motion of the demo and the tests.
 
-    White noise up to half the sampling rate goes through the transfer function of the soil, so that a stretch of the
-    plateau has the density asked for, without error of a discretisation, and is multiplied by the envelope.
+    White noise up to half the sampling rate is filtered in the frequency domain by the transfer function of the soil,
+    so that the plateau has the exact density, without discretisation error, and is multiplied by the envelope.
 
     Parameters
     ----------
     spectrum
-        `KanaiTajimi` or `CloughPenzien`; the latter on firm soil by default.
+        `KanaiTajimi` or `CloughPenzien`; by default `CloughPenzien` on firm soil.
     rng
-        Generator, or the seed of one.
+        Random generator, or its seed.
     duration, dt
         Length and step [s].
     envelope
         Type B of Jennings by default.
     peak
-        Peak ground acceleration [m/s^2] to which the motion is scaled; by default it is as it falls.
+        Peak ground acceleration [m/s^2] to which the motion is scaled; by default it is not scaled.
 
     Raises
     ------
@@ -88,10 +88,10 @@ def _memory(spectrum: SpectralDensity) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Envelope:
-    """Rises as `(t / rise)^2`, is 1 until `plateau_end`, then falls as `exp(-decay (t - plateau_end))`.
+    """Envelope `(t / rise)^2` up to `rise`, 1 up to `plateau_end`, then `exp(-decay (t - plateau_end))`.
 
     The defaults are type B of Jennings, Housner and Tsai (Simulated Earthquake Motions, California Institute of
-    Technology, 1968), for magnitudes about 7; their parabola behind 30 s is left out, the exponential goes on.
+    Technology, 1968), for magnitudes about 7, with the exponential continued in place of their parabola after 30 s.
 
     Parameters
     ----------
@@ -114,13 +114,13 @@ class Envelope:
             raise SettingError(f"envelope decays at {self.decay} 1/s; give a rate of 0 or more")
 
     def at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Values from 0 to 1 at times [s], in their shape."""
+        """Values between 0 and 1 at times [s], in the shape of `time`."""
         rising = np.minimum(time / self.rise, 1.0) ** 2 if self.rise > 0.0 else np.ones_like(time)
         return rising * np.exp(-self.decay * np.maximum(time - self.plateau_end, 0.0))
 
 
 def sine(*, amplitude: float, frequency: float, cycles: float, dt: float = 0.001) -> GroundMotion:
-    """Sine of acceleration: `amplitude` [m/s^2], `frequency` [Hz], so many cycles, from zero."""
+    """Sinusoidal acceleration of `amplitude` [m/s^2] and `frequency` [Hz] for a number of cycles, from zero."""
     time = _time(cycles / _positive("frequency", frequency), dt)
     acceleration = amplitude * np.sin(2.0 * np.pi * frequency * time)
     return _motion(f"sine {frequency:g} Hz", dt, acceleration)
@@ -129,14 +129,14 @@ def sine(*, amplitude: float, frequency: float, cycles: float, dt: float = 0.001
 def sine_sweep(
     *, amplitude: float, start: float, end: float, duration: float, dt: float = 0.001
 ) -> GroundMotion:
-    """Sine of acceleration whose frequency runs evenly from `start` to `end` [Hz] in `duration` [s]."""
+    """Linear sine sweep of acceleration from `start` to `end` [Hz] in `duration` [s]."""
     time = _time(duration, dt)
     phase = 2.0 * np.pi * (_positive("start", start) * time + 0.5 * (end - start) / duration * time**2)
     return _motion(f"sweep {start:g} to {end:g} Hz", dt, amplitude * np.sin(phase))
 
 
 def half_sine(*, amplitude: float, width: float, rest: float = 0.0, dt: float = 0.001) -> GroundMotion:
-    """One half wave of acceleration, `width` [s] long, then `rest` [s] of nothing."""
+    """Half-sine pulse of acceleration, `width` [s] long, followed by `rest` [s] of zeros."""
     time = _time(_positive("width", width) + rest, dt)
     acceleration = np.where(time <= width, amplitude * np.sin(np.pi * time / width), 0.0)
     return _motion(f"half sine {width:g} s", dt, acceleration)
@@ -145,7 +145,7 @@ def half_sine(*, amplitude: float, width: float, rest: float = 0.0, dt: float = 
 def ricker(*, amplitude: float, frequency: float, dt: float = 0.001) -> GroundMotion:
     """Ricker pulse of acceleration, `amplitude (1 - 2 u) exp(-u)` with `u = (pi frequency (t - t_0))^2`.
 
-    It lasts three periods about t_0; velocity and displacement come back to zero (N. Ricker, Geophysics 18, 1953).
+    It lasts three periods centred at t_0; velocity and displacement return to zero (N. Ricker, Geophysics 18, 1953).
     """
     half = 1.5 / _positive("frequency", frequency)
     time = _time(2.0 * half, dt)

@@ -32,7 +32,7 @@ class Observation:
         Raises
         ------
         SettingError
-            Where a window or a frequency is negative, the gain is zero, or a number is not finite.
+            If a window or a frequency is negative, the gain is zero, or a number is not finite.
         """
         for name in ("delay_seconds", "lowpass_hz", "average_seconds", "gain", "offset"):
             value = getattr(self, name)

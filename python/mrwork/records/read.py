@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import glob
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -15,7 +14,8 @@ from mrwork.records.columns import choose_columns
 from mrwork.records.command import nominal_from_name, with_nominal_command
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.formats.delimited import open_delimited
-from mrwork.records.table import ColumnTable, check_is_file
+from mrwork.records.formats.matlab import open_matlab
+from mrwork.records.table import ColumnTable, check_is_file, listed_files, open_parquet
 
 
 def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str] | None = None) -> DamperTest:
@@ -92,18 +92,7 @@ def read_damper_tests(
     RecordError
         No file matches the pattern, there is no path, or a file cannot be read as a test.
     """
-    if isinstance(paths, str | os.PathLike):
-        pattern = os.fspath(paths)
-        # A file whose name holds brackets is a file, not a pattern.
-        # `Path.glob` takes no absolute patterns.
-        found = glob.glob(pattern, recursive=True)  # noqa: PTH207 - patterns may be absolute
-        files = [pattern] if Path(pattern).exists() else sorted(found)
-        if not files:
-            raise RecordError(f"no file matches '{pattern}'; check the path and the pattern")
-    else:
-        files = [os.fspath(path) for path in paths]
-        if not files:
-            raise RecordError("no record given; name at least one file")
+    files = listed_files(paths, none="no record given; name at least one file")
     return tuple(read_damper_test(file, columns=columns) for file in files)
 
 
@@ -122,13 +111,8 @@ def _open_table(path: Path) -> ColumnTable:
         if extension in (".csv", ".tsv"):
             return open_delimited(path, source)
         if extension == ".mat":
-            # scipy.io is only worth its import time when there is a .mat file.
-            from mrwork.records.formats.matlab import open_matlab
-
             return open_matlab(path, source)
         if extension in (".parquet", ".pq"):
-            from mrwork.records.table import open_parquet
-
             return open_parquet(path, source)
     except OSError as error:
         raise RecordError(

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import glob
 import hashlib
+import os
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -124,3 +126,25 @@ def check_is_file(path: Path) -> None:
         raise RecordError(f"{path}: there is no such file; check the path")
     if not path.is_file():
         raise RecordError(f"{path}: is not an ordinary file; name a record file")
+
+
+def listed_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]], *, none: str) -> list[str]:
+    """Return the files of a sequence of paths in its order, or of a glob pattern in name order.
+
+    Raises
+    ------
+    RecordError
+        No file matches the pattern, or there is no path; `none` is the message of the latter.
+    """
+    if isinstance(paths, str | os.PathLike):
+        pattern = os.fspath(paths)
+        # An existing file whose name contains brackets is not a pattern.
+        found = glob.glob(pattern, recursive=True)  # noqa: PTH207 - `Path.glob` takes no absolute patterns
+        files = [pattern] if Path(pattern).exists() else sorted(found)
+        if not files:
+            raise RecordError(f"no file matches '{pattern}'; check the path and the pattern")
+        return files
+    files = [os.fspath(path) for path in paths]
+    if not files:
+        raise RecordError(none)
+    return files

@@ -33,7 +33,7 @@ def cut(
     Raises
     ------
     SettingError
-        Where fewer than 10 samples would remain.
+        If fewer than 10 samples would remain.
     """
     if every < 1:
         raise SettingError(f"--every is {every}; it must be 1 or more")
@@ -90,7 +90,7 @@ def counted_from(test: DamperTest, settle: float) -> DamperTest:
     Raises
     ------
     SettingError
-        Where fewer than 10 samples would be compared, or the time is negative.
+        If fewer than 10 samples would be compared, or the time is negative.
     """
     n_settle = ceil(settle / test.dt - 1e-9)
     if settle < 0 or test.n_time - n_settle < _FEWEST:

@@ -1,6 +1,6 @@
-"""PEER strong-motion records (.AT2): four lines of header, then accelerations in g, some to a line.
+"""PEER strong-motion records (.AT2): four header lines, then accelerations in g, several per line.
 
-The header ends with NPTS and DT, before or after their numbers, in capitals or not (peer.berkeley.edu/smcat/data.html).
+The header ends with NPTS and DT, before or after their numbers, in any case (peer.berkeley.edu/smcat/data.html).
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ PEER_AT2 = Format(name="a PEER AT2 record", recognises=_recognises, read=_read)
 
 
 def refuse_false_at2(lines: Lines) -> None:
-    """Say of a file with the extension .AT2 why it is none.
+    """Refuse a file with the extension .AT2 but another content, and say why.
 
     Raises
     ------

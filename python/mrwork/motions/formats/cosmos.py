@@ -1,7 +1,7 @@
 """COSMOS strong-motion format, version 1.x: text, integer and real header, comments, then a series.
 
-Each header and series is introduced by a line that says how much follows and in which Fortran format. A file holds one
-channel or several, one after the other ("COSMOS Strong Motion Data Format", version 1.20, 2001).
+A line before each header and series states how many numbers follow and in which Fortran format. A file holds one or
+several channels in succession ("COSMOS Strong Motion Data Format", version 1.20, 2001).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from mrwork.motions.ground_motion import GroundMotion
 from mrwork.units import factor_to_si
 
 _UNKNOWN = -999.0
-# Real header, counted from 1: the step of a processed series [ms], that of the recorder [s].
+# Positions in the real header, from 1: step of a processed series [ms], and of the recorder [s].
 _PROCESSED_STEP = 62
 _RECORDER_STEP = 34
 _FIRST = re.compile(r"\(Format v\s*0*1\.[0-9]+ with\s+([0-9]{1,9}) text lines\)", re.IGNORECASE)
@@ -32,7 +32,7 @@ _UNIT = re.compile(r"units\s*=\s*([^\s,()]+)", re.IGNORECASE)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Series:
-    """A channel: the line at which it begins and that of its unit, step [s], numbers in the unit of the file."""
+    """A channel: its title, first line, unit, step [s], and numbers in the unit of the file."""
 
     title: str
     head: int
@@ -86,7 +86,7 @@ def _read(lines: Lines, stated: Stated) -> GroundMotion:
 
 
 def _series(lines: Lines, head: int, title: re.Match[str]) -> tuple[_Series, int]:
-    """Series of the channel whose text header begins at `head` with its title, and the line behind it."""
+    """Series of the channel whose text header begins at `head` with its title, and the index of the line after it."""
     place = head + int(title[1])
     _, place = _block(lines, place, "integer header")
     real, place = _block(lines, place, "real header")
@@ -108,9 +108,9 @@ def _series(lines: Lines, head: int, title: re.Match[str]) -> tuple[_Series, int
 
 
 def _block(lines: Lines, place: int, what: str) -> tuple[NDArray[np.float64], int]:
-    """Numbers that the line at `place` announces, and the line behind them.
+    """Numbers announced by the line at `place`, and the index of the line after them.
 
-    Columns may touch, so they are cut where the stated format has them.
+    Columns may touch, so they are split at the widths of the stated format.
     """
     announced = _BLOCK.match(lines.at(place))
     if announced is None:

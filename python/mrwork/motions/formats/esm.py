@@ -1,6 +1,6 @@
 """Records of the European Engineering Strong Motion database (ESM) and of ITACA: DYNA 1.x ASCII.
 
-Some 64 lines ``KEY: value``, then one acceleration to a line, in the unit that the header states.
+About 64 lines ``KEY: value``, then one acceleration per line, in the unit stated by the header.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def _read(lines: Lines, stated: Stated) -> GroundMotion:
     while match := _KEY.fullmatch(lines.at(first)):
         header[match[1]] = (first, match[2])
         first += 1
-    # Old files do not state it; their unit decides.
+    # Old files do not state the type; their unit decides.
     kind_line, kind = header.get("DATA_TYPE", (0, "ACCELERATION"))
     if kind.upper() != "ACCELERATION":
         raise RecordError(

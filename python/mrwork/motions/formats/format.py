@@ -19,44 +19,44 @@ _HEADER_SHOWN = 60
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lines:
-    """Lines of a file, without their ends; `path` is the file's."""
+    """Lines of the file at `path`, without line ends."""
 
     path: Path
     texts: tuple[str, ...]
 
     def at(self, index: int) -> str:
-        """Line of an index, counted from 0; nothing behind the last."""
+        """Line by index from 0; an empty text after the last."""
         return self.texts[index] if 0 <= index < len(self.texts) else ""
 
     def where(self, index: int) -> str:
-        """Begin a sentence on a line: file and line, counted from 1 as editors do."""
+        """Start of a message about a line: file and line number, counted from 1."""
         return f"{self.path}: line {index + 1}"
 
 
 def open_lines(path: Path) -> Lines:
-    """Read a text file whatever the ends of its lines; accents of old headers may be Latin-1.
+    """Read a text file with any line ends; headers of old files may be Latin-1.
 
     Raises
     ------
     RecordError
-        The file is empty, or is no text.
+        The file is empty or is not text.
     """
     data = read_text_bytes(path, str(path))
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
         text = data.decode("latin-1")
-    # Some archives hold files whose lines end in CR CR LF.
+    # Some archives hold files with line ends CR CR LF.
     return Lines(path=path, texts=tuple(re.split(r"\r*\n|\r", text)))
 
 
 def read_numbers(lines: Lines, first: int, end: int | None = None) -> NDArray[np.float64]:
-    """Numbers of the lines from `first` to before `end`, as many to a line as there are, shape (n,).
+    """Read all numbers of the lines from `first` to before `end`, shape (n,).
 
     Raises
     ------
     RecordError
-        Something is not a finite number; the sentence names its line.
+        An entry is not a finite number; the message names its line.
     """
     texts = lines.texts[first:end]
     try:
@@ -78,7 +78,7 @@ def read_numbers(lines: Lines, first: int, end: int | None = None) -> NDArray[np
 
 
 def is_number(word: str) -> bool:
-    """Tell whether a word reads as a number, be it not a finite one."""
+    """Whether a word reads as a number, finite or not."""
     try:
         float(word)
     except ValueError:
@@ -87,21 +87,21 @@ def is_number(word: str) -> bool:
 
 
 def shown(text: str) -> str:
-    """Text as a sentence can quote it."""
+    """Text as a message quotes it, shortened if it is long."""
     clean = " ".join(text.split())
     return clean if len(clean) <= _HEADER_SHOWN else clean[:_HEADER_SHOWN] + "..."
 
 
-# The strongest accelerograms reach 4.4 g; what is far beyond was read in the wrong unit.
+# The strongest accelerograms reach 4.4 g; values far beyond indicate a wrong unit.
 _LARGEST = 200.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stated:
-    """What the caller states because the file does not.
+    """Options of the caller for what a file does not state.
 
-    `unit` of the acceleration; `dt` [s] where there is no column of times; `column` of the acceleration in a table or
-    its variable in a .mat file; `channel`, counted from 1, of a file that holds several.
+    `unit` of the acceleration; `dt` [s] if there is no column of times; `column` of the acceleration in a table, or its
+    variable in a .mat file; `channel`, counted from 1, of a file with several channels.
     """
 
     unit: str | None = None
@@ -112,7 +112,7 @@ class Stated:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Format:
-    """A text format: how it is known by its content, how it is read, and which of `Stated` it needs."""
+    """A text format: how its content is recognised, how it is read, and which fields of `Stated` it takes."""
 
     name: str
     recognises: Callable[[Lines], bool]
@@ -121,7 +121,7 @@ class Format:
 
 
 def refuse_needless(stated: Stated, needs: frozenset[str], *, source: str, kind: str) -> None:
-    """Refuse a statement about what the file itself says, rather than pass over it.
+    """Refuse an option that the format does not take, rather than ignore it.
 
     Raises
     ------
@@ -142,7 +142,7 @@ def recorded(
     name: str | None = None,
     changes: tuple[str, ...] = (),
 ) -> GroundMotion:
-    """Motion of a file, by default of its name; `source` gets the file's name as well.
+    """Build the motion of a file, by default with the name of the file, which is also added to `source`.
 
     Raises
     ------
@@ -166,7 +166,7 @@ def recorded(
 
 
 def refuse_absurd(acceleration: NDArray[np.float64], *, source: str) -> None:
-    """Refuse accelerations [m/s^2] beyond any earthquake's.
+    """Refuse accelerations [m/s^2] beyond those of any earthquake.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""K-NET and KiK-net records in ASCII: 17 lines of header, then counts of the recorder.
+"""K-NET and KiK-net records in ASCII: 17 header lines, then counts of the recorder.
 
-Acceleration in gal is a count times the scale factor of line 14, such as ``3920(gal)/6182761``, about an offset
-of the recorder; the publisher's own peak is that about the mean (National Research Institute for Earth Science and
+Acceleration in gal is a count times the scale factor of line 14, such as ``3920(gal)/6182761``, plus an offset
+of the recorder; the published peak refers to the mean (National Research Institute for Earth Science and
 Disaster Resilience, "About K-NET ASCII format").
 """
 
@@ -50,7 +50,7 @@ def _read(lines: Lines, stated: Stated) -> GroundMotion:
     )
     return recorded(
         lines.path,
-        # The extension is the direction of the record.
+        # The extension states the direction of the record.
         name=lines.path.name.replace(".", "_"),
         dt=1.0 / rate,
         acceleration=acceleration - mean,

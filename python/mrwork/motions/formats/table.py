@@ -28,23 +28,23 @@ _SECONDS: Final = ("sec", "secs", "second", "seconds")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Column:
-    """A column, and the factor from its unit to SI."""
+    """A column and the factor from its unit to SI."""
 
     name: str
     factor: float
 
 
 def acceleration_column(names: Sequence[str], stated: Stated, *, source: str) -> Column:
-    """Column of the acceleration.
+    """Find the column of the acceleration.
 
     Raises
     ------
     RecordError
-        No column is it, or several may be.
+        No column matches, or several do.
     UnitError
-        Neither its name nor the caller says the unit.
+        Neither the name of the column nor the caller states the unit.
     SettingError
-        The unit stated is another than that of the name.
+        The stated unit differs from that of the name.
     """
     listed = ", ".join(f"'{name}'" for name in names)
     if stated.column is None:
@@ -72,12 +72,12 @@ def acceleration_column(names: Sequence[str], stated: Stated, *, source: str) ->
 
 
 def time_column(names: Sequence[str], *, source: str) -> Column | None:
-    """Column of time, `None` where there is none; one without a unit is in seconds.
+    """Find the column of time, `None` if there is none; a column without a unit is in seconds.
 
     Raises
     ------
     RecordError
-        Several columns may be it.
+        Several columns match.
     """
     found = [(name, match[1] or "s") for name in names for match in [_TIME.fullmatch(name)] if match]
     if len(found) > 1:
@@ -93,7 +93,7 @@ def time_column(names: Sequence[str], *, source: str) -> Column | None:
 
 
 def are_named(names: Sequence[str]) -> bool:
-    """Tell whether words are names of the columns that a table of a ground motion has."""
+    """Whether words are column names of a table of a ground motion."""
     return any(_is_acceleration(name) for name in names) and all(
         _is_acceleration(name) or _TIME.fullmatch(name) for name in names
     )
@@ -129,12 +129,12 @@ _NAMELESS = ("t_s", "acceleration")
 
 
 def motion_of_table(table: ColumnTable, stated: Stated, path: Path) -> GroundMotion:
-    """Motion of the columns of a table, whatever file they come from.
+    """Build the motion from the columns of a table of any file format.
 
     Raises
     ------
     RecordError, UnitError, SettingError
-        What the column reader and `motion_of_columns` refuse; times are missing, or stated on top of a column.
+        The columns are invalid, times are missing, or `dt` is given although there is a column of times.
     """
     acceleration = acceleration_column(table.names, stated, source=str(path))
     time = time_column(table.names, source=str(path))
@@ -167,7 +167,7 @@ def _read(lines: Lines, stated: Stated) -> GroundMotion:
     if first is None:
         raise RecordError(f"{lines.path}: there are only comments; expected columns of time and acceleration")
     if not any(mark in texts[first] for mark in "\t;,"):
-        # Blanks part the columns; line numbers stay as they are.
+        # Blanks separate the columns; line numbers do not change.
         texts = ["\t".join(text.split()) for text in texts]
     fields = [field for field in re.split(r"[\t;,]", texts[first]) if field.strip()]
     if not all(is_number(field) for field in fields):
@@ -196,7 +196,7 @@ def _table(lines: Lines, texts: list[str], names: tuple[str, ...] | None = None)
 
 
 def _series(lines: Lines, first: int, stated: Stated) -> GroundMotion:
-    """All numbers in the order of reading, as accelerations."""
+    """Read all numbers in order as accelerations."""
     if stated.unit is None or stated.dt is None:
         raise UnitError(
             f"{lines.path}: does not say the unit of its numbers; state it as `unit`, one of "
@@ -228,13 +228,13 @@ TABLE = Format(
 def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
     """Read a .mat file of version 4 to 7.
 
-    A matrix of two rows or two columns holds times [s] and accelerations, as the files of the structural control
-    benchmarks do; vectors are known by their names as columns of a table are.
+    A matrix of two rows or two columns holds times [s] and accelerations, as in the files of the structural control
+    benchmarks; vectors are recognised by their names like the columns of a table.
 
     Raises
     ------
     RecordError, UnitError, SettingError
-        The file is damaged, or does not hold one ground motion.
+        The file is damaged, or does not hold exactly one ground motion.
     """
     matrices = read_matlab_matrices(path, str(path))
     pairs = {name: pair for name, matrix in matrices.items() for pair in _pair(matrix)}
@@ -250,7 +250,7 @@ def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
 
 
 def _pair(matrix: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """Rows of times and accelerations, shape (2, n_time), if the matrix holds them."""
+    """Rows of times and accelerations, shape (2, n_time), if the matrix has two rows or columns; otherwise none."""
     if matrix.ndim != 2 or 2 not in matrix.shape or matrix.size < 6:
         return []
     return [matrix if matrix.shape[0] == 2 else matrix.T]

@@ -1,4 +1,4 @@
-"""From columns of time and acceleration to a motion of one step."""
+"""Ground motion on a uniform step from columns of time and acceleration."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from mrwork.records.sampling import is_rounded
 
 Floats = NDArray[np.float64]
 
-# Steps that differ by less, relative to their median, are one step.
+# Steps that differ by less, relative to their median, count as equal.
 _JITTER = 1e-3
-# A last point of zero this far behind the others [s] and [steps] ends a table, it was not recorded.
+# A last sample of zero this long after the others [s], and in steps, is padding and not part of the record.
 _PADDING = 1.0
 _PADDING_STEPS = 20.0
 
@@ -23,15 +23,15 @@ _PADDING_STEPS = 20.0
 def motion_of_columns(
     time: Floats, acceleration: Floats, *, name: str, source: str, where: Callable[[int], str]
 ) -> GroundMotion:
-    """Motion of times [s] and accelerations [m/s^2], each of shape (n_time,); `where` names a row in a sentence.
+    """Build a motion from times [s] and accelerations [m/s^2], shape (n_time,); `where` names a row in messages.
 
-    What the times need is done and told in `changes`. Steps that are equal but for jitter or rounding are one step,
-    and samples stay as they are; what lies between steps of another length is read off straight lines.
+    `changes` lists what was done. Steps that are equal up to jitter or rounding are taken as uniform without changing
+    the samples; otherwise the record is resampled by linear interpolation.
 
     Raises
     ------
     RecordError
-        A value is missing, time stands still or runs backwards, or most of the record is gaps.
+        A value is missing, time does not increase, or most of the record is gaps.
     """
     changes: list[str] = []
     for values, what in ((time, "time"), (acceleration, "acceleration")):
@@ -70,11 +70,11 @@ def _ends_in_padding(time: Floats, acceleration: Floats) -> bool:
 def _on_one_step(
     time: Floats, acceleration: Floats, where: Callable[[int], str]
 ) -> tuple[float, Floats, str]:
-    """Step [s], samples, and what was done."""
+    """Step [s], samples, and a description of the change."""
     steps = np.diff(time)
     duration = float(time[-1] - time[0])
     mean, median = duration / steps.size, float(np.median(steps))
-    # Times written to few digits of a long record differ by their last digit.
+    # In a long record, times written with few digits differ in the last digit.
     regular = np.abs(steps - median) <= _JITTER * median + 2.0 * np.spacing(np.abs(time).max())
     if regular.all():
         return mean, acceleration, ""
@@ -85,7 +85,7 @@ def _on_one_step(
             f"times written to {np.ptp(steps):.3g} s taken as uniform, every {mean:.6g} s",
         )
     dt = float(steps[regular].mean())
-    # Regular steps are taken as equal, so that samples between them are kept and not interpolated.
+    # Regular steps are taken as equal, so that their samples are kept and not interpolated.
     knots = np.concatenate(([0.0], np.cumsum(np.where(regular, dt, steps))))
     n_time = int(np.floor(knots[-1] / dt + 1e-6)) + 1
     if n_time > 2 * time.size:
