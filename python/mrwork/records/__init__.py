@@ -1,4 +1,4 @@
-"""Damper test records: read them, check them, bring them to SI."""
+"""Damper test records: reading, checks, conversion to SI, repairs and the observation model."""
 
 import lazy_loader
 

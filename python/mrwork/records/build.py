@@ -1,4 +1,4 @@
-"""From channels in SI to a checked damper test: the one way in, for files and for arrays."""
+"""Build a checked damper test from channels in SI, for files and for arrays alike."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def build_damper_test(
     sha256: str | None = None,
     locate: Callable[[int], str] | None = None,
 ) -> DamperTest:
-    """Check and repair the channels of one test.
+    """Check the channels of one test, put them on a uniform step, and run all detectors.
 
     Parameters
     ----------
@@ -61,20 +61,20 @@ def build_damper_test(
     velocity
         Shape (n_time,) [m/s]; derived from the displacement when absent.
     current, voltage
-        Command [A, V], one number or shape (n_time,); its median is taken.
+        Command [A, V], one number or shape (n_time,); the test has its median.
     amplitude, frequency
-        Nominal values [m, Hz] the motion is compared with.
+        Nominal values [m, Hz], compared with the motion.
     synthetic
         Whether the test was simulated.
     path, sha256
-        File and its hash; the hash is that of the arrays' bytes when absent.
+        File and its hash; without a hash, that of the bytes of the arrays.
     locate
-        Where a row lies in the file, for messages; by default its number among the samples.
+        Describes a row of the file in messages; by default its sample number.
 
     Raises
     ------
     RecordError
-        The channels cannot be a test; the sentence names the first row at fault.
+        The channels are not a valid test; the message names the first invalid row.
 
     Examples
     --------
@@ -150,7 +150,7 @@ def build_damper_test(
 
 
 def examine(test: DamperTest) -> tuple[Finding, ...]:
-    """What the signals of a test reveal about how they were taken."""
+    """Run all detectors on a test."""
     return tuple(finding for detector in _DETECTORS for finding in detector(test))
 
 
@@ -189,6 +189,6 @@ def _digest(raw: Signals, current: ArrayLike | None, voltage: ArrayLike | None) 
     for name, samples in named:
         if samples is not None:
             digest.update(name.encode())
-            # Little-endian whatever the machine, so that the hash is of the values.
+            # Little-endian on every machine, so that the hash depends on the values only.
             digest.update(np.ascontiguousarray(samples, dtype="<f8").tobytes())
     return digest.hexdigest()

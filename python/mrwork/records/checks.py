@@ -1,4 +1,4 @@
-"""What a test's signals reveal about themselves: dead channels, rest, the force's sign and offset."""
+"""Checks of the signals of a test: dead channels, sampling, rest before the motion, sign and offset of the force."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ _SIGN_SHARE: Final = 0.05
 
 
 def check_varies(samples: NDArray[np.float64], quantity: str, unit: str, *, source: str) -> None:
-    """Refuse a dead channel.
+    """Check that a channel is not constant.
 
     Raises
     ------
     RecordError
-        The samples stay within a nanometre or a nanonewton.
+        The range of the samples is below a nanometre or a nanonewton.
     """
     if np.ptp(samples) < _SMALLEST_RANGE:
         value = "zero" if abs(samples[0]) < _SMALLEST_RANGE else f"constant at {samples[0]:g} {unit}"
@@ -32,7 +32,7 @@ def check_varies(samples: NDArray[np.float64], quantity: str, unit: str, *, sour
 
 
 def samples_per_cycle(frequency: float, dt: float) -> tuple[Finding, ...]:
-    """Warn when the dominant cycle has fewer than 20 samples."""
+    """Warn if the dominant cycle has fewer than 20 samples."""
     per_cycle = 1.0 / (frequency * dt)
     if per_cycle >= _FEWEST_PER_CYCLE:
         return ()
@@ -45,16 +45,16 @@ def samples_per_cycle(frequency: float, dt: float) -> tuple[Finding, ...]:
 
 
 def samples_at_rest(displacement: NDArray[np.float64]) -> int:
-    """Samples before the displacement has left its first value by 1 % of its peak-to-peak.
+    """Number of samples before the displacement has moved by 1 % of its peak-to-peak value.
 
-    A harmonic motion that starts at its crest takes 0.03 periods for that.
+    A harmonic motion that starts at its peak takes 0.03 periods for this.
     """
     left = np.abs(displacement - np.median(displacement[:3])) > _REST_EXCURSION * np.ptp(displacement)
     return int(np.argmax(left))
 
 
 def rest_before_motion(displacement: NDArray[np.float64], dt: float, frequency: float) -> tuple[Finding, ...]:
-    """Note rest at the start, of a quarter of the dominant period or longer."""
+    """Note rest at the start that lasts a quarter of the dominant period or longer."""
     rest = samples_at_rest(displacement) * dt
     if rest < _REST_CYCLES / frequency:
         return ()
@@ -64,10 +64,10 @@ def rest_before_motion(displacement: NDArray[np.float64], dt: float, frequency: 
 
 
 def mean_over_travel(force: NDArray[np.float64], velocity: NDArray[np.float64]) -> float:
-    """Mean force per distance travelled, int F |v| dt / int |v| dt [N].
+    """Mean force over the distance travelled, int F |v| dt / int |v| dt [N].
 
-    Hysteresis, viscosity and stiffness about the middle of the stroke cancel in it, and rest does not
-    count: what stays is a static offset. Peaks would not do, for real loops are not quite symmetric there.
+    Hysteresis, viscosity and stiffness about the middle of the stroke cancel, and rest has no weight, so that a static
+    offset remains. The mean of the peaks is no substitute, because measured loops are not symmetric there.
     """
     return float(np.average(force, weights=np.abs(velocity)))
 
@@ -75,10 +75,10 @@ def mean_over_travel(force: NDArray[np.float64], velocity: NDArray[np.float64]) 
 def force_sign(
     force: NDArray[np.float64], velocity: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], tuple[Finding, ...]]:
-    """Force with the sign that dissipates, and a note if that is not the sign it came with.
+    """Return the force with the sign that dissipates energy, and a note if the sign was changed.
 
-    The sign is that of the dissipated energy, int F v dt / int |F v| dt over the whole record, with F
-    taken from its mean over the travel, so that a static offset does not count.
+    The sign is that of int F v dt / int |F v| dt over the whole record. F is relative to its mean over the distance
+    travelled, so that a static offset has no effect.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ def force_sign(
 
 
 def force_offset(force: NDArray[np.float64], velocity: NDArray[np.float64]) -> tuple[Finding, ...]:
-    """Warn of a static offset above 5 % of the force's half range (percentiles 0.5 and 99.5)."""
+    """Warn of a static offset above 5 % of the half range of the force (percentiles 0.5 and 99.5)."""
     offset = mean_over_travel(force, velocity)
     lower, upper = np.percentile(force, [0.5, 99.5])
     half_range = 0.5 * float(upper - lower)

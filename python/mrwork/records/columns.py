@@ -1,4 +1,4 @@
-"""Which column of a file is which quantity: by its name with unit, or by an explicit mapping."""
+"""Assignment of file columns to quantities: by column names with units, or by an explicit mapping."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TestQuantity = Literal["time", "displacement", "velocity", "force", "current", "
 QUANTITIES: Final[tuple[TestQuantity, ...]] = get_args(TestQuantity)
 REQUIRED: Final[tuple[TestQuantity, ...]] = ("time", "displacement", "force")
 
-# `v` and `u` mean different things on different rigs; the unit behind them decides.
+# `v` and `u` have different meanings on different rigs; the unit after them decides.
 _STEMS: Final[Mapping[TestQuantity, frozenset[str]]] = {
     "time": frozenset({"time", "t"}),
     "displacement": frozenset({"displacement", "disp", "stroke", "position", "x", "u"}),
@@ -32,13 +32,13 @@ _EXAMPLE: Final[Mapping[TestQuantity, str]] = {
     "current": "current_A",
     "voltage": "voltage_V",
 }
-# A word, then perhaps a separator and a unit: force_kN, Force (kN), "v [m/s]", disp/mm.
+# A word, optionally followed by a separator and a unit: force_kN, Force (kN), "v [m/s]", disp/mm.
 _NAME: Final = re.compile(r"\s*([A-Za-z]+)(?:[\s_\-/,:.(\[]+(.*?)[)\]]?)?\s*")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnChoice:
-    """The column that holds a quantity, and the factor from its unit to SI."""
+    """Column of a quantity, and the factor from its unit to SI."""
 
     column: str
     factor: float
@@ -50,7 +50,7 @@ def parse_column_option(option: str) -> tuple[TestQuantity, str]:
     Raises
     ------
     SettingError
-        The text has another form, or names no quantity of a damper test.
+        The text has another form, or does not name a quantity of a damper test.
     UnitError
         The unit is unknown or measures another quantity.
 
@@ -72,24 +72,23 @@ def parse_column_option(option: str) -> tuple[TestQuantity, str]:
 def choose_columns(
     names: Sequence[str], columns: Mapping[str, str] | None, *, source: str
 ) -> dict[TestQuantity, ColumnChoice]:
-    """Find the column of every quantity that a file has.
+    """Find the column of every quantity that a file contains.
 
     Parameters
     ----------
     names
         Column names in file order.
     columns
-        Quantity to ``"COLUMN:UNIT"``; goes before what the names say. Other quantities are still found by
-        name.
+        Quantity to ``"COLUMN:UNIT"``, with precedence over the column names. Other quantities are still found by name.
     source
         The file, for messages.
 
     Raises
     ------
     RecordError
-        A required quantity has no column, a mapped column does not exist, or two columns claim one quantity.
+        A required quantity has no column, a mapped column does not exist, or two columns match one quantity.
     UnitError
-        A column that is needed has no unit, or one that measures something else.
+        A required column has no unit, or a unit of another quantity.
     SettingError
         The mapping is malformed.
     """
@@ -122,7 +121,7 @@ def _recognise(
     if fitting:
         name, unit = fitting[0]
         return ColumnChoice(column=name, factor=factor_to_si(unit, quantity, context=name))
-    # A lone letter is too weak a claim to stop at unless the quantity is needed.
+    # A single letter is not sufficient evidence for an error unless the quantity is required.
     for name, unit in claims:
         weak = quantity not in REQUIRED and len(name.strip()) == 1
         if weak or _claimed_by_another(quantity, name):
@@ -155,7 +154,7 @@ def _claimed_by_another(quantity: TestQuantity, name: str) -> bool:
 
 
 def _unit_of(quantity: TestQuantity, name: str) -> str | None:
-    """Return the unit text of a column that may be the quantity, `None` where its stem is another."""
+    """Return the unit text of a column whose stem matches the quantity, else `None`."""
     match = _NAME.fullmatch(name)
     if match is None or match[1].casefold() not in _STEMS[quantity]:
         return None
@@ -180,7 +179,7 @@ def _parse_specification(quantity: TestQuantity, specification: str) -> tuple[st
 
 
 def _find(column: str, names: Sequence[str], source: str) -> str:
-    """Return the one name equal to `column`, or equal but for case when none is."""
+    """Return the one name equal to `column`, or else the one equal except for case."""
     equal = [name for name in names if name == column]
     alike = equal or [name for name in names if name.casefold() == column.casefold()]
     if len(alike) == 1:

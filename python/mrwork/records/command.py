@@ -13,13 +13,13 @@ from mrwork.errors import RecordError
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 
 _RELATIVE: Final = 0.05
-# A command of zero is never exactly zero: this much [A or V] is sensor noise.
+# A measured command of zero is not exactly zero; deviations below this [A or V] are sensor noise.
 _ABSOLUTE: Final = 0.02
-# Share of the samples in the middle half of a command's range, and its correlation with time. A ramp from
-# end to end has 0.5 and 1.
+# Fraction of the samples in the middle half of the range of a command, and correlation with time. A ramp over the
+# whole record has 0.5 and 1.
 _STEPPING: Final = 0.05
 _RAMPING: Final = 0.9
-# Nominal amplitude and frequency are what the rig was told, not what it did.
+# Tolerances: nominal amplitude and frequency are set points, which the rig reaches only approximately.
 _AMPLITUDE: Final = 0.25
 _FREQUENCY: Final = 0.20
 
@@ -27,7 +27,7 @@ _FREQUENCY: Final = 0.20
 def constant_command(
     samples: NDArray[np.float64], quantity: str, unit: str, *, source: str
 ) -> tuple[float, tuple[Finding, ...]]:
-    """Median of a command that should be constant, and a warning if it is not.
+    """Return the median of a command that should be constant, and a warning if it varies.
 
     Raises
     ------
@@ -43,15 +43,15 @@ def constant_command(
     if high - low <= _RELATIVE * abs(value) + _ABSOLUTE:
         return value, ()
     message = (
-        f"the {quantity} {_course(present, low, high)} {low:.3g} and {high:.3g} {unit}; its median of {value:.3g} "
+        f"the {quantity} {_variation(present, low, high)} {low:.3g} and {high:.3g} {unit}; its median of {value:.3g} "
         f"{unit} is taken as the constant command of the test"
     )
     measured = Measured(value=float(high - low), unit=unit)
     return value, (Finding(code="command_varies", severity="warning", message=message, measured=measured),)
 
 
-def _course(samples: NDArray[np.float64], low: float, high: float) -> str:
-    """How a command goes: a ramp crosses the middle half of its range slowly, steps are hardly ever seen there."""
+def _variation(samples: NDArray[np.float64], low: float, high: float) -> str:
+    """Describe a varying command: a ramp has many samples in the middle half of its range, steps have hardly any."""
     quarter = 0.25 * (high - low)
     between = float(np.mean((samples > low + quarter) & (samples < high - quarter)))
     if between < _STEPPING:
@@ -67,9 +67,9 @@ def motion_matches_name(
     amplitude: float | None,
     frequency: float | None,
 ) -> tuple[Finding, ...]:
-    """Warn when amplitude [m] or frequency [Hz] are far from their nominal values."""
+    """Warn if amplitude [m] or frequency [Hz] are far from their nominal values."""
     findings: list[Finding] = []
-    # The dominant frequency is known to half a line of the spectrum.
+    # The dominant frequency is resolved to half a line of the spectrum.
     if frequency is not None and abs(dominant - frequency) > _FREQUENCY * frequency + 0.5 / duration:
         findings.append(_disagrees("frequency", frequency, dominant, "Hz"))
     if amplitude is not None:
@@ -80,7 +80,7 @@ def motion_matches_name(
 
 
 def with_nominal_command(test: DamperTest, nominal: Nominal) -> DamperTest:
-    """Test with the command of its file name where no column gave one, or a warning where they disagree."""
+    """Return the test with the command of its file name if no column gives one, and a warning if the two disagree."""
     findings = list(test.findings)
     for quantity, measured, named, unit in (
         ("current", test.current, nominal.current, "A"),
@@ -116,7 +116,7 @@ _NAME: Final = re.compile(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Nominal:
-    """What a file name says: amplitude [m], frequency [Hz], current [A], voltage [V]; `None` where silent."""
+    """Nominal values from a file name: amplitude [m], frequency [Hz], current [A], voltage [V]; `None` if absent."""
 
     amplitude: float | None = None
     frequency: float | None = None
@@ -125,10 +125,10 @@ class Nominal:
 
 
 def nominal_from_name(stem: str) -> Nominal:
-    """Read amplitude, frequency and command from a file name without its extension.
+    """Read amplitude, frequency and command from a file name without extension.
 
-    The decimal point may be written ``x``; underscores between the parts and a prefix are allowed, and
-    the command may be missing or in volts.
+    The decimal point may be written ``x``. Underscores between the parts and a prefix are allowed. The command may be
+    missing or in volts.
 
     Examples
     --------
@@ -141,7 +141,7 @@ def nominal_from_name(stem: str) -> Nominal:
     command = None if match["command"] is None else _value(match["command"])
     in_volts = (match["unit"] or "").upper() == "V"
     return Nominal(
-        # Divided, not multiplied: 5 / 1000 is the double nearest to 0.005.
+        # Division instead of multiplication: 5 / 1000 is the double nearest to 0.005.
         amplitude=_value(match["amplitude"]) / 1000.0,
         frequency=_value(match["frequency"]),
         current=None if in_volts else command,

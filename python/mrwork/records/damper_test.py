@@ -1,4 +1,4 @@
-"""A damper test as the rest of mrwork sees it: SI, uniform in time, with what was found on the way in."""
+"""Damper test: a record in SI on a uniform time step, with the findings of its checks."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Severity = Literal["note", "warning", "repaired"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measured:
-    """A number that a check measured, in `unit`; `standard_error` is `None` where it follows from no scatter."""
+    """A number measured by a check, in `unit`; `standard_error` is `None` if it cannot be estimated."""
 
     value: float
     unit: str
@@ -25,7 +25,7 @@ class Measured:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """One thing a check noticed: `code` for programs, `message` for people, and how much of it there is."""
+    """Result of a check: `code` for programs, `message` for people, and the measured size, if any."""
 
     code: str
     severity: Severity
@@ -37,15 +37,13 @@ class Finding:
 class DamperTest(Summarised):
     """A force-motion record of one damper at one command, uniformly sampled, in SI.
 
-    Arrays have shape (n_time,): `displacement` [m], `velocity` [m/s] of elongation, and the
-    `force` [N] with which the damper resists, so that force times velocity dissipates.
-    `current` [A] and `voltage` [V] are constants of the test, `None` where unknown.
-    `amplitude` [m] and `frequency` [Hz] are nominal, from the file name, `None` where unknown.
-    `velocity_source` says whether the velocity is a measured column or a derivative.
-    `n_settle` samples at the start are simulated but not compared: until the damper has travelled half its
-    peak-to-peak stroke, its force depends on where the hysteresis stood before the record began.
-    `observation` is what happened to the force on its way into the record.
-    `original` is the record as it came, where it has been repaired since.
+    Arrays have shape (n_time,): `displacement` [m] and `velocity` [m/s] of elongation, and the resisting `force` [N],
+    so that force times velocity is dissipated power. `current` [A] and `voltage` [V] are constant over the test,
+    `None` if unknown. `amplitude` [m] and `frequency` [Hz] are nominal values from the file name, `None` if unknown.
+    `velocity_source` states whether the velocity is a measured column or a derivative. The first `n_settle` samples
+    are simulated but not compared: until the damper has travelled half its peak-to-peak stroke, its force depends on
+    the state of the hysteresis before the record. `observation` models how the recorded force follows from that of
+    the damper. `original` is the record before repairs, if it was repaired.
     """
 
     name: str
@@ -109,7 +107,7 @@ class DamperTest(Summarised):
 
 
 def frozen(samples: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A channel of a test: a contiguous copy that nobody can write to."""
+    """Contiguous read-only copy of a channel."""
     kept = np.array(samples, dtype=np.float64, order="C")
     kept.setflags(write=False)
     return kept

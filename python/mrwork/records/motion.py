@@ -14,9 +14,9 @@ Array = NDArray[np.float64]
 
 
 def weights(window: int, order: int, *, derivative: int = 0, step: float = 1.0) -> Array:
-    """Weights of a derivative at the centre of a window, shape (window,), to be convolved with the signal.
+    """Savitzky-Golay weights of a derivative at the centre of a window, shape (window,), to convolve with the signal.
 
-    The least-norm solution of the conditions that polynomials up to `order` are differentiated exactly (Savitzky,
+    Least-norm solution of the conditions that polynomials up to `order` are differentiated exactly (Savitzky,
     Golay, Analytical Chemistry 36, 1964, 1627-1639).
     """
     half = window // 2
@@ -29,10 +29,11 @@ def weights(window: int, order: int, *, derivative: int = 0, step: float = 1.0) 
 def savitzky_golay(
     signal: Array, window: int, order: int, *, derivative: int = 0, step: float = 1.0
 ) -> Array:
-    """Derivative of a signal, shape (n_time,), from polynomials of `order` fitted to `window` samples about each.
+    """Savitzky-Golay derivative of a signal, shape (n_time,): polynomials of `order` fitted to `window` samples each.
 
-    Half a window from either end it is that of the polynomial of the outermost window. `window` is odd, above `order`
-    and at most n_time.
+    Within half a window of either end, the polynomial of the outermost window is used. `window` is odd, above `order`
+    and at most n_time. Implemented in NumPy because `scipy.signal` takes a second to load; the sums run in the order of
+    SciPy, so that both give the same bits.
     """
     half = window // 2
     result = np.empty_like(signal)
@@ -51,7 +52,7 @@ def savitzky_golay(
 
 
 def _inner_sums(signal: Array, weights: Array) -> Array:
-    """Convolution of a signal with as many weights as a window has, wherever the whole window lies within it."""
+    """Convolution of a signal with the weights of a window, at all samples where the whole window lies within it."""
     half = weights.size // 2
     n_inner = signal.size - 2 * half
     along = weights[::-1]
@@ -59,7 +60,7 @@ def _inner_sums(signal: Array, weights: Array) -> Array:
     def shifted(by: int) -> Array:
         return signal[half + by : half + by + n_inner]
 
-    # Weights that are even or odd to rounding are taken as such, as in `scipy.ndimage.correlate1d`.
+    # Weights that are even or odd up to rounding are treated as such, as in `scipy.ndimage.correlate1d`.
     if np.all(np.abs(weights - along) <= np.finfo(float).eps):
         total = shifted(0) * along[half]
         for by in range(-half, 0):
@@ -77,22 +78,22 @@ def _inner_sums(signal: Array, weights: Array) -> Array:
 
 _ORDER: Final = 3
 _BAND_POWER: Final = 0.999
-# A cubic Savitzky-Golay derivative over a window of half width m [s] is too small by (omega m)^4 / 504 for
+# A cubic Savitzky-Golay derivative over a window of half width m [s] has a relative error of (omega m)^4 / 504 for
 # a sine of angular frequency omega. A window of 0.15 periods (omega m = 0.47) keeps that below 1e-4.
 _WINDOW_PERIODS: Final = 0.15
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionBand:
-    """Frequency of the largest Fourier component, and the one below which 99.9 % of the power lies [Hz]."""
+    """Dominant frequency (largest Fourier component), and band edge below which 99.9 % of the power lies [Hz]."""
 
     dominant: float
     band_edge: float
 
 
 def spectrum(displacement: NDArray[np.float64], dt: float) -> MotionBand:
-    """Dominant frequency and band edge of a motion, shape (n_time,), step `dt` [s]."""
-    # The Hann taper keeps records of broken cycles from leaking power up the band.
+    """Dominant frequency and band edge of a displacement, shape (n_time,), sampled every `dt` [s]."""
+    # The Hann taper reduces spectral leakage in records with incomplete cycles.
     tapered = (displacement - displacement.mean()) * np.hanning(displacement.size)
     power = np.abs(np.fft.rfft(tapered)) ** 2
     power[0] = 0.0
@@ -108,8 +109,8 @@ def spectrum(displacement: NDArray[np.float64], dt: float) -> MotionBand:
 class Smoother:
     """Savitzky-Golay filter of order 3 over `window` samples of step `dt` [s].
 
-    The window covers 0.15 periods of the band edge: the longest, and so the least noisy, for which
-    the derivative of everything in the motion's band is right to 1e-4; never below 5 samples.
+    The window covers 0.15 periods of the band edge, but at least 5 samples: the longest window, with the least noise,
+    for which the derivative within the band of the motion is accurate to 1e-4.
     """
 
     window: int
@@ -117,13 +118,13 @@ class Smoother:
 
     @classmethod
     def for_band(cls, band_edge: float, dt: float, n_time: int) -> Smoother:
-        """Smoother for motions below a band edge [Hz], sampled at least 5 times."""
+        """Smoother for a motion with a band edge [Hz] and at least 5 samples."""
         longest = (n_time - 1) // 2
         half = int(0.5 * _WINDOW_PERIODS / (band_edge * dt))
         return cls(window=2 * min(max(half, 2), longest) + 1, dt=dt)
 
     def smooth(self, signal: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Signal without what is faster than the window."""
+        """Smoothed signal."""
         return savitzky_golay(signal, self.window, _ORDER)
 
     def derivative(self, signal: NDArray[np.float64], order: int = 1) -> NDArray[np.float64]:
@@ -131,12 +132,12 @@ class Smoother:
         return savitzky_golay(signal, self.window, _ORDER, derivative=order, step=self.dt)
 
     def noise(self, removed: NDArray[np.float64]) -> float:
-        """Estimate the standard deviation of a signal's white noise from what `smooth` removed."""
-        # A least-squares smoother removes (1 - c0) of the noise's variance, c0 its centre weight.
+        """Standard deviation of the white noise of a signal, estimated from the part that `smooth` removed."""
+        # A least-squares smoother with centre weight c0 removes the fraction 1 - c0 of the variance of the noise.
         return float(np.sqrt(np.var(removed) / (1.0 - self._weights(0)[self.window // 2])))
 
     def noise_gain(self, order: int) -> float:
-        """Return the standard deviation of `derivative` (order 0: `smooth`) per unit of white noise."""
+        """Standard deviation of `derivative` (order 0: `smooth`) per unit standard deviation of white noise."""
         return float(np.sqrt(np.sum(self._weights(order) ** 2)))
 
     def _weights(self, order: int) -> NDArray[np.float64]:
@@ -145,9 +146,9 @@ class Smoother:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SmoothMotion:
-    """A motion without its noise: displacement [m], velocity [m/s], acceleration [m/s^2], shape (n_time,).
+    """Smoothed motion: displacement [m], velocity [m/s], acceleration [m/s^2], shape (n_time,).
 
-    `frequency` is the dominant one [Hz].
+    `frequency` is the dominant frequency [Hz].
     """
 
     displacement: NDArray[np.float64]
@@ -157,7 +158,7 @@ class SmoothMotion:
 
 
 def motion_of(displacement: NDArray[np.float64], dt: float) -> SmoothMotion:
-    """Displacement of step `dt` [s], smoothed, with its derivatives."""
+    """Smooth a displacement with step `dt` [s], and differentiate it."""
     band = spectrum(displacement, dt)
     smoother = Smoother.for_band(band.band_edge, dt, displacement.size)
     return SmoothMotion(
@@ -168,15 +169,15 @@ def motion_of(displacement: NDArray[np.float64], dt: float) -> SmoothMotion:
     )
 
 
-# A crossing counts only after the stroke has been this share of its spread on the other side,
-# so that noise around the middle of the stroke does not make cycles of its own.
+# A crossing counts only after the displacement was beyond this fraction of its standard deviation on the other side,
+# so that noise around the mean does not count as cycles.
 _DEAD_BAND: Final = 0.5
-# Turns less far apart than this share of the peak-to-peak stroke are wiggles.
+# Turning points closer than this fraction of the peak-to-peak displacement are ignored.
 _LEAST_STROKE: Final = 0.5
 
 
 def upward_crossings(displacement: NDArray[np.float64]) -> NDArray[np.intp]:
-    """Samples at which the stroke passes its mean upwards, shape (n_crossings,)."""
+    """Samples of the upward crossings of the mean displacement, shape (n_crossings,)."""
     centred = displacement - np.mean(displacement)
     side = np.where(np.abs(centred) < _DEAD_BAND * np.std(centred), 0.0, np.sign(centred))
     decided = np.flatnonzero(side)
@@ -189,7 +190,7 @@ def upward_crossings(displacement: NDArray[np.float64]) -> NDArray[np.intp]:
 
 
 def whole_cycles(displacement: NDArray[np.float64]) -> tuple[slice, ...]:
-    """Samples of each cycle, from one upward crossing to the next."""
+    """Samples of each complete cycle, from one upward crossing to the next."""
     crossings = upward_crossings(displacement)
     return tuple(slice(int(first), int(last)) for first, last in pairwise(crossings))
 
@@ -197,18 +198,17 @@ def whole_cycles(displacement: NDArray[np.float64]) -> tuple[slice, ...]:
 def turning_points(
     displacement: NDArray[np.float64], velocity: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Turns between two strokes of at least half the peak-to-peak each.
+    """Turning points between two strokes of at least half the peak-to-peak displacement each.
 
     Parameters
     ----------
     displacement, velocity
-        Without noise, shape (n_time,) [m, m/s].
+        Smoothed signals, shape (n_time,) [m, m/s].
 
     Returns
     -------
     place, direction
-        Shape (n_turns,): where the velocity vanishes, in samples and fractions of them, and the sign of the
-        velocity before.
+        Shape (n_turns,): position of zero velocity in (fractional) samples, and sign of the velocity before it.
     """
     before = np.flatnonzero((velocity[:-1] != 0.0) & (velocity[:-1] * velocity[1:] <= 0.0))
     place = before + velocity[before] / (velocity[before] - velocity[before + 1])

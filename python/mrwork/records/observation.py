@@ -1,4 +1,4 @@
-"""The observation model: what a rig and its authors did to the force before it reached the record."""
+"""Observation model: how the recorded force follows from the force of the damper."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from mrwork.errors import SettingError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Observation:
-    """How a recorded force follows from the damper's, in this order; the default leaves it as it is.
+    """Effects of rig and processing on the recorded force, in this order; the default has no effect.
 
-    Late by `delay_seconds`; through a causal Butterworth low-pass of second order at `lowpass_hz` (0 for none);
-    through a centred moving average over `average_seconds`; times `gain`; plus `offset` [N]. It is applied to the
-    force of a model before the two are compared, never to the record.
+    Delay of `delay_seconds`; causal second-order Butterworth low-pass filter at `lowpass_hz` (0 for none); centred
+    moving average over `average_seconds`; factor `gain`; `offset` [N]. The model is applied to simulated forces
+    before the comparison, never to the record.
     """
 
     delay_seconds: float = 0.0
@@ -27,7 +27,7 @@ class Observation:
     offset: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse what no rig does.
+        """Check the settings.
 
         Raises
         ------
@@ -44,7 +44,7 @@ class Observation:
 
     @property
     def in_words(self) -> str:
-        """What was done, for people; empty where nothing was."""
+        """Description in words; empty for the default."""
         parts = [
             (self.delay_seconds, f"late by {self.delay_seconds:.3g} s"),
             (self.lowpass_hz, f"low-passed at {self.lowpass_hz:.3g} Hz"),
@@ -55,7 +55,7 @@ class Observation:
         return ", ".join(text for value, text in parts if value != 0.0)
 
     def observe(self, force: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
-        """What the record would hold of `force` [N], shape (..., n_time), sampled every `dt` [s]."""
+        """Recorded force for a damper force [N], shape (..., n_time), sampled every `dt` [s]."""
         observed = force
         if self.delay_seconds != 0.0:
             observed = delayed(observed, self.delay_seconds / dt)
@@ -72,7 +72,7 @@ AS_IT_IS = Observation()
 
 
 def delayed(signal: NDArray[np.float64], samples: float) -> NDArray[np.float64]:
-    """`signal`, shape (..., n_time), later by that many samples, linear in between; its ends are held."""
+    """Delay a signal, shape (..., n_time), by `samples`, linear in between; the ends are held constant."""
     last = signal.shape[-1] - 1
     place = np.clip(np.arange(last + 1) - samples, 0.0, last)
     before = np.minimum(np.floor(place).astype(int), last - 1)
@@ -81,9 +81,9 @@ def delayed(signal: NDArray[np.float64], samples: float) -> NDArray[np.float64]:
 
 
 def averaged(signal: NDArray[np.float64], samples: float) -> NDArray[np.float64]:
-    """Mean of `signal`, shape (..., n_time), linear in between, over a centred window of so many samples.
+    """Moving average of a signal, shape (..., n_time), linear between samples, over a centred window of `samples`.
 
-    At the ends the window covers what there is of the record.
+    At the ends, the window is truncated to the record.
     """
     last = signal.shape[-1] - 1
     middles = 0.5 * (signal[..., 1:] + signal[..., :-1])
@@ -101,7 +101,7 @@ def averaged(signal: NDArray[np.float64], samples: float) -> NDArray[np.float64]
 
 
 def _low_passed(signal: NDArray[np.float64], corner_hz: float, dt: float) -> NDArray[np.float64]:
-    # SciPy's filters are slow to load and rarely asked for.
+    # scipy.signal is slow to load and rarely needed.
     from scipy.signal import butter, lfilter, lfilter_zi
 
     if corner_hz * dt >= 0.5:

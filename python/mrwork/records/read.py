@@ -19,12 +19,11 @@ from mrwork.records.table import ColumnTable, check_is_file, listed_files, open_
 
 
 def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str] | None = None) -> DamperTest:
-    """Read one test from a .csv, .tsv, .parquet or .mat file, check it and bring it to SI.
+    """Read one test from a .csv, .tsv, .parquet or .mat file, check it and convert it to SI.
 
-    Columns are known by their names with unit (``t_s``, ``displacement_mm``, ``Force (kN)``,
-    ``current_a``, in any case). Time, displacement and force are needed; velocity, current and voltage are
-    used when there. A file name such as ``10mm1Hz0x5A`` gives nominal amplitude, frequency and command; a
-    column wins over it.
+    Columns are recognised by their names with units (``t_s``, ``displacement_mm``, ``Force (kN)``, ``current_a``, in
+    any case). Time, displacement and force are required; velocity, current and voltage are optional. A file name such
+    as ``10mm1Hz0x5A`` gives nominal amplitude, frequency and command; a column of the command takes precedence.
 
     Parameters
     ----------
@@ -32,19 +31,19 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
         The file.
     columns
         Quantity (``time``, ``displacement``, ``velocity``, ``force``, ``current``, ``voltage``) to
-        ``"COLUMN:UNIT"``, where the names do not say it.
+        ``"COLUMN:UNIT"``, for columns whose names do not state it.
 
     Returns
     -------
     DamperTest
-        With everything noticed or repaired on the way in its `findings`.
+        Test with the results of all checks in its `findings`.
 
     Raises
     ------
     RecordError
-        The file cannot be read as a test; the sentence names file, line and remedy.
+        The file cannot be read as a test; the message names file, line and remedy.
     UnitError
-        A column has no unit or an impossible one.
+        A column has no unit or a unit of another quantity.
     SettingError
         `columns` is malformed.
 
@@ -59,7 +58,7 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
     table = _open_table(file)
     chosen = choose_columns(table.names, columns, source=source)
     numbers = table.read([choice.column for choice in chosen.values()])
-    # What overflows becomes infinite, and the checks refuse that by its line.
+    # Overflowing values become infinite, and the checks refuse them with their line.
     with np.errstate(over="ignore", invalid="ignore"):
         si = {quantity: choice.factor * numbers[choice.column] for quantity, choice in chosen.items()}
     nominal = nominal_from_name(file.stem)

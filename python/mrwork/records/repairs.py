@@ -1,4 +1,4 @@
-"""Repairs of a test, each on request only, and each written down as a finding."""
+"""Repairs of a test, made on request only and recorded as findings."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from mrwork.records.window import cut
 RepairKind = Literal["rest", "delay", "offset", "mass", "velocity"]
 REPAIR_KINDS: Final[tuple[RepairKind, ...]] = get_args(RepairKind)
 
-# What need no longer be said once a repair is done.
+# Codes of the findings that a repair removes.
 _CURED: Final[dict[RepairKind, tuple[str, ...]]] = {
     "rest": ("rest_before_motion", "breakaway"),
     "delay": ("force_delay",),
@@ -33,28 +33,28 @@ _UNIT: Final[dict[RepairKind, str]] = {"delay": "s", "offset": "N", "mass": "kg"
 def repair(
     test: DamperTest, kinds: Iterable[RepairKind], *, amounts: Mapping[RepairKind, float] | None = None
 ) -> tuple[DamperTest, tuple[Finding, ...]]:
-    """Test with what was asked for put right, in the order of `REPAIR_KINDS`, and the log of it.
+    """Apply repairs to a test in the order of `REPAIR_KINDS`; return the repaired test and a log.
 
     Parameters
     ----------
     test
-        Is left as it is; the repaired one has it as its `original`.
+        Test to repair. It is not changed; the repaired test has it as its `original`.
     kinds
-        `rest`: the start before the motion is cut off. `delay`: the force is shifted onto the displacement.
-        `offset`: the static force is subtracted. `mass`: the inertia force is. `velocity`: the measured velocity
-        gives way to the derivative of the displacement.
+        `rest`: the rest before the motion is cut off. `delay`: the force is shifted in time to match the displacement.
+        `offset`: the static force is subtracted. `mass`: the inertia force is subtracted. `velocity`: the measured
+        velocity is replaced by the derivative of the displacement.
     amounts
-        Delay [s], offset [N] or mass [kg] by kind, where it is known better than the record tells.
+        Known delay [s], offset [N] or mass [kg] by kind, used instead of the estimate from the record.
 
     Returns
     -------
     test, log
-        The log is in the findings of the test as well; a repair for which the record gave no cause is a note there.
+        The log is also part of the findings of the test; a repair that was not needed is recorded as a note.
 
     Raises
     ------
     SettingError
-        An amount is given for another kind, is not finite, or leaves too little of the record.
+        An amount is given for another kind, is not finite, or leaves too few samples.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""The time base: complete rows, time that runs forward, one uniform step."""
+"""Time base of a test: complete rows, increasing time, uniform step."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mrwork.errors import RecordError
 from mrwork.records.damper_test import Finding
 
 FEWEST_SAMPLES: Final = 10
-# Nothing measured on a damper comes near these; arithmetic on what does would overflow.
+# Limits far beyond any damper test; arithmetic on larger values could overflow.
 _LARGEST: Final = 1e12
 _SHORTEST_STEP: Final = 1e-7
 _JITTER: Final = 1e-3
@@ -22,7 +22,7 @@ _GAP_STEPS: Final = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signals:
-    """Channels on one time base in SI, each of shape (n_time,); `velocity` is `None` where not measured."""
+    """Channels in SI on one time base, each of shape (n_time,); `velocity` is `None` if not measured."""
 
     time: NDArray[np.float64]
     displacement: NDArray[np.float64]
@@ -30,12 +30,12 @@ class Signals:
     velocity: NDArray[np.float64] | None
 
     def channels(self) -> tuple[tuple[str, NDArray[np.float64]], ...]:
-        """Name and samples of every channel there is."""
+        """Name and samples of every channel that exists."""
         named = (("time", self.time), ("displacement", self.displacement), ("force", self.force))
         return named if self.velocity is None else (*named, ("velocity", self.velocity))
 
     def through(self, change: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> Signals:
-        """Signals with every channel changed alike."""
+        """Signals with the same change applied to every channel."""
         return replace(self, **{name: change(channel) for name, channel in self.channels()})
 
 
@@ -44,12 +44,12 @@ def complete_rows(
 ) -> tuple[Signals, int, tuple[Finding, ...]]:
     """Drop rows at either end in which a channel is missing (NaN).
 
-    Returns the complete signals, the row of the file at which they start, and what was dropped.
+    Return the complete signals, the file row at which they start, and findings on dropped rows.
 
     Raises
     ------
     RecordError
-        A value is missing between complete rows or is infinite or absurd, or fewer than 10 rows are complete.
+        A value is missing between complete rows, infinite or implausibly large, or fewer than 10 rows are complete.
     """
     for name, channel in signals.channels():
         absurd = np.abs(channel) > _LARGEST
@@ -87,12 +87,12 @@ def complete_rows(
 
 
 def check_time(time: NDArray[np.float64], *, source: str, locate: Callable[[int], str]) -> None:
-    """Refuse time that stands still or runs backwards.
+    """Check that time increases.
 
     Raises
     ------
     RecordError
-        Names the first row that does not come after the one before.
+        Time does not increase; the message names the first such row.
     """
     wrong = np.flatnonzero(np.diff(time) <= 0.0)
     if wrong.size == 0:
@@ -112,17 +112,17 @@ def check_time(time: NDArray[np.float64], *, source: str, locate: Callable[[int]
 
 
 def uniform_step(signals: Signals, *, source: str) -> tuple[Signals, float, tuple[Finding, ...]]:
-    """Signals on a uniform grid, its step [s], and what had to be done for it.
+    """Return the signals on a uniform grid, its step [s], and findings on the changes.
 
-    A step that strays from the median by more than 1e-3 of it has the record resampled to (nearly) the
-    median step, keeping the first and the last sample: by a cubic spline, or by PCHIP, which cannot
-    overshoot, where a gap has to be bridged. Times that are uniform but for being written with too few
-    digits are not resampled, for that would move samples that were taken in time.
+    If a step differs from the median by more than 1e-3 of it, the record is resampled to about the median step,
+    keeping the first and the last sample: by a cubic spline, or by PCHIP, which does not overshoot, if there are
+    gaps. Times that are uniform except for rounding to few digits are not resampled, because their samples were taken
+    uniformly.
 
     Raises
     ------
     RecordError
-        The step is below 0.1 us, or less than half of the record's duration has samples.
+        The step is below 0.1 us, or more than half of the duration has no samples.
     """
     time = signals.time
     steps = np.diff(time)
@@ -186,10 +186,10 @@ def uniform_step(signals: Signals, *, source: str) -> tuple[Signals, float, tupl
 
 
 def is_rounded(time: NDArray[np.float64], steps: NDArray[np.float64]) -> bool:
-    """Tell whether times are a uniform grid rounded to few digits.
+    """Whether times are a uniform grid rounded to few digits.
 
-    Rounding gives steps of two sizes that differ by the last digit, and moves no time off the grid by more. A
-    digit above half a step could as well be a missing sample.
+    Rounding gives steps of two sizes that differ by the last digit, and shifts no time by more than that. A digit above
+    half a step could equally be a missing sample.
     """
     digit = float(np.ptp(steps))
     two_sizes = np.minimum(steps - steps.min(), steps.max() - steps) < 1e-3 * digit

@@ -1,4 +1,4 @@
-"""Named numeric columns of one file, whatever its format, and the Parquet files that hold such columns directly."""
+"""Named numeric columns of a file of any format, the reader of Parquet files, and lists of files."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mrwork.errors import RecordError
 
 
 class ColumnTable(ABC):
-    """What a file reader gives: the names it found, the columns asked for, and where a row lies."""
+    """Columns of a file: their names, their values on request, and the location of a row in the file."""
 
     @property
     @abstractmethod
@@ -32,21 +32,21 @@ class ColumnTable(ABC):
     def read(self, wanted: Sequence[str]) -> dict[str, NDArray[np.float64]]:
         """Columns by name, each of shape (n_time,); an empty cell is NaN.
 
-        A constant may come as shape (1,) where the format stores scalars.
+        A constant may have shape (1,) if the format stores scalars.
 
         Raises
         ------
         RecordError
-            A cell of a wanted column is not a number, or the columns differ in length.
+            A cell of a requested column is not a number, or the columns differ in length.
         """
 
     @abstractmethod
     def locate(self, row: int) -> str:
-        """Where row `row` of the columns (from 0) lies in the file, for messages."""
+        """Location of row `row` of the columns (from 0) in the file, for messages."""
 
 
 class VectorTable(ColumnTable):
-    """Columns that the format already stores as arrays (Parquet, MATLAB)."""
+    """Columns that the format stores as arrays (Parquet, MATLAB)."""
 
     def __init__(self, *, source: str, sha256: str, vectors: Mapping[str, NDArray[np.generic]]) -> None:
         self._source = source
@@ -64,7 +64,7 @@ class VectorTable(ColumnTable):
         return self._sha256
 
     def read(self, wanted: Sequence[str]) -> dict[str, NDArray[np.float64]]:
-        """Convert the wanted vectors, each of shape (n_time,) or (1,)."""
+        """Convert the requested vectors, each of shape (n_time,) or (1,)."""
         lengths = {name: self._vectors[name].size for name in wanted if self._vectors[name].size != 1}
         if len(set(lengths.values())) > 1:
             listed = ", ".join(f"'{name}' has {size}" for name, size in lengths.items())
@@ -88,7 +88,7 @@ class VectorTable(ColumnTable):
 
 
 def open_parquet(path: Path, source: str) -> ColumnTable:
-    """Open a .parquet file; its numeric columns are the columns.
+    """Open a .parquet file with pyarrow.
 
     Raises
     ------
@@ -113,7 +113,7 @@ def open_parquet(path: Path, source: str) -> ColumnTable:
 
 
 def check_is_file(path: Path) -> None:
-    """Refuse what is no ordinary file.
+    """Check that a path is an ordinary file.
 
     Raises
     ------

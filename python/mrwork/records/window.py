@@ -1,4 +1,4 @@
-"""Which part of a record is used: cutting, thinning, and the start that cannot be compared."""
+"""Part of a record that is used: cutting, decimation, and the initial samples that are not compared."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ _FEWEST = 10
 
 
 def settling_samples(displacement: NDArray[np.float64]) -> int:
-    """Samples until the damper has travelled half its peak-to-peak stroke.
+    """Number of samples until the damper has travelled half its peak-to-peak stroke.
 
-    A damper's hysteresis forgets where it stood within a yield displacement, a small part of the stroke of any
-    useful test; before that its force depends on what happened before the record began.
+    The hysteresis of a damper loses the memory of its initial state within a yield displacement, a small part of the
+    stroke of any useful test. Before that, the force depends on the motion before the record.
     """
     travel = np.cumsum(np.abs(np.diff(displacement, prepend=displacement[0])))
     return int(np.searchsorted(travel, np.ptp(displacement) / 2))
@@ -28,7 +28,7 @@ def settling_samples(displacement: NDArray[np.float64]) -> int:
 def cut(
     test: DamperTest, *, start: float | None = None, end: float | None = None, every: int = 1
 ) -> DamperTest:
-    """Return the samples of a test from `start` to `end` [s, by its own clock], and of these every n-th one.
+    """Return a test with every `every`-th of its samples from `start` to `end` [s, in the time of the record].
 
     Raises
     ------
@@ -59,20 +59,20 @@ def cut(
     )
 
 
-# Enough cycles for a settled loop to count, enough samples for its knees.
+# Cycles for a settled loop, and samples per cycle that resolve its knees.
 _EXCERPT_CYCLES = 3
 _EXCERPT_PER_CYCLE = 400
-# A motion whose band ends beyond so many times its dominant frequency is not cyclic; it is only thinned, to so many
-# samples in a period of its fastest part.
+# A motion whose band edge exceeds this multiple of its dominant frequency is not cyclic. It is only decimated, to this
+# number of samples per period of the band edge.
 _CYCLIC_BAND = 5.0
 _PER_FASTEST = 40
 
 
 def excerpt(test: DamperTest) -> DamperTest:
-    """Return the first cycles of a test that repeats itself, thinned to what shows its loop.
+    """Return the first cycles of a cyclic test, decimated to a resolution that shows the loop.
 
-    A search needs no more, and a cyclic test of ten cycles has little more to say. A motion whose band reaches beyond
-    a few times its dominant frequency keeps its length.
+    This is sufficient for a search, since further cycles add little information. A motion whose band extends beyond a
+    few times its dominant frequency keeps its length.
     """
     motion = spectrum(test.displacement, test.dt)
     if motion.dominant <= 0.0:

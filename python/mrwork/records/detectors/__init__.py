@@ -1,1 +1,1 @@
-"""Detectors: what a test may suffer from, one file each."""
+"""Detectors of defects of a test, one file each."""

@@ -1,4 +1,4 @@
-"""Stiction: the force with which a damper breaks away from rest."""
+"""Detector of stiction: the breakaway force of a damper from rest."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.motion import Smoother, motion_of
 
 _LEAST_REST: Final = 0.25
-# The start lasts until this share of the peak-to-peak stroke has been travelled, and a twentieth counts.
+# The start ends at this fraction of the peak-to-peak stroke; least overshoot, relative to the half range.
 _START: Final = 0.05
 _SHARE: Final = 0.05
 _SIGNIFICANT: Final = 4.0
 
 
 def breakaway_overshoot(test: DamperTest) -> Measured | None:
-    """Force by which the first movement exceeds all that follow [N]; `None` where there is no rest before.
+    """Excess of the force at the first movement over all later forces [N]; `None` if there is no rest before.
 
-    Forces are taken from their mean over the travel. The standard error is the force's noise.
+    Forces are relative to their mean over the distance travelled. The standard error is the noise of the force.
     """
     motion = motion_of(test.displacement, test.dt)
     rest = samples_at_rest(test.displacement)
@@ -37,7 +37,7 @@ def breakaway_overshoot(test: DamperTest) -> Measured | None:
 
 
 def breakaway_finding(test: DamperTest) -> tuple[Finding, ...]:
-    """Note a break-away force that stands out by 5 % of the force's half range."""
+    """Note a breakaway force above all later forces by at least 5 % of the half range."""
     overshoot = breakaway_overshoot(test)
     if overshoot is None or overshoot.standard_error is None:
         return ()

@@ -1,4 +1,4 @@
-"""Channels that ran into the end of their range: tops cut flat at one value."""
+"""Detector of clipping: channels that reached the end of their range."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from mrwork.records.damper_test import DamperTest, Finding, Measured
 
 _SHORTEST_RUN: Final = 3
 _FEWEST_RUNS: Final = 2
-# A parabola that rises by s per sample where it is cut, over n samples, would have risen by s n / 4 beyond. What
-# is merely rounded misses less than one step of the rounding.
+# A parabola with slope s per sample at the cut would have risen by s n / 4 over the n samples cut. Rounding alone
+# gives less than one step of the resolution.
 _OVERSHOOT_STEPS: Final = 4.0
 
 
 def clipped_share(samples: NDArray[np.float64]) -> float:
-    """Share of the samples of a channel, shape (n_time,), that lie in tops or bottoms cut flat.
+    """Fraction of the samples of a channel, shape (n_time,), in clipped peaks.
 
-    A flat top is a run of three or more samples at the very extreme of the channel, entered so steeply
-    that the curve would have gone on by more than four steps of the channel's resolution. One alone does not
-    count: it may be rest.
+    A clipped peak is a run of three or more samples at the extreme value of the channel, with slopes beside it so steep
+    that the curve would have continued by more than four steps of its resolution. A single one does not count, because
+    it may be rest.
     """
     levels = np.unique(samples)
     if levels.size < 2 * _SHORTEST_RUN:
@@ -32,7 +32,7 @@ def clipped_share(samples: NDArray[np.float64]) -> float:
 
 
 def clipping_findings(test: DamperTest) -> tuple[Finding, ...]:
-    """Warn of channels that are cut flat."""
+    """Warn of clipped channels."""
     channels = [("displacement", test.displacement), ("force", test.force)]
     if test.velocity_source == "measured":
         channels.append(("velocity", test.velocity))
@@ -51,7 +51,7 @@ def clipping_findings(test: DamperTest) -> tuple[Finding, ...]:
 
 
 def _flat_samples(samples: NDArray[np.float64], resolution: float) -> int:
-    """Samples in runs at the maximum that were entered or left steeply."""
+    """Number of samples in runs at the maximum with steep flanks."""
     at_top = np.concatenate([[False], samples == samples.max(), [False]])
     edges = np.flatnonzero(np.diff(at_top))
     begin, end = edges[::2], edges[1::2]
@@ -59,7 +59,7 @@ def _flat_samples(samples: NDArray[np.float64], resolution: float) -> int:
     begin, end = begin[inside], end[inside]
     rise = 0.5 * (samples[begin] - samples[begin - 2])
     fall = 0.5 * (samples[end - 1] - samples[end + 1])
-    # Both flanks, for one that is steep and one that is not is how a motion starts from rest.
+    # Both flanks must be steep; with one steep flank only, it may be a start from rest.
     overshoot = np.minimum(rise, fall) * (end - begin) / 4.0
     cut = overshoot > _OVERSHOOT_STEPS * resolution
     return int(np.sum((end - begin)[cut])) if np.count_nonzero(cut) >= _FEWEST_RUNS else 0

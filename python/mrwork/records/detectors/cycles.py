@@ -13,20 +13,20 @@ from mrwork.records.motion import motion_of, whole_cycles
 
 _FEWEST_FOR_MASS: Final = 2
 _SIGNIFICANT: Final = 4.0
-# Inertia of less than this share of the force's half range is no matter.
+# Inertia below this fraction of the half range of the force is negligible.
 _SHARE_OF_RANGE: Final = 0.02
 
 
 def moving_mass(test: DamperTest) -> Measured | None:
-    """Least mass that the load cell must have accelerated with the damper [kg]; `None` where none is asked for.
+    """Lower bound of the mass between load cell and damper [kg], or `None` if it is not significant.
 
-    Over whole cycles a damper's viscous and friction forces have no part in phase with the acceleration, springs
-    and hysteresis have one against it. What is left in phase,
+    Over whole cycles, viscous and friction forces have no component in phase with the acceleration; springs and
+    hysteresis have one in opposite phase. A remaining component in phase,
 
         m = int (F - mean F) a dt / int a^2 dt > 0,
 
-    is inertia that they do not outweigh: the mass is that or more. A force that comes early looks the same.
-    The standard error is that of the mean over the cycles.
+    is inertia, so that the mass is at least m. A force that leads the displacement has the same effect. The standard
+    error is that of the mean over the cycles.
     """
     motion = motion_of(test.displacement, test.dt)
     spans = whole_cycles(motion.displacement)
@@ -43,7 +43,7 @@ def moving_mass(test: DamperTest) -> Measured | None:
 
 
 def mass_finding(test: DamperTest) -> tuple[Finding, ...]:
-    """Warn of a moving mass that the force shows."""
+    """Warn of a significant moving mass."""
     mass = moving_mass(test)
     if mass is None:
         return ()
@@ -61,19 +61,19 @@ def _in_phase(force: NDArray[np.float64], acceleration: NDArray[np.float64]) -> 
 
 
 _FEWEST_FOR_DRIFT: Final = 5
-# A stroke that varies less than this does not explain a change of force. Durations are whole samples besides.
+# Relative variation below which stroke and duration count as constant; durations are also rounded to samples.
 _STEADY: Final = 0.01
-# A stroke that falls as steadily as this leaves nothing to tell a drift by.
+# Correlation of stroke and cycle number above which a drift cannot be separated from the stroke.
 _COLLINEAR: Final = 0.9
 _LEAST_DRIFT: Final = 0.03
 
 
 def loop_drift(test: DamperTest) -> Measured | None:
-    """Relative change of the dissipative force from the first cycle to the last; `None` if untold.
+    """Relative change of the dissipative force from the first cycle to the last, or `None` if it cannot be estimated.
 
-    The force of a cycle is its dissipated energy per distance travelled, int F v dt / int |v| dt. Its logarithm
-    is regressed on the number of the cycle and, where that varies, on the logarithm of the stroke. Fewer than five
-    cycles, cycles of unequal duration, or a stroke that falls steadily, leave it untold.
+    The force of a cycle is its dissipated energy per distance travelled, int F v dt / int |v| dt. Its logarithm is
+    regressed on the cycle number and, if the stroke varies, on the logarithm of the stroke. The estimate needs five
+    cycles of equal duration whose stroke does not change steadily.
     """
     motion = motion_of(test.displacement, test.dt)
     spans = whole_cycles(motion.displacement)
@@ -83,7 +83,7 @@ def loop_drift(test: DamperTest) -> Measured | None:
     if np.std(duration) > _STEADY * np.mean(duration) + 1.0:
         return None
     force = test.force - mean_over_travel(test.force, motion.velocity)
-    # A cycle that goes nowhere, or creates energy, is kept out of the logarithm by the smallest number there is.
+    # Cycles without stroke or with negative work have no logarithm.
     tiny = np.finfo(np.float64).tiny
     stroke = np.array([np.ptp(motion.displacement[span]) for span in spans])
     travel = np.array([np.abs(motion.velocity[span]).sum() for span in spans])
@@ -107,7 +107,7 @@ def loop_drift(test: DamperTest) -> Measured | None:
 
 
 def drift_finding(test: DamperTest) -> tuple[Finding, ...]:
-    """Warn of a drift of more than 3 % and four standard errors."""
+    """Warn of a drift above 3 % and four standard errors."""
     drift = loop_drift(test)
     if drift is None or drift.standard_error is None:
         return ()

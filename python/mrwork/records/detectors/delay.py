@@ -1,4 +1,4 @@
-"""Delay of the force behind the displacement, from the corner that a reversal leaves in the force."""
+"""Detector of a delay between force and displacement, from the corner of the force at motion reversals."""
 
 from __future__ import annotations
 
@@ -16,43 +16,43 @@ _LONGEST: Final = 0.05
 _STEP: Final = 0.001
 _BEFORE: Final = (0.05, 0.1)
 _FOLDED: Final = 0.25
-# How far the force falls from the branch before the turn, in half ranges, until the corner has been seen.
+# End of the fit: fall of the force from the branch before the turn, in half ranges.
 _FALL: Final = 0.3
 _FEWEST: Final = 12
 _FEWEST_TURNS: Final = 2
 _ALIKE: Final = 0.1
-# Mean square of the corner's residual by that of a smooth curve of one parameter more: 0.1 to 0.7 on models
-# with hysteresis of their displacement, 0.9 to 1.1 where the force is a smooth function of the motion.
+# Ratio of the mean square residual with a corner to that of a smooth curve with one more parameter: 0.1 to 0.7 for
+# models with displacement hysteresis, 0.9 to 1.1 if the force is a smooth function of the motion.
 _SHARPNESS: Final = 0.7
-# Root of the mean square by the half range of the force: what is left must be noise.
+# Largest rms residual relative to the half range of the force; the rest must be noise.
 _LARGEST_RESIDUAL: Final = 0.02
 _AGREEMENT: Final = 0.006
 _SIGNIFICANT: Final = 3.0
-# Half ranges by which the force has fallen when the motion turns, to be called early.
+# Fall of the force at the turn, in half ranges, required for a lead.
 _PASSED: Final = 1.0
 
 
 def force_delay(test: DamperTest) -> Measured | None:
-    """Time by which the force lags the displacement [s], or `None` where its turns have no corner to tell.
+    """Delay of the force behind the displacement [s], or `None` if the force has no corner at the turns.
 
-    Where the motion turns, hysteresis leaves the branch it was on, at the very moment: the slope of the
-    force over time has a corner there. Folded over all turns, the force is fitted by
+    When the motion reverses, a hysteretic force leaves its branch at once, and its slope over time has a corner. Folded
+    over all turns, the force is fitted by
 
         p(s) + q2 max(s - tau, 0)^2 + q3 max(s - tau, 0)^3,    p a parabola, s the time since the turn,
 
-    from a twentieth and from a tenth of a period before the corner, up to where it has fallen by 0.3 of its
-    half range. The tau of least residual is the delay, if both windows agree on it to 0.6 % of a period and no
-    smooth curve does as well. A damper whose force falls smoothly with the velocity has no such corner, and a
-    record averaged over time has lost it. A force that falls steeply with the velocity, before the turn, has
-    its corner early: a lag found there is too small, and a lead counts only if the force has passed the middle
-    when the motion turns. Compliance in series with the damper delays the corner as a slow channel does.
+    in two windows that start a twentieth and a tenth of a period before the corner and end when the force has fallen
+    by 0.3 of its half range. The tau of least residual is the delay, provided that both windows agree to 0.6 % of a
+    period and no smooth curve fits as well. A force that falls smoothly with the velocity has no such corner, and
+    averaging over time removes it. If the force falls steeply with the velocity before the turn, the corner is early:
+    a lag is then underestimated, and a lead counts only if the force has passed its middle at the turn. Compliance in
+    series with the damper delays the corner in the same way as a slow channel.
     """
     if detect_smoothing(test) is not None:
         return None
     motion = motion_of(test.displacement, test.dt)
     period = 1.0 / motion.frequency
     place, direction = turning_points(motion.displacement, motion.velocity)
-    # Turns of unlike sharpness have their corners spread differently, and do not fold into one.
+    # Turns with different accelerations have corners of different widths and cannot be averaged.
     sharp = np.abs(np.interp(place, np.arange(test.n_time), motion.acceleration))
     if place.size < _FEWEST_TURNS or np.std(sharp) > _ALIKE * np.mean(sharp):
         return None
@@ -64,7 +64,7 @@ def force_delay(test: DamperTest) -> Measured | None:
     delays = np.array([delay for delay, _ in corners])
     if not (sharpness < _SHARPNESS and np.ptp(delays) <= _AGREEMENT):
         return None
-    # The windows may agree on one and the same step of the search, and a corner lies anywhere between two samples.
+    # The windows may agree exactly, and a corner may lie anywhere between two samples.
     between = test.dt / (np.sqrt(12.0) * period)
     error = float(np.linalg.norm([np.ptp(delays) / 2.0, _STEP, between]))
     delay = float(delays.mean())
@@ -95,7 +95,7 @@ def _folded(
     direction: NDArray[np.float64],
     period: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | None:
-    """Mean force about the turns: time [periods], force [half ranges, falling], and how many samples each is of."""
+    """Mean force about the turns: time [periods], force [half ranges, falling], and number of samples in each mean."""
     reach = _FOLDED * period
     inside = (place - reach >= 0.0) & (place + reach <= force.size - 1.0)
     place, direction = place[inside], direction[inside]
@@ -107,7 +107,7 @@ def _folded(
     since = (rows - place[:, np.newaxis]) / period
     lower, upper = np.percentile(force, [0.5, 99.5])
     falling = direction[:, np.newaxis] * force[rows] / (0.5 * (upper - lower))
-    # Offset and stiffness lift the turns at one end of the stroke over those at the other.
+    # Offset and stiffness shift the turns at one end of the stroke relative to the other.
     ahead = (since <= -_BEFORE[0]) & (since > -_BEFORE[1])
     if not ahead.any(axis=1).all():
         return None
@@ -124,7 +124,7 @@ def _folded(
 def _corner(
     time: NDArray[np.float64], force: NDArray[np.float64], count: NDArray[np.float64], before: float
 ) -> tuple[float, float]:
-    """Delay of the corner [periods], and its residual by that of a smooth curve."""
+    """Delay of the corner [periods], and its mean square residual relative to that of a smooth curve."""
     delays = np.arange(-_LONGEST, _LONGEST + 0.5 * _STEP, _STEP)
     windows = [_until_fallen(time, force, count, delay, before) for delay in delays]
     residual = np.full(delays.size, np.inf)
@@ -150,7 +150,7 @@ def _until_fallen(
     delay: float,
     before: float,
 ) -> NDArray[np.bool_]:
-    """Samples from `before` the corner until the force has left its branch, a parabola, by the fall looked for."""
+    """Samples from `before` the corner until the force has left its branch, a parabola, by the required fall."""
     ahead = (time > delay - before) & (time <= delay)
     if np.count_nonzero(ahead) < _FEWEST // 2:
         return np.zeros_like(ahead)

@@ -1,4 +1,4 @@
-"""Tests of a set whose force does not belong to the command on their label."""
+"""Detector of tests in a set whose force does not match their stated command."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.motion import motion_of
 
 _FEWEST_ALIKE: Final = 3
-# Peak velocities less far apart, as a logarithm, say more about noise than about the slope.
+# Pairs of peak velocities with a smaller logarithmic distance are too noisy for the slope.
 _APART: Final = 0.1
-# A test stands out by this much, and by so many robust standard deviations of the set.
+# An outlier differs by at least this much, and by this many robust standard deviations of the set.
 _STANDS_OUT: Final = 0.18
 _SIGNIFICANT: Final = 3.5
 _MAD_TO_DEVIATION: Final = 1.4826
@@ -34,11 +34,11 @@ class _Loops:
 
 
 def mislabelled(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
-    """Warn of tests whose dissipative force is not that of their command, by the others of the set.
+    """Warn of tests whose dissipative force does not match that of the other tests at their command.
 
-    The dissipative force of a test is int F v dt / int |v| dt. Over the set its logarithm is taken as a level of each
-    command and one slope over the logarithm of the peak velocity, both by medians, so that a few wrong labels do not
-    move them. Commands of fewer than three tests have no level of their own.
+    The dissipative force of a test is int F v dt / int |v| dt. Its logarithm is modelled by a level for each command
+    and one slope over the logarithm of the peak velocity. Both are medians, so that a few wrong labels do not affect
+    them. Commands with fewer than three tests have no level.
     """
     findings: list[Finding] = []
     for quantity, unit in (("current", "A"), ("voltage", "V")):
@@ -52,7 +52,7 @@ def mislabelled(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
 def _standing_out(
     tests: Sequence[DamperTest], commands: NDArray[np.float64], quantity: str, unit: str
 ) -> list[Finding]:
-    # Labels that differ by less than a percent of the largest are one command.
+    # Commands that differ by less than a percent of the largest count as equal.
     step = max(0.01 * float(np.abs(commands).max()), 1e-9)
     groups: dict[int, list[int]] = defaultdict(list)
     for row, command in enumerate(commands):
@@ -99,7 +99,7 @@ def _loops(tests: Sequence[DamperTest], commands: NDArray[np.float64]) -> _Loops
 
 
 def _slope(loops: _Loops, alike: Sequence[NDArray[np.intp]]) -> float:
-    """Median slope of log force over log velocity between two tests of one command (Theil and Sen)."""
+    """Median slope of log force over log velocity between pairs of tests at the same command (Theil-Sen estimator)."""
     slopes = [
         (loops.force[first] - loops.force[second]) / (loops.velocity[first] - loops.velocity[second])
         for rows in alike
@@ -110,7 +110,7 @@ def _slope(loops: _Loops, alike: Sequence[NDArray[np.intp]]) -> float:
 
 
 def _belongs(force: float, levels: NDArray[np.float64], at: NDArray[np.float64], unit: str) -> str:
-    """Command whose level the force lies on, between those of the set."""
+    """Command whose level matches the force, interpolated between those of the set."""
     order = np.argsort(at)
     levels, at = np.exp(levels[order]), at[order]
     wanted = float(np.exp(force))

@@ -1,4 +1,4 @@
-"""Whether somebody smoothed a record by a moving average before it came to us, seen in what its noise lacks."""
+"""Detector of a moving average that was applied to a record, from the nulls it leaves in the noise spectrum."""
 
 from __future__ import annotations
 
@@ -15,24 +15,23 @@ Channel = Literal["displacement", "force"]
 
 _DIFFERENCES: Final = 2
 _HARMONICS: Final = np.arange(1, 5)
-# One sample less and the spectrum of the noise has a single null, at the Nyquist frequency or near it, that a
-# low-pass filter makes as well.
+# Shortest window [samples]; with fewer, the only null is at or near the Nyquist frequency, as with a low-pass filter.
 _SHORTEST: Final = 4
-# Of a period. Nobody averages over more, and harmonics repeat themselves there.
+# Longest window, in periods; longer averages are not used in practice, and harmonics interfere there.
 _LONGEST: Final = 0.5
-# Of the depth that a moving average gives; what the noise is averaged over before it is rounded again fills the
-# nulls a little. Combs of harmonics can be as deep in the mean, but not at w and 2 w alike.
+# Least depth relative to that of a moving average; rounding after the average fills the nulls a little. Combs of
+# harmonics can reach the same mean depth, but not equally at w and 2 w.
 _DEPTH: Final = 0.6
 _EACH: Final = (0.5, 1.5)
-# Standard deviations of the mean depth, from periodogram scatter alone.
+# In standard deviations of the mean depth due to periodogram scatter.
 _SIGNIFICANT: Final = 6.0
-# A Hann taper raises the variance of the cepstrum, for neighbouring lines of the spectrum scatter together.
+# Factor by which a Hann taper raises the variance of the cepstrum, since neighbouring spectral lines are correlated.
 _TAPER: Final = 1.94
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Smoothing:
-    """A moving average over `window_seconds` [s] that the named channels passed before they were recorded."""
+    """A moving average over `window_seconds` [s] that was applied to the named channels."""
 
     window_seconds: float
     kind: Literal["moving_average"]
@@ -40,11 +39,11 @@ class Smoothing:
 
 
 def detect_smoothing(test: DamperTest) -> Smoothing | None:
-    """Moving average that displacement and force of a test passed, or `None` where none is seen.
+    """Detect a moving average applied to displacement and force of a test; `None` if there is none.
 
-    Where the two were averaged over different windows, that of the force is given, which has the higher
-    harmonics. A window of less than 4 samples, or of more than an eighth of the record or half a period, is
-    not seen; nor is one in a record without noise.
+    If the two windows differ, that of the force is returned, which has the higher harmonics. Windows of less than 4
+    samples, or of more than an eighth of the record or half a period, cannot be detected, nor any in a record without
+    noise.
     """
     channels: tuple[tuple[Channel, NDArray[np.float64]], ...] = (
         ("force", test.force),
@@ -56,7 +55,7 @@ def detect_smoothing(test: DamperTest) -> Smoothing | None:
         if n_window is not None and n_window > _LONGEST * period:
             windows[name] = None
     if len(set(windows.values())) > 1:
-        # A pulse in every cycle has the spectrum of an average; what differs from cycle to cycle has not.
+        # A pulse in every cycle has the spectrum of an average; the difference between cycles does not contain it.
         for name, samples in channels:
             if averaged_over(samples[period:] - samples[:-period]) != windows[name]:
                 windows[name] = None
@@ -71,7 +70,7 @@ def detect_smoothing(test: DamperTest) -> Smoothing | None:
 
 
 def smoothing_finding(test: DamperTest) -> tuple[Finding, ...]:
-    """Note a moving average, and how much of a cycle it covers."""
+    """Warn of a moving average, with the fraction of a cycle that it covers."""
     smoothing = detect_smoothing(test)
     if smoothing is None:
         return ()
@@ -87,14 +86,14 @@ def smoothing_finding(test: DamperTest) -> tuple[Finding, ...]:
 
 
 def averaged_over(samples: NDArray[np.float64]) -> int | None:
-    """Count the samples of the moving average that a signal of shape (n_time,) passed; `None` if it did not.
+    """Window in samples of a moving average applied to a signal, shape (n_time,); `None` if there is none.
 
     A moving average over w samples multiplies the spectrum by sin(pi f w dt) / (w sin(pi f dt)), which is
-    null at every multiple of 1/(w dt). In the logarithm of the power, log |1 - exp(-i w omega)|^2
-    = -2 sum_j cos(j w omega) / j, so the cepstrum has spikes of -1/j at j w (Bogert, Healy and Tukey 1963): of
-    known depth, whatever the noise and its colour, while smooth spectra stay near the origin. The spikes are
-    weighed at w, 2 w, 3 w, 4 w. Odd harmonics of a motion of period T alternate in sign at multiples of T/2,
-    which tells them apart.
+    zero at every multiple of 1/(w dt). In the logarithm of the power, log |1 - exp(-i w omega)|^2
+    = -2 sum_j cos(j w omega) / j, so the cepstrum has spikes of -1/j at j w (Bogert, Healy and Tukey 1963). Their depth
+    does not depend on the level or colour of the noise, and the cepstrum of smooth spectra is concentrated near the
+    origin. The spikes at w, 2 w, 3 w and 4 w are combined. Odd harmonics of a motion of period T are distinguished by
+    their alternating sign at multiples of T/2.
     """
     windows = np.arange(_SHORTEST, (samples.size // 2 - 2) // int(_HARMONICS[-1]))
     if windows.size == 0:
@@ -105,20 +104,20 @@ def averaged_over(samples: NDArray[np.float64]) -> int | None:
     weight = 1.0 / _HARMONICS
     depth = spikes[_HARMONICS * windows[:, np.newaxis]] @ weight / np.sum(weight**2)
     best = int(np.argmax(depth))
-    # The log of a periodogram scatters by pi / sqrt(6); the contrast with two neighbours adds half as much again.
+    # A log periodogram has the variance pi^2 / 6; the difference from the mean of two neighbours has 1.5 times that.
     scatter = np.pi * np.sqrt(_TAPER * 1.5 / (6.0 * samples.size * np.sum(weight**2)))
     deep = depth[best] > max(_DEPTH, _SIGNIFICANT * scatter)
     window = int(windows[best])
     each = spikes[window * _HARMONICS[:2]] * _HARMONICS[:2]
     alike = bool(np.all((each > _EACH[0]) & (each < _EACH[1])))
-    # The edge of a steep low-pass filter is a wave in the cepstrum, not a spike.
+    # The edge of a steep low-pass filter gives a wave in the cepstrum, not a spike.
     beside = np.abs(spikes[window + 2 : min(2 * window - 1, window + 6)])
     return window if deep and alike and beside.max() < _EACH[0] else None
 
 
 def _cepstrum(samples: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Cepstrum of the power of a signal, for quefrencies of 0 to half its samples."""
-    # Differences bring the noise up to the motion; their own cepstrum, -1/k each, is added back.
+    """Power cepstrum of a signal, for quefrencies from 0 to half its number of samples."""
+    # Differences raise the noise to the level of the motion; their own cepstrum, -1/k each, is added back.
     steep = np.diff(samples, _DIFFERENCES)
     power = np.abs(np.fft.rfft((steep - steep.mean()) * np.hanning(steep.size))) ** 2
     floor = np.finfo(np.float64).eps ** 2 * power.max()

@@ -1,4 +1,4 @@
-"""Whether a measured velocity is the derivative of the displacement, and if not, what it looks like."""
+"""Detector of a measured velocity that differs from the derivative of the displacement."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ def velocity_agrees(
 ) -> tuple[NDArray[np.float64], tuple[Finding, ...]]:
     """Compare a measured velocity with the derivative of the displacement.
 
-    Both pass the same smoother, and what their noise lets expect is taken off the difference, up to half
-    of the signal. A velocity that fits after a change of sign is given that sign; other differences are
-    only reported, with the delay or the factor that explains them.
+    Both are smoothed alike, and the difference expected from their noise is subtracted, up to half of the signal. A
+    velocity that agrees after a change of sign gets that sign; other differences are only reported, with the delay or
+    the factor that explains them.
 
     Parameters
     ----------
     velocity, displacement
         Shape (n_time,) [m/s, m].
     smoother
-        Fitted to the displacement.
+        Smoother for the band of the displacement.
     frequency
-        Dominant frequency of the motion [Hz]; a delay below 0.02 rad of it is worth a word only where it is the half
-        sample of backward differences, which costs a fit more the sharper its knee.
+        Dominant frequency of the motion [Hz]. A delay below 0.02 rad at this frequency is reported only if it is the
+        half sample of backward differences, which degrades fits of loops with sharp knees.
     """
     comparison = _compared(velocity, displacement, smoother)
     measured = comparison.measured
@@ -83,7 +83,7 @@ def velocity_agrees(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _VelocityMisfit:
-    """Smoothed velocity, derivative, the latter's mean square, and that of the difference noise makes."""
+    """Smoothed velocity, derivative with its mean square `power`, and mean square difference `expected` from noise."""
 
     measured: NDArray[np.float64]
     derivative: NDArray[np.float64]
@@ -91,18 +91,18 @@ class _VelocityMisfit:
     expected: float
 
     def misfit(self, candidate: NDArray[np.float64]) -> float:
-        """Rms difference beyond noise, relative to the derivative."""
+        """Rms difference in excess of noise, relative to the derivative."""
         beyond_noise = float(np.mean((candidate - self.derivative) ** 2)) - self.expected
         return float(np.sqrt(max(beyond_noise, 0.0) / self.power))
 
     def factor(self) -> float:
-        """Regress the velocity on the derivative."""
+        """Regression coefficient of the velocity on the derivative."""
         return float(np.mean(self.measured * self.derivative)) / self.power
 
     def delay(self, acceleration: NDArray[np.float64], smoother: Smoother) -> Measured:
-        """Regress on a delay [s]: a signal that is late by a little lags by that much acceleration.
+        """Delay [s] from a regression on the acceleration, to first order.
 
-        The standard error counts the samples of one window of the smoother as one.
+        The standard error counts one independent sample per window of the smoother.
         """
         power = float(np.mean(acceleration**2))
         late = -float(np.mean((self.measured - self.derivative) * acceleration)) / power
@@ -122,7 +122,7 @@ def _compared(
         smoother.noise(displacement - smoother.smooth(displacement)) * smoother.noise_gain(1),
         smoother.noise(velocity - measured) * smoother.noise_gain(0),
     )
-    # A signal that is mostly noise must not pass as one that is right but for its noise.
+    # Limits the allowance for noise, so that a signal of mostly noise does not count as correct.
     expected = min(float(noise**2), _NOISE**2 * power)
     return _VelocityMisfit(measured=measured, derivative=derivative, power=power, expected=expected)
 

@@ -1,4 +1,4 @@
-"""Comma, semicolon and tab separated text: fast when it is clean, exact about the line when it is not."""
+"""Text separated by commas, semicolons or tabs: a fast reader for clean files, with exact lines in errors otherwise."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ _LONGEST_LINE: Final = 65536
 _MISSING: Final = frozenset({"", "na", "n/a", "nan", "null", "none"})
 _NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE)
 _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
-# Control characters that no text export writes; NUL also betrays UTF-16.
+# Control characters that no text export writes; NUL also indicates UTF-16.
 _BINARY: Final = re.compile(rb"[\x00-\x08\x0e-\x1a\x7f]")
 
 
 def open_delimited(path: Path, source: str) -> ColumnTable:
     """Open a .csv or .tsv file and read its header line.
 
-    Lines that start with ``#`` are comments; if no header follows them, the last one is taken as the
-    header (`numpy.savetxt` writes it so). The header's delimiter counts: a tab if it has one, else a
-    semicolon, else a comma, for a comma may stand inside a name such as ``Force, N``.
+    Lines that start with ``#`` are comments; if no header follows them, the last one is the header, as written by
+    `numpy.savetxt`. The delimiter of the header applies: a tab if it has one, else a semicolon, else a comma, because
+    names such as ``Force, N`` may contain a comma.
 
     Raises
     ------
     RecordError
-        The file is empty, not text, not UTF-8, has no header or an absurd one, or holds no data line.
+        The file is empty, not text or not UTF-8, or it has no valid header or no data line.
     """
     data = read_text_bytes(path, source)
     text = _decode(data, source).replace("\r\n", "\n").replace("\r", "\n")
@@ -41,9 +41,9 @@ def open_delimited(path: Path, source: str) -> ColumnTable:
 
 
 class DelimitedTable(ColumnTable):
-    """A text table held as lines; numbers are parsed when asked for.
+    """A text table stored as lines; numbers are parsed on request.
 
-    `names` are those of a table that has no header line.
+    `names` are the column names of a table without a header line.
     """
 
     def __init__(
@@ -74,19 +74,19 @@ class DelimitedTable(ColumnTable):
         return self._sha256
 
     def read(self, wanted: Sequence[str]) -> dict[str, NDArray[np.float64]]:
-        """Parse the wanted columns, each of shape (n_time,)."""
+        """Parse the requested columns, each of shape (n_time,)."""
         columns = [self._names.index(name) for name in wanted]
         try:
             block = np.loadtxt(self._lines[self._first :], delimiter=self._delimiter, quotechar='"', ndmin=2)
         except ValueError:
-            # Text in a column nobody asked for, an empty cell, or a real mistake: find out which.
+            # Text in a column that is not requested, an empty cell, or an error: the slow reader decides.
             return dict(zip(wanted, self._parse_line_by_line(columns), strict=True))
         if block.shape[1] != len(self._names):
             self._refuse_width(self._first_data_line() + 1, block.shape[1])
         return {name: np.ascontiguousarray(block[:, i]) for name, i in zip(wanted, columns, strict=True)}
 
     def locate(self, row: int) -> str:
-        """Line of a row; blank lines and comments are lines but no rows."""
+        """Line of a row; blank lines and comments count as lines but not as rows."""
         for number, (index, _) in enumerate(self._rows()):
             if number == row:
                 return f"line {index + 1}"
@@ -151,7 +151,7 @@ def _split(line: str, delimiter: str) -> list[str]:
     try:
         return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [""])
     except csv.Error:
-        # A field beyond the csv module's size limit: one field, which no number and no name can match.
+        # A field beyond the size limit of the csv module: returned as one field, which matches no number and no name.
         return [line]
 
 
@@ -176,7 +176,7 @@ def _find_header(lines: Sequence[str], source: str) -> tuple[str, int]:
 
 
 def read_text_bytes(path: Path, source: str) -> bytes:
-    """Whole file, looked at before it is read whole: a wrong file may be huge."""
+    """Read a whole text file after a check of its start, because a wrong file may be very large."""
     with path.open("rb") as stream:
         head = stream.read(_LONGEST_LINE)
         if not head.strip():

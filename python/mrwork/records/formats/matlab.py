@@ -23,7 +23,7 @@ from mrwork.records.table import ColumnTable, VectorTable
 _HDF5: Final = b"\x89HDF"
 _LARGEST_VARIABLE: Final = 1 << 30
 
-# Version 4: the tens digit of the type number names the item, the last digit the kind of matrix.
+# Version 4: the tens digit of the type number gives the item type, the last digit the kind of matrix.
 _V4_LAST_TYPE: Final = 4052
 _V4_ITEMS: Final = ("f8", "f4", "i4", "i2", "u2", "u1")
 
@@ -43,7 +43,7 @@ Variables = dict[str, "NDArray[np.generic] | None"]
 
 
 def open_matlab(path: Path, source: str) -> ColumnTable:
-    """Open a .mat file: its numeric vectors, or those in the fields of its only struct, are the columns.
+    """Open a .mat file; the columns are its numeric vectors, or those in the fields of its only struct.
 
     Raises
     ------
@@ -66,7 +66,7 @@ def open_matlab(path: Path, source: str) -> ColumnTable:
 
 
 def read_matlab_matrices(path: Path, source: str) -> dict[str, NDArray[np.float64]]:
-    """Real matrices of a .mat file by name, each of two sides, sparse ones filled up; or those of its only struct.
+    """Read the real matrices of a .mat file by name, or those of its only struct; sparse ones become dense.
 
     Raises
     ------
@@ -82,7 +82,7 @@ def read_matlab_matrices(path: Path, source: str) -> dict[str, NDArray[np.float6
 
 
 def _variables(path: Path, source: str) -> tuple[bytes, Variables]:
-    """Bytes of the file, and what its variables hold."""
+    """Bytes of the file, and its variables by name; `None` for contents other than real numbers."""
     data = path.read_bytes()
     if not data:
         raise RecordError(f"{source}: the file is empty; a .mat file was expected")
@@ -101,7 +101,7 @@ def _variables(path: Path, source: str) -> tuple[bytes, Variables]:
 
 
 def _array(items: bytes, item: str, shape: tuple[int, ...]) -> NDArray[np.generic]:
-    """Return the items, which the format stores column by column."""
+    """Array of the items, which the format stores column by column."""
     if min(shape, default=0) < 0 or len(items) != math.prod(shape) * np.dtype(item).itemsize:
         sides = " x ".join(str(side) for side in shape)
         raise DamagedError(f"a {sides} matrix has {len(items)} bytes of {item[1:]} items")
@@ -164,12 +164,12 @@ def _elements(block: bytes, order: str) -> Iterator[tuple[int, bytes]]:
         kind, size = struct.unpack_from(f"{order}2I", block, position)
         start = position + 8
         if kind >> 16:
-            # Up to four bytes of content share the eight of the tag.
+            # Up to four bytes of content are stored within the eight bytes of the tag.
             kind, size, start = kind & 0xFFFF, kind >> 16, position + 4
         if start + size > len(block):
             raise DamagedError(f"an element claims {size} bytes where {len(block) - start} are left")
         yield kind, block[start : start + size]
-        # Content is padded to eight bytes, but compressed content is not.
+        # Content is padded to eight bytes, except compressed content.
         position = start + size if kind == _COMPRESSED else start + size + (-(start + size - position) % 8)
 
 
@@ -183,7 +183,7 @@ def _unpacked(block: bytes, order: str) -> bytes:
 
 
 def _matrix(block: bytes, order: str) -> tuple[str, NDArray[np.generic] | Variables | None]:
-    """Name and content of a matrix element; a single struct gives its fields, other kinds give `None`."""
+    """Name and content of a matrix element: an array, the fields of a single struct, or `None` for other kinds."""
     elements = _elements(block, order)
     parts = [next(elements, (0, b""))[1] for _ in range(3)]
     flags = struct.unpack_from(f"{order}I", parts[0])[0]
@@ -207,7 +207,7 @@ def _matrix(block: bytes, order: str) -> tuple[str, NDArray[np.generic] | Variab
 def _items(
     kind: int, items: bytes, order: str, name: str, shape: tuple[int, ...] | None = None
 ) -> NDArray[np.generic]:
-    """Items of a data element, shaped as the matrix or all in a row."""
+    """Items of a data element in the shape of the matrix, or flat without a shape."""
     if kind not in _V5_ITEMS:
         raise DamagedError(f"variable '{name}' has items of the unknown type {kind}")
     item = order + _V5_ITEMS[kind]
@@ -236,16 +236,16 @@ def _integers(block: bytes, order: str) -> NDArray[np.int32]:
     return np.frombuffer(block, dtype=f"{order}i4").astype(np.int32)
 
 
-# A filled matrix of more items is not worth its memory, and a header may claim any size.
+# Largest dense matrix from a sparse one; a header may claim any size.
 _MOST_ITEMS: Final = 1 << 24
 
 
 class DamagedError(Exception):
-    """What is wrong inside a .mat file; who opened it says which file."""
+    """Damage inside a .mat file; the caller adds the name of the file."""
 
 
 def sparse_version_4(triplets: NDArray[np.generic], name: str) -> NDArray[np.float64]:
-    """Fill up from rows of row, column (from 1) and value, shape (n_items + 1, 3); the last row has the sides."""
+    """Dense matrix from rows of row, column (from 1) and value, shape (n_items + 1, 3); the last row has the size."""
     if triplets.ndim != 2 or triplets.shape[1] != 3 or not len(triplets):
         raise DamagedError(f"sparse variable '{name}' is not a list of row, column, value")
     places = triplets[:, :2].astype(np.int64)
@@ -265,7 +265,7 @@ def sparse_version_5(
     shape: tuple[int, int],
     name: str,
 ) -> NDArray[np.float64]:
-    """Fill up from compressed columns: column j has the items `starts[j]` to `starts[j + 1]`, in `rows` from 0."""
+    """Dense matrix from compressed columns: column j has the items `starts[j]` to `starts[j + 1]`, in `rows` from 0."""
     counts = np.diff(starts)
     if len(starts) != shape[1] + 1 or starts[0] != 0 or (counts < 0).any():
         raise DamagedError(f"sparse variable '{name}' has no order in its columns")
