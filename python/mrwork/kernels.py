@@ -1,4 +1,4 @@
-"""The compiled kernels themselves, for studies of speed and of stepping; all else goes through `mrwork.simulate`."""
+"""Compiled kernels for studies of speed and stepping; other users call `mrwork.simulate`."""
 
 from mrwork._rust import (
     LoadingHistory,

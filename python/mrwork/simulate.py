@@ -1,4 +1,4 @@
-"""Dampers under a loading history: single runs, batches, misfits. A typed face of the Rust core."""
+"""Simulation of dampers under a loading history by the Rust core: single runs, batches, misfits, sensitivities."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from mrwork.records import DamperTest
 
 
 class Outcome(IntEnum):
-    """How one candidate's simulation ended."""
+    """How the simulation of one candidate ended."""
 
     FINISHED = 0
     DIVERGED = 1
@@ -27,7 +27,7 @@ class Outcome(IntEnum):
 
     @property
     def remedy(self) -> str:
-        """What a user can do about it."""
+        """Advice to the user."""
         return {
             Outcome.FINISHED: "nothing",
             Outcome.DIVERGED: "the state left the finite numbers; move the parameters towards their nominal values, "
@@ -41,10 +41,10 @@ class Outcome(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loading:
-    """What is done to the damper: displacement [m] and velocity [m/s], shape (n_time,), every `dt` [s].
+    """Imposed motion of a damper: displacement [m] and velocity [m/s], shape (n_time,), every `dt` [s].
 
-    Between samples both follow a C2 cubic spline; without a velocity, the derivative of the displacement's.
-    The `command` is one number, or one per sample, each held until the next; `command_unit` says amperes or volts.
+    Both are interpolated by C2 cubic splines; without a velocity, the derivative of the displacement spline is used.
+    The `command` is one number, or one per sample, held until the next; `command_unit` is amperes or volts.
     """
 
     dt: float
@@ -54,12 +54,12 @@ class Loading:
     command_unit: CommandUnit | None = None
 
     def history(self) -> _rust.LoadingHistory:
-        """The splined history that simulations run on.
+        """Spline representation of the history, as simulations use it.
 
         Raises
         ------
         SettingError
-            Where the arrays do not fit together or hold a value that is not finite.
+            If the arrays do not fit together or hold a value that is not finite.
         """
         displacement = np.ascontiguousarray(self.displacement, dtype=np.float64)
         velocity = None if self.velocity is None else np.ascontiguousarray(self.velocity, dtype=np.float64)
@@ -76,9 +76,9 @@ class Loading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Misfits:
-    """Sums of squared residuals [N^2] of a batch, shape (n_batch,); infinite where not finished.
+    """Sums of squared residuals [N^2] of a batch, shape (n_batch,); infinite for candidates that did not finish.
 
-    `steps` counts the time steps that were simulated of each candidate.
+    `steps` is the number of time steps simulated for each candidate.
     """
 
     squared_error: NDArray[np.float64]
@@ -89,7 +89,7 @@ class Misfits:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForceHistories:
-    """Forces [N] of a batch, shape (n_batch, n_time); a row that did not finish is infinite."""
+    """Forces [N] of a batch, shape (n_batch, n_time); rows that did not finish are infinite."""
 
     force: NDArray[np.float64]
     outcome: NDArray[np.uint8]
@@ -100,8 +100,8 @@ class ForceHistories:
 class Sensitivities:
     """Forces [N] of a batch, shape (n_batch, n_time), and their derivatives with respect to columns of `theta`.
 
-    `jacobian` has shape (n_batch, n_columns, n_time) and is in newtons per unit of each column. A row that did not
-    finish is infinite, force and derivatives; one whose derivatives left the finite numbers counts as diverged.
+    `jacobian` has shape (n_batch, n_columns, n_time), in newtons per unit of each column. Force and derivatives of rows
+    that did not finish are infinite; a row whose derivatives are not finite counts as diverged.
     """
 
     force: NDArray[np.float64]
@@ -111,12 +111,12 @@ class Sensitivities:
 
 
 def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
-    """The motion of a test, with its command in the unit that the model takes.
+    """Motion of a test, with its command in the unit of the model.
 
     Raises
     ------
     RecordError
-        Where the model depends on the command and the test has none in that unit.
+        If the model depends on the command and the test has no command in that unit.
     """
     motion = Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
     if spec.current is None:
@@ -143,7 +143,7 @@ def simulate_misfits(
     substep_factor: int = 1,
     threads: int = 0,
 ) -> Misfits:
-    """Simulate a batch and keep only its misfits against a measured force.
+    """Simulate a batch and return its misfits to a measured force.
 
     Parameters
     ----------
@@ -152,14 +152,14 @@ def simulate_misfits(
     force
         Measured force [N], shape (n_time,).
     first
-        First sample that counts; those before it are simulated only.
+        First sample that is compared; earlier samples are only simulated.
     limits
-        Sums of squared residuals [N^2] at which a candidate is abandoned, shape (n_batch,). As the sum only grows,
-        the others come out as without limits, to the last bit.
+        Sums of squared residuals [N^2] at which a candidate is abandoned, shape (n_batch,). Since the sum only
+        increases, the other candidates have the same bits as without limits.
     substep_factor
-        Multiplies the sub-steps that the model's stiffness bound asks for; a power of two up to 64.
+        Multiplies the number of sub-steps from the stiffness bound of the model; a power of two up to 64.
     threads
-        Threads to use, 0 for all.
+        Number of threads, 0 for all.
     """
     try:
         squared_error, outcome, substeps, steps = _rust.misfits(
@@ -186,7 +186,7 @@ def simulate_forces(
     substep_factor: int = 1,
     threads: int = 0,
 ) -> ForceHistories:
-    """Simulate a batch and keep its force histories; parameters as in `simulate_misfits`."""
+    """Simulate a batch and return its force histories; parameters as in `simulate_misfits`."""
     try:
         force, outcome, substeps = _rust.force_histories(
             spec.name, _rows(spec, theta), history, *_laws(spec), substep_factor, threads
@@ -207,13 +207,13 @@ def simulate_sensitivities(
 ) -> Sensitivities:
     """Simulate a batch with the exact derivatives of its forces; other parameters as in `simulate_misfits`.
 
-    The forces have the bits of `simulate_forces`. The derivatives are those of the equations as they are computed, in
-    the sub-steps of the value, and exact up to rounding; at a kink they are those of the side the value takes.
+    The forces have the same bits as those of `simulate_forces`. The derivatives are exact up to rounding for the
+    discrete equations with the same sub-steps; at a kink they are those of the branch that the value takes.
 
     Parameters
     ----------
     columns
-        Columns of `theta` to differentiate with respect to, counted from 0, shape (n_columns,); all where `None`.
+        Columns of `theta` for the derivatives, counted from 0, shape (n_columns,); all if `None`.
 
     Examples
     --------
@@ -247,9 +247,9 @@ def simulate_force(
     Raises
     ------
     SimulationError
-        Where the simulation diverges or cannot be resolved.
+        If the simulation diverges or cannot be resolved.
     SettingError
-        Where the model takes its command in another unit than the loading gives.
+        If the unit of the command differs between model and loading.
 
     Examples
     --------

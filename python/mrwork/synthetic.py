@@ -1,4 +1,4 @@
-"""Synthetic damper tests: published parameter sets, a stated motion, stated sensor noise, one seed."""
+"""Synthetic damper tests from published parameter sets, with given motion, sensor noise and seed."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _VELOCITY_NOISE_MPS = 5e-4
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SyntheticTest:
-    """A sinusoidal test of a model at its nominal, published parameters, from rest at mid-stroke."""
+    """A sinusoidal test of a model with its nominal, published parameters, from rest at mid-stroke."""
 
     model: str
     amplitude: float
@@ -37,15 +37,15 @@ SYNTHETIC_TESTS = {
 
 
 def synthetic_test(name: str) -> DamperTest:
-    """Generate the synthetic test called `name`; the same name gives the same bits.
+    """Generate the synthetic test with this name; the same name gives the same bits.
 
-    The force follows from the exact motion; then white sensor noise is added: 8 N to the force, 5 um to the
-    displacement and 0.5 mm/s to the velocity (standard deviations).
+    The force is simulated for the exact motion. White sensor noise is then added, with standard deviations of 8 N for
+    the force, 5 um for the displacement and 0.5 mm/s for the velocity.
 
     Raises
     ------
     UnknownNameError
-        Where no synthetic test has that name.
+        If there is no such synthetic test.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Damper models as the Rust core declares them, with their parameters, current laws, published sets and conversions."""
+"""Damper models declared by the Rust core: parameters, current laws, published sets, conversions, coordinates."""
 
 import lazy_loader
 

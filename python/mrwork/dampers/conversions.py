@@ -1,6 +1,6 @@
 """Exact conversions between equivalent forms of a model, with their Jacobians in closed form.
 
-A conversion takes NumPy and JAX arrays; its Jacobian takes NumPy arrays and stands beside it.
+A conversion accepts NumPy and JAX arrays, its Jacobian NumPy arrays only.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ class Conversion:
         return self.convert(theta)
 
     def at(self, A: float) -> Conversion:
-        """The same conversion with `A` given, where a freedom of scale has to be settled."""
+        """The same conversion with a fixed `A`, for forms with one redundant scale parameter."""
         return Conversion(convert=partial(self.convert, A=A), jacobian=partial(self.jacobian, A=A))
 
 
 def _unchanged(theta: Floats, kept: int, n_to: int) -> Floats:
-    """Jacobian that keeps the first `kept` parameters and is zero elsewhere, shape (..., n_to, n_from)."""
+    """Jacobian with ones for the first `kept` parameters and zeros elsewhere, shape (..., n_to, n_from)."""
     slopes = np.zeros((*theta.shape[:-1], n_to, theta.shape[-1]))
     slopes[..., range(kept), range(kept)] = 1.0
     return slopes
@@ -83,7 +83,7 @@ def normalised_from_bouc_wen_jacobian(theta: Floats) -> Floats:
 def bouc_wen_from_normalised(theta: Array, A: float) -> Array:
     """Parameters of `bouc_wen`, shape (..., 8), equal in force to those of `normalised_bouc_wen`, shape (..., 7).
 
-    The Spencer form has one freedom of scale too many; `A` settles it.
+    The Spencer form has one redundant scale parameter, which `A` fixes.
     """
     xp = theta.__array_namespace__()
     c, k, x0, k_w, rho, sigma, n = (theta[..., index] for index in range(7))
@@ -114,7 +114,7 @@ def bouc_wen_from_normalised_jacobian(theta: Floats, A: float) -> Floats:
 
 
 def rescaled_bouc_wen(theta: Array, A: float) -> Array:
-    """The same `bouc_wen`, shape (..., 8), with another `A`: z is multiplied by s = A_new/A, the force is not."""
+    """Rescale a `bouc_wen`, shape (..., 8), to another `A`: z is multiplied by s = A_new/A, the force is the same."""
     xp = theta.__array_namespace__()
     c0, k0, x0, alpha, gamma, beta, old, n = (theta[..., index] for index in range(8))
     s = A / old
@@ -140,12 +140,12 @@ def rescaled_bouc_wen_jacobian(theta: Floats, A: float) -> Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpenSeesBoucWen:
-    """Uniaxial material `BoucWen` of OpenSees, its names and its order of arguments.
+    """Uniaxial material `BoucWen` of OpenSees, with its names and order of arguments.
 
-    f = alpha ko x + (1 - alpha) ko z, z' = (A - |z|^n (gamma + beta sgn(v z)) nu) v / eta, where A, nu and eta run
-    with the absorbed energy e: A = Ao - deltaA e, nu = 1 + deltaNu e, eta = 1 + deltaEta e (`setTrialStrain` in
+    f = alpha ko x + (1 - alpha) ko z, z' = (A - |z|^n (gamma + beta sgn(v z)) nu) v / eta, where A, nu and eta
+    depend on the absorbed energy e: A = Ao - deltaA e, nu = 1 + deltaNu e, eta = 1 + deltaEta e (`setTrialStrain` in
     SRC/material/uniaxial/BoucWenMaterial.cpp; its z after each step solves the backward Euler rule).
-    So beta multiplies |v| z, as Spencer's gamma does, and gamma multiplies v |z|, as his beta does.
+    Thus beta multiplies |v| z, like gamma of Spencer, and gamma multiplies v |z|, like his beta.
     """
 
     alpha: float
@@ -160,15 +160,15 @@ class OpenSeesBoucWen:
 
 
 def opensees_from_bouc_wen(theta: NDArray[np.float64], *, Ao: float = 1.0) -> tuple[OpenSeesBoucWen, float]:
-    """The OpenSees material equal to a `bouc_wen`, shape (8,), and the dashpot c0 [N s/m] to put in parallel.
+    """OpenSees material equal to a `bouc_wen`, shape (8,), and the dashpot c0 [N s/m] to add in parallel.
 
-    OpenSees has no dashpot inside `BoucWen`; c0 is a `Viscous` material beside it. With `Ao` = 1, ko is the initial
-    and alpha ko the post-yield stiffness, as its manual names them.
+    `BoucWen` of OpenSees has no dashpot; c0 becomes a parallel `Viscous` material. With `Ao` = 1, ko is the initial and
+    alpha ko the post-yield stiffness, as in its manual.
 
     Raises
     ------
     SettingError
-        Where no such material exists; the message says why.
+        If no such material exists; the message gives the reason.
     """
     _finite(theta, ("c0", "k0", "x0", "alpha", "gamma", "beta", "A", "n"))
     if not (isfinite(Ao) and Ao > 0.0):
@@ -191,14 +191,14 @@ def opensees_from_bouc_wen(theta: NDArray[np.float64], *, Ao: float = 1.0) -> tu
 
 
 def bouc_wen_from_opensees(material: OpenSeesBoucWen, *, c0: float = 0.0) -> NDArray[np.float64]:
-    """Parameters of `bouc_wen`, shape (8,), equal in force to an OpenSees material and a dashpot c0 [N s/m] beside it.
+    """Parameters of `bouc_wen`, shape (8,), equal in force to an OpenSees material and a parallel dashpot c0 [N s/m].
 
-    A is Ao: z is the same variable in both.
+    A equals Ao: z is the same variable in both.
 
     Raises
     ------
     SettingError
-        Where the material degrades, or is outside what OpenSees' manual admits.
+        If the material degrades, or a value is outside the ranges of the OpenSees manual.
     """
     m = material
     degradation = {"deltaA": m.deltaA, "deltaNu": m.deltaNu, "deltaEta": m.deltaEta}
@@ -217,7 +217,7 @@ def bouc_wen_from_opensees(material: OpenSeesBoucWen, *, c0: float = 0.0) -> NDA
 
 
 def solver_remarks(material: OpenSeesBoucWen) -> tuple[str, ...]:
-    """What OpenSees' own solution of z needs to be told: its tolerance is 1e-8 in the unit of z, whatever z is."""
+    """Remarks on the OpenSees solver for z, whose absolute tolerance is 1e-8 regardless of the size of z."""
     bound = material.gamma + material.beta
     if bound <= 0.0:
         return ()
@@ -231,12 +231,12 @@ def solver_remarks(material: OpenSeesBoucWen) -> tuple[str, ...]:
 
 
 def require_bounded_loop(theta: NDArray[np.float64]) -> None:
-    """Refuse a `bouc_wen`, shape (8,), that has no normalised form.
+    """Check that a `bouc_wen`, shape (8,), has a normalised form.
 
     Raises
     ------
     SettingError
-        Where z has no bound z_max to normalise with, or the loop would not dissipate.
+        If z has no bound z_max for the normalisation, or the loop would not dissipate.
     """
     alpha, gamma, beta, A, n = map(float, theta[3:])
     if not (alpha > 0.0 and A > 0.0 and n >= 1.0):
@@ -255,7 +255,7 @@ def require_bounded_loop(theta: NDArray[np.float64]) -> None:
 
 
 def convention_remarks(theta: NDArray[np.float64]) -> tuple[str, ...]:
-    """What is doubtful about a `bouc_wen`, shape (8,), whose source may name gamma and beta the other way round."""
+    """Remarks on a `bouc_wen`, shape (8,), whose source may have gamma and beta interchanged."""
     gamma, beta = float(theta[4]), float(theta[5])
     if gamma == beta or gamma + beta <= 0.0:
         return ()
@@ -282,7 +282,7 @@ def _finite(theta: NDArray[np.float64], names: tuple[str, ...]) -> None:
 def normalised_from_modified_bouc_wen(theta: Array) -> Array:
     """Parameters of `normalised_modified_bouc_wen`, shape (..., 9), equal in force to those of `modified_bouc_wen`.
 
-    The latter have shape (..., 10); their loop is that of `bouc_wen`, the rest stays.
+    The latter have shape (..., 10). The loop is converted as that of `bouc_wen`; the other parameters do not change.
     """
     return _with_loop(theta, normalised_from_bouc_wen(_plain(theta)))
 
@@ -295,7 +295,7 @@ def normalised_from_modified_bouc_wen_jacobian(theta: Floats) -> Floats:
 def modified_bouc_wen_from_normalised(theta: Array, A: float) -> Array:
     """Parameters of `modified_bouc_wen`, shape (..., 10), equal in force to those of `normalised_modified_bouc_wen`.
 
-    The latter have shape (..., 9); `A` settles the scale, as in `bouc_wen_from_normalised`.
+    The latter have shape (..., 9); `A` fixes the scale, as in `bouc_wen_from_normalised`.
     """
     return _with_loop(theta, bouc_wen_from_normalised(_plain(theta), A))
 
@@ -306,7 +306,7 @@ def modified_bouc_wen_from_normalised_jacobian(theta: Floats, A: float) -> Float
 
 
 def _plain(theta: Array) -> Array:
-    """c0, k0, x0 and the loop: what a modified Bouc-Wen model has of the plain one."""
+    """Parameters that a modified Bouc-Wen model shares with the plain one: c0, k0, x0 and the loop."""
     return theta.__array_namespace__().concat([theta[..., :2], theta[..., 4:]], axis=-1)
 
 
@@ -316,7 +316,7 @@ def _with_loop(theta: Array, loop: Array) -> Array:
 
 
 def _with_loop_jacobian(theta: Floats, loop: Floats) -> Floats:
-    """Jacobian of `_with_loop`; the parameters of a loop depend on those of a loop only."""
+    """Jacobian of `_with_loop`; the parameters of the loop depend only on those of the loop."""
     slopes = _unchanged(theta, 5, loop.shape[-2] + 2)
     slopes[..., 5:, 5:] = loop[..., 3:, 3:]
     return slopes

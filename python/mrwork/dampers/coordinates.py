@@ -1,7 +1,7 @@
 """The three coordinates of a parameter vector and the maps between them.
 
-`theta` is physical, `unit` runs over [0, 1]^n for search, `latent` over R^n for gradients. The maps are
-written once on the array API, so NumPy and JAX arrays both go through; the last axis is the parameter.
+`theta` is physical, `unit` is in [0, 1]^n for search, `latent` in R^n for gradients. The maps use the array API, so
+that they accept NumPy and JAX arrays; the last axis is the parameter.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ import numpy as np
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 
-# NumPy or JAX: both speak the array API, and no annotation covers the two without importing JAX.
+# NumPy or JAX array; no annotation covers both without importing JAX.
 Array = Any
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Box:
-    """A range per parameter; `theta` has all parameters of the model, `unit` and `latent` the free ones.
+    """A range for each parameter; `theta` has all parameters of the model, `unit` and `latent` the free ones only.
 
-    A parameter is held fixed by equal bounds.
+    Equal bounds fix a parameter.
     """
 
     names: tuple[str, ...]
@@ -34,7 +34,7 @@ class Box:
 
     @classmethod
     def of(cls, spec: DamperSpec) -> Box:
-        """The admissible ranges of a model."""
+        """Admissible ranges of a model."""
         return cls(
             names=spec.names,
             lower=tuple(parameter.lower for parameter in spec.parameters),
@@ -49,13 +49,12 @@ class Box:
         return tuple(index for index, (lower, upper) in enumerate(pairs) if lower < upper)
 
     def with_bounds(self, bounds: Mapping[str, tuple[float, float]]) -> Box:
-        """Return the box with some ranges replaced; equal bounds hold a parameter fixed.
+        """Return the box with some ranges replaced; equal bounds fix a parameter.
 
         Raises
         ------
         SettingError
-            Where a name is unknown, a bound is not finite, the two are reversed, or one lies outside
-            the admissible range.
+            If a name is unknown, a bound is not finite, the two are reversed, or one is outside the admissible range.
         """
         lower, upper = list(self.lower), list(self.upper)
         for name, (low, high) in bounds.items():
@@ -77,7 +76,7 @@ class Box:
         return replace(self, lower=tuple(lower), upper=tuple(upper))
 
     def _spread(self, xp: Any) -> tuple[Array, Array, Array]:
-        """Start, span and log mask of the free parameters, in the scale they are spread on."""
+        """Start, span and log mask of the free parameters, on their own scale (linear or logarithmic)."""
         index = list(self.free)
         log = np.array(self.log)[index]
         lower, upper = np.array(self.lower)[index], np.array(self.upper)[index]
@@ -92,7 +91,7 @@ class Box:
         spread = start + span * unit
         value = xp.where(log, xp.exp(xp.where(log, spread, 0.0)), spread)
         free = self.free
-        # Rounding in exp(log(...)) must not leave the box.
+        # exp(log(...)) may leave the box by rounding.
         value = xp.clip(
             value,
             xp.asarray([self.lower[index] for index in free]),
@@ -132,7 +131,7 @@ class Box:
         return self.latent_from_unit(self.unit_from_theta(theta))
 
     def inside(self, theta: Array) -> Array:
-        """Pull parameters off the faces of the box, where the latent coordinate is infinite."""
+        """Move parameters off the faces of the box, where the latent coordinate is infinite."""
         xp = theta.__array_namespace__()
         return self.theta_from_unit(xp.clip(self.unit_from_theta(theta), 1e-6, 1.0 - 1e-6))
 
@@ -146,6 +145,6 @@ class Box:
         return logistic + xp.log(span) + xp.where(log, xp.log(xp.where(log, theta, 1.0)), 0.0)
 
     def log_jacobian(self, latent: Array) -> Array:
-        """Logarithm of |d theta / d latent| of the free parameters together, shape (...)."""
+        """Logarithm of the determinant |d theta / d latent| over the free parameters, shape (...)."""
         xp = latent.__array_namespace__()
         return xp.sum(self.log_slope(latent), axis=-1)

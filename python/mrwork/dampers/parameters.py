@@ -1,4 +1,4 @@
-"""Parameters of damper models, and the laws by which they follow the command."""
+"""Parameters of damper models, and the laws that relate them to the command."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ CommandUnit = Literal["A", "V"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParamSpec:
-    """One parameter: SI unit, admissible range, how it is spread over it, a typical value."""
+    """One parameter: SI unit, scale, admissible range, nominal value."""
 
     name: str
     unit: str
@@ -31,11 +31,11 @@ class ParamSpec:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CurrentLaws:
-    """How each parameter of the plain model follows the command, which is in `unit`.
+    """Laws by which the parameters of the plain model depend on the command, which is in `unit`.
 
-    With `u` the command as the coil gets it: constant `p = p.0`; linear, quadratic and cubic
+    With `u` the command received by the coil: constant `p = p.0`; linear, quadratic and cubic
     `p = p.0 + p.1 u + p.2 u^2 + p.3 u^3`; exponential `p = p.0 + p.1 exp(p.2 u)`. A parameter that follows the
-    command stays within the range the plain model admits. A lagged driver has `u' = -eta (u - command)`.
+    command is limited to the admissible range of the plain model. A lagged driver has `u' = -eta (u - command)`.
     """
 
     unit: CommandUnit
@@ -46,12 +46,12 @@ class CurrentLaws:
 def laws_in_order(
     plain: tuple[ParamSpec, ...], laws: Mapping[str, LawName], model: str
 ) -> tuple[LawName, ...]:
-    """One law per parameter of the plain model; those not named are constant.
+    """Return one law per parameter of the plain model; those not named are constant.
 
     Raises
     ------
     UnknownNameError
-        Where `model` has no such parameter, or there is no such law.
+        If `model` has no such parameter, or there is no such law.
     """
     names = [parameter.name for parameter in plain]
     for name, law in laws.items():
@@ -62,26 +62,27 @@ def laws_in_order(
         if law not in current_laws():
             known = ", ".join(current_laws())
             raise UnknownNameError(f"no current law is called {law!r}; choose one of {known}")
-    return tuple(laws.get(name, "constant") for name in names)
+    return tuple(laws.get(name, polynomial_laws()[0]) for name in names)
 
 
 def coefficients(plain: tuple[ParamSpec, ...], current: CurrentLaws) -> tuple[ParamSpec, ...]:
-    """The parameters of a model with current laws: the coefficients of each law, then the driver's rate."""
+    """Parameters of a model with current laws: the coefficients of each law, then the rate of a lagged driver."""
     parameters: list[ParamSpec] = []
     for parameter, law in zip(plain, current.laws, strict=True):
-        parameters += _coefficients(parameter, law, current.unit)
+        parameters += _coefficients(parameter, current_laws()[law], current.unit)
     return (*parameters, _DRIVER_RATE) if current.lagged else tuple(parameters)
 
 
 def law_equations(plain: tuple[ParamSpec, ...], current: CurrentLaws) -> list[str]:
-    """The laws that are not constant, and the driver, one equation each."""
-    pairs = zip(plain, current.laws, strict=True)
-    lines = [_equation(parameter.name, law) for parameter, law in pairs if law != "constant"]
+    """Equations of the laws that are not constant, and of the driver."""
+    laws = [current_laws()[name] for name in current.laws]
+    pairs = zip(plain, laws, strict=True)
+    lines = [_equation(parameter.name, law) for parameter, law in pairs if law.degree != 0]
     driver = "u' = -eta (u - command)" if current.lagged else "u = command"
     return [*lines, f"{driver} [{current.unit}]"]
 
 
-# Lag of an MR damper's coil and driver: 190 1/s in Spencer et al. 1997 and Dyke et al. 1996.
+# Lag of the coil and driver of an MR damper: 190 1/s in Spencer et al. 1997 and Dyke et al. 1996.
 _DRIVER_RATE = ParamSpec(
     name="eta",
     unit="1/s",
@@ -95,14 +96,19 @@ _DRIVER_RATE = ParamSpec(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CurrentLaw:
-    """A law by which a parameter follows the command, as the core declares it; `degree` is `None` unless polynomial."""
+    """A law by which a parameter follows the command; `degree` is `None` for the one law that is not polynomial."""
 
     name: LawName
     n_coefficients: int
     degree: int | None
 
+    @property
+    def is_exponential(self) -> bool:
+        """Whether this is `p.0 + p.1 exp(p.2 u)`, the only law that is not polynomial."""
+        return self.degree is None
+
     def raised_to(self, other: CurrentLaw) -> bool:
-        """Whether this law is the other one with further coefficients at zero."""
+        """Whether this law is a special case of the other, with further coefficients at zero."""
         if self.degree is None:
             return False
         return self.degree == 0 if other.degree is None else self.degree < other.degree
@@ -110,7 +116,7 @@ class CurrentLaw:
 
 @cache
 def current_laws() -> Mapping[LawName, CurrentLaw]:
-    """Every current law by name; polynomials in the order of their degree."""
+    """All current laws by name; polynomials in order of their degree."""
     laws = (
         CurrentLaw(name=cast("LawName", name), n_coefficients=count, degree=degree)
         for name, count, degree in _rust.current_laws()
@@ -120,23 +126,23 @@ def current_laws() -> Mapping[LawName, CurrentLaw]:
 
 @cache
 def polynomial_laws() -> tuple[LawName, ...]:
-    """Names of the polynomial laws: the entry at n has degree n and n + 1 coefficients."""
+    """Names of the polynomial laws in order of their degree: entry n has n + 1 coefficients."""
     polynomials = [law for law in current_laws().values() if law.degree is not None]
     return tuple(law.name for law in sorted(polynomials, key=lambda law: law.n_coefficients))
 
 
-def _coefficients(parameter: ParamSpec, law: LawName, unit: CommandUnit) -> list[ParamSpec]:
-    """The numbers of a parameter's law; the nominal ones make it constant."""
-    if law == "constant":
+def _coefficients(parameter: ParamSpec, law: CurrentLaw, unit: CommandUnit) -> list[ParamSpec]:
+    """Coefficients of the law of a parameter; the nominal ones make it constant."""
+    if law.degree == 0:
         return [parameter]
     widest = max(abs(parameter.lower), abs(parameter.upper))
     entries = []
-    for power in range(current_laws()[law].n_coefficients):
-        exponent = law == "exponential" and power == 2
+    for power in range(law.n_coefficients):
+        exponent = law.is_exponential and power == 2
         bound = 20.0 if exponent else widest
         divisor = (
             ""
-            if power == 0 or (law == "exponential" and not exponent)
+            if power == 0 or (law.is_exponential and not exponent)
             else unit
             if power == 1 or exponent
             else f"{unit}^{power}"
@@ -152,21 +158,21 @@ def _coefficients(parameter: ParamSpec, law: LawName, unit: CommandUnit) -> list
                 upper=bound,
                 is_exponent=exponent,
                 nominal=parameter.nominal if power == 0 else -1.0 if exponent else 0.0,
-                description=f"{parameter.description}; coefficient {power} of its {law} law",
+                description=f"{parameter.description}; coefficient {power} of its {law.name} law",
             )
         )
     return entries
 
 
-def _equation(name: str, law: LawName) -> str:
-    if law == "exponential":
+def _equation(name: str, law: CurrentLaw) -> str:
+    if law.is_exponential:
         return f"{name} = {name}.0 + {name}.1 exp({name}.2 u)"
-    powers = ["", " u", " u^2", " u^3"][: current_laws()[law].n_coefficients]
+    powers = ["", " u", " u^2", " u^3"][: law.n_coefficients]
     return f"{name} = " + " + ".join(f"{name}.{power}{factor}" for power, factor in enumerate(powers))
 
 
 def _per(unit: str, divisor: str) -> str:
-    """`unit` divided by `divisor`, as units are written here: N/(m A), 1/A."""
+    """`unit` divided by `divisor`, in the notation of this package: N/(m A), 1/A."""
     if not divisor:
         return unit
     if unit in ("", "1"):

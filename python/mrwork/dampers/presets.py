@@ -1,4 +1,4 @@
-"""Published parameter sets, as their papers give them."""
+"""Published parameter sets, with the numbers of their papers."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from typing import Literal
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PublishedSet:
-    """A published set: per parameter its value, or the coefficients of a polynomial in the command.
+    """A published set: for each parameter its value, or the coefficients of a polynomial in the command.
 
-    `status` is "verified" where an independent simulation reproduced what the paper reports, "published" where the
-    numbers are only quoted. The command lies between 0 and `largest_command` in `unit`; `eta` [1/s] is the rate of the
-    driver's lag. A set without a command holds at the one its `note` names.
+    `status` is "verified" if an independent simulation reproduced the results of the paper, "published" if the numbers
+    are only quoted. The command is between 0 and `largest_command` in `unit`; `eta` [1/s] is the rate of the lag of the
+    driver. A set without a command holds for the command in its `note`.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Damper models by name: what the Rust core says of each, as plain frozen data."""
+"""Specifications of the damper models, as declared by the Rust core."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ from mrwork.summary import Summarised, Summary, rounded
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class DamperSpec(Summarised):
-    """A damper model: equations, source, parameters in order. Declared in Rust, beside the equations.
+    """A damper model: equations, source and parameters in order, declared in Rust beside the equations.
 
-    A model with current laws has their coefficients for parameters, named `k_w.0`, `k_w.1`; `plain` has those of the
-    model itself.
+    The parameters of a model with current laws are their coefficients, named `k_w.0`, `k_w.1`; `plain` has the
+    parameters of the model itself.
     """
 
     name: str
@@ -72,23 +72,23 @@ class DamperSpec(Summarised):
     def with_current_laws(
         self, laws: Mapping[str, LawName], *, unit: CommandUnit = "A", lagged: bool = False
     ) -> DamperSpec:
-        """Return the model with parameters that follow the command; those not named are constant.
+        """Return the model with parameters that depend on the command; those not named are constant.
 
         Parameters
         ----------
         laws
             Parameter name to the name of its law.
         unit
-            What the command is measured in; a test in the other unit is refused.
+            Unit of the command; a test in the other unit is refused.
         lagged
-            Whether the command reaches the coil through a first-order lag, with its rate `eta` for a parameter.
+            Whether the command reaches the coil through a first-order lag; its rate `eta` is a further parameter.
 
         Raises
         ------
         UnknownNameError
-            Where the model has no such parameter, or there is no such law.
+            If the model has no such parameter, or there is no such law.
         SettingError
-            Where the model has current laws already.
+            If the model already has current laws.
 
         Examples
         --------
@@ -120,7 +120,7 @@ class DamperSpec(Summarised):
         Raises
         ------
         UnknownNameError
-            Where the model has no such set; the message lists those it has.
+            If the model has no such set; the message lists its sets.
 
         Examples
         --------
@@ -156,9 +156,9 @@ class DamperSpec(Summarised):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Preset:
-    """A published set ready to be simulated: the model with its current laws, and `theta` in its order.
+    """A published set for simulation: the model with its current laws, and `theta` in the order of its parameters.
 
-    `status` says whether the set was verified or is only published; see `PublishedSet`.
+    See `PublishedSet` for `status`.
     """
 
     name: str
@@ -195,7 +195,7 @@ def _preset(plain: DamperSpec, entry: PublishedSet) -> Preset:
 
 @cache
 def damper_models() -> tuple[DamperSpec, ...]:
-    """Every registered damper model."""
+    """All registered damper models."""
     return tuple(
         DamperSpec(
             **(
@@ -211,12 +211,12 @@ def damper_models() -> tuple[DamperSpec, ...]:
 
 
 def damper(name: str) -> DamperSpec:
-    """Return the damper model called `name`.
+    """Return the damper model with this name.
 
     Raises
     ------
     UnknownNameError
-        Where no model has that name; the message lists those that exist.
+        If there is no such model; the message lists all names.
 
     Examples
     --------

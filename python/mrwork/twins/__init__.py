@@ -1,6 +1,6 @@
-"""JAX twins of the damper models: the same equations again, differentiable.
+"""JAX twins of the damper models: the same equations, differentiable.
 
-A twin is a module named as its model, with a NamedTuple `Theta` in spec order and two functions:
+A twin is a module with the name of its model, a NamedTuple `Theta` in spec order and two functions:
 `rate(theta, state, displacement, velocity)` and `force(theta, state, displacement, velocity)`.
 """
 

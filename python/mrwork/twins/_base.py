@@ -17,7 +17,7 @@ from mrwork.dampers.parameters import CurrentLaws, current_laws
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import UnknownNameError
 
-# The physics is double precision in Rust; a twin in single precision would not be one.
+# The Rust core computes in double precision, and the twins must agree with it.
 jax.config.update("jax_enable_x64", True)  # type: ignore[no-untyped-call] # jax leaves it unannotated
 
 
@@ -40,7 +40,7 @@ def twin_of(spec: DamperSpec) -> Twin:
     Raises
     ------
     UnknownNameError
-        Where the model has no twin, or its parameters differ from the spec in name or order.
+        If the model has no twin, or its parameters differ from the spec in name or order.
     """
     try:
         twin: Any = import_module(f"mrwork.twins.{spec.name}")
@@ -63,7 +63,7 @@ def power(base: Array, exponent: Array) -> Array:
 
 
 def parameters_at(spec: DamperSpec, theta: Array, received: Array) -> Any:
-    """Parameters of the plain model, as the twin's `Theta`, where the coil gets this command; see `CurrentLaws`."""
+    """Parameters of the plain model, as `Theta` of the twin, for a command received by the coil; see `CurrentLaws`."""
     columns = iter(theta[index] for index in range(len(spec.parameters)))
     if spec.current is None:
         return twin_of(spec).Theta(*columns)
@@ -71,7 +71,7 @@ def parameters_at(spec: DamperSpec, theta: Array, received: Array) -> Any:
     for parameter, law in zip(spec.plain, spec.current.laws, strict=True):
         value = next(columns)
         degree = current_laws()[law].degree
-        if degree is None:  # the exponential
+        if degree is None:  # p.0 + p.1 exp(p.2 u)
             value = value + next(columns) * jnp.exp(next(columns) * received)
         else:
             for power in range(1, degree + 1):
@@ -83,7 +83,7 @@ def parameters_at(spec: DamperSpec, theta: Array, received: Array) -> Any:
 def simulate(
     spec: DamperSpec, theta: Array, stages: Array, dt: Array | float, command: Array | float = 0.0
 ) -> Array:
-    """Force of a damper from rest, by the stepping rule of the Rust core.
+    """Simulate the force of a damper from rest, with the stepping rule of the Rust core.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def simulate(
     dt
         Sampling step [s].
     command
-        Command [A or V], one number, or shape (n_time,), each held until the next; the driver starts at rest.
+        Command [A or V], one number, or shape (n_time,) with each sample held until the next. The lag starts settled.
 
     Returns
     -------
@@ -133,7 +133,7 @@ def simulate(
     def record(state: Array, step: tuple[Array, Array | None]) -> tuple[Array, Array]:
         return substep(state, *step), state
 
-    # One scan over all sub-steps, each with motion and received command at its start, middle and end.
+    # One scan over all sub-steps, with motion and received command at start, middle and end of each.
     motions = jnp.stack([stages[:, :-1:2], stages[:, 1::2], stages[:, 2::2]], axis=2)
     last, states = jax.lax.scan(record, jnp.zeros(spec.n_states), (motions.reshape(-1, 3, 2), at_steps))
     states = jnp.concatenate([states[::substeps], last[None]])
@@ -143,7 +143,7 @@ def simulate(
 def _received(
     current: CurrentLaws, theta: Array, command: Array, dt: Array | float, substeps: int
 ) -> tuple[Array, Array]:
-    """What the coil gets: at the samples, shape (n_time,), and at start, middle, end of each step, (n_steps, 3)."""
+    """Command received by the coil at the samples, shape (n_time,), and at three points of each step, (n_steps, 3)."""
     if not current.lagged:
         return command, jnp.repeat(command[:-1], 3 * substeps).reshape(-1, 3)
     left = jnp.exp(-theta[-1] * dt / (2 * substeps) * jnp.arange(2 * substeps + 1))
@@ -157,18 +157,18 @@ def _received(
     return jnp.append(inside[:, 0], last), steps.reshape(-1, 3)
 
 
-# Set to "off", nothing is kept.
+# Environment variable; "off" disables the cache.
 SWITCH = "MRWORK_COMPILATION_CACHE"
-# What compiles faster is not worth a file [s].
+# Shortest compilation time of a cached function [s].
 _WORTH_KEEPING = 0.1
 
 
 @cache
 def keep_compiled() -> None:
-    """Let JAX keep what it compiles from now on in the user's cache folder, $XDG_CACHE_HOME or ~/.cache.
+    """Enable the compilation cache of JAX in the cache folder of the user, $XDG_CACHE_HOME or ~/.cache.
 
-    A folder that JAX was given already stays, also by JAX_COMPILATION_CACHE_DIR; the switch does not concern it. Where
-    the folder cannot be written, nothing is kept.
+    A cache folder already configured in JAX, also by JAX_COMPILATION_CACHE_DIR, is not changed, whatever the switch.
+    If the folder is not writable, there is no cache.
     """
     if jax.config.values["jax_compilation_cache_dir"] is not None:
         return
@@ -177,7 +177,7 @@ def keep_compiled() -> None:
     folder = _folder()
     if folder is None:
         return
-    jax.config.update("jax_compilation_cache_dir", str(folder))  # type: ignore[no-untyped-call] # as in _base
+    jax.config.update("jax_compilation_cache_dir", str(folder))  # type: ignore[no-untyped-call] # as above
     if "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS" not in os.environ:
         jax.config.update("jax_persistent_cache_min_compile_time_secs", _WORTH_KEEPING)  # type: ignore[no-untyped-call] # as above
 
@@ -185,7 +185,7 @@ def keep_compiled() -> None:
 def _folder() -> Path | None:
     try:
         above = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-        # Machines that share a home have different processors, and what was compiled for one need not run on another.
+        # Machines that share a home folder may have different processors, and compiled functions need not run on both.
         folder = above / "mrwork" / "twins" / (platform.node() or "here")
         folder.mkdir(parents=True, exist_ok=True)
     except (OSError, RuntimeError):  # nowhere to write, or no home

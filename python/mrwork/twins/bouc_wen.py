@@ -1,4 +1,4 @@
-"""Bouc-Wen in the form of Spencer et al. (1997)."""
+"""Bouc-Wen model in the form of Spencer et al. (1997)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Theta(NamedTuple):
 
 
 def rate(p: Theta, state: Array, x: Array, v: Array) -> Array:
-    """z' of the loop at v."""
+    """z' of the loop for the velocity v."""
     return jnp.stack([loop_rate(p.gamma, p.beta, p.A, p.n, state[0], v)])
 
 

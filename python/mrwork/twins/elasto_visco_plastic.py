@@ -1,4 +1,4 @@
-"""Elasto-visco-plastic: a spring in series with a core that yields smoothly."""
+"""Elasto-visco-plastic model: a spring in series with a core that yields smoothly."""
 
 from __future__ import annotations
 

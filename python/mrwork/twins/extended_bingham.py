@@ -1,4 +1,4 @@
-"""Extended Bingham of Gamota and Filisko."""
+"""Extended Bingham model of Gamota and Filisko."""
 
 from __future__ import annotations
 

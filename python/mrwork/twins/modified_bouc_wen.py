@@ -1,4 +1,4 @@
-"""Modified Bouc-Wen of Spencer et al. (1997)."""
+"""Modified Bouc-Wen model of Spencer et al. (1997)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Theta(NamedTuple):
 
 
 def rate(p: Theta, state: Array, x: Array, v: Array) -> Array:
-    """y', and z' of the loop at v - y'."""
+    """y', and z' of the loop for the velocity v - y'."""
     y_rate = series_rate(p, state, x, v)
     return jnp.stack([y_rate, loop_rate(p.gamma, p.beta, p.A, p.n, state[1], v - y_rate)])
 

@@ -1,4 +1,4 @@
-"""Non-symmetric Bouc-Wen of Kwok et al., shifted against its state."""
+"""Non-symmetric Bouc-Wen model of Kwok et al., with a velocity shift by the sign of its state."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Theta(NamedTuple):
 
 
 def rate(p: Theta, state: Array, x: Array, v: Array) -> Array:
-    """w' of the loop at v - mu s, s = tanh(w/w_s)."""
+    """w' of the loop for the velocity v - mu s, s = tanh(w/w_s)."""
     shifted = v - p.mu * jnp.tanh(state[0] / p.w_s)
     return jnp.stack([loop_rate(p.rho, p.sigma, p.n, state[0], shifted)])
 

@@ -1,4 +1,4 @@
-"""Non-symmetric Bouc-Wen of Kwok et al., shifted against the displacement."""
+"""Non-symmetric Bouc-Wen model of Kwok et al., with a velocity shift by the sign of the displacement."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Theta(NamedTuple):
 
 
 def rate(p: Theta, state: Array, x: Array, v: Array) -> Array:
-    """w' of the loop at v - mu s, s = tanh(x/x_s)."""
+    """w' of the loop for the velocity v - mu s, s = tanh(x/x_s)."""
     shifted = v - p.mu * jnp.tanh(x / p.x_s)
     return jnp.stack([loop_rate(p.rho, p.sigma, p.n, state[0], shifted)])
 

@@ -1,4 +1,4 @@
-"""Normalised Bouc-Wen of Ikhouane and Rodellar."""
+"""Normalised Bouc-Wen model of Ikhouane and Rodellar."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Theta(NamedTuple):
 
 
 def rate(p: Theta, state: Array, x: Array, v: Array) -> Array:
-    """w' of the loop at v."""
+    """w' of the loop for the velocity v."""
     return jnp.stack([loop_rate(p.rho, p.sigma, p.n, state[0], v)])
 
 

@@ -1,4 +1,4 @@
-"""Polynomial-fitting model: a sigmoid mean and a Gaussian thickness over velocity."""
+"""Polynomial-fitting model: sigmoid mean and Gaussian thickness of the loop over velocity."""
 
 from __future__ import annotations
 

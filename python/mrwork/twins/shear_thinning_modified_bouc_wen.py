@@ -1,4 +1,4 @@
-"""Modified Bouc-Wen whose dashpot thins with velocity."""
+"""Modified Bouc-Wen model with a shear-thinning dashpot."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Theta(NamedTuple):
 
 
 def rate(p: Theta, state: Array, x: Array, v: Array) -> Array:
-    """y', and w' of the loop at v - y'."""
+    """y', and w' of the loop for the velocity v - y'."""
     y_rate = series_rate(p, state, x, v)
     return jnp.stack([y_rate, loop_rate(p.rho, p.sigma, p.n, state[1], v - y_rate)])
 

@@ -1,5 +1,6 @@
-"""The closed loop in JAX: building, dampers, driver and a smooth control law, differentiable in all of them.
+"""Closed loop in JAX: building, dampers, driver and control law, differentiable in all parameters.
 
-The steps are those of the Rust loop. `run.run_loop` reduces a run as it goes on, `run.loop_histories` keeps it;
-`plant`, `laws` and `riccati` say what is controlled, how, and where gains come from; `ground` tabulates the motion.
+The steps are those of the Rust loop. `run` simulates: `run_loop` accumulates the results, `loop_histories` returns
+histories, `half_steps` tabulates the ground motion. `plant` has building and devices, `laws` the control laws, and
+`riccati` the gains.
 """

@@ -1,7 +1,7 @@
-"""Control laws for the twin: smooth as they stand, or bang-bang with a switch that can be softened.
+"""Control laws of the twin: smooth laws, and bang-bang laws with a switch that can be softened.
 
-A law is a `NamedTuple` of numbers, differentiable in each, with `command(measured)`. f is the force of a device
-[N], s = [q; q'] the state. `width` 0 is the switch of the paper, whose derivative is zero.
+A law is a `NamedTuple` of numbers, differentiable in each, with a method `command(measured)`. f is the force of a
+device [N], s = [q; q'] the state. `width` = 0 gives the switch of the paper, whose derivative is zero.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from jax import Array
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measurement:
-    """What a law sees at a control sample.
+    """Measurements available to a law at a control sample.
 
     Attributes
     ----------
     state
         s, shape (2n,).
     force
-        Of each device, shape (n_devices,) [N].
+        Force of each device, shape (n_devices,) [N].
     force_at
-        The same if the coils had another current, (n_devices,) to (n_devices,).
+        Forces for other coil currents, (n_devices,) to (n_devices,).
     largest
         Largest command of each device, shape (n_devices,).
     """
@@ -62,7 +62,7 @@ class Passive(NamedTuple):
     constant: Array
 
     def command(self, measured: Measurement) -> Array:
-        """The same always."""
+        """The constant command."""
         return self.constant
 
 
@@ -76,13 +76,13 @@ class ClippedOptimal(NamedTuple):
     width: Array | float = 0.0
 
     def command(self, measured: Measurement) -> Array:
-        """All or nothing, or what lies between."""
+        """The largest command or zero, or a value between if softened."""
         wanted = -self.gain @ measured.state
         return measured.largest * switch((wanted - measured.force) * measured.force, jnp.square(self.width))
 
 
 class ModifiedClippedOptimal(NamedTuple):
-    """`V_c H((f_c - f) f)`, V_c = V_max |f_c| / f_max at most V_max (Yoshida and Dyke 2004), softened likewise.
+    """`V_c H((f_c - f) f)`, V_c = V_max |f_c| / f_max, at most V_max (Yoshida and Dyke 2004), softened in the same way.
 
     `largest_force` is f_max [N], shape (n_devices,).
     """
@@ -92,7 +92,7 @@ class ModifiedClippedOptimal(NamedTuple):
     width: Array | float = 0.0
 
     def command(self, measured: Measurement) -> Array:
-        """In proportion to the force that is wanted."""
+        """In proportion to the desired force."""
         wanted = -self.gain @ measured.state
         share = jnp.minimum(jnp.abs(wanted) / self.largest_force, 1.0)
         on = switch((wanted - measured.force) * measured.force, jnp.square(self.width))
@@ -109,7 +109,7 @@ class LyapunovBangBang(NamedTuple):
     width: Array | float = 0.0
 
     def command(self, measured: Measurement) -> Array:
-        """On where the damper takes from s'P s."""
+        """On if the damper reduces s'P s."""
         return measured.largest * switch(-(measured.state @ self.weight) * measured.force, self.width)
 
 
@@ -123,7 +123,7 @@ class LyapunovDirect(NamedTuple):
     weight: Array
 
     def command(self, measured: Measurement) -> Array:
-        """In proportion to what the current would take from s'P s."""
+        """In proportion to the reduction of s'P s by the current."""
         return -self.kappa * (measured.state @ self.weight) * measured.slope()
 
 
@@ -133,5 +133,5 @@ class LqrDirect(NamedTuple):
     gain: Array
 
     def command(self, measured: Measurement) -> Array:
-        """The wanted force, through the slope of the force in the current."""
+        """The desired force times the slope of the force in the current."""
         return -measured.slope() * (self.gain @ measured.state)

@@ -1,4 +1,4 @@
-"""What is controlled: a building with dampers across its storeys, M q'' + C q' + K q = -sum_d e_d' F_d - M r a_g."""
+"""Plant: a building with dampers across its storeys, M q'' + C q' + K q = -sum_d e_d' F_d - M r a_g."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mrwork.twins._base import parameters_at, twin_of
 
 
 class LoopPlant(NamedTuple):
-    """Matrices of a building, as `mrwork.buildings.Building` has them, and what a step multiplies by."""
+    """Matrices of a building, as in `mrwork.buildings.Building`, with the products that a step needs."""
 
     mass: Array
     damping: Array
@@ -43,9 +43,9 @@ class LoopPlant(NamedTuple):
         Parameters
         ----------
         influence
-            r, how the coordinates follow the ground, shape (n,).
+            r, the coordinates under a unit rigid-body displacement of the ground, shape (n,).
         floors, storeys
-            Displacements of the floors and drifts of the storeys from the coordinates, shape (n_floors, n) and
+            Rows that give floor displacements and storey drifts from the coordinates, shape (n_floors, n) and
             (n_storeys, n).
         """
         m = jnp.asarray(mass, dtype=jnp.float64)
@@ -70,20 +70,20 @@ class LoopPlant(NamedTuple):
 )
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopDevice:
-    """Dampers across a storey under one command: `F = count f(x, v)`, or `count (f(x, v) - f(-x, -v))` in opposition.
+    """Dampers across a storey with one command: `F = count f(x, v)`, or `count (f(x, v) - f(-x, -v))` if differential.
 
     Attributes
     ----------
     spec
-        Model, with current laws if it follows a command.
+        Model, with current laws if it depends on a command.
     theta
         Parameters in spec order, shape (n_params,).
     row
-        e, its elongation from the coordinates, shape (n,): a row of `storeys`.
+        e, with elongation = e @ q, shape (n,): a row of `storeys`.
     count
-        How many such dampers are elongated together.
+        Number of dampers in parallel.
     differential
-        Whether as many others are shortened by the same motion.
+        Whether there are as many dampers in the opposite direction.
     """
 
     spec: DamperSpec
@@ -94,20 +94,20 @@ class LoopDevice:
 
     @property
     def lagged(self) -> bool:
-        """Whether its coil follows the command with a lag."""
+        """Whether the coil follows the command with a lag."""
         return self.spec.current is not None and self.spec.current.lagged
 
     @property
     def at_rest(self) -> Array:
-        """States of its dampers at rest, one way round and the other, shape (1 or 2, n_states)."""
+        """States of the dampers at rest, one row per direction, shape (1 or 2, n_states)."""
         return jnp.zeros((2 if self.differential else 1, self.spec.n_states))
 
     def parameters(self, received: Array) -> Any:
-        """Parameters of the plain model where the coil gets this command."""
+        """Parameters of the plain model for a command received by the coil."""
         return parameters_at(self.spec, self.theta, received)
 
     def respond(self, p: Any, states: Array, x: Array, v: Array) -> tuple[Array, Array]:
-        """Force F [N] at an elongation and its rate, and the rates of the dampers' own states, shape as `at_rest`."""
+        """Force F [N] for an elongation and its rate, and the rates of the damper states, in the shape of `at_rest`."""
         twin = twin_of(self.spec)
         force = self.count * twin.force(p, states[0], x, v)
         rates = [twin.rate(p, states[0], x, v)]
@@ -117,7 +117,7 @@ class LoopDevice:
         return force, jnp.stack(rates)
 
     def decay(self, time: Array | float) -> Array:
-        """What is left of the difference between command and coil after a time [s]; zero without a lag."""
+        """Fraction of the difference between command and coil current left after a time [s]; zero without a lag."""
         if not self.lagged:
             return jnp.zeros(())
         left: Array = jnp.exp(-self.theta[-1] * time)
@@ -128,7 +128,7 @@ Devices = tuple[LoopDevice, ...]
 
 
 def rows_of(devices: Devices) -> Array:
-    """Elongations of all devices from the coordinates, shape (n_devices, n)."""
+    """Rows of all devices, shape (n_devices, n)."""
     return jnp.stack([device.row for device in devices])
 
 

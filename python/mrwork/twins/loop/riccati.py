@@ -1,4 +1,4 @@
-"""Lyapunov and Riccati equations whose solutions can be differentiated with respect to weights and plant."""
+"""Lyapunov and Riccati equations with solutions differentiable in weights and plant."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
-# Doublings of the Smith iteration: 2^24 steps forget a mode that loses a millionth in each.
+# Doublings of the Smith iteration: 2^24 steps are enough for a mode that decays by a millionth in each.
 _DOUBLINGS = 24
 _MOST_ITERATIONS = 60
 _SETTLED = 1e-13
@@ -15,10 +15,10 @@ _SETTLED = 1e-13
 def lyapunov(state: Array, weight: Array) -> Array:
     """P of `A'P + P A + Q = 0` for a stable A, by Smith's doubling; shape (m, m).
 
-    Matrix products only, so that it costs little to differentiate (R. A. Smith, SIAM J. Appl. Math. 16, 1968).
+    Uses matrix products only, so that it is cheap to differentiate (R. A. Smith, SIAM J. Appl. Math. 16, 1968).
     """
     one = jnp.eye(state.shape[0])
-    # Between the slowest and the fastest mode: the geometric mean of all.
+    # Shift at the geometric mean of all modes.
     shift = lax.stop_gradient(jnp.exp(jnp.linalg.slogdet(state)[1] / state.shape[0]))
     inverse = jnp.linalg.inv(shift * one - state)
     step = inverse @ (shift * one + state)
@@ -38,9 +38,9 @@ def lqr_gain(
 ) -> Array:
     """K = R^-1 (B'P + N') of the linear quadratic regulator, by the iteration of Newton and Kleinman.
 
-    It starts without control, so the plant must be stable by itself. Each iteration is a Lyapunov equation; at the
-    solution its derivative with respect to the iterate vanishes, so one more iteration, differentiated as it stands,
-    has the exact derivatives of the solution.
+    The iteration starts without control, so the plant must be stable. Each iteration solves a Lyapunov equation. At the
+    solution its derivative with respect to the iterate vanishes, so that differentiating one more iteration gives the
+    exact derivatives of the solution.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def lqr_gain(
     Returns
     -------
     Array
-        Shape (k, m); the wanted force is -K s.
+        Shape (k, m); the desired force is -K s.
     """
     n = jnp.zeros_like(effect) if cross_weight is None else cross_weight
 

@@ -21,7 +21,7 @@ from mrwork.twins.loop.step import (
     Reductions,
     StepGround,
     at_rest,
-    nothing_kept,
+    no_samples,
     reduced,
     stage,
     step,
@@ -29,7 +29,7 @@ from mrwork.twins.loop.step import (
 
 
 class LoopHistories(NamedTuple):
-    """At the start of every step: q, q' (n_steps, n), forces and coil currents (n_steps, n_devices), commands."""
+    """Histories at the start of each step: q, q' (n_steps, n); forces, coil currents, commands (n_steps, n_devices)."""
 
     displacement: Array
     velocity: Array
@@ -41,7 +41,7 @@ class LoopHistories(NamedTuple):
 class _Carry(NamedTuple):
     motion: LoopState
     received: Array
-    # Newest first: what the law said at this control sample and at those before that still count.
+    # Commands of this control sample and of earlier ones that are still delayed, newest first.
     commands: Array
     kept: Reductions
 
@@ -59,32 +59,32 @@ def run_loop(
     delay: int = 0,
     believed: Devices | None = None,
 ) -> LoopResult:
-    """Run the loop from rest and reduce it as it goes on; the first command has been there since long before.
+    """Run the loop from rest and accumulate its results; the coils start settled at the first command.
 
-    Derivatives need memory for the square root of the number of samples: what lies between is computed again.
+    Derivatives need memory for the square root of the number of samples; the samples between are recomputed.
 
     Parameters
     ----------
     law
         One of `mrwork.twins.loop.laws`.
     ground
-        Acceleration of the ground every half step [m/s^2], shape (2 n_steps + 1,), see `ground.half_steps`.
+        Ground acceleration every half step [m/s^2], shape (2 n_steps + 1,), see `half_steps`.
     step_time
         Integration step [s].
     largest_command
-        Of each device, shape (n_devices,); the least is 0.
+        Largest command of each device, shape (n_devices,); the smallest is 0.
     steps_per_sample
-        Integration steps from one control sample to the next.
+        Integration steps per control sample.
     delay
         Integration steps from measurement to driver.
     believed
-        Devices without states, at the same places, from which a law that wants the slope of the force in the current
-        takes it; the devices themselves where there are none.
+        Devices without states at the same places, used by laws that need the slope of the force in the current; by
+        default the devices themselves.
 
     Raises
     ------
     SettingError
-        Where the steps do not fill whole control samples.
+        If the steps are not a whole number of control samples.
     """
     last, _ = _scanned(
         plant, devices, law, ground, step_time, largest_command, steps_per_sample, delay, believed, keep=False
@@ -137,7 +137,7 @@ def _scanned(
     n_samples = _samples(ground, steps_per_sample, delay)
     pulls, rows = pulls_of(plant, devices), rows_of(devices)
     lagged = jnp.array([device.lagged for device in devices])
-    # How many control samples ago the command was given that a step receives.
+    # Age, in control samples, of the command that each step receives.
     ages = np.array([max(0, math.ceil((delay - j) / steps_per_sample)) for j in range(steps_per_sample)])
 
     def force(motion: LoopState, currents: Array) -> Array:
@@ -157,7 +157,7 @@ def _scanned(
     def integrate(carry: _Carry, inputs: tuple[Array, StepGround]) -> tuple[_Carry, LoopHistories | None]:
         age, accelerations = inputs
         command = carry.commands[age]
-        # Without a lag the coil follows at once.
+        # Without a lag, the coil current equals the command.
         current = jnp.where(lagged, carry.received, command)
         after, received, start = step(plant, devices, pulls, carry.motion, current, command, accelerations, h)
         kept = reduced(plant, carry.kept, carry.motion, start, current, accelerations.start)
@@ -185,7 +185,7 @@ def _scanned(
         motion=at_rest(plant, devices),
         received=jnp.zeros(len(devices)),
         commands=jnp.zeros((1 + int(ages.max()), len(devices))),
-        kept=nothing_kept(plant, len(devices)),
+        kept=no_samples(plant, len(devices)),
     )
     at_steps = StepGround(ground[:-1:2], ground[1::2], ground[2::2])
     at_samples = (
@@ -210,7 +210,7 @@ def _scanned(
 
 
 def _samples(ground: Array, steps_per_sample: int, delay: int) -> int:
-    """How many control samples there are."""
+    """Number of control samples."""
     n_steps, odd = divmod(ground.shape[0] - 1, 2)
     if odd or n_steps < 1 or steps_per_sample < 1 or n_steps % steps_per_sample or delay < 0:
         raise SettingError(
@@ -225,7 +225,7 @@ Floats = NDArray[np.float64]
 
 
 def half_steps(acceleration: Floats, dt: float, step: float, n_steps: int) -> Floats:
-    """Acceleration of the ground every half step: straight between samples, zero after the last.
+    """Ground acceleration every half step: linear between samples, zero after the last.
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ def half_steps(acceleration: Floats, dt: float, step: float, n_steps: int) -> Fl
     Floats
         Shape (2 n_steps + 1,) [m/s^2].
     """
-    # In samples, so that a step that divides the sampling meets every sample exactly.
+    # In units of samples, so that a step that divides the sampling step hits every sample exactly.
     places = np.arange(2 * n_steps + 1) * (0.5 * step / dt)
     places = np.where(np.abs(places - np.rint(places)) < 1e-9, np.rint(places), places)
     ground: Floats = np.interp(places, np.arange(acceleration.size), acceleration, right=0.0)

@@ -15,23 +15,23 @@ from mrwork.twins.loop.plant import Devices, LoopPlant, rows_of
 
 
 class Extent(NamedTuple):
-    """Peak of a signal's magnitude, and the sum of its squares, over the starts of all steps."""
+    """Peak magnitude and sum of squares of signals, over the starts of all steps."""
 
     peak: Array
     squares: Array
 
     @classmethod
     def none(cls, n: int) -> Extent:
-        """Of `n` signals that nothing has been seen of."""
+        """Initial value for `n` signals."""
         return cls(jnp.zeros(n), jnp.zeros(n))
 
-    def seen(self, signal: Array) -> Extent:
-        """One sample more."""
+    def with_sample(self, signal: Array) -> Extent:
+        """Return the value with one more sample."""
         return Extent(jnp.maximum(self.peak, jnp.abs(signal)), self.squares + signal * signal)
 
 
 class Energies(NamedTuple):
-    """What has entered since the start, and where it went [J]: the structure's damping; each device, (n_devices,)."""
+    """Energies since the start [J]: input, structural damping, and dissipation of each device, (n_devices,)."""
 
     entered: Array
     damping: Array
@@ -39,7 +39,7 @@ class Energies(NamedTuple):
 
 
 class Reductions(NamedTuple):
-    """Of floors, lowest first: displacement and absolute acceleration; of storeys, drift; of devices, the rest."""
+    """Accumulated signals of floors (displacement, absolute acceleration), storeys, base and devices."""
 
     displacement: Extent
     acceleration: Extent
@@ -53,7 +53,7 @@ class Reductions(NamedTuple):
 
 
 class LoopResult(NamedTuple):
-    """A run, reduced; its energies [J] at the end; how many steps it took."""
+    """Result of a run: accumulated signals, energies [J] at the end, number of steps."""
 
     reductions: Reductions
     energies: Energies
@@ -63,14 +63,14 @@ class LoopResult(NamedTuple):
 
     @property
     def energy_error(self) -> Array:
-        """What the balance of energies leaves at the end, against what entered or what is found again."""
+        """Relative error of the energy balance at the end."""
         entered, damping, devices = self.energies
         held = self.kinetic + self.strain
         turnover = jnp.maximum(jnp.abs(entered), held + jnp.abs(damping) + jnp.abs(devices).sum())
         return jnp.abs(entered - held - damping - devices.sum()) / turnover
 
     def summary(self) -> dict[str, Array]:
-        """Quantities by the names of the Rust loop, one number for each floor, storey or device, in SI units."""
+        """Quantities with the names of the Rust loop, one number for each floor, storey or device, in SI."""
         kept = self.reductions
 
         def both(name: str, extent: Extent) -> dict[str, Array]:
@@ -96,12 +96,12 @@ class LoopResult(NamedTuple):
         )
 
     def worst(self, name: str) -> Array:
-        """The largest of a quantity of `summary`: of the worst floor, storey or device."""
+        """Largest value of a quantity of `summary` over floors, storeys or devices."""
         return self.summary()[name].max()
 
 
 class LoopState(NamedTuple):
-    """What a Runge-Kutta step moves on: coordinates, their rates, states of the dampers, energies."""
+    """State of a Runge-Kutta step: coordinates, their rates, damper states, energies."""
 
     q: Array
     v: Array
@@ -110,7 +110,7 @@ class LoopState(NamedTuple):
 
 
 class Stage(NamedTuple):
-    """At one point: derivative of the motion; forces, elongations and their rates, of the devices (n_devices,)."""
+    """Runge-Kutta stage: derivative of the state; forces, elongations and their rates of the devices, (n_devices,)."""
 
     rate: LoopState
     force: Array
@@ -119,7 +119,7 @@ class Stage(NamedTuple):
 
 
 class StepGround(NamedTuple):
-    """Acceleration of the ground at start, middle and end of a step [m/s^2]."""
+    """Ground acceleration at start, middle and end of a step [m/s^2]."""
 
     start: Array
     middle: Array
@@ -127,7 +127,7 @@ class StepGround(NamedTuple):
 
 
 def at_rest(plant: LoopPlant, devices: Devices) -> LoopState:
-    """Nothing moves, nothing has entered."""
+    """State at rest, with zero energies."""
     n = plant.mass.shape[0]
     zero = jnp.float64(0.0)
     return LoopState(
@@ -175,9 +175,9 @@ def step(
     ground: StepGround,
     h: Array | float,
 ) -> tuple[LoopState, Array, Stage]:
-    """Return motion and coil currents (n_devices,) after the step, and the stage at its start.
+    """Return state and coil currents (n_devices,) after the step, and the stage at its start.
 
-    `start` is what the coils have then, `command` what they are told over the step, shape (n_devices,).
+    `start` are the coil currents at the start, `command` the commands over the step, shape (n_devices,).
     """
     decay = jnp.stack([device.decay(0.5 * h) for device in devices])
     middle = (start - command) * decay + command
@@ -201,7 +201,7 @@ def step(
 
 
 def along(motion: LoopState, time: Array | float, rate: LoopState) -> LoopState:
-    """The motion a time later at this rate."""
+    """State after `time` at a constant rate."""
     later: LoopState = jax.tree.map(lambda x, slope: x + time * slope, motion, rate)
     return later
 
@@ -209,24 +209,24 @@ def along(motion: LoopState, time: Array | float, rate: LoopState) -> LoopState:
 def reduced(
     plant: LoopPlant, kept: Reductions, motion: LoopState, at: Stage, current: Array, a_g: Array
 ) -> Reductions:
-    """What is kept, with the start of one step more."""
+    """Accumulated signals with the start of one more step."""
     momentum = plant.mass @ plant.influence
     shear = momentum @ at.rate.v + (momentum @ plant.influence) * a_g
     return Reductions(
-        displacement=kept.displacement.seen(plant.floors @ motion.q),
-        acceleration=kept.acceleration.seen(plant.floors @ at.rate.v + a_g),
-        drift=kept.drift.seen(plant.storeys @ motion.q),
-        base_shear=kept.base_shear.seen(shear[None]),
-        force=kept.force.seen(at.force),
-        stroke=kept.stroke.seen(at.elongation),
-        rate=kept.rate.seen(at.elongation_rate),
-        current=kept.current.seen(current),
+        displacement=kept.displacement.with_sample(plant.floors @ motion.q),
+        acceleration=kept.acceleration.with_sample(plant.floors @ at.rate.v + a_g),
+        drift=kept.drift.with_sample(plant.storeys @ motion.q),
+        base_shear=kept.base_shear.with_sample(shear[None]),
+        force=kept.force.with_sample(at.force),
+        stroke=kept.stroke.with_sample(at.elongation),
+        rate=kept.rate.with_sample(at.elongation_rate),
+        current=kept.current.with_sample(current),
         current_sum=kept.current_sum + current,
     )
 
 
-def nothing_kept(plant: LoopPlant, n_devices: int) -> Reductions:
-    """Before the first step."""
+def no_samples(plant: LoopPlant, n_devices: int) -> Reductions:
+    """Accumulated signals before the first step."""
     n_floors, n_storeys = plant.floors.shape[0], plant.storeys.shape[0]
     return Reductions(
         displacement=Extent.none(n_floors),
