@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from html import escape
+from math import isnan
 
 # Rows of a table and characters of a line that fit on one screen.
 _MOST_ROWS = 16
@@ -99,6 +100,11 @@ def rounded(value: float | None, digits: int = 4) -> str:
     return "-" if value is None else f"{value:.{digits}g}"
 
 
+def with_decimals(value: float, decimals: int) -> str:
+    """A number with so many decimals; a dash where it is not known."""
+    return "-" if isnan(value) else f"{value:.{decimals}f}"
+
+
 def of_unit(value: float | None, unit: str, digits: int = 4) -> str:
     """A number with its unit."""
     return f"{rounded(value, digits)} {unit}".rstrip()
@@ -112,7 +118,7 @@ def listed(names: Sequence[str], most: int = 4) -> str:
 
 
 def _is_numeric(cell: str) -> bool:
-    return not cell or cell == "-" or cell.lstrip("+-.")[:1].isdigit()
+    return cell in ("", "-", "–", "open", "∞") or cell.lstrip("+-−.")[:1].isdigit()
 
 
 def _cut(line: str) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -11,10 +10,19 @@ from typing import Any, get_args
 
 import numpy as np
 
-from mrwork.cli.observe import add_observation, nuisances_of, observed
-from mrwork.cli.options import add_files, add_json, read_tests
-from mrwork.cli.progress import ProgressLine
-from mrwork.cli.run_page import renew_page
+from mrwork.cli.options import (
+    add_files,
+    add_json,
+    add_observation,
+    add_quiet,
+    add_run,
+    add_threads,
+    nuisances_of,
+    observed,
+    read_tests,
+)
+from mrwork.cli.output import print_json, renew_page, table_lines
+from mrwork.cli.progress import IdentificationInWords, ProgressLine
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import read_fit, reopen
@@ -40,7 +48,7 @@ def add_parser(verbs: Any) -> None:
         "mrwork predict RUN --level then draws bands from it. Without files, the run's own tests are left out in turn "
         "and predicted by identifying without them.",
     )
-    parser.add_argument("fit", type=Path, metavar="RUN", help="run directory of mrwork identify")
+    add_run(parser)
     add_files(parser, required=False)
     add_observation(parser)
     parser.add_argument(
@@ -49,8 +57,8 @@ def add_parser(verbs: Any) -> None:
         default="test",
         help="without files: what is left out together, default each test by itself",
     )
-    parser.add_argument("--threads", type=int, default=0, metavar="N", help="threads, default all")
-    parser.add_argument("--quiet", action="store_true", help="no progress")
+    add_threads(parser)
+    add_quiet(parser)
     add_json(parser)
     parser.set_defaults(run=run)
 
@@ -63,25 +71,25 @@ def run(options: argparse.Namespace) -> int:
         predictions, held_out = _left_out(options), IN_WORDS[options.leave_out]
     calibration = calibrate(predictions, held_out=held_out)
     coverage = measured_coverage(predictions) if len(predictions) > 1 else ()
-    write_calibration(options.fit, calibration, coverage)
-    write_predictions(options.fit, predictions)
-    renew_page(options.fit)
+    write_calibration(options.run_folder, calibration, coverage)
+    write_predictions(options.run_folder, predictions)
+    renew_page(options.run_folder)
     if options.json:
-        print(json.dumps(_summary(calibration, coverage)))
+        print_json(_summary(calibration, coverage))
     else:
-        print(_text(calibration, coverage, options.fit))
+        print(_text(calibration, coverage, options.run_folder))
     return 0
 
 
 def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:
     """The files predicted by the run's fit, which must not know them."""
-    fit = read_fit(options.fit)
+    fit = read_fit(options.run_folder)
     tests = tuple(observed(test, options) for test in read_tests(options))
     seen = set(fit.provenance.inputs.values())
     for test in tests:
         if test.sha256 in seen:
             raise SettingError(
-                f"{test.path or test.name} is one of the tests that {options.fit} was identified from; "
+                f"{test.path or test.name} is one of the tests that {options.run_folder} was identified from; "
                 "give tests that it has not seen, or none to leave its own out in turn"
             )
     nuisances = nuisances_of(options) or fit.nuisances
@@ -90,7 +98,7 @@ def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:
 
 def _left_out(options: argparse.Namespace) -> tuple[Prediction, ...]:
     """The run's own tests, each predicted by an identification without it."""
-    opened = reopen(options.fit)
+    opened = reopen(options.run_folder)
     folds = Folds(opened.place, opened.fit)
     prefix = ""
 
@@ -99,7 +107,7 @@ def _left_out(options: argparse.Namespace) -> tuple[Prediction, ...]:
         prefix = f"{options.leave_out} {done + 1} of {count}: "
 
     def identify_rest(rest: tuple[DamperTest, ...]) -> Fit:
-        line = ProgressLine(quiet=options.quiet or options.json, prefix=prefix)
+        line = ProgressLine(IdentificationInWords(prefix), quiet=options.quiet or options.json)
         try:
             return folds.fit(
                 rest, lambda: identify_again(opened.fit, rest, threads=options.threads, on_progress=line)
@@ -125,27 +133,27 @@ def _summary(calibration: Calibration, coverage: Sequence[LeftOutCoverage]) -> d
     }
 
 
-def _text(calibration: Calibration, coverage: Sequence[LeftOutCoverage], place: Path) -> str:
+def _text(calibration: Calibration, coverage: Sequence[LeftOutCoverage], folder: Path) -> str:
     lines = [f"Bands {calibration.basis}.", ""]
     if coverage:
-        width = max(len(name) for name in calibration.tests)
-        levels = "".join(f"{f'in {100 * level:.0f} %':>10}" for level in LEVELS)
+        tests = [coverage[first : first + len(LEVELS)] for first in range(0, len(coverage), len(LEVELS))]
+        shares = np.array([[100 * each.samples.coverage for each in rows] for rows in tests])
+        scores = np.array([rows[LEVELS.index(0.9)].samples.interval_score for rows in tests])
+        cells = [
+            (name, *(f"{share:.1f}" for share in each), f"{score:.3f}")
+            for name, each, score in zip(
+                [*(rows[0].test for rows in tests), "mean"],
+                [*shares, shares.mean(axis=0)],
+                [*scores, scores.mean()],
+                strict=True,
+            )
+        ]
+        heads = ("test", *(f"in {100 * level:.0f} %" for level in LEVELS), "score")
         lines += [
-            "Each test in the bands that the others give it, % of its samples, and the score of 90 %:",
+            "Share of each test's samples [%] in the bands calibrated on the other tests, and the interval score of "
+            "the 90 % band:",
+            "",
+            *table_lines([heads, *cells]),
             "",
         ]
-        lines.append(f"  {'test':<{width}}{levels}{'score':>10}")
-        rows = [coverage[first : first + len(LEVELS)] for first in range(0, len(coverage), len(LEVELS))]
-        for row in rows:
-            shares = "".join(f"{100 * each.samples.coverage:10.1f}" for each in row)
-            lines.append(f"  {row[0].test:<{width}}{shares}{row[1].samples.interval_score:10.3f}")
-        means = "".join(
-            f"{100 * np.mean([row[index].samples.coverage for row in rows]):10.1f}"
-            for index in range(len(LEVELS))
-        )
-        lines += [
-            f"  {'mean':<{width}}{means}{np.mean([row[1].samples.interval_score for row in rows]):10.3f}",
-            "",
-        ]
-    lines.append(f"Written: {place / CALIBRATION}")
-    return "\n".join(lines)
+    return "\n".join([*lines, f"Written: {folder / CALIBRATION}"])

@@ -10,21 +10,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 from mrwork.cli.identified import (
-    note,
     stem_of,
     text_of,
     with_command,
     with_identifiability,
     write_identification,
 )
-from mrwork.cli.laws import command_unit, laws_of
-from mrwork.cli.observe import observed
-from mrwork.cli.options import reading_of
-from mrwork.cli.progress import ChoiceLine
+from mrwork.cli.options import command_unit, laws_of, observed, reading_of
+from mrwork.cli.output import note
+from mrwork.cli.progress import ProgressLine, choice_described
 from mrwork.errors import Interrupted, JournalError, MrworkError, OutputError, SettingError
 from mrwork.identification.settings import FitSettings
 from mrwork.store.run_folder import FIT, MODELS, RANKING, check_destination
 from mrwork.store.unfinished import StepJournals
+from mrwork.summary import aligned
 from mrwork.uncertainty.bands.prediction import Fold
 from mrwork.uncertainty.choice.families import ALL
 
@@ -78,7 +77,7 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
     place = options.out or Path("out") / f"{stem_of(tests)}-models"
     check_destination(place)
     journals = StepJournals(place, resume=options.resume, note=note)
-    line = ChoiceLine(quiet=options.quiet or options.json)
+    line = ProgressLine(choice_described, quiet=options.quiet or options.json)
     status = 0
     try:
         choice = choose_model(
@@ -152,15 +151,7 @@ def _text(ranking: Ranking, place: Path) -> str:
         )
         for row in ranking_rows(ranking)
     ]
-    widths = [max(len(row[column]) for row in [HEADINGS, *rows]) for column in range(len(HEADINGS))]
-    lines = [_aligned(row, widths) for row in [HEADINGS, *rows]]
+    lines = aligned([HEADINGS, *rows])
     for sentence in (ranking.sentence, *(f"Note: {remark}." for remark in ranking.remarks)):
         lines += ["", *textwrap.wrap(sentence, _WIDTH)]
     return "\n".join([*lines, "", f"Ranking: {place / RANKING}"])
-
-
-def _aligned(row: tuple[str, ...], widths: list[int]) -> str:
-    first, *middle, last = row
-    cells = [first.ljust(widths[0])]
-    cells += [cell.rjust(width) for cell, width in zip(middle, widths[1:-1], strict=True)]
-    return "  ".join([*cells, last]).rstrip()

@@ -10,6 +10,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrwork.cli.output import result_lines
 from mrwork.dampers.spec import damper
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import write_run
@@ -18,11 +19,6 @@ from mrwork.records import DamperTest
 
 if TYPE_CHECKING:
     from mrwork.uncertainty.choice.ranking import Ranking
-
-
-def note(sentence: str) -> None:
-    """Say something that is no result."""
-    print(f"mrwork: {sentence}", file=sys.stderr)
 
 
 def stem_of(tests: tuple[DamperTest, ...]) -> str:
@@ -137,21 +133,9 @@ def text_of(fit: Fit, tests: tuple[DamperTest, ...], place: Path) -> str:
     lines = [
         f"{damper(fit.model).title}, {status} after {fit.evaluations} simulations, {fit.seconds:.1f} s",
         "",
+        *result_lines(fit),
+        "",
     ]
-    width = max(7, *(len(estimate.name) for estimate in fit.estimates))
-    units = max(6, *(len(estimate.unit) for estimate in fit.estimates))
-    doubts = {
-        each.name: f"{each.verdict} identifiable: {each.reason}"
-        for each in (fit.identifiability.verdicts if fit.identifiability else ())
-        if each.verdict != "identifiable"
-    }
-    for estimate in fit.estimates:
-        error = "" if estimate.standard_error is None else f"+- {estimate.standard_error:.2g}"
-        remark = estimate.remark or doubts.get(estimate.name, "")
-        remark = f"({remark})" if remark else ""
-        row = f"  {estimate.name:<{width}} {estimate.value:>12.6g}  {error:<12} {estimate.unit:<{units}} {remark}"
-        lines.append(row.rstrip())
-    lines.append("")
     if fit.identifiability is not None and fit.identifiability.directions:
         lines += [*(f"  - {each.sentence}" for each in fit.identifiability.directions), ""]
     for test, quality in zip(tests, fit.quality, strict=True):

@@ -11,7 +11,6 @@ from typing import Any, get_args
 from mrwork.cli import choose
 from mrwork.cli.choose import add_choice, is_choice
 from mrwork.cli.identified import (
-    note,
     stem_of,
     summary_of,
     text_of,
@@ -19,10 +18,22 @@ from mrwork.cli.identified import (
     with_identifiability,
     write_identification,
 )
-from mrwork.cli.laws import command_unit, laws_of
-from mrwork.cli.observe import add_observation, nuisances_of, observed
-from mrwork.cli.options import add_files, add_json, parse_bounds, reading_of
-from mrwork.cli.progress import ProgressLine
+from mrwork.cli.options import (
+    add_files,
+    add_json,
+    add_observation,
+    add_quiet,
+    add_threads,
+    check_not_negative,
+    command_unit,
+    laws_of,
+    nuisances_of,
+    observed,
+    parse_bounds,
+    reading_of,
+)
+from mrwork.cli.output import note
+from mrwork.cli.progress import IdentificationInWords, ProgressLine
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, JournalError, MrworkError, OutputError, SettingError
 from mrwork.identification.fit_file import read_fit
@@ -105,14 +116,14 @@ def add_parser(verbs: Any) -> None:
         help="candidates of a generation; not for multistart",
     )
     parser.add_argument("--generations", type=int, metavar="N", help="most generations; not for multistart")
-    parser.add_argument("--threads", type=int, default=0, metavar="N", help="threads, default all")
+    add_threads(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="run directory, default out/TEST-MODEL")
     parser.add_argument(
         "--resume",
         action="store_true",
         help="resume a run that was killed or interrupted; all other options but --threads as in that run",
     )
-    parser.add_argument("--quiet", action="store_true", help="no progress")
+    add_quiet(parser)
     add_json(parser)
     parser.set_defaults(run=run)
 
@@ -132,10 +143,7 @@ def settings_of(options: argparse.Namespace) -> FitSettings:
 def run(options: argparse.Namespace) -> int:
     """Identify, write the run folder, print the result."""
     settings = settings_of(options)
-    if options.seed < 0 or options.threads < 0:
-        raise SettingError(
-            f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
-        )
+    check_not_negative(options)
     if is_choice(options):
         if options.engine != "lanes":
             raise SettingError(
@@ -150,7 +158,7 @@ def run(options: argparse.Namespace) -> int:
     place = options.out or Path("out") / f"{stem_of(tests)}-{spec.name}"
     check_destination(place)
     journal = resume_journal(place, note=note) if options.resume else begin_journal(place)
-    line = ProgressLine(quiet=options.quiet or options.json)
+    line = ProgressLine(IdentificationInWords(), quiet=options.quiet or options.json)
     status = 0
     try:
         fit = identify_with(

@@ -9,6 +9,7 @@ from typing import Any
 
 from mrwork.cli.options import add_json
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
+from mrwork.summary import aligned
 
 
 def add_parser(verbs: Any) -> None:
@@ -25,9 +26,8 @@ def run(options: argparse.Namespace) -> int:
         if options.json:
             print(json.dumps({"models": [_as_dict(spec) for spec in damper_models()]}))
             return 0
-        width = max(len(spec.name) for spec in damper_models())
-        for spec in damper_models():
-            print(f"{spec.name:<{width}}  {len(spec.parameters)} parameters  {spec.title}")
+        listed = [(spec.name, f"{len(spec.parameters)} parameters", spec.title) for spec in damper_models()]
+        print("\n".join(aligned(listed)))
         return 0
     spec = damper(options.name)
     print(json.dumps(_as_dict(spec)) if options.json else _in_full(spec))
@@ -50,10 +50,7 @@ def _in_full(spec: DamperSpec) -> str:
         (p.name, p.unit, f"{p.nominal:g}", f"{p.lower:g}", f"{p.upper:g}", p.scale, p.description)
         for p in spec.parameters
     ]
-    widths = [max(len(row[column]) for row in rows) for column in range(6)]
-    lines += [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, [*widths, 0], strict=True)) for row in rows
-    ]
+    lines += aligned(rows)
     for name in spec.presets:
         lines += ["", *_preset_lines(spec.preset(name))]
     lines += [

@@ -1,16 +1,31 @@
-"""Options that several verbs share, and how they become tests."""
+"""Options that several verbs share, and the tests, bounds and laws that they ask for."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from dataclasses import replace
 from math import isfinite
 from pathlib import Path
+from typing import get_args
 
+from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.errors import SettingError
+from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.settings import Reading
-from mrwork.records import DamperTest, parse_column_option
+from mrwork.records import DamperTest, Observation, parse_column_option
+from mrwork.records.detectors.smoothing import detect_smoothing
+from mrwork.records.motion import spectrum
 from mrwork.records.repairs import REPAIR_KINDS, RepairKind
+
+_OBSERVED = {
+    "average": "average_seconds",
+    "lowpass": "lowpass_hz",
+    "delay": "delay_seconds",
+    "gain": "gain",
+    "offset": "offset",
+}
+_DETECT = "detect"
 
 
 def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
@@ -52,9 +67,51 @@ def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None
     )
 
 
+def add_observation(parser: argparse.ArgumentParser) -> None:
+    """--observe and --nuisance."""
+    parser.add_argument(
+        "--observe",
+        action="append",
+        default=[],
+        metavar="WHAT=VALUE",
+        help="what the rig did to the force, done to the model's before the two are compared: average=S (or 0.1T, a "
+        "share of the period), lowpass=HZ, delay=S, gain=G, offset=N; or detect, which looks for a moving average",
+    )
+    parser.add_argument(
+        "--nuisance",
+        action="append",
+        default=[],
+        choices=get_args(NuisanceName),
+        help="what may differ from test to test without being the damper's, estimated from each",
+    )
+
+
+def add_run(parser: argparse.ArgumentParser) -> None:
+    """RUN, the folder of an identification, as `options.run_folder`."""
+    parser.add_argument("run_folder", type=Path, metavar="RUN", help="run folder of mrwork identify")
+
+
+def add_threads(parser: argparse.ArgumentParser) -> None:
+    """--threads."""
+    parser.add_argument("--threads", type=int, default=0, metavar="N", help="number of threads, default all")
+
+
+def add_quiet(parser: argparse.ArgumentParser, help: str = "no progress line") -> None:
+    """--quiet."""
+    parser.add_argument("--quiet", action="store_true", help=help)
+
+
 def add_json(parser: argparse.ArgumentParser) -> None:
     """--json."""
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
+
+
+def check_not_negative(options: argparse.Namespace) -> None:
+    """Refuse a negative --seed or --threads."""
+    if options.seed < 0 or options.threads < 0:
+        raise SettingError(
+            f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
+        )
 
 
 def reading_of(options: argparse.Namespace) -> Reading:
@@ -93,6 +150,59 @@ def parse_bounds(ranges: Sequence[str], fixed: Sequence[str]) -> dict[str, tuple
     return bounds
 
 
+def laws_of(options: argparse.Namespace) -> dict[str, LawName]:
+    """Parameter name to law.
+
+    Raises
+    ------
+    SettingError
+        Where one is not of the form NAME=LAW.
+    """
+    laws: dict[str, LawName] = {}
+    for text in options.law:
+        name, equals, law = text.partition("=")
+        if not (name and equals):
+            raise SettingError(f"--law is {text!r}; give NAME=LAW, as in k_w=quadratic")
+        laws[name] = law
+    return laws
+
+
+def command_unit(tests: tuple[DamperTest, ...], options: argparse.Namespace) -> CommandUnit:
+    """What the laws take: as asked for, or amperes where the tests have a current."""
+    in_amperes = any(test.current is not None for test in tests)
+    unit: CommandUnit = options.command_unit or ("A" if in_amperes else "V")
+    return unit
+
+
+def nuisances_of(options: argparse.Namespace) -> tuple[NuisanceName, ...]:
+    """The nuisance parameters asked for, each once."""
+    return tuple(name for name in get_args(NuisanceName) if name in options.nuisance)
+
+
+def observed(test: DamperTest, options: argparse.Namespace) -> DamperTest:
+    """The test with the observation model that the command line gives.
+
+    Raises
+    ------
+    SettingError
+        Where an observation is not of the form WHAT=VALUE, or makes no sense.
+    """
+    values: dict[str, float] = {}
+    for text in options.observe:
+        if text == _DETECT:
+            smoothing = detect_smoothing(test)
+            if smoothing is not None:
+                values["average_seconds"] = smoothing.window_seconds
+            continue
+        name, _, value = text.partition("=")
+        if name not in _OBSERVED:
+            raise SettingError(
+                f"--observe is {text!r}; give {_DETECT}, or {', '.join(f'{key}=VALUE' for key in _OBSERVED)}"
+            )
+        values[_OBSERVED[name]] = _observed_number(value, text, test)
+    return replace(test, observation=Observation(**values)) if values else test
+
+
 def _number(text: str, option: str) -> float:
     try:
         value = float(text)
@@ -109,3 +219,16 @@ def _repair(option: str) -> tuple[RepairKind, float | None]:
         if kind == name:
             return kind, _number(amount, option) if equals else None
     raise SettingError(f"--repair is {option!r}; give one of {', '.join(REPAIR_KINDS)}")
+
+
+def _observed_number(value: str, text: str, test: DamperTest) -> float:
+    period = 1.0
+    if value.endswith("T") and text.startswith(("average", "delay")):
+        frequency = test.frequency or spectrum(test.displacement, test.dt).dominant
+        value, period = value[:-1], 1.0 / frequency
+    try:
+        return float(value) * period
+    except ValueError:
+        raise SettingError(
+            f"{value!r} in --observe {text} is not a number; write it as 0.002, or 0.1T"
+        ) from None

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.cli.options import add_json
-from mrwork.cli.run_page import renew_page
+from mrwork.cli.options import add_json, add_quiet, add_run, add_threads, check_not_negative
+from mrwork.cli.output import note, print_json, renew_page, table_lines
 from mrwork.dampers.parameters import CommandUnit
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
@@ -37,7 +35,7 @@ def add_parser(verbs: Any) -> None:
         "plan",
         description="Rank sinusoidal tests that could be made next by how much of a band's variance each takes away.",
     )
-    parser.add_argument("place", type=Path, metavar="RUN", help="run directory of mrwork identify")
+    add_run(parser)
     parser.add_argument(
         "--band",
         default="force",
@@ -71,23 +69,20 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--seed", type=int, default=0, metavar="N", help="seed of the draws that check the gains"
     )
-    parser.add_argument("--threads", type=int, default=0, metavar="N", help="threads, default all")
-    parser.add_argument("--quiet", action="store_true", help="no note on what could not be simulated")
+    add_threads(parser)
+    add_quiet(parser, "no note on candidates that could not be simulated")
     add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Rank the candidates, check the gains with draws, write and print."""
-    if options.seed < 0 or options.threads < 0:
-        raise SettingError(
-            f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
-        )
+    check_not_negative(options)
     # SciPy's optimisers are slow to load, and not wanted where help is.
     from mrwork.uncertainty.planning.plan import knowledge_of, plan
     from mrwork.uncertainty.planning.plan_draws import checked_with_draws
 
-    opened = reopen(options.place)
+    opened = reopen(options.run_folder)
     spec = opened.fit.spec
     limits = Limits(stroke=options.stroke, peak_velocity=options.peak_velocity)
     candidates = _candidates(options, opened)
@@ -109,12 +104,12 @@ def run(options: argparse.Namespace) -> int:
     write_files(opened.place, {PLAN: json_document(document).encode()} | figures)
     renew_page(opened.place)
     if options.json:
-        print(json.dumps(json.loads(json_document(document | {"out": str(opened.place / PLAN)}))))
+        print_json(document | {"out": str(opened.place / PLAN)})
     else:
         print(_text(check, origin, unit, opened.place))
     if ranked.left_out and not options.quiet:
         left = "; ".join(each.in_words(unit) for each in ranked.left_out)
-        print(f"mrwork: not ranked, as they could not be simulated: {left}", file=sys.stderr)
+        note(f"not ranked, as they could not be simulated: {left}")
     return 0
 
 
@@ -170,14 +165,16 @@ def _text(check: Check, origin: str, unit: CommandUnit | None, place: Path) -> s
         f"Its standard deviation is {deviations[0]} now, {deviations[1]} after it, so far as the model holds there.",
         "",
     ]
-    width = max(len(each.candidate.in_words(unit)) for each in plan.gains)
-    lines.append(
-        f"  {'test':<{width}}  {'variance taken away':>19}  {'by draws':>8}  {'deviation after':>15}"
-    )
-    for each in plan.gains[:_SHOWN]:
-        drawn = "-" if each.drawn is None else f"{100.0 * each.drawn:.0f} %"
-        named = f"{each.candidate.in_words(unit):<{width}}"
-        lines.append(f"  {named}  {100.0 * each.gain:>17.1f} %  {drawn:>8}  {each.deviation:>15.3g}")
+    rows = [
+        (
+            each.candidate.in_words(unit),
+            f"{100.0 * each.gain:.1f} %",
+            "-" if each.drawn is None else f"{100.0 * each.drawn:.0f} %",
+            f"{each.deviation:.3g}",
+        )
+        for each in plan.gains[:_SHOWN]
+    ]
+    lines += table_lines([("test", "variance reduction", "by draws", "deviation after"), *rows])
     if len(plan.gains) > _SHOWN:
         lines.append(f"  and {len(plan.gains) - _SHOWN} more in {place / PLAN}")
     lines += ["", _check_in_words(check, origin), f"Figure: {place / 'figures'}"]

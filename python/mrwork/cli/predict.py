@@ -4,15 +4,22 @@ from __future__ import annotations
 
 import argparse
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from mrwork.cli.observe import add_observation, nuisances_of, observed
-from mrwork.cli.options import add_files, add_json, read_tests
+from mrwork.cli.options import (
+    add_files,
+    add_json,
+    add_observation,
+    add_run,
+    nuisances_of,
+    observed,
+    read_tests,
+)
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.result import free_run
+from mrwork.summary import aligned
 from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.calibration_files import read_calibration
 from mrwork.uncertainty.bands.prediction import Prediction
@@ -24,7 +31,7 @@ def add_parser(verbs: Any) -> None:
         "predict",
         description="Simulate the motion of other tests with a stored fit and compare the force.",
     )
-    parser.add_argument("fit", type=Path, metavar="RUN", help="run directory of mrwork identify")
+    add_run(parser)
     add_files(parser)
     add_observation(parser)
     parser.add_argument(
@@ -47,8 +54,8 @@ def add_parser(verbs: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Predict every test and print how it compares."""
-    fit = read_fit(options.fit)
-    calibration = None if options.level is None else read_calibration(options.fit)
+    fit = read_fit(options.run_folder)
+    calibration = None if options.level is None else read_calibration(options.run_folder)
     spec, theta = fit.spec, np.array(fit.theta)
     rows: list[dict[str, Any]] = []
     nuisances = nuisances_of(options)
@@ -85,18 +92,23 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps({"model": fit.model, "files": rows} | ({"basis": basis} if basis else {})))
         return 0
-    width = max(len(str(row["file"])) for row in rows)
-    heads = ["fit %", "NRMSE", "RMSE [N]", "samples", "sub-steps"]
-    heads += ["+- [N]", "inside %"] if basis else []
-    print(f"{'file':<{width}}" + "".join(f"  {head:>9}" for head in heads))
-    for row in rows:
-        line = (
-            f"{row['file']:<{width}}  {row['fit_percent']:9.2f}  {row['nrmse']:9.4f}  {row['rmse_n']:9.2f}  "
-            f"{row['n_time']:9d}  {row['substeps']:9d}"
-        )
-        if basis:
-            line += f"  {row['band']['half_width_n']:9.4g}  {100.0 * row['band']['inside']:9.1f}"
-        print(line)
+    heads = ["file", "fit %", "NRMSE", "RMSE [N]", "samples", "sub-steps"]
+    cells = [
+        [
+            row["file"],
+            f"{row['fit_percent']:.2f}",
+            f"{row['nrmse']:.4f}",
+            f"{row['rmse_n']:.2f}",
+            str(row["n_time"]),
+            str(row["substeps"]),
+        ]
+        for row in rows
+    ]
+    if basis:
+        heads += ["+- [N]", "inside %"]
+        for cell, row in zip(cells, rows, strict=True):
+            cell += [f"{row['band']['half_width_n']:.4g}", f"{100.0 * row['band']['inside']:.1f}"]
+    print("\n".join(aligned([heads, *cells])))
     if basis:
         print(f"Bands of {100.0 * options.level:g} %, {basis}.")
     return 0

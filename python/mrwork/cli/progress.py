@@ -4,120 +4,85 @@ from __future__ import annotations
 
 import math
 import sys
-from typing import TYPE_CHECKING
+import time
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from mrwork.identification.progress import Progress
 
 if TYPE_CHECKING:
     from mrwork.study.run import StudyProgress
     from mrwork.uncertainty.choice.choose import ChoiceProgress
+    from mrwork.uncertainty.identifiability.profile_likelihood import ProfileProgress
     from mrwork.uncertainty.posterior.sample import SamplingProgress
 
+Report = TypeVar("Report")
+
+# Seconds between two updates of the line.
 _EVERY = 0.2
-# A sampling or a study that is over sooner needs no line.
-_SAMPLING_FROM = 2.0
+PATIENCE = 2.0
+"""Seconds after which the line of a computation appears that is often over sooner."""
 _THOUSAND = 1000.0
 _MINUTE, _HOUR = 60.0, 3600.0
 
 
-class _Line:
-    """Rewrites one line on a terminal; elsewhere writes nothing, so that logs stay readable."""
+class ProgressLine(Generic[Report]):
+    """Shows each report of a computation in place of the one before it.
 
-    def __init__(self, *, quiet: bool) -> None:
-        self.active = not quiet and sys.stderr.isatty()
+    It writes on a terminal only, so that logs stay readable, after `patience` [s], and five times a second at most.
+    """
+
+    def __init__(self, described: Callable[[Report], str], *, quiet: bool, patience: float = 0.0) -> None:
+        self._described = described
+        self._active = not quiet and sys.stderr.isatty()
+        self._next = time.monotonic() + patience
         self._width = 0
 
-    def write(self, text: str) -> None:
-        """Put `text` in place of what is there."""
+    def __call__(self, progress: Report) -> None:
+        """Show where the computation stands."""
+        if not self._active:
+            return
+        text = self._described(progress)
+        if time.monotonic() >= self._next:
+            self._next = time.monotonic() + _EVERY
+            self._write(text)
+
+    def close(self) -> None:
+        """Clear the line."""
+        if self._width:
+            self._write("")
+            print("\r", end="", file=sys.stderr, flush=True)
+
+    def _write(self, text: str) -> None:
         print("\r" + text.ljust(self._width), end="", file=sys.stderr, flush=True)
         self._width = len(text)
 
-    def close(self) -> None:
-        """Clear the line."""
-        if self.active:
-            self.write("")
-            print("\r", end="", file=sys.stderr, flush=True)
 
+class IdentificationInWords:
+    """Describes the progress of an identification; `prefix` says which of several it is."""
 
-class ProgressLine:
-    """An identification, in one line; of several, `prefix` says which."""
-
-    def __init__(self, *, quiet: bool, prefix: str = "") -> None:
-        self._line = _Line(quiet=quiet)
+    def __init__(self, prefix: str = "") -> None:
         self._prefix = prefix
-        self._last = -math.inf
         self._began: Progress | None = None
 
-    def __call__(self, progress: Progress) -> None:
-        """Show where the identification stands."""
-        if not self._line.active:
-            return
+    def __call__(self, progress: Progress) -> str:
+        """Progress in one line, with rates since its stage began."""
         if self._began is None or self._began.stage != progress.stage:
             self._began = progress
-        if progress.seconds - self._last < _EVERY:
-            return
-        self._last = progress.seconds
-        self._line.write(self._prefix + described(progress, self._began))
-
-    def close(self) -> None:
-        """Clear the line."""
-        self._line.close()
+        return self._prefix + described(progress, self._began)
 
 
-class SamplingLine:
-    """A sampling, in one line, once it takes longer than two seconds."""
-
-    def __init__(self, *, quiet: bool) -> None:
-        self._line = _Line(quiet=quiet)
-
-    def __call__(self, progress: SamplingProgress) -> None:
-        """Show where the sampling stands."""
-        if self._line.active and progress.seconds >= _SAMPLING_FROM:
-            self._line.write(sampling_described(progress))
-
-    def close(self) -> None:
-        """Clear the line."""
-        self._line.close()
-
-
-class ChoiceLine:
-    """A comparison of models, in one line."""
-
-    def __init__(self, *, quiet: bool) -> None:
-        self._line = _Line(quiet=quiet)
-        self._last = -math.inf
-
-    def __call__(self, progress: ChoiceProgress) -> None:
-        """Show where the comparison stands."""
-        if self._line.active and progress.seconds - self._last >= _EVERY:
-            self._last = progress.seconds
-            self._line.write(choice_described(progress))
-
-    def close(self) -> None:
-        """Clear the line."""
-        self._line.close()
-
-
-class StudyLine:
-    """A study, in one line, once it takes longer than two seconds."""
-
-    def __init__(self, *, quiet: bool) -> None:
-        self._line = _Line(quiet=quiet)
-
-    def __call__(self, progress: StudyProgress) -> None:
-        """Show where the study stands."""
-        if self._line.active and progress.seconds >= _SAMPLING_FROM:
-            self._line.write(study_described(progress))
-
-    def close(self) -> None:
-        """Clear the line."""
-        self._line.close()
+def profile_described(progress: ProfileProgress) -> str:
+    """Progress in one line: sides of profiles that are done, points on them, and the rate."""
+    return (
+        f"{progress.ended} of {progress.sides} sides, {progress.points} points, "
+        f"{progress.evaluations / progress.seconds:.0f} evaluations/s, {progress.seconds:.0f} s"
+    )
 
 
 def study_described(progress: StudyProgress) -> str:
-    """Progress in one line: how many runs are done, whose are next, how long it may take."""
-    parts = [f"{progress.done} of {progress.wanted} runs", progress.label]
-    parts.append(_duration(progress.seconds))
+    """Progress in one line: how many runs are done, which are next, how long it may take."""
+    parts = [f"{progress.done} of {progress.wanted} runs", progress.label, _duration(progress.seconds)]
     if progress.done:
         left = progress.seconds * (progress.wanted - progress.done) / progress.done
         parts.append(f"about {_duration(left)} left")
@@ -136,7 +101,7 @@ def choice_described(progress: ChoiceProgress) -> str:
 
 
 def sampling_described(progress: SamplingProgress) -> str:
-    """Progress in one line; the time left is that to the most steps allowed, for nobody knows when it converges."""
+    """Progress in one line; the time left is that to the most steps allowed, as convergence cannot be foreseen."""
     parts = [f"step {progress.steps}", f"{_short(progress.steps_per_second)} steps/s"]
     if progress.diagnosis is not None:
         rhat = float(progress.diagnosis.rhat.max())
@@ -149,7 +114,7 @@ def sampling_described(progress: SamplingProgress) -> str:
 
 
 def described(progress: Progress, began: Progress) -> str:
-    """Progress in one line; rates and the time left are those since the stage `began`, as far as it was computed."""
+    """Progress in one line; rates and the time left are counted since the stage `began`."""
     generation = f" {progress.generation}" if progress.generation else ""
     parts = [f"{progress.stage}{generation}", f"best {progress.fit_percent:.2f} %"]
     if math.isfinite(progress.median_percent):

@@ -9,22 +9,32 @@ import shlex
 import sys
 import time
 from datetime import UTC, datetime
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrwork import __version__
-from mrwork.cli.identified import note
-from mrwork.cli.options import add_json
-from mrwork.cli.progress import StudyLine
+from mrwork.cli.options import add_json, add_quiet, add_threads, check_not_negative
+from mrwork.cli.output import note, table_lines
+from mrwork.cli.progress import PATIENCE, ProgressLine, study_described
 from mrwork.errors import Interrupted, JournalError, MrworkError, OutputError, SettingError
 from mrwork.store import digest_of
+from mrwork.summary import with_decimals
 
 if TYPE_CHECKING:
     from mrwork.dampers.spec import DamperSpec
     from mrwork.store import Journal
     from mrwork.study.results import StudyResults
     from mrwork.study.stored_histories import Histories
-    from mrwork.study.study import Study
+    from mrwork.study.study import Kind, Study
+
+# Ratios that the tables show, and their headings.
+_RATIOS = {
+    "peak_drift": "drift",
+    "peak_acceleration": "accel.",
+    "rms_drift": "rms drift",
+    "rms_acceleration": "rms acc.",
+}
 
 
 def add_parser(verbs: Any) -> None:
@@ -44,7 +54,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--check-step", action="store_true", help="run everything again with half the step, and compare"
     )
-    parser.add_argument("--threads", type=int, default=0, metavar="N", help="threads, default all")
+    add_threads(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results, default out/STUDY")
     parser.add_argument(
         "--resume",
@@ -52,7 +62,7 @@ def add_parser(verbs: Any) -> None:
         help="go on with a study that was killed or interrupted; all else as it was begun, but for --threads and "
         "--check-step",
     )
-    parser.add_argument("--quiet", action="store_true", help="no progress")
+    add_quiet(parser)
     add_json(parser)
     parser.set_defaults(run=run)
 
@@ -64,10 +74,7 @@ def run(options: argparse.Namespace) -> int:
         return 0
     if options.study is None:
         raise SettingError("no study is given; give a STUDY.toml, or --schema to see what it may say")
-    if options.seed < 0 or options.threads < 0:
-        raise SettingError(
-            f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
-        )
+    check_not_negative(options)
     # SciPy and the simulation are slow to load.
     from mrwork.store.run_folder import check_destination
     from mrwork.store.unfinished import begin_journal, discard_journal, is_copy, resume_journal
@@ -81,7 +88,7 @@ def run(options: argparse.Namespace) -> int:
     check_destination(place)
     journal = resume_journal(place, note=note) if options.resume else begin_journal(place)
     histories = Histories(place, study, resume=options.resume)
-    line = StudyLine(quiet=options.quiet or options.json)
+    line = ProgressLine(study_described, quiet=options.quiet or options.json, patience=PATIENCE)
     status = 0
     try:
         results = run_study(
@@ -108,7 +115,13 @@ def run(options: argparse.Namespace) -> int:
     _write(place, options, study, results, histories, journal, seconds)
     histories.discard()
     discard_journal(journal)
-    print(_said(results, place, as_json=options.json))
+    if options.json:
+        from mrwork.study.folder import study_document
+
+        document = study_document(results) | {"out": str(place)}
+        print(json.dumps(document, allow_nan=False, ensure_ascii=False))
+    else:
+        print(_text(results, place))
     if status == 130:
         note(f"interrupted; the runs that are done are in {place}, the same with --resume goes on")
     return status
@@ -177,10 +190,66 @@ def _write(
     )
 
 
-def _said(results: StudyResults, place: Path, *, as_json: bool) -> str:
-    from mrwork.cli.respond_text import study_text
-    from mrwork.study.folder import study_document
+def _text(results: StudyResults, folder: Path) -> str:
+    """A table for each motion, the scores, the check of the step, warnings, and where the page is."""
+    from mrwork.study.results import OFF_BALANCE
 
-    if not as_json:
-        return study_text(results, place)
-    return json.dumps(study_document(results) | {"out": str(place)}, allow_nan=False, ensure_ascii=False)
+    lines = [results.title, ""]
+    for motion in range(len(results.motions)):
+        lines += [*_motion_lines(results, motion), ""]
+    for block in (_score_lines(results), _step_lines(results)):
+        lines += [*block, ""] if block else []
+    lines += [f"warning: {warning}" for warning in results.warnings()]
+    lines += [] if results.balanced else [OFF_BALANCE]
+    return "\n".join([*lines, f"Report: {folder / 'report.html'}"])
+
+
+def _motion_lines(results: StudyResults, motion: int) -> list[str]:
+    """The criteria under one motion, and their ratios to those at i = 0, or without dampers."""
+    against: Kind = "uncontrolled" if results.row_of("passive_off") is None else "passive_off"
+    over = "i = 0" if against == "passive_off" else "uncontrolled"
+    table = [("", "drift mm", "m/s2", "force N", *_RATIOS.values())]
+    for row, each in enumerate(results.rows):
+        found = results.criteria(row, motion)
+        if found is None:
+            run = results.runs.get((row, motion))
+            table.append((each.label, "not run" if run is None else run.outcome, *[""] * (2 + len(_RATIOS))))
+            continue
+        ratios = results.ratios(row, motion, against)
+        table.append(
+            (
+                each.label,
+                f"{1e3 * found['peak_drift']:.4g}",
+                f"{found['peak_acceleration']:.3g}",
+                f"{found['peak_force']:.4g}" if each.kind in ("passive_off", "controller") else "-",
+                *(with_decimals(ratios[name], 3) for name in _RATIOS),
+            )
+        )
+    return [f"{results.motions[motion].name}: criteria, and over {over}", *table_lines(table)]
+
+
+def _score_lines(results: StudyResults) -> list[str]:
+    scores = [results.score(row) for row in range(len(results.rows))]
+    if not any(map(isfinite, scores)):
+        return []
+    table = [(row.label, with_decimals(score, 3)) for row, score in zip(results.rows, scores, strict=True)]
+    heading = f"Score, the mean of these ratios over {len(results.motions)} motions:"
+    return [heading, *table_lines([("", "score"), *table])]
+
+
+def _step_lines(results: StudyResults) -> list[str]:
+    from mrwork.study.results import ON_OFF, largest_step_changes
+
+    changes = largest_step_changes(results)
+    if not changes:
+        return []
+    table = [
+        (
+            results.rows[each.row].label,
+            f"{each.change:.1e}" if each.criterion else "-",
+            each.in_words(results),
+        )
+        for each in changes
+    ]
+    heading = "Half the step: the largest change of a criterion, over its value"
+    return [heading, *table_lines([("", "change", ""), *table]), ON_OFF]

@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from dataclasses import asdict
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrwork.cli.options import add_json
-from mrwork.cli.progress import SamplingLine
-from mrwork.cli.run_page import renew_page
+from mrwork.cli.options import add_json, add_quiet, add_run, add_threads, check_not_negative
+from mrwork.cli.output import note, print_json, renew_page, result_lines
+from mrwork.cli.progress import PATIENCE, ProgressLine, sampling_described
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.fit_file import reopen
 from mrwork.store.run_folder import CHAIN, DRAWS
 from mrwork.uncertainty.posterior.prior import parse_prior
 
 if TYPE_CHECKING:
-    from mrwork.uncertainty.posterior.draws import Draws, DrawSummary
+    from mrwork.uncertainty.posterior.draws import Draws
 
 
 def add_parser(verbs: Any) -> None:
@@ -29,7 +26,7 @@ def add_parser(verbs: Any) -> None:
         description="Sample the posterior of the parameters of a run of mrwork identify, from its own tests. Writes "
         f"{CHAIN}, the chain as it grows, and {DRAWS}, the draws for ArviZ, into the run directory.",
     )
-    parser.add_argument("run_directory", type=Path, metavar="RUN", help="run directory of mrwork identify")
+    add_run(parser)
     parser.add_argument(
         "--noise",
         default="iid",
@@ -53,28 +50,25 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument("--walkers", type=int, default=64, metavar="N", help="walkers, default 64")
     parser.add_argument("--steps", type=int, default=20_000, metavar="N", help="steps at most, default 20000")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the walkers, default 0")
-    parser.add_argument("--threads", type=int, default=0, metavar="N", help="threads, default all")
+    add_threads(parser)
     parser.add_argument(
         "--resume", action="store_true", help=f"go on from {CHAIN}; only --steps and --threads may differ"
     )
-    parser.add_argument("--quiet", action="store_true", help="no progress")
+    add_quiet(parser)
     add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Sample, write the draws, say what came out."""
-    if options.seed < 0 or options.threads < 0:
-        raise SettingError(
-            f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
-        )
+    check_not_negative(options)
     priors = dict(parse_prior(text) for text in options.prior)
-    opened = reopen(options.run_directory)
+    opened = reopen(options.run_folder)
     # ArviZ, emcee and HDF5 take seconds to load.
     from mrwork.uncertainty.posterior.draws_file import write_draws
     from mrwork.uncertainty.posterior.sample import sample
 
-    line = SamplingLine(quiet=options.quiet or options.json)
+    line = ProgressLine(sampling_described, quiet=options.quiet or options.json, patience=PATIENCE)
     try:
         draws = sample(
             opened.fit,
@@ -92,17 +86,19 @@ def run(options: argparse.Namespace) -> int:
         )
     except Interrupted as interrupt:
         line.close()
-        print(
-            f"mrwork: interrupted; {interrupt.result.n_steps} steps are kept in {opened.place / CHAIN}, "
-            "the same with --resume goes on",
-            file=sys.stderr,
+        note(
+            f"interrupted; {interrupt.result.n_steps} steps are kept in {opened.place / CHAIN}, "
+            "the same with --resume goes on"
         )
         return 130
     finally:
         line.close()
     write_draws(opened.place, draws)
     renew_page(opened.place)
-    print(json.dumps(_summary(draws, opened.place)) if options.json else _text(draws, opened.place))
+    if options.json:
+        print_json(_summary(draws, opened.place))
+    else:
+        print(_text(draws, opened.place))
     return 0
 
 
@@ -122,7 +118,7 @@ def _summary(draws: Draws, place: Path) -> dict[str, Any]:
         "status": draws.status,
         "verdict": draws.verdict,
         "temper": draws.temper,
-        "parameters": {each.name: _finite(each) for each in draws.summaries},
+        "parameters": {each.name: asdict(each) for each in draws.summaries},
         "n_draws": len(draws.theta),
         "steps": draws.n_steps,
         "seconds": draws.seconds,
@@ -131,31 +127,17 @@ def _summary(draws: Draws, place: Path) -> dict[str, Any]:
     }
 
 
-def _finite(summary: DrawSummary) -> dict[str, Any]:
-    """JSON has no NaN."""
-    return {
-        name: value if not isinstance(value, float) or isfinite(value) else None
-        for name, value in asdict(summary).items()
-    }
-
-
-def _text(draws: Draws, place: Path) -> str:
+def _text(draws: Draws, folder: Path) -> str:
     status = draws.status.replace("_", " ")
-    lines = [
-        f"posterior of {draws.model} with {draws.noise_model} noise, {status}: {len(draws.theta)} draws kept of "
-        f"{draws.n_steps} steps, {draws.seconds:.1f} s",
-        "",
-    ]
-    width = max(len(each.name) for each in draws.summaries)
-    units = max(len(each.unit) for each in draws.summaries)
-    lines.append(
-        f"  {'':<{width}} {'median':>12} {'5 %':>12} {'95 %':>12}  {'':<{units}} {'ESS':>7} {'R-hat':>6}"
+    return "\n".join(
+        [
+            f"posterior of {draws.model} with {draws.noise_model} noise, {status}: {len(draws.theta)} draws kept of "
+            f"{draws.n_steps} steps, {draws.seconds:.1f} s",
+            "",
+            *result_lines(draws),
+            "",
+            draws.verdict,
+            "",
+            f"Draws: {folder / DRAWS}",
+        ]
     )
-    for each in draws.summaries:
-        told = f"{each.ess_bulk:7.0f} {each.rhat:6.3f}" if isfinite(each.rhat) else f"{'-':>7} {'-':>6}"
-        remark = f"  ({each.remark})" if each.remark else ""
-        lines.append(
-            f"  {each.name:<{width}} {each.median:12.6g} {each.lower_5:12.6g} {each.upper_95:12.6g}  "
-            f"{each.unit:<{units}} {told}{remark}"
-        )
-    return "\n".join([*lines, "", draws.verdict, "", f"Draws: {place / DRAWS}"])

@@ -179,7 +179,11 @@ class Fit(Summarised):
     def _summary(self) -> Summary:
         window = "" if len(self.quality) == 1 else f" on {len(self.quality)} tests"
         doubts = () if self.identifiability is None else self.identifiability.verdicts
-        verdicts = {each.name: each.verdict for each in doubts if each.verdict != "identifiable"}
+        remarks = {
+            each.name: f"{VERDICT_IN_WORDS[each.verdict]}: {each.reason}"
+            for each in doubts
+            if each.verdict != "identifiable"
+        }
         return Summary(
             title=f"Fit of {self.model}{window}: {self.fit_percent:.2f} %, {self.status.replace('_', ' ')}",
             facts=(
@@ -194,7 +198,7 @@ class Fit(Summarised):
                     rounded(each.value, 6),
                     rounded(each.standard_error, 2),
                     each.unit,
-                    each.remark or (f"{verdicts[each.name]} identifiable" if each.name in verdicts else ""),
+                    each.remark or remarks.get(each.name, ""),
                 )
                 for each in self.estimates
             ],

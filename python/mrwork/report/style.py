@@ -61,6 +61,10 @@ _RC: dict[RcKeyType, Any] = {
     "mathtext.rm": font.FAMILY,
     "mathtext.it": font.FAMILY,
     "mathtext.bf": f"{font.FAMILY}:bold",
+    # Not used, but matplotlib looks for them.
+    "mathtext.cal": font.FAMILY,
+    "mathtext.sf": font.FAMILY,
+    "mathtext.tt": font.FAMILY,
     "font.size": TEXT_SIZE,
     "axes.titlesize": TEXT_SIZE,
     "axes.labelsize": TEXT_SIZE,

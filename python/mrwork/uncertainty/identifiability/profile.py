@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.parameters import ParamSpec
-from mrwork.identification.fit import VerdictName
+from mrwork.identification.fit import VERDICT_IN_WORDS, VerdictName
 from mrwork.summary import Summarised, Summary, rounded
 from mrwork.uncertainty.identifiability.curvature import Scaled
 from mrwork.uncertainty.identifiability.information import WEAK
@@ -72,10 +72,10 @@ class Profiles(Summarised):
                 (
                     each.name,
                     rounded(each.estimate, 5),
-                    rounded(each.lower),
-                    rounded(each.upper),
+                    "open" if each.lower is None else rounded(each.lower, 5),
+                    "open" if each.upper is None else rounded(each.upper, 5),
                     each.unit,
-                    each.verdict if each.verdict == "identifiable" else f"{each.verdict} identifiable",
+                    VERDICT_IN_WORDS[each.verdict],
                     each.reason,
                 )
                 for each in self.profiles

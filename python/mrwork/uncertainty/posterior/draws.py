@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.identification.fit import Provenance
-from mrwork.summary import Summarised, Summary, rounded
+from mrwork.summary import Summarised, Summary, rounded, with_decimals
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -239,7 +239,7 @@ class Draws(Summarised):
                 ),
                 ("verdict", self.verdict),
             ),
-            columns=("parameter", "median", "5 %", "95 %", "unit", "R-hat", "effective", "remark"),
+            columns=("parameter", "median", "5 %", "95 %", "unit", "R-hat", "ESS", "remark"),
             rows=[
                 (
                     each.name,
@@ -247,8 +247,8 @@ class Draws(Summarised):
                     rounded(each.lower_5),
                     rounded(each.upper_95),
                     each.unit,
-                    f"{each.rhat:.3f}",
-                    f"{each.ess_bulk:.0f}",
+                    with_decimals(each.rhat, 3),
+                    with_decimals(each.ess_bulk, 0),
                     each.remark,
                 )
                 for each in self.summaries
