@@ -29,11 +29,6 @@ T = TypeVar("T")
 
 # Opens the journal of the named step; it is closed when the step is done.
 JournalOf = Callable[[str], Journal]
-# Identifies a family from tests, with a progress callback and a journal.
-FitOf = Callable[
-    [Family, tuple[DamperTest, ...], Callable[[Progress], None], Journal | None],
-    Fit,
-]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -75,6 +70,8 @@ class RunningComparison:
 
     tests: tuple[DamperTest, ...]
     compared: tuple[Family, ...]
+    settings: FitSettings
+    threads: int
     leave_out: Fold
     n_folds: int
     remarks: tuple[str, ...]
@@ -93,13 +90,13 @@ class RunningComparison:
         """Whether any family predicted the data left out."""
         return any(each.left_out for each in self.evidence.values())
 
-    def judge(self, number: int, fit_of: FitOf) -> None:
+    def judge(self, number: int) -> None:
         """Identify a family from all tests and without each fold; a failure is recorded as its reason.
 
         A family that is interrupted is left out.
         """
         family = self.compared[number - 1]
-        model = family.spec.name
+        model, settings = family.spec.name, replace(self.settings, bounds=family.bounds)
         made: list[Fit] = []
 
         def identified(tests: tuple[DamperTest, ...]) -> Fit:
@@ -108,8 +105,15 @@ class RunningComparison:
                 (f"left_out_{fold}", f"left out {fold} of {self.n_folds}") if fold else ("fit", "all tests")
             )
             self._tell(number, task)
-            tell = partial(self._tell, number, task)
-            fit = self._journalled(f"{model}/{step}", lambda journal: fit_of(family, tests, tell, journal))
+            identify = partial(
+                identify_with,
+                family.spec,
+                tests,
+                settings,
+                threads=self.threads,
+                on_progress=partial(self._tell, number, task),
+            )
+            fit = self._journalled(f"{model}/{step}", lambda journal: identify(journal=journal))
             made.append(fit)
             self._spent += fit.seconds
             self._done += len(family.spec.parameters)
@@ -277,26 +281,18 @@ def choose_model(
     comparison = RunningComparison(
         tests=tests,
         compared=compared,
+        settings=settings,
+        threads=threads,
         leave_out=leave_out,
         n_folds=n_folds,
         remarks=remarks,
         journal_of=journal_of,
         on_progress=on_progress,
     )
-
-    def fit_of(
-        family: Family,
-        these: tuple[DamperTest, ...],
-        tell: Callable[[Progress], None],
-        journal: Journal | None,
-    ) -> Fit:
-        own = replace(settings, bounds=family.bounds)
-        return identify_with(family.spec, these, own, threads=threads, on_progress=tell, journal=journal)
-
     likelihood = Likelihood(noise=noise_model(noise), sampled=sampled, rng=settings.rng, threads=threads)
     try:
         for number in range(1, len(compared) + 1):
-            comparison.judge(number, fit_of)
+            comparison.judge(number)
         comparison.weigh(likelihood)
     except KeyboardInterrupt as interrupt:
         if not comparison.judged:

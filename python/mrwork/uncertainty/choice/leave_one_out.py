@@ -24,15 +24,13 @@ from mrwork.store import Journal, digest_of
 from mrwork.uncertainty.autocorrelation import autocorrelation_time, effective_samples
 from mrwork.uncertainty.noise import NOISES, Noise
 from mrwork.uncertainty.posterior.laplace import draw_about
-from mrwork.uncertainty.posterior.target import Target
+from mrwork.uncertainty.posterior.target import Target, in_chunks
 
 Array = NDArray[np.float64]
 
 # Pareto k above which the estimate for a block is unreliable, because its importance weights have heavy tails (Vehtari,
 # Gelman and Gabry, Statistics and Computing 27, 2017, 1413-1432).
 UNRELIABLE = 0.7
-# Largest number of force histories in memory.
-_ROWS = 64
 # Draws for each family.
 N_DRAWS = 2000
 
@@ -89,18 +87,16 @@ def block_densities(target: Target, theta: Array, noise: Array, blocks: Sequence
     blocks
         Blocks of the counted samples, test by test.
     """
-    chunks = -(-len(theta) // _ROWS)
-    pairs = zip(np.array_split(theta, chunks), np.array_split(noise, chunks), strict=True)
-    return np.concatenate([_of_rows(target, np.ascontiguousarray(rows), own, blocks) for rows, own in pairs])
 
+    def of_rows(theta: Array, noise: Array) -> Array:
+        columns = []
+        for (residual, force, failed), of_test in zip(target.residuals(theta), blocks, strict=True):
+            density = target.temper * target.noise.log_densities(residual, force, noise)
+            density[failed] = -np.inf
+            columns += [density[:, block].sum(axis=1) for block in of_test]
+        return np.stack(columns, axis=1)
 
-def _of_rows(target: Target, theta: Array, noise: Array, blocks: Sequence[Sequence[slice]]) -> Array:
-    columns = []
-    for (residual, force, failed), of_test in zip(target.residuals(theta), blocks, strict=True):
-        density = target.temper * target.noise.log_densities(residual, force, noise)
-        density[failed] = -np.inf
-        columns += [density[:, block].sum(axis=1) for block in of_test]
-    return np.stack(columns, axis=1)
+    return in_chunks(of_rows, theta, noise)
 
 
 def blocks_of(test: DamperTest, least: float) -> tuple[slice, ...]:

@@ -17,9 +17,9 @@ from mrwork.uncertainty.choice.leave_one_out import UNRELIABLE, LeaveOneOut
 NEGLIGIBLE = 0.1
 
 # Number of folds below which a standard error is uncertain.
-_FEW = 4
+_FEW_FOLDS = 4
 # A smaller difference in BIC is negligible (Kass and Raftery, JASA 90, 1995, 773-795).
-_BARE = 2.0
+_NEGLIGIBLE_BIC = 2.0
 
 DEFINITIONS = (
     "Left-out fit: 100 (1 - NRMSE) in percent of what the fit has not seen, the mean over folds with its standard "
@@ -252,7 +252,7 @@ def concluded(
             f"{_points(runner_up, chosen)} behind the best"
         )
     parts += [_by_elpd(standings, chosen, n_blocks), _by_bic(standings, chosen)]
-    if 1 < n_folds < _FEW:
+    if 1 < n_folds < _FEW_FOLDS:
         parts.append(f"A standard error from {n_folds} folds is uncertain")
     failed = [each.title for each in standings if each.verdict == "failed"]
     if failed:
@@ -324,6 +324,6 @@ def _by_bic(standings: tuple[Standing, ...], chosen: Standing) -> str:
         return ""
     if best is chosen:
         return "BIC agrees"
-    if chosen.bic_behind < _BARE:
+    if chosen.bic_behind < _NEGLIGIBLE_BIC:
         return f"BIC does not distinguish it from {best.title} ({chosen.bic_behind:.1f})"
     return f"BIC prefers {best.title}, by {chosen.bic_behind:.1f}"

@@ -30,19 +30,23 @@ class Scale:
     """Size of a relevant change of each parameter, shape (n_params,): its value, or half its range where `of_range`.
 
     The size of a parameter with a logarithmic scale is its value. Other parameters may be zero; their size is half the
-    range derived from the scales of the records, where this is larger.
+    range derived from the scales of the records, where this is larger. `ranges` are the ranges so derived.
     """
 
+    ranges: Box
     size: NDArray[np.float64]
     of_range: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, box: Box, ranges: Box, theta: NDArray[np.float64]) -> Scale:
-        """Scales at `theta`, shape (n_params,), with the `ranges` of `scaled_ranges`."""
+    def of(
+        cls, spec: DamperSpec, box: Box, tests: tuple[DamperTest, ...], theta: NDArray[np.float64]
+    ) -> Scale:
+        """Scales at `theta`, shape (n_params,)."""
+        ranges = scaled_ranges(spec, box, tests, theta)
         half = 0.5 * (np.array(ranges.upper) - np.array(ranges.lower))
         size = np.abs(theta)
         of_range = ~np.array(box.log) & (half > size)
-        return cls(size=np.where(of_range, half, size), of_range=of_range)
+        return cls(ranges=ranges, size=np.where(of_range, half, size), of_range=of_range)
 
 
 def scaled_ranges(

@@ -260,12 +260,9 @@ def _verdict(
     name = names[number]
     if blind[number]:
         others = [each for each, also in zip(names, blind, strict=True) if also and each != name]
-        felt = bool(np.any(jacobian[:, number] != 0.0)) and others
-        reason = (
-            f"identifiable only in combination with {listed(others)}"
-            if felt
-            else "the residuals do not depend on it"
-        )
+        reason = "the residuals do not depend on it"
+        if others and np.any(jacobian[:, number] != 0.0):
+            reason = f"identifiable only in combination with {listed(others)}"
         return Verdict(name=name, verdict="not", standard_error=None, reason=reason)
     error = float(np.sqrt(cov[number, number]))
     if error <= WEAK:

@@ -18,7 +18,7 @@ from mrwork.identification.objective import ROOT_MEAN_SQUARE
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
-from mrwork.uncertainty.identifiability.curvature import Scale, Scaled, curvature, linearise, scaled_ranges
+from mrwork.uncertainty.identifiability.curvature import Scale, Scaled, curvature, linearise
 from mrwork.uncertainty.identifiability.profile import Profiles, profile_of
 from mrwork.uncertainty.identifiability.walk import (
     DIRECTIONS,
@@ -100,8 +100,7 @@ def profile(
     objective, spec, box = problem.objective, problem.form.spec, problem.form.box
     theta = np.clip(problem.form.forth(np.array(fit.theta)), box.lower, box.upper)
     wanted = _wanted(box, parameters)
-    scale = Scale.of(box, scaled_ranges(spec, box, objective.tests, theta), theta)
-    scaled = Scaled.of(spec, box, scale, theta)
+    scaled = Scaled.of(spec, box, Scale.of(spec, box, objective.tests, theta), theta)
     derivatives = linearise(objective, box.free)
 
     def simulated(position: NDArray[np.float64]) -> list[Point]:

@@ -16,7 +16,7 @@ from mrwork.identification.problem import Problem
 from mrwork.identification.result import remark_of
 from mrwork.records import DamperTest
 from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
-from mrwork.uncertainty.identifiability.curvature import Scale, scaled_ranges
+from mrwork.uncertainty.identifiability.curvature import Scale
 from mrwork.uncertainty.identifiability.information import judged
 
 
@@ -39,12 +39,11 @@ def identifiability_of(
     residuals = objective.residuals(theta[None])[0]
     interior = [index for index in box.free if remark_of(box, index, theta[index]) == ""]
     inside = box.with_bounds({name: (value, value) for name, value in _on_bound(box, theta, interior)})
-    ranges = scaled_ranges(spec, box, objective.tests, theta)
     if problem.form.spec == spec:
         jacobian = _jacobian(objective, inside, theta)
     else:
         jacobian = _through(problem, theta)[:, interior]
-    scale = Scale.of(box, ranges, theta)
+    scale = Scale.of(spec, box, objective.tests, theta)
     # Signed, so that the magnitude of a negative value increases, and products and ratios keep their form.
     sign = np.where(scale.of_range | (theta >= 0.0), 1.0, -1.0)
     found = judged(

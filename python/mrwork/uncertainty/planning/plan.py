@@ -17,7 +17,7 @@ from mrwork.records import DamperTest
 from mrwork.simulate import Outcome, simulate_forces
 from mrwork.summary import Summarised, Summary, of_unit, rounded
 from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
-from mrwork.uncertainty.identifiability.curvature import Scale, Scaled, curvature, linearise, scaled_ranges
+from mrwork.uncertainty.identifiability.curvature import Scale, Scaled, curvature, linearise
 from mrwork.uncertainty.planning.candidates import Candidate, motion_of
 
 # Finite-difference step in scaled coordinates.
@@ -178,8 +178,7 @@ def knowledge_of(fit: Fit, tests: Sequence[DamperTest], *, threads: int = 0) -> 
     problem = Problem.of_fit(fit, tuple(tests), threads=threads)
     objective, spec, box = problem.objective, problem.form.spec, problem.form.box
     theta = problem.inside(fit.theta)
-    ranges = scaled_ranges(spec, box, objective.tests, theta)
-    scale = Scale.of(box, ranges, theta)
+    scale = Scale.of(spec, box, objective.tests, theta)
     scaled = Scaled.of(spec, box, scale, theta)
     position = scaled.position(theta)
     here = curvature(linearise(objective, box.free), scaled, position[None])
@@ -187,11 +186,7 @@ def knowledge_of(fit: Fit, tests: Sequence[DamperTest], *, threads: int = 0) -> 
     n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
     dof = n_effective * max(1.0 - len(box.free) / residuals.size, 0.0)
     weight = dof / float(here.squared[0])
-    free = np.array(box.free, dtype=int)
-    lower, upper = (
-        np.where(scaled.log, np.log(np.where(scaled.log, each, 1.0)), each / scaled.size)
-        for each in (np.array(ranges.lower)[free], np.array(ranges.upper)[free])
-    )
+    lower, upper = (scaled.position(np.array(each)) for each in (scale.ranges.lower, scale.ranges.upper))
     prior = np.diag(12.0 / (upper - lower) ** 2)
     return Knowledge(
         spec=spec,

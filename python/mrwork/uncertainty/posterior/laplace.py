@@ -91,7 +91,7 @@ def first_walkers(target: Target, start: Array, n_walkers: int, rng: np.random.G
         Where positions of positive density are not found near the start.
     """
     space = target.space
-    origin, root = ellipsoid(target, start)
+    origin, root = centre_and_root(target, start)
     walkers = np.tile(origin, (n_walkers, 1))
     waiting = np.arange(n_walkers)
     scale = 1.0
@@ -108,7 +108,7 @@ def first_walkers(target: Target, start: Array, n_walkers: int, rng: np.random.G
     )
 
 
-def ellipsoid(target: Target, start: Array) -> tuple[Array, Array]:
+def centre_and_root(target: Target, start: Array) -> tuple[Array, Array]:
     """Position of `start` with its noise, (n_dim,), and a Cholesky factor of the covariance, (n_dim, n_dim)."""
     origin = target.position_of(target.form.box.inside(start))
     return origin, np.linalg.cholesky(np.linalg.inv(fisher_information(target, origin)))

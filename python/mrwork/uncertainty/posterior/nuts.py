@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
 from mrwork.twins._base import simulate
-from mrwork.uncertainty.posterior.laplace import ellipsoid
+from mrwork.uncertainty.posterior.laplace import centre_and_root
 from mrwork.uncertainty.posterior.target import Target
 
 Array = NDArray[np.float64]
@@ -103,7 +103,7 @@ class Trajectories:
         pair = target.space.pair
         even_in_product = pair is not None and target.space.priors[pair[1]] is None
         plain = replace(target, space=replace(target.space, pair=None))
-        origin, root = ellipsoid(plain, start)
+        origin, root = centre_and_root(plain, start)
         # The logit of a fit on a face of the box is infinite; one standard deviation inside is typical of the draws.
         deviation = np.minimum(np.sqrt(np.sum(root**2, axis=1)), 0.25)
         inside = np.clip(origin, deviation, 1.0 - deviation)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -104,9 +104,7 @@ class Target:
             for run, deviation in zip(self.objective.misfits(theta), self.deviations, strict=True):
                 squared += run.squared_error / deviation**2
             return self.noise.log_likelihood_of_sum(squared, self.objective.n_time, noise)
-        chunks = -(-len(theta) // _ROWS)
-        pairs = zip(np.array_split(theta, chunks), np.array_split(noise, chunks), strict=True)
-        return np.concatenate([self._of_histories(*rows) for rows in pairs])
+        return in_chunks(self._of_histories, theta, noise)
 
     def _of_histories(self, theta: Array, noise: Array) -> Array:
         total = np.zeros(len(theta))
@@ -141,3 +139,10 @@ class Target:
         """Position (n_dim,) of parameters (n_params,), clipped to the box, with the noise of the residuals."""
         values = np.concatenate([theta, self.noise_at(theta)])
         return np.asarray(self.space.position(self.space.box.inside(values)))
+
+
+def in_chunks(function: Callable[[Array, Array], Array], theta: Array, noise: Array) -> Array:
+    """Results of `function` for rows of parameters and noise, computed in chunks to limit memory."""
+    chunks = -(-len(theta) // _ROWS)
+    pairs = zip(np.array_split(theta, chunks), np.array_split(noise, chunks), strict=True)
+    return np.concatenate([function(np.ascontiguousarray(rows), own) for rows, own in pairs])
