@@ -38,7 +38,7 @@ def samples_per_cycle(frequency: float, dt: float) -> tuple[Finding, ...]:
         return ()
     message = (
         f"only {per_cycle:.1f} samples per cycle of {frequency:.3g} Hz (at least {_FEWEST_PER_CYCLE:.0f} "
-        "are advised): turns of the motion, where the force changes most, are poorly seen"
+        "are advised): reversals of the motion, where the force changes most, are poorly resolved"
     )
     measured = Measured(value=per_cycle, unit="")
     return (Finding(code="few_samples_per_cycle", severity="warning", message=message, measured=measured),)
@@ -89,15 +89,15 @@ def force_sign(
     share = float(power.sum() / np.abs(power).sum())
     if abs(share) < _SIGN_SHARE:
         message = (
-            f"the energy int F v dt is only {100 * share:.1f} % of int |F v| dt, too little to tell the "
-            "sign of the force; it was kept"
+            f"the energy int F v dt is only {100 * share:.1f} % of int |F v| dt, too little to "
+            "determine the sign of the force; it was not changed"
         )
         return force, (Finding(code="force_sign_unclear", severity="warning", message=message),)
     if share > 0.0:
         return force, ()
     message = (
-        f"the force came with the sign that creates energy (int F v dt is {100 * share:.0f} % of "
-        "int |F v| dt); it was multiplied by -1 to resist the motion"
+        f"the recorded force has the sign that generates energy (int F v dt is {100 * share:.0f} % of "
+        "int |F v| dt); it was multiplied by -1 so that it resists the motion"
     )
     return -force, (Finding(code="force_sign_flipped", severity="note", message=message),)
 

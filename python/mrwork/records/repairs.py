@@ -98,7 +98,9 @@ def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]
 
     seen = force_delay(test) if amount is None else Measured(value=amount, unit="s")
     if seen is None:
-        return test, _no_cause("delay", "the force has no corner at the turns to tell a delay by; give one")
+        return test, _no_cause(
+            "delay", "the force has no corner at motion reversals to estimate a delay from; give one"
+        )
     lost = int(np.ceil(abs(seen.value) / test.dt - 1e-9))
     late = seen.value > 0.0
     whole = slice(0, test.n_time - lost) if late else slice(lost, test.n_time)
@@ -121,7 +123,7 @@ def _offset(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding
 def _mass(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
     seen = moving_mass(test) if amount is None else Measured(value=amount, unit="kg")
     if seen is None:
-        return test, _no_cause("mass", "the force has no part in phase with the acceleration; give one")
+        return test, _no_cause("mass", "the force has no component in phase with the acceleration; give one")
     inertia = seen.value * motion_of(test.displacement, test.dt).acceleration
     message = f"the inertia of {seen.value:.3g} kg{_error(seen, 1.0)} was taken out of the force"
     return replace(test, force=frozen(test.force - inertia)), _done("mass", message, seen.value, "kg", seen)

@@ -45,7 +45,7 @@ def breakaway_finding(test: DamperTest) -> tuple[Finding, ...]:
     if overshoot.value < max(_SHARE * half_range, _SIGNIFICANT * overshoot.standard_error):
         return ()
     message = (
-        f"the damper broke away from rest with {overshoot.value:.3g} N more than it reaches afterwards: stiction, "
-        "which the models do not have; --repair rest leaves the start out"
+        f"the damper broke away from rest with {overshoot.value:.3g} N more than any later force: stiction, "
+        "which the models do not include; --repair rest removes the start"
     )
     return (Finding(code="breakaway", severity="note", message=message, measured=overshoot),)

@@ -41,8 +41,8 @@ def clipping_findings(test: DamperTest) -> tuple[Finding, ...]:
         Finding(
             code="clipped",
             severity="warning",
-            message=f"the {name} is cut flat at its extreme in {100 * share:.2g} % of its samples: the channel "
-            "ran out of range; measure again with a wider one, or leave these parts out",
+            message=f"the {name} is clipped at its extreme in {100 * share:.2g} % of its samples: the channel "
+            "exceeded its range; measure again with a wider one, or omit these parts",
             measured=Measured(value=share, unit=""),
         )
         for name, share in shares

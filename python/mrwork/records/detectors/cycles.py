@@ -48,9 +48,9 @@ def mass_finding(test: DamperTest) -> tuple[Finding, ...]:
     if mass is None:
         return ()
     message = (
-        f"the force has a part in phase with the acceleration, as {mass.value:.3g} +- {mass.standard_error:.1g} kg "
-        "or more between load cell and damper would make, or a force that comes early; "
-        "--repair mass takes it out"
+        f"the force has a component in phase with the acceleration: a mass of {mass.value:.3g} +- "
+        f"{mass.standard_error:.1g} kg or more between load cell and damper, or a force that leads the displacement; "
+        "--repair mass subtracts it"
     )
     return (Finding(code="moving_mass", severity="warning", message=message, measured=mass),)
 
@@ -113,7 +113,7 @@ def drift_finding(test: DamperTest) -> tuple[Finding, ...]:
         return ()
     if abs(drift.value) < max(_LEAST_DRIFT, _SIGNIFICANT * drift.standard_error):
         return ()
-    likely = "as a damper that heats up does" if drift.value < 0.0 else "as one that settles in does"
+    likely = "as in a damper that heats up" if drift.value < 0.0 else "as in one that settles in"
     message = (
         f"at equal stroke the dissipative force changes by {100 * drift.value:+.1f} +- "
         f"{100 * drift.standard_error:.1f} % from the first cycle to the last, {likely}; "

@@ -79,7 +79,7 @@ def smoothing_finding(test: DamperTest) -> tuple[Finding, ...]:
     message = (
         f"{' and '.join(smoothing.channels)} passed a moving average over {1e3 * window:.4g} ms "
         f"({round(window / test.dt)} samples, {share:.2g} of the dominant period), which rounds the corners of "
-        "the loop; a model is to be compared after the same average, or use the record as measured"
+        "the loop; apply the same average to a model before comparison, or use the original record"
     )
     measured = Measured(value=window, standard_error=test.dt, unit="s")
     return (Finding(code="moving_average", severity="warning", message=message, measured=measured),)

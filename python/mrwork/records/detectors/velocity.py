@@ -65,12 +65,12 @@ def velocity_agrees(
     explained: Measured | None = None
     if delay_explains:
         explained = late
-        message = f"the velocity {_shift(delay, smoother.dt)}, which makes {100 * difference:.0f} % (rms)"
+        message = f"the velocity {_shift(delay, smoother.dt)}, a difference of {100 * difference:.0f} % (rms)"
     elif abs(factor) > _SMALLEST_FACTOR and comparison.misfit(measured / factor) <= _MISFIT:
         explained = Measured(value=factor, unit="")
         message = (
             f"the velocity is {factor:.4g} times the displacement's derivative, "
-            "so one of them has another unit than it says"
+            "so one of the two is not in its stated unit"
         )
     else:
         message = (
