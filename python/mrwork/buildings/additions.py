@@ -31,10 +31,7 @@ def with_viscous_damper(building: Building, *, storey: int | str, damping: float
     """
     row = building.storey_row(storey)
     name = building.storey_name(storey)
-    if not (np.isfinite(damping) and damping >= 0.0):
-        raise SettingError(
-            f"viscous damper in {name}: the damping is {damping:g} N s/m; give a number from zero"
-        )
+    check_not_negative(damping, f"viscous damper in {name}: the damping is {damping:g} N s/m")
     return replace(
         building,
         name=f"{building.name}, viscous damper in {name}",
@@ -135,14 +132,10 @@ def with_brace(
     """
     row = building.storey_row(storey)
     where = building.storey_name(storey)
-    if not (np.isfinite(stiffness) and stiffness > 0.0):
-        raise SettingError(f"brace in {where}: the stiffness is {stiffness:g} N/m; give a number above zero")
-    if not (np.isfinite(mass) and mass > 0.0):
-        raise SettingError(
-            f"brace in {where}: the mass is {mass:g} kg; give a number above zero, such as a thousandth of a floor"
-        )
-    if not (np.isfinite(damping) and damping >= 0.0):
-        raise SettingError(f"brace in {where}: the damping is {damping:g} N s/m; give a number from zero")
+    check_positive(stiffness, f"brace in {where}: the stiffness is {stiffness:g} N/m")
+    example = ", such as a thousandth of a floor"
+    check_positive(mass, f"brace in {where}: the mass is {mass:g} kg", example)
+    check_not_negative(damping, f"brace in {where}: the damping is {damping:g} N s/m")
     end = np.append(np.zeros(building.n_coordinates), 1.0)
     braced = with_coordinate(
         building,
@@ -180,15 +173,9 @@ def with_base_isolation(building: Building, *, mass: float, stiffness: float, da
     SettingError
         If the mass or the stiffness is not positive, or the damping is negative.
     """
-    for title, value in (("mass", mass), ("stiffness", stiffness)):
-        if not (np.isfinite(value) and value > 0.0):
-            raise SettingError(
-                f"base isolation of {building.name}: the {title} is {value:g}; give a number above zero"
-            )
-    if not (np.isfinite(damping) and damping >= 0.0):
-        raise SettingError(
-            f"base isolation of {building.name}: the damping is {damping:g}; give a number from zero"
-        )
+    check_positive(mass, f"base isolation of {building.name}: the mass is {mass:g}")
+    check_positive(stiffness, f"base isolation of {building.name}: the stiffness is {stiffness:g}")
+    check_not_negative(damping, f"base isolation of {building.name}: the damping is {damping:g}")
     # Displacements relative to the slab, q - r u.
     relative = np.hstack([-building.influence[:, None], np.eye(building.n_coordinates)])
     slab = np.concatenate([[1.0], np.zeros(building.n_coordinates)])
@@ -231,12 +218,21 @@ def with_base_isolation_of_period(
     SettingError
         If the mass or the period is not positive, or the ratio is negative.
     """
-    if not (np.isfinite(period) and period > 0.0):
-        raise SettingError(
-            f"base isolation of {building.name}: the period is {period:g} s; give a number above zero"
-        )
+    check_positive(period, f"base isolation of {building.name}: the period is {period:g} s")
     omega = 2.0 * np.pi / period
     total = building.total_mass + mass
     return with_base_isolation(
         building, mass=mass, stiffness=total * omega**2, damping=2.0 * ratio * total * omega
     )
+
+
+def check_positive(value: float, says: str, example: str = "") -> None:
+    """Refuse a number of an addition that is not positive; `says` and `example` are the message."""
+    if not (np.isfinite(value) and value > 0.0):
+        raise SettingError(f"{says}; give a number above zero{example}")
+
+
+def check_not_negative(value: float, says: str) -> None:
+    """Refuse a number of an addition that is negative; `says` begins the message."""
+    if not (np.isfinite(value) and value >= 0.0):
+        raise SettingError(f"{says}; give a number from zero")

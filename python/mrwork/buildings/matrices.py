@@ -137,8 +137,7 @@ class Building(Summarised):
         UnknownNameError
             If no storey has that number or name.
         """
-        row: Floats = self.storeys[_index(storey, self.storey_names, f"{self.name}: there is no storey")]
-        return row
+        return np.asarray(self.storeys[self._storey(storey)])
 
     def floor_row(self, floor: int | str) -> Floats:
         """Row of a floor, shape (n,), by its number from 1 or by its name.
@@ -148,12 +147,14 @@ class Building(Summarised):
         UnknownNameError
             If no floor has that number or name.
         """
-        row: Floats = self.floors[_index(floor, self.floor_names, f"{self.name}: there is no floor")]
-        return row
+        return np.asarray(self.floors[_index(floor, self.floor_names, f"{self.name}: there is no floor")])
 
     def storey_name(self, storey: int | str) -> str:
         """Name of a storey, by its number from 1 or by its name."""
-        return self.storey_names[_index(storey, self.storey_names, f"{self.name}: there is no storey")]
+        return self.storey_names[self._storey(storey)]
+
+    def _storey(self, storey: int | str) -> int:
+        return _index(storey, self.storey_names, f"{self.name}: there is no storey")
 
     def _summary(self) -> Summary:
         frequencies = self.frequencies

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from mrwork.buildings.additions import with_coordinate
+from mrwork.buildings.additions import check_not_negative, check_positive, with_coordinate
 from mrwork.buildings.matrices import Building, damping_ratios_of, modes_of
 from mrwork.errors import SettingError, UnknownNameError
 
@@ -92,15 +92,9 @@ def with_tuned_mass(
         If there is no such floor.
     """
     row = building.floor_row(floor)
-    for title, value in (("mass", mass), ("frequency", frequency)):
-        if not (np.isfinite(value) and value > 0.0):
-            raise SettingError(
-                f"{name} on {building.name}: the {title} is {value:g}; give a number above zero"
-            )
-    if not (np.isfinite(ratio) and ratio >= 0.0):
-        raise SettingError(
-            f"{name} on {building.name}: the damping ratio is {ratio:g}; give a number from zero"
-        )
+    check_positive(mass, f"{name} on {building.name}: the mass is {mass:g}")
+    check_positive(frequency, f"{name} on {building.name}: the frequency is {frequency:g}")
+    check_not_negative(ratio, f"{name} on {building.name}: the damping ratio is {ratio:g}")
     omega = 2.0 * np.pi * frequency
     stroke = np.append(-row, 1.0)
     tuned = with_coordinate(

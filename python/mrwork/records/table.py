@@ -16,17 +16,13 @@ from mrwork.errors import RecordError
 
 
 class ColumnTable(ABC):
-    """Columns of a file: their names, their values on request, and the location of a row in the file."""
+    """Columns of a file: their names, their values on request, and the location of a row in the file.
 
-    @property
-    @abstractmethod
-    def names(self) -> tuple[str, ...]:
-        """Column names in file order."""
+    `names` are in file order, `sha256` is the hash of the bytes of the file.
+    """
 
-    @property
-    @abstractmethod
-    def sha256(self) -> str:
-        """Hash of the file's bytes."""
+    names: tuple[str, ...]
+    sha256: str
 
     @abstractmethod
     def read(self, wanted: Sequence[str]) -> dict[str, NDArray[np.float64]]:
@@ -49,19 +45,10 @@ class VectorTable(ColumnTable):
     """Columns that the format stores as arrays (Parquet, MATLAB)."""
 
     def __init__(self, *, source: str, sha256: str, vectors: Mapping[str, NDArray[np.generic]]) -> None:
+        self.names = tuple(vectors)
+        self.sha256 = sha256
         self._source = source
-        self._sha256 = sha256
         self._vectors = vectors
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the stored vectors."""
-        return tuple(self._vectors)
-
-    @property
-    def sha256(self) -> str:
-        """Hash of the file's bytes."""
-        return self._sha256
 
     def read(self, wanted: Sequence[str]) -> dict[str, NDArray[np.float64]]:
         """Convert the requested vectors, each of shape (n_time,) or (1,)."""

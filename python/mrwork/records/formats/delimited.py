@@ -49,39 +49,29 @@ class DelimitedTable(ColumnTable):
     def __init__(
         self, *, source: str, sha256: str, lines: list[str], names: tuple[str, ...] | None = None
     ) -> None:
+        self.sha256 = sha256
         self._source = source
-        self._sha256 = sha256
         self._lines = lines
         if names is None:
             header, self._first = _find_header(lines, source)
             self._delimiter = _delimiter(header)
-            self._names = tuple(name.strip() for name in _split(header, self._delimiter))
+            self.names = tuple(name.strip() for name in _split(header, self._delimiter))
         else:
             self._first = 0
             self._delimiter = _delimiter(next(filter(_is_data, lines), ""))
-            self._names = names
+            self.names = names
         if not any(_is_data(line) for line in lines[self._first :]):
             raise RecordError(f"{source}: there is a header but no data line after it; check the export")
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Column names of the header line."""
-        return self._names
-
-    @property
-    def sha256(self) -> str:
-        """Hash of the file's bytes."""
-        return self._sha256
-
     def read(self, wanted: Sequence[str]) -> dict[str, NDArray[np.float64]]:
         """Parse the requested columns, each of shape (n_time,)."""
-        columns = [self._names.index(name) for name in wanted]
+        columns = [self.names.index(name) for name in wanted]
         try:
             block = np.loadtxt(self._lines[self._first :], delimiter=self._delimiter, quotechar='"', ndmin=2)
         except ValueError:
             # Text in a column that is not requested, an empty cell, or an error: the slow reader decides.
             return dict(zip(wanted, self._parse_line_by_line(columns), strict=True))
-        if block.shape[1] != len(self._names):
+        if block.shape[1] != len(self.names):
             self._refuse_width(self._first_data_line() + 1, block.shape[1])
         return {name: np.ascontiguousarray(block[:, i]) for name, i in zip(wanted, columns, strict=True)}
 
@@ -104,9 +94,9 @@ class DelimitedTable(ColumnTable):
         rows: list[list[float]] = []
         for index, line in self._rows():
             fields = _split(line.partition("#")[0], self._delimiter)
-            while len(fields) > len(self._names) and not fields[-1].strip():
+            while len(fields) > len(self.names) and not fields[-1].strip():
                 fields.pop()
-            if len(fields) != len(self._names):
+            if len(fields) != len(self.names):
                 self._refuse_width(index + 1, len(fields))
             rows.append([self._number(fields[column], index + 1, column) for column in columns])
         return np.asarray(rows, dtype=np.float64).reshape(len(rows), len(columns)).T.copy()
@@ -117,7 +107,7 @@ class DelimitedTable(ColumnTable):
             return float(text)
         if text.casefold() in _MISSING:
             return float("nan")
-        where = f"{self._source}: line {line}, column '{self._names[column]}'"
+        where = f"{self._source}: line {line}, column '{self.names[column]}'"
         if _DECIMAL_COMMA.fullmatch(text):
             raise RecordError(f"{where} holds '{text}' with a decimal comma; export with decimal points")
         shown = text if len(text) <= 40 else text[:40] + "..."
@@ -126,12 +116,12 @@ class DelimitedTable(ColumnTable):
     def _refuse_width(self, line: int, n_fields: int) -> None:
         hint = (
             "export with decimal points if these are decimal commas"
-            if self._delimiter == "," and n_fields > len(self._names)
+            if self._delimiter == "," and n_fields > len(self.names)
             else "complete or delete the line"
         )
         raise RecordError(
             f"{self._source}: line {line} has {_count(n_fields, 'field')} where the header "
-            f"names {_count(len(self._names), 'column')}; {hint}"
+            f"names {_count(len(self.names), 'column')}; {hint}"
         )
 
 
