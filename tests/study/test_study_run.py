@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -156,6 +157,26 @@ def test_a_history_that_is_lost_is_simulated_again(study: Study, tmp_path: Path)
     drift = np.abs(found[1, 1].drift).max(axis=0)
     # A history has the samples, peaks are of every step.
     assert drift == pytest.approx(results.runs[1, 1].peak_drift, rel=1e-2)
+
+
+def test_a_history_is_the_same_with_its_run_and_by_itself(study: Study, tmp_path: Path) -> None:
+    found: list[dict[tuple[int, int], RunHistory]] = []
+    for resume in (False, True):
+        histories: dict[tuple[int, int], RunHistory] = {}
+        journal = Journal(tmp_path / "journal", resume=resume)
+        run_study(
+            study,
+            journal=journal,
+            kept=lambda row, motion: False,
+            keep=lambda row, motion, history, into=histories: into.update({(row, motion): history}),  # type: ignore[misc]
+        )
+        journal.close()
+        found.append(histories)
+    with_run, alone = found
+    assert set(with_run) == set(alone) == {(row, 1) for row in range(4)}
+    for key, history in with_run.items():
+        for entry in fields(history):
+            assert np.array_equal(getattr(history, entry.name), getattr(alone[key], entry.name)), entry.name
 
 
 def test_half_the_step_changes_little_of_a_smooth_run_and_can_be_asked_for_later(

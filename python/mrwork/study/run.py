@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mrwork.buildings.devices import Device
 from mrwork.closed_loop.evaluation import score, values
-from mrwork.closed_loop.responses import Responses
+from mrwork.closed_loop.responses import Responses, history_signals
 from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws import ControlLaw
 from mrwork.dampers.spec import damper
@@ -24,6 +24,9 @@ from mrwork.study.results import Key, MotionFacts, StudyResults
 from mrwork.study.run_result import RunHistory, RunResult, history_of, result_of
 from mrwork.study.study import Arrangement, Row, Study, digest_of_run, fingerprint_of
 from mrwork.units import STANDARD_GRAVITY
+
+# Histories of more than this are simulated one at a time.
+_MOST_HISTORY_BYTES = 2.0**28
 
 LEVELS = 21
 """Number of constant commands, equally spaced from zero to the largest, among which the best is chosen."""
@@ -93,7 +96,7 @@ def run_study(
             say(arrangement.row.label)
             if arrangement.law is None:
                 arrangements[row] = _with_best_constant(study, arrangement, journal, threads)
-            fresh: set[int] = set()
+            fresh: dict[int, RunHistory | None] = {}
             for motion, result in _runs(study, arrangements[row], journal, fresh, threads):
                 runs[row, motion] = result
             for motion in study.histories:
@@ -101,12 +104,13 @@ def run_study(
                 if not runs[row, motion].finished:
                     continue
                 if motion in fresh or not kept(row, motion):
-                    keep(row, motion, _history(study, arrangements[row], motion, threads))
+                    history = fresh.get(motion) or _history(study, arrangements[row], motion, threads)
+                    keep(row, motion, history)
         # After all other runs, so that a study without this check can be resumed with it.
         if halved is not None:
             for row, arrangement in enumerate(arrangements):
                 say(f"{arrangement.row.label}, half the step")
-                for motion, result in _runs(study, arrangement, journal, set(), threads, step_factor=2):
+                for motion, result in _runs(study, arrangement, journal, {}, threads, step_factor=2):
                     halved[row, motion] = result
     except KeyboardInterrupt:
         raise Interrupted(results(), "study") from None
@@ -150,14 +154,19 @@ def _runs(
     study: Study,
     arrangement: Arrangement,
     journal: Journal,
-    fresh: set[int],
+    fresh: dict[int, RunHistory | None],
     threads: int,
     *,
     step_factor: int = 1,
 ) -> Iterator[tuple[int, RunResult]]:
-    """The run under each motion, recalled or simulated with all later ones; `fresh` collects the simulated ones."""
+    """The run under each motion, recalled or simulated with all later ones.
+
+    `fresh` collects the simulated motions, with their histories if the study keeps them and they fit into memory
+    together: a run with its history takes half the time of one without and another with it.
+    """
     step = "run" if step_factor == 1 else "run with half the step"
     simulated: dict[int, RunResult] = {}
+    histories: dict[int, RunHistory] = {}
     for motion, ground in enumerate(study.motions):
         inputs = digest_of_run(arrangement, ground)
         recalled = journal.recall(step, inputs)
@@ -165,13 +174,23 @@ def _runs(
             yield motion, rebuilt(RunResult, recalled)
             continue
         if not simulated:
+            wanted = [number for number in study.histories if number >= motion and step_factor == 1]
             responses = simulated_by(
-                arrangement, study.motions[motion:], study, step_factor=step_factor, threads=threads
+                arrangement,
+                study.motions[motion:],
+                study,
+                histories=bool(wanted) and _history_bytes(study, arrangement, motion) < _MOST_HISTORY_BYTES,
+                step_factor=step_factor,
+                threads=threads,
             )
             for run in range(len(study.motions) - motion):
                 simulated[motion + run] = result_of(responses, run, arrangement)
+            if responses.histories is not None:
+                histories = {
+                    number: history_of(responses.histories[number - motion], arrangement) for number in wanted
+                }
         journal.record(step, inputs, plain(simulated[motion]))
-        fresh.add(motion)
+        fresh[motion] = histories.get(motion)
         yield motion, simulated[motion]
 
 
@@ -181,6 +200,21 @@ def _history(study: Study, arrangement: Arrangement, motion: int, threads: int) 
     )
     assert responses.histories is not None
     return history_of(responses.histories[0], arrangement)
+
+
+def _history_bytes(study: Study, arrangement: Arrangement, first: int) -> float:
+    """Memory of the histories of an arrangement under the motions from `first` on."""
+    building = arrangement.building
+    columns = {
+        "run": 1,
+        "floor": len(building.floors),
+        "storey": len(building.storeys),
+        "device": max(len(arrangement.devices), 1),
+        "state": 2 * building.n_coordinates,
+    }
+    seconds = sum(motion.duration for motion in study.motions[first:])
+    width = sum(columns[signal.axis] for signal in history_signals())
+    return 8.0 * width * seconds / study.hardware.sample_time
 
 
 def simulated_by(
