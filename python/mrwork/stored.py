@@ -53,7 +53,7 @@ class StoredRun(Summarised):
 
 
 def load(run: str | Path) -> StoredRun:
-    """Read back what a run folder holds.
+    """Read back what the run folder of a fit holds; `mr.study.read_results` reads that of a study.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def load(run: str | Path) -> StoredRun:
     if not (place / FIT).exists() and (place / RESULTS).is_file():
         raise RecordError(
             f"{place} is the folder of a study, and a run of `mrwork identify` was expected; "
-            f"read its {RESULTS}, or give it to `mrwork respond --resume`"
+            "read it with `mr.study.read_results`"
         )
     fit = read_fit(place)
     return StoredRun(
