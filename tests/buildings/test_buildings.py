@@ -1,4 +1,4 @@
-"""A building: what it refuses, its modes and state matrices, shear frames and damping by ratios."""
+"""Building: refusals, modes, state matrices, shear frames and damping from ratios."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_rayleigh_damping_has_its_ratios_in_its_two_modes(frame: Building) -> No
 
 
 def test_the_rayleigh_coefficients_of_the_five_storey_frame_are_one_percent_in_modes_one_and_three() -> None:
-    # The sheet gives a0 and a1 to six digits.
+    # The source gives a0 and a1 to six digits.
     uts = building("uts")
     again = with_rayleigh_damping(uts, ratios=(0.01, 0.01), modes=(1, 3))
     np.testing.assert_allclose(uts.damping, again.damping, rtol=1e-5, atol=1e-3)

@@ -1,4 +1,4 @@
-"""What is put into a building: isolators, a tuned mass, viscous dampers, a brace."""
+"""Additions to a building: isolators, tuned mass, viscous dampers, brace."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ ADDITIONS: tuple[Callable[[], Building], ...] = (isolated, tuned, braced, damped
 def response(
     frame: Building, omega: NDArray[np.float64], rows: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
-    """Rows of coordinates to a unit ground acceleration, shape (n_omega, n_rows)."""
+    """Frequency response of rows of coordinates to a unit ground acceleration, shape (n_omega, n_rows)."""
     pushed = frame.mass @ frame.influence
     return np.stack(
         [
@@ -128,8 +128,8 @@ def test_a_shear_frame_on_isolators_is_a_shear_frame_with_one_storey_more() -> N
 
 
 def test_the_two_peaks_of_den_hartogs_tuning_are_equally_high() -> None:
-    # His criterion: the fixed points of the curve, which his damping makes nearly its peaks. The structure is
-    # undamped and the force, unlike a ground motion, acts on it alone.
+    # Criterion of Den Hartog: his damping places the peaks of the curve close to its fixed points. The structure is
+    # undamped, and the force acts on it alone, unlike a ground motion.
     mu = 0.05
     optimum = den_hartog(mu, 0.0)
     frequency = np.linspace(0.6, 1.4, 4001)
@@ -147,7 +147,7 @@ def test_the_two_peaks_of_den_hartogs_tuning_are_equally_high() -> None:
 
 
 def variance(frequency_ratio: float, damping_ratio: float, mu: float) -> float:
-    """Of the displacement of an undamped mass with a tuned mass under white ground acceleration."""
+    """Variance of the displacement of an undamped mass with a tuned mass under white ground acceleration."""
     single = shear_building(name="single", masses=[1.0], stiffnesses=[1.0])
     both = with_tuned_mass(
         single, floor=1, mass=mu, frequency=frequency_ratio / (2.0 * np.pi), ratio=damping_ratio
@@ -177,7 +177,7 @@ def test_sadeks_tuning_damps_both_modes_alike() -> None:
         ratio=optimum.damping_ratio,
     )
     ratios = -both.poles.real / np.abs(both.poles)
-    # Their rule is a fit: the two ratios agree within a tenth, and are the mean of beta and that of the tuned mass.
+    # The published rule is a fit: the two ratios agree within a tenth, with the mean of beta and the tuned mass ratio.
     assert ratios.min() == pytest.approx(ratios.max(), rel=0.1)
     assert ratios.mean() == pytest.approx((beta + optimum.damping_ratio) / 2.0, rel=0.05)
 
@@ -205,7 +205,7 @@ def test_a_viscous_damper_dissipates_its_damping_times_the_square_of_the_drift_r
 
 
 def test_a_viscous_damper_behind_a_brace_is_a_maxwell_element() -> None:
-    # Force of k and c in series, to a drift of frequency omega: k i omega c / (k + i omega c).
+    # Force of k and c in series for a drift of frequency omega: k i omega c / (k + i omega c).
     stiffness, viscosity = 2e5, 3e3
     behind = with_viscous_damper(
         with_brace(UTS, storey=1, stiffness=stiffness, mass=1e-6),

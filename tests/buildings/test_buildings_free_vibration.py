@@ -1,4 +1,4 @@
-"""Free vibration: two methods recover a mode, agree with each other, and know how sure they are."""
+"""Free vibration: two methods recover a mode, agree with each other, and have correct standard errors."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DT = 0.005
 
 
 def decay(frequency: float, ratio: float, duration: float, phase: float = 0.4) -> Floats:
-    """Free vibration of one mode, of amplitude one."""
+    """Free vibration of one mode with unit amplitude."""
     time = DT * np.arange(round(duration / DT))
     omega = 2.0 * np.pi * frequency
     damped = omega * np.sqrt(1.0 - ratio**2)
@@ -32,7 +32,7 @@ def decay(frequency: float, ratio: float, duration: float, phase: float = 0.4) -
 
 
 def released(frame: Building, shape: Floats, duration: float) -> Floats:
-    """Displacement of the floors after they are let go, shape (n_time, n_floors)."""
+    """Displacement of the floors after a release, shape (n_time, n_floors)."""
     values, vectors = np.linalg.eig(frame.state_matrices()[0])
     start = np.concatenate([shape, np.zeros_like(shape)]).astype(complex)
     weights = np.linalg.solve(vectors, start)
@@ -47,7 +47,7 @@ def released(frame: Building, shape: Floats, duration: float) -> Floats:
 def test_a_clean_decay_gives_its_frequency_and_damping_however_long_it_is(
     method: Callable[..., ModeEstimate], ratio: float, duration: float
 ) -> None:
-    # The shortest has decayed by a fifth only of its height; an offset must not matter.
+    # The shortest record has decayed by a fifth only; an offset must have no effect.
     estimate = method(decay(3.0, ratio, duration) + 0.3, dt=DT)
     assert estimate.frequency == pytest.approx(3.0, rel=1e-5)
     assert estimate.damping_ratio == pytest.approx(ratio, rel=1e-3)
@@ -78,8 +78,8 @@ def test_standard_errors_are_what_noise_really_does(
         frequency[draw] = (estimate.frequency - 3.0) / estimate.frequency_error
         ratio[draw] = (estimate.damping_ratio - 0.01) / estimate.damping_ratio_error
     for score in (frequency, ratio):
-        # Of 60 normal draws the standard deviation is within 0.28 of one, the mean within 0.39 of zero, at 3 sigma;
-        # errors are kept to first order and a little to the safe side.
+        # For 60 normal draws the standard deviation is within 0.28 of one and the mean within 0.39 of zero, at 3 sigma;
+        # the errors are of first order and slightly conservative.
         assert 0.65 < score.std() < 1.35
         assert abs(score.mean()) < 0.45
 
@@ -102,13 +102,13 @@ def test_both_methods_agree_on_the_one_storey_frame() -> None:
     for estimate in (by_peak, by_decrement):
         assert estimate.frequency == pytest.approx(frame.frequencies[0], rel=1e-5)
         assert estimate.damping_ratio == pytest.approx(frame.damping_ratios[0], rel=1e-4)
-    # One peak over the next of the same side.
+    # Ratio of two successive peaks of the same sign.
     assert np.exp(by_decrement.decrement) == pytest.approx(np.exp(2.0 * np.pi * 0.01), rel=1e-4)
     assert by_decrement.n_extremes > 50
 
 
 def test_the_older_reading_of_the_half_power_width_passes_a_short_record_for_damping() -> None:
-    # Why the width is not simply halved: after 10 s a mode of 0.5 % is hardly wider than any sine of that length.
+    # Half the width is no estimate: after 10 s the peak of a mode with 0.5 % is hardly wider than for a steady sine.
     record = decay(3.0, 0.005, 10.0)
     frequency = np.fft.rfftfreq(1 << 17, DT)
     power = np.abs(np.fft.rfft(record, 1 << 17)) ** 2

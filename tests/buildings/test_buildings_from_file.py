@@ -1,4 +1,4 @@
-"""A building from TOML, .mat and text files is the one that was meant; what is none is refused with its place."""
+"""Buildings are read correctly from TOML, .mat and text files; invalid ones are refused with their place."""
 
 from __future__ import annotations
 

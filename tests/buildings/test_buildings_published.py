@@ -1,4 +1,4 @@
-"""Published buildings have the frequencies and damping that are reported of them."""
+"""Published buildings have their reported frequencies and damping."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def of_two_masses(mass: float, lower: float, upper: float) -> list[float | None]
     return [float(np.sqrt(middle + side) / (2.0 * np.pi)) for side in (-apart, apart)]
 
 
-# [Hz], as the sources give them and to the digits they give.
+# [Hz], with the digits of the sources.
 REPORTED: dict[str, list[float | None]] = {
     "dyke1996": [5.46, 15.81, 23.64],
     "jansen2000": [1.388, None, None, None, None, 11.18],
@@ -71,7 +71,7 @@ def test_every_published_building_says_where_its_numbers_come_from(known: Buildi
 
 def test_floors_of_the_sac_building_come_lowest_first() -> None:
     sac = building("sac3")
-    # The roof is the heaviest in the source, and moves most in the first mode.
+    # In the source the roof is heaviest, and it moves most in the first mode.
     assert sac.mass[2, 2] == 5.1779e5
     assert (np.diff(sac.floors @ sac.modes[:, 0]) > 0.0).all()
 

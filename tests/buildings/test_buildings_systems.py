@@ -1,4 +1,4 @@
-"""Linear systems: from a building and back, through python-control, and with fewer states."""
+"""Linear systems: from and to buildings, exchange with python-control, reduction."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def largest(response: NDArray[np.complex128]) -> NDArray[np.float64]:
 
 
 def test_outputs_at_rest_and_far_above_are_what_mechanics_says() -> None:
-    # A slow ground carries the building along; under a quick one it stays in space.
+    # The building follows a slow ground motion, and does not move in space under a fast one.
     system = system_of(UTS, outputs=["acceleration", "displacement"])
     slow, quick = system.frequency_response(np.array([1e-4, 1e4]))[:, :, 0]
     np.testing.assert_allclose(slow[:5], 1.0, rtol=1e-6)
@@ -92,7 +92,7 @@ def test_a_building_comes_back_from_its_linear_system(known: Building) -> None:
     again = building_of(system, name="again", mass=known.mass, **given)
     for field in ("mass", "damping", "stiffness", "influence"):
         np.testing.assert_allclose(getattr(again, field), getattr(known, field), rtol=1e-9, atol=1e-6)
-    # Without its mass, the motion is the same all the same.
+    # Without the mass, the motion is the same.
     unweighed = system_of(building_of(system, name="again", **given), outputs=["displacement"])
     np.testing.assert_allclose(
         unweighed.frequency_response(FREQUENCY), system.frequency_response(FREQUENCY), rtol=1e-7, atol=1e-12
@@ -215,7 +215,7 @@ def test_the_error_of_a_balanced_truncation_stays_below_its_bound(order: int) ->
         reduction.system.frequency_response(frequency) - system.frequency_response(frequency)
     ).max()
     assert error <= reduction.error_bound * (1.0 + 1e-6)
-    # Nor can any system of that order do better than the first singular value left out (Glover); the grid loses little.
+    # No system of that order has an error below the first truncated singular value (Glover); the grid loses little.
     assert error >= 0.99 * reduction.hankel[order]
     assert (reduction.system.poles.real < 0.0).all()
 
@@ -267,7 +267,7 @@ def test_the_hospital_building_has_the_hankel_singular_values_that_come_with_it(
 @measured
 @pytest.mark.parametrize(("order", "most"), [(10, 0.12), (20, 0.04), (30, 1e-3)])
 def test_the_reduced_hospital_building_keeps_the_spectrum_of_the_full_one(order: int, most: float) -> None:
-    # `most` is of the highest peak; found were 0.114, 0.031 and 0.0009.
+    # `most` is relative to the highest peak; measured: 0.114, 0.031 and 0.0009.
     system = read_system(SLICOT)
     reduction = balanced_truncation(system, order=order)
     around = np.abs(system.poles)[:, None] / (2.0 * np.pi) * np.linspace(0.98, 1.02, 21)

@@ -31,7 +31,7 @@ def name(request) -> str:
 
 
 def samples(name: str, count: int) -> np.ndarray:
-    """Parameters of the normalised form: c, k, x0, k_w, rho, sigma, n, and c1, k1 where there is a dashpot behind."""
+    """Parameters of the normalised form: c, k, x0, k_w, rho, sigma, n, and c1, k1 if there is a series dashpot."""
     rng = np.random.default_rng(7)
     lower = np.array([1e2, -1e3, -0.05, 50.0, 50.0, 0.5, 1.0])
     upper = np.array([1e4, 1e4, 0.05, 2e3, 2e3, 50.0, 4.0])

@@ -44,7 +44,7 @@ def normalised(count: int) -> np.ndarray:
 
 
 def spencer(count: int) -> np.ndarray:
-    """Random parameters c0, k0, x0 = 0, alpha, gamma, beta, A, n that OpenSees can hold."""
+    """Random parameters c0, k0, x0 = 0, alpha, gamma, beta, A, n that OpenSees can represent."""
     theta = normalised(count)
     theta[:, 1], theta[:, 2] = np.abs(theta[:, 1]), 0.0
     scales = np.exp(np.random.default_rng(8).uniform(np.log(0.1), np.log(1e3), count))
@@ -57,7 +57,7 @@ def test_there_and_back_is_the_identity() -> None:
     np.testing.assert_allclose(back, theta, rtol=1e-11, atol=1e-14)
     for row in spencer(300):
         there = bouc_wen_from_normalised(normalised_from_bouc_wen(row), A=row[6])
-        # beta is a difference: its error is that of gamma + beta.
+        # beta is a difference, with the error of gamma + beta.
         np.testing.assert_allclose(there, row, rtol=1e-11, atol=1e-12 * (row[4] + row[5]))
 
 
@@ -82,7 +82,7 @@ def test_all_forms_give_the_same_force() -> None:
 
 
 def opensees_force(material: OpenSeesBoucWen, path: np.ndarray) -> np.ndarray:
-    """OpenSees' own equation, without time, at every point of a path that turns only at its points."""
+    """Rate-independent equation of OpenSees at every point of a path that reverses only at its points."""
 
     def rate(_: float, z: np.ndarray, direction: float) -> np.ndarray:
         psi = material.gamma + material.beta * np.sign(direction * z)
@@ -107,8 +107,8 @@ def opensees_force(material: OpenSeesBoucWen, path: np.ndarray) -> np.ndarray:
 
 
 def test_the_opensees_material_gives_the_same_force() -> None:
-    # Quarter periods of 125 samples: the path turns on samples, so its points are known exactly, and no step of the
-    # simulation straddles the kink of |v|.
+    # Quarter periods of 125 samples: the path reverses at samples, so that its points are exact and no step of the
+    # simulation crosses the kink of |v|.
     path = 0.01 * np.sin(2.0 * np.pi * 2.0 * TIME)
     loading = Loading(dt=1e-3, displacement=path)
     for row in spencer(40):
@@ -116,7 +116,7 @@ def test_the_opensees_material_gives_the_same_force() -> None:
         without_dashpot = np.append(0.0, row[1:])
         force = simulate_force(damper("bouc_wen"), without_dashpot, loading, substep_factor=64)
         expected = opensees_force(material, path[::5])
-        # Below n = 2 the law has a kink at z = 0 as well, which the steps of the simulation do straddle.
+        # Below n = 2 the law also has a kink at z = 0, which steps of the simulation do cross.
         tolerance = 1e-10 if row[7] >= 2.0 else 2e-8
         np.testing.assert_allclose(force[::5], expected, rtol=0.0, atol=tolerance * np.abs(expected).max())
         assert c0 == row[0]

@@ -1,4 +1,4 @@
-"""Models that are special cases of others give the others' forces; smoothed ones tend to what was published."""
+"""Models that are special cases of others give equal forces; smoothed models converge to the published ones."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ HARMONIC = Loading(
     displacement=AMPLITUDE * np.sin(OMEGA * TIME),
     velocity=AMPLITUDE * OMEGA * np.cos(OMEGA * TIME),
 )
-# A second, slower wave beside it: reversals anywhere, not at the same stroke every time.
+# A second, slower wave, so that reversals occur at different strokes.
 VARIED = Loading(
     dt=DT,
     displacement=HARMONIC.displacement + 0.007 * np.sin(0.31 * OMEGA * TIME),
@@ -27,7 +27,7 @@ SATURATED = 20.0
 
 
 def force(name, loading=VARIED, **changes):
-    """Force of a model at its nominal parameters, some of them changed."""
+    """Force of a model with nominal parameters, some of them changed."""
     spec = damper(name)
     values = dict(zip(spec.names, spec.nominal, strict=True)) | changes
     assert len(values) == len(spec.names), "a changed parameter is not one of the model's"
@@ -40,7 +40,7 @@ def nominal(name):
 
 
 def assert_same_force(left, right):
-    # The same equation in another order of operations: rounding only, over a thousand steps.
+    # The same equation with another order of operations: differences by rounding only, over a thousand steps.
     np.testing.assert_allclose(left, right, rtol=0.0, atol=1e-11 * np.max(np.abs(right)))
 
 
@@ -115,9 +115,9 @@ def test_polynomial_fitting_has_the_branch_of_the_acceleration_in_a_harmonic_tes
 
 @pytest.mark.parametrize("name", ["dahl", "viscous_dahl", "lugre"])
 def test_friction_with_a_state_is_passive_under_any_motion(name):
-    # From rest the energy put in is what is stored and what is dissipated, neither below zero, at all times and
-    # not over whole cycles only. The amplitude grows from far within the knee, where nearly all is stored, to
-    # beyond it. The trapezoidal rule errs by about (10 Hz 2 pi 0.1 ms)^2/12 of the energy that comes and goes.
+    # From rest, the input energy is the sum of stored and dissipated energy, both non-negative at all times, not only
+    # over whole cycles. The amplitude grows from far within the knee, where most energy is stored, to beyond it. The
+    # error of the trapezoidal rule is about (10 Hz 2 pi 0.1 ms)^2/12 of the exchanged energy.
     dt, omega = 1e-4, 2.0 * np.pi * 10.0
     time = dt * np.arange(5001)
     size = 4e-3 * time**2

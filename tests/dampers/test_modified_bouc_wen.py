@@ -1,4 +1,4 @@
-"""The published prototype damper, the stiffest model in use, is resolved with few sub-steps."""
+"""The published prototype damper, the stiffest model in use, needs few sub-steps."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ STROKE = 0.006
 
 
 def random_motion() -> np.ndarray:
-    """Sinusoids of random phase up to 25 Hz, about 0.6 m/s at the stroke of 6 mm."""
+    """Sinusoids of random phase up to 25 Hz, about 0.6 m/s at a stroke of 6 mm."""
     rng = np.random.default_rng(3)
     frequency = np.linspace(0.5, 25.0, 80)[:, None]
     return np.sin(2.0 * np.pi * (frequency * TIME + rng.random((80, 1)))).sum(axis=0)
@@ -37,6 +37,6 @@ def test_prototype_damper_is_resolved_to_a_thousandth_in_eight_substeps(motion: 
     spec = damper("modified_bouc_wen")
     run = simulate_forces(spec, spec.nominal[None], history)
     exact = simulate_forces(spec, spec.nominal[None], history, substep_factor=64).force
-    # At four, step times relaxation would pass 2.78, the limit of stability.
+    # With four sub-steps, step times relaxation rate would exceed the stability limit of 2.78.
     assert run.substeps[0] == 8
     assert np.max(np.abs(run.force - exact)) < 1e-3 * np.max(np.abs(exact))

@@ -1,4 +1,4 @@
-"""Records of the structural control benchmarks, and PEER files as they are found, read as they should."""
+"""Records of the structural control benchmarks and PEER files in circulation are read correctly."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_padding_of_the_benchmark_file_is_dropped_and_told() -> None:
     assert padded.dt == pytest.approx(clean.dt, rel=1e-12)
 
 
-# Samples, step and peak in g: of the first lines of the files, and of the lists of the PEER database where it has them.
+# Samples, step and peak in g, from the first lines of the files and from the PEER database where listed.
 AT2 = {
     "ARL360_crcrlf": (2000, 0.02, 0.308),
     "BORREGO_A-ELC180": (4000, 0.01, 0.130),

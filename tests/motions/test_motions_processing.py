@@ -1,4 +1,4 @@
-"""What is done to a motion is what it says, and it is told in `changes`."""
+"""Processing of a motion does what it states, and is listed in `changes`."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_a_finer_grid_is_the_same_motion() -> None:
 
 
 def test_a_coarser_grid_folds_back_unless_it_is_band_limited() -> None:
-    # 40 Hz cannot be held every 0.02 s: read off, it comes back at 10 Hz with its whole amplitude.
+    # 40 Hz exceeds the Nyquist frequency for 0.02 s: interpolation aliases it to 10 Hz with its full amplitude.
     fast = sine(amplitude=1.0, frequency=40.0, cycles=400.0, dt=0.002)
     inner = slice(100, 400)
     assert np.abs(resampled(fast, 0.02).acceleration[inner]).max() > 0.9

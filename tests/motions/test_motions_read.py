@@ -1,4 +1,4 @@
-"""A ground motion is the same whatever the format of its file."""
+"""A ground motion is the same for every format of its file."""
 
 from __future__ import annotations
 

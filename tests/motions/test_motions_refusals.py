@@ -1,4 +1,4 @@
-"""What cannot be a ground motion is refused by one sentence that names the file, the place and the remedy."""
+"""An invalid ground motion is refused by one sentence that names the file, the place and the remedy."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def refusal(path: Path, kind: type[MrworkError] = RecordError, **options: float 
 
 
 def outcome(path: Path) -> GroundMotion | str:
-    """Return the motion, or the sentence that refuses it."""
+    """Return the motion, or the message of its refusal."""
     try:
         return read_motion(path)
     except MrworkError as error:
@@ -68,7 +68,7 @@ def outcome(path: Path) -> GroundMotion | str:
 
 
 def with_line(lines: list[str], number: int, text: str) -> list[str]:
-    """Lines of which the one of that number, counted from 1 as an editor does, is replaced."""
+    """Lines with one replaced, by its number from 1."""
     return [*lines[: number - 1], text, *lines[number:]]
 
 
@@ -83,7 +83,7 @@ def test_every_cut_of_a_file_is_refused_or_named(
         path.write_bytes(whole[:size])
         came = outcome(path)
         if isinstance(came, GroundMotion):
-            # A table does not say how long it is; every other format does.
+            # A table does not state its length; every other format does.
             assert name == "a.csv", size
             assert came.n_time < N_TIME
         else:
@@ -113,7 +113,7 @@ def test_a_value_that_is_no_number_is_named_by_its_line(
     lines = content()
     number = len(lines) - 4
     old = lines[number - 1]
-    # Columns stay where they are: the last characters of the line are replaced.
+    # Columns keep their positions: the last characters of the line are replaced.
     new = old[: -len(word)] + word if name != "a.csv" else old.partition(",")[0] + "," + word
     sentence = refusal(write_lines(tmp_path / name, with_line(lines, number, new)))
     assert f"line {number}" in sentence

@@ -1,4 +1,4 @@
-"""The response spectrum is exact for straight pieces of acceleration."""
+"""The response spectrum is exact for piecewise linear acceleration."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def constant(n_time: int = 4001) -> GroundMotion:
 def test_a_step_of_acceleration_overshoots_as_the_closed_form_says(damping: float) -> None:
     spectrum = response_spectrum(constant(), PERIODS, damping=damping)
     overshoot = 1.0 + np.exp(-np.pi * damping / np.sqrt(1.0 - damping**2))
-    # The peak lies between samples: at 64 places of a period it is met within 1 - cos(pi / 64).
+    # The peak is between samples: 64 points per period find it within 1 - cos(pi / 64).
     assert_allclose(spectrum.pseudo_acceleration, overshoot, rtol=1.3e-3)
     assert (spectrum.pseudo_acceleration <= overshoot * (1.0 + 1e-12)).all()
 
@@ -34,7 +34,7 @@ def test_resonance_without_damping_grows_as_the_closed_form_says() -> None:
     motion = GroundMotion(name="sine", dt=n_cycles / 10_000, acceleration=np.sin(w * time))
     spectrum = response_spectrum(motion, 1.0, damping=0.0)
     expected = np.abs(w * time * np.cos(w * time) - np.sin(w * time)).max() / (2.0 * w**2)
-    # The straight pieces themselves cut the sine by (w dt)^2 / 12.
+    # Linear interpolation reduces the sine by (w dt)^2 / 12.
     assert spectrum.displacement[0] == pytest.approx(expected, rel=(w * motion.dt) ** 2)
 
 
@@ -62,7 +62,7 @@ def test_a_finer_grid_of_the_same_motion_has_the_same_spectrum() -> None:
 
 def test_stiff_oscillators_feel_the_peak_of_the_ground_and_soft_ones_its_displacement() -> None:
     spectrum = response_spectrum(MOTION, [1e-4, 0.02, 3000.0])
-    # Of period T the response to straight pieces of slope s differs by the order of s T / (2 pi).
+    # The response of period T to linear pieces of slope s differs by the order of s T / (2 pi).
     assert spectrum.acceleration[0] == pytest.approx(MOTION.peak, rel=1e-2)
     assert spectrum.displacement[2] == pytest.approx(np.abs(MOTION.displacement).max(), rel=1e-2)
     assert spectrum.velocity[2] == pytest.approx(np.abs(MOTION.velocity).max(), rel=1e-2)

@@ -1,4 +1,4 @@
-"""Synthetic motions have the density, the envelope and the seed that were asked for."""
+"""Synthetic motions have the given density, envelope and seed."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_drawn_motions_have_the_density(spectrum: SpectralDensity) -> None:
     ]
     window = np.hanning(motions[0].n_time)
     draws = np.array([np.abs(np.fft.rfft(window * motion.acceleration)) ** 2 for motion in motions])
-    # Two-sided over circular frequency; mean of a band of lines, each with its own chi-squared scatter.
+    # Two-sided in circular frequency; mean over a band of lines, each with chi-squared scatter.
     density = dt * draws.mean(axis=0) / (2.0 * np.pi * (window**2).sum())
     w = 2.0 * np.pi * np.fft.rfftfreq(motions[0].n_time, dt)
     edges = [1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 60.0, 120.0]
@@ -95,12 +95,12 @@ def test_pulses_are_what_their_names_say() -> None:
     assert (wave.peak, wave.duration) == (pytest.approx(2.0, rel=1e-5), pytest.approx(0.6))
     assert_allclose(wave.velocity[-1], 0.0, atol=1e-12)
     bump = half_sine(amplitude=3.0, width=0.2, rest=0.3)
-    # A half wave of width b leaves the velocity 2 a b / pi; straight pieces cut it by (pi dt / b)^2 / 12.
+    # A half sine of width b gives the velocity 2 a b / pi; linear interpolation reduces it by (pi dt / b)^2 / 12.
     assert bump.velocity[-1] == pytest.approx(2.0 * 3.0 * 0.2 / np.pi, rel=3e-5)
     assert bump.duration == pytest.approx(0.5)
     pulse = ricker(amplitude=4.0, frequency=2.0)
     assert pulse.peak == pytest.approx(4.0, rel=1e-12)
-    # Cut three half periods from its middle, u = (1.5 pi)^2: what is missing is of the order exp(-22).
+    # Truncated three half periods from the middle, u = (1.5 pi)^2: the missing part is of the order exp(-22).
     assert abs(pulse.velocity[-1]) < 1e-8
     assert abs(pulse.displacement[-1]) < 1e-8
 

@@ -1,4 +1,4 @@
-"""The observation model does to a force what a rig does, and refuses what none does."""
+"""The observation model applies the effects of a rig to a force, and refuses impossible settings."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ INSIDE = slice(1000, 3000)
 
 
 def amplitude_and_phase(signal: np.ndarray) -> tuple[float, float]:
-    """Of the component at `FREQUENCY`, over whole periods."""
+    """Amplitude and phase of the component at `FREQUENCY`, over whole periods."""
     phase = 2.0 * np.pi * FREQUENCY * TIME[INSIDE]
     component = 2.0 * np.mean(signal[INSIDE] * np.exp(-1j * phase))
     return float(abs(component)), float(np.angle(component) + np.pi / 2)
@@ -28,7 +28,7 @@ def test_nothing_done_is_the_same_array() -> None:
 
 @pytest.mark.parametrize("window", [0.05, 0.0503, 0.3])
 def test_an_average_weakens_a_sine_by_its_transfer_function(window: float) -> None:
-    # Linear interpolation between samples weakens it by (omega dt)^2 / 12 = 1.3e-5 more.
+    # Linear interpolation between samples reduces it by a further (omega dt)^2 / 12 = 1.3e-5.
     amplitude, phase = amplitude_and_phase(Observation(average_seconds=window).observe(SINE, DT))
     assert amplitude == pytest.approx(abs(np.sinc(FREQUENCY * window)), abs=3e-5)
     assert phase == pytest.approx(0.0, abs=1e-9)

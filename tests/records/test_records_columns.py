@@ -1,4 +1,4 @@
-"""Columns and file names say what they hold, or are asked to."""
+"""Columns and file names are understood, or refused with the way to state their meaning."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mrwork.records.command import nominal_from_name
 
 
 def renamed(tmp_path: Path, old: str, *new: str) -> Path:
-    """The clean test with one column renamed, or written several times."""
+    """The clean test with one column renamed, or duplicated."""
     columns = clean_columns()
     samples = columns.pop(old)
     return write_text(tmp_path / "rig.csv", {**columns, **dict.fromkeys(new, samples)})

@@ -1,4 +1,4 @@
-"""Each defect put into a clean record is found with its size; the clean record raises no alarm."""
+"""Each defect added to a clean record is detected with its size; the clean record has no finding."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from mrwork.records.motion import whole_cycles
 from mrwork.simulate import Loading, simulate_force
 from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test
 
-# Models whose hysteresis follows the displacement have a corner at the turns; the other has none.
+# Models with displacement hysteresis have a corner at motion reversals; the other has none.
 CORNERED = ("bouc_wen", "normalised_bouc_wen")
 SMOOTH = "static_hysteretic"
 
@@ -77,7 +77,7 @@ def test_a_delay_of_the_force_is_found(model: str, frequency: float, share: floa
     found = force_delay(test)
     assert found is not None
     assert found.standard_error is not None
-    # 0.1 % of a period is the step of the search and so the least standard error; the bound is three of them.
+    # 0.1 % of a period is the step of the search and hence the least standard error; the bound is three times that.
     assert abs(found.value - delay) < 3.0 * found.standard_error
     assert found.standard_error < 4e-3 / frequency
     (finding,) = delay_finding(test)
@@ -111,8 +111,8 @@ def test_a_smoothed_record_tells_no_delay() -> None:
 @pytest.mark.parametrize("model", [*CORNERED, SMOOTH])
 @pytest.mark.parametrize("share", [0.5, 1.0])
 def test_a_mass_is_bounded_from_below(model: str, share: float) -> None:
-    # In phase with the acceleration a damper has its springs and its hysteresis, against the mass; no more than that
-    # may be missing from the estimate.
+    # Springs and hysteresis of a damper act in opposite phase to the mass; the estimate may be low by no more than
+    # that.
     frequency, amplitude = 4.0, 0.01
     test = simulated(model, frequency=frequency, amplitude=amplitude)
     acceleration = -((2.0 * np.pi * frequency) ** 2) * test.displacement
@@ -122,7 +122,7 @@ def test_a_mass_is_bounded_from_below(model: str, share: float) -> None:
     loaded = replace(test, force=test.force + share * 0.5 * np.ptp(test.force) * inertia)
     found = moving_mass(loaded)
     assert found is not None
-    # The 1 % is for cycles that are not whole to the sample, and for the first, from rest.
+    # The 1 % allows for cycles that are not a whole number of samples, and for the first cycle, from rest.
     assert found.value == pytest.approx(mass - elastic, rel=0.02)
     assert 0.0 < found.value < mass
 
@@ -143,7 +143,7 @@ def test_a_force_that_sticks_at_rest_is_measured() -> None:
 
     found = breakaway_overshoot(built(peak))
     assert found is not None
-    # Noise of 2 N: at its largest among 1200 samples, 7 N, and twice on the peak itself; 1 N of mean over the travel.
+    # Noise of 2 N: 7 N at most among 1200 samples, twice that at the peak, and 1 N in the mean over the travel.
     assert found.value == pytest.approx(150.0, abs=12.0)
     assert "breakaway" in _codes(built(peak).findings)
     assert "breakaway" not in _codes(built(np.zeros_like(time)).findings)
@@ -155,7 +155,7 @@ def test_a_channel_that_ran_out_of_range_is_told(limit: float) -> None:
         2000
     )
     cut = np.clip(sine, -1.0, limit)
-    # Of a cycle, the part above the limit.
+    # Fraction of a cycle above the limit.
     assert clipped_share(cut) == pytest.approx(np.arccos(limit) / np.pi, abs=0.01)
 
 
@@ -179,8 +179,8 @@ def test_a_drift_of_the_loop_is_measured(change: float) -> None:
     assert found is not None
     n_cycles = len(whole_cycles(test.displacement))
     expected = (1.0 + change) ** ((n_cycles - 1) / 12.0) - 1.0
-    # Noise of 0.3 % averages to 1e-4 in a cycle of 500 samples; the mean over the travel of a drifting force is
-    # not quite its offset.
+    # Noise of 0.3 % averages to 1e-4 in a cycle of 500 samples; for a drifting force, the mean over the travel differs
+    # slightly from its offset.
     assert found.value == pytest.approx(expected, abs=0.003)
     assert len(drift_finding(test)) == 1
 

@@ -1,4 +1,4 @@
-"""The checks speak when something is wrong, repair what they safely can, and are silent otherwise."""
+"""The checks report defects, repair what is safe to repair, and report nothing otherwise."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_jitter_is_resampled_onto_the_true_motion() -> None:
     test = built({"t_s": time, "displacement_m": displacement, "force_n": force})
     assert "cubic spline" in message(test, "resampled")
     assert severity(test, "resampled") == "note"
-    # A cubic spline errs by 5/384 h^4 of the fourth derivative, h the longest step, and more at the ends.
+    # The error of a cubic spline is 5/384 h^4 of the fourth derivative, h the longest step, and larger at the ends.
     bound = 20.0 * 5.0 / 384.0 * (OMEGA * np.diff(time).max()) ** 4 * AMPLITUDE
     assert np.max(np.abs(test.displacement - AMPLITUDE * np.sin(OMEGA * test.time))) < bound
     assert (test.time[0], test.time[-1]) == (time[0], pytest.approx(time[-1], abs=1e-12))
@@ -165,7 +165,7 @@ def test_a_missing_velocity_is_derived_accurately() -> None:
     assert "11 samples (55 ms)" in message(test, "velocity_derived")
     exact = clean_columns()["velocity_mps"]
     inside = slice(6, -6)
-    # The window is chosen for a bias of 1e-4 at the band's edge.
+    # The window is chosen for a bias of 1e-4 at the band edge.
     assert np.max(np.abs(test.velocity - exact)[inside]) < 1e-4 * np.abs(exact).max()
 
 
@@ -175,7 +175,7 @@ def test_deriving_beats_differences_on_noisy_displacement() -> None:
     columns["displacement_m"] = columns["displacement_m"] + 2e-5 * rng.standard_normal(400)
     exact = clean_columns()["velocity_mps"]
     error = np.std(built(columns).velocity - exact)
-    # White noise comes through an 11-sample cubic filter at 0.34 times what central differences let through.
+    # An 11-sample cubic filter passes 0.34 times the white noise that central differences pass.
     assert error < 0.4 * np.std(np.gradient(columns["displacement_m"], DT) - exact)
 
 

@@ -1,4 +1,4 @@
-"""The same test reads the same from every format, delimiter and unit."""
+"""The same test gives the same data from every format, delimiter and unit."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ def test_mat_files_read_like_text(tmp_path: Path, version: str, compressed: bool
 
 
 def test_mat_files_of_big_endian_machines_read_like_text(tmp_path: Path) -> None:
-    # SciPy writes only the machine's own order, so these bytes follow the format's description.
+    # SciPy writes only the byte order of the machine, so these bytes follow the format description.
     old, new = b"", b"MATLAB 5.0 MAT-file".ljust(124) + b"\x01\x00MI"
     for name, samples in clean_columns().items():
         items, label = samples.astype(">f8").tobytes(), name.encode()

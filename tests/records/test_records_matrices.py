@@ -1,4 +1,4 @@
-"""Matrices of .mat files: full and sparse, both versions, and damaged ones refused."""
+"""Matrices of .mat files: full and sparse, in both versions; damaged files are refused."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def test_every_cut_of_a_file_with_sparse_matrices_is_refused_in_a_sentence(tmp_p
         except RecordError as error:
             sentences.append(str(error))
         else:
-            # Cut between two variables, the first is whole.
+            # A file cut between two variables still has the first.
             assert all(np.array_equal(matrix, FULL) for matrix in matrices.values())
     assert len(sentences) > 20
     assert all(str(path) in sentence and "\n" not in sentence for sentence in sentences)

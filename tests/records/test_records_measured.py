@@ -1,4 +1,4 @@
-"""Measured records: all are read, their known faults are found, and clean ones raise no alarm."""
+"""Measured records: all are read, their known defects are detected, and clean ones have no finding."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ def test_each_finding_is_where_its_cause_is(utfsm: tuple[DamperTest, ...]) -> No
         code: {test.name for test in utfsm if code in codes(test)}
         for code in ("velocity_late", "moving_average", "loop_drift")
     }
-    # The smoothed files hold backward differences; at 25 mm, 0.1 Hz half a sample is lost in the noise.
+    # The smoothed files contain backward differences; at 25 mm, 0.1 Hz half a sample is below the noise.
     smoothed = {name for name in names if not name.startswith("unfiltered")}
     assert told["velocity_late"] == {name for name in smoothed if not name.startswith("25mm0x1Hz")}
     assert told["moving_average"] == smoothed
-    # Without current the force is small, and settles in the first cycles, in the smoothed files and in their twins.
+    # Without current the force is small and settles in the first cycles, in the smoothed and the original files.
     assert all("0A" in name for name in told["loop_drift"])
     assert {code for test in utfsm for code in codes(test)} == set(told)
 
@@ -50,7 +50,7 @@ def test_labels_of_one_set_are_right_and_two_of_the_other_wrong(
 ) -> None:
     assert mislabelled(utfsm) == ()
     named = {finding.message.partition(": ")[0] for finding in mislabelled(labcontrol)}
-    # At the label of 0.87 V these two dissipate a quarter more than the other eight, which agree within 10 %.
+    # Of the tests labelled 0.87 V, these two dissipate a quarter more than the other eight, which agree within 10 %.
     assert {Path(name).stem for name in named} == {"ensaio9.2", "ensaio10.2"}
 
 
@@ -79,7 +79,7 @@ def test_deriving_the_velocity_agrees_with_the_measured_one(labcontrol: tuple[Da
         derived = build_damper_test(
             name=test.name, time=test.time, displacement=test.displacement, force=test.force
         )
-        # The rig's own derivative is smoothed over a few samples of 10 ms; that is what the bound allows for.
+        # The derivative of the rig is smoothed over a few samples of 10 ms; the bound allows for this.
         assert np.std(derived.velocity - test.velocity) < 0.06 * np.std(test.velocity), test.name
 
 
@@ -91,7 +91,7 @@ def test_the_authors_moving_average_over_a_tenth_of_a_period_is_found(utfsm: tup
             continue
         assert found is not None, test.name
         assert test.frequency is not None
-        # To the sample below: 33 ms is what a tenth of a period of 3 Hz comes to.
+        # Rounded down to samples: a tenth of a period of 3 Hz is 33 ms.
         assert found.window_seconds == pytest.approx(0.1 / test.frequency, abs=test.dt), test.name
         assert found.channels == ("force", "displacement"), test.name
 

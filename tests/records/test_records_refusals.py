@@ -1,4 +1,4 @@
-"""What cannot be a record is refused by one sentence that names the file, the place and the remedy."""
+"""An invalid record is refused by one sentence that names the file, the place and the remedy."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def refusal_of(tmp_path: Path, content: str | bytes, name: str = "rig.csv") -> s
 
 
 def with_line(number: int, text: str) -> str:
-    """A clean file whose line `number`, counted from 1 as an editor does, is replaced."""
+    """A clean file with line `number`, from 1, replaced."""
     lines = lines_of_a_clean_file()
     lines[number - 1] = text
     return "\n".join(lines)

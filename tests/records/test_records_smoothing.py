@@ -1,4 +1,4 @@
-"""A moving average is found with its window; records that passed none raise no alarm."""
+"""A moving average is detected with its window; records without one have no finding."""
 
 from __future__ import annotations
 

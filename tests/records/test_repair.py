@@ -1,4 +1,4 @@
-"""A repair undoes the defect it names, says so, and leaves the record it was given alone."""
+"""A repair removes its defect, is recorded, and does not change the original record."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_a_known_delay_is_shifted_back_and_what_it_lost_is_cut(clean: DamperTest
     kept = slice(0, clean.n_time - lost) if delay > 0.0 else slice(lost, None)
     np.testing.assert_array_equal(repaired.displacement, clean.displacement[kept])
     assert repaired.start_time == pytest.approx(clean.time[kept][0])
-    # A spline of a sine at 400 samples per cycle errs by 1e-9; its ends, extrapolated above, by more.
+    # The error of a spline of a sine with 400 samples per cycle is 1e-9, and more at its extrapolated ends.
     np.testing.assert_allclose(repaired.force[20:-20], noiseless[kept][20:-20], atol=1e-3)
 
 
@@ -60,7 +60,7 @@ def test_a_delay_that_was_seen_is_taken_out(clean: DamperTest) -> None:
     inside = slice(100, repaired.n_time - 100)
     before = np.std((late.force - clean.force)[inside])
     after = np.std((repaired.force - clean.force[: repaired.n_time])[inside])
-    # Half a millisecond of the 6 is left at most, and noise that was interpolated.
+    # At most half a millisecond of the 6 remains, and interpolated noise.
     assert after < 0.2 * before + NOISE_N
 
 
@@ -68,7 +68,7 @@ def test_a_mass_is_taken_out(clean: DamperTest) -> None:
     acceleration = -((5.0 * np.pi) ** 2) * 0.015 * np.sin(5.0 * np.pi * clean.time)
     loaded = replace(clean, force=clean.force + 40.0 * acceleration)
     repaired, _ = repair(loaded, ["mass"], amounts={"mass": 40.0})
-    # 5 um of noise comes through the second derivative over 59 samples at 0.3 m/s^2.
+    # 5 um of noise gives 0.3 m/s^2 in the second derivative over 59 samples.
     assert np.std((repaired.force - clean.force)[50:-50]) < 40.0 * 0.3
 
 
@@ -77,7 +77,7 @@ def test_a_late_velocity_is_derived_anew(clean: DamperTest) -> None:
     repaired, _ = repair(late, ["velocity"])
     assert repaired.velocity_source == "derived"
     exact = 0.015 * 5.0 * np.pi * np.cos(5.0 * np.pi * clean.time)
-    # 5 um of noise through a cubic filter over 59 samples of 1 ms; the record's own velocity has 0.5 mm/s.
+    # 5 um of noise through a cubic filter over 59 samples of 1 ms; the recorded velocity has noise of 0.5 mm/s.
     assert np.std((repaired.velocity - exact)[60:-60]) < 5e-4
 
 
@@ -88,7 +88,7 @@ def test_rest_is_cut_off(clean: DamperTest) -> None:
     }
     repaired, (entry,) = repair(replace(clean, **held), ["rest"])
     assert entry.measured is not None
-    # The motion has gone 1 % of its stroke after another 1.3 ms.
+    # The motion reaches 1 % of its stroke after another 1.3 ms.
     assert entry.measured.value == pytest.approx(0.7, abs=0.003)
     assert repaired.n_time == pytest.approx(clean.n_time, abs=3)
     assert repaired.start_time == pytest.approx(0.7, abs=0.003)

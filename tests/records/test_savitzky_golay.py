@@ -1,4 +1,4 @@
-"""The Savitzky-Golay filter is SciPy's, without its second to load."""
+"""The Savitzky-Golay filter agrees with that of SciPy."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from mrwork.records.motion import savitzky_golay, weights
 @pytest.mark.parametrize("derivative", [0, 1, 2])
 @pytest.mark.parametrize("window", [5, 7, 21, 101, 301])
 def test_it_is_the_filter_of_scipy(window: int, derivative: int) -> None:
-    # 1/300 s makes weights whose halves differ by more than rounding: they are then summed in another order. With the
-    # same LAPACK the bits are the same; another one may move the last digits.
+    # 1/300 s gives weights whose halves differ by more than rounding, and are then summed in another order. The bits
+    # agree with the same LAPACK; another one may change the last digits.
     for step in (1.0, 1e-3, 1.0 / 300.0):
         expected = savgol_coeffs(window, 3, deriv=derivative, delta=step)
         found = weights(window, 3, derivative=derivative, step=step)

@@ -1,4 +1,4 @@
-"""The Rust loop and its twin are one loop: everything kept of a run agrees to rounding."""
+"""The Rust loop and its twin agree to rounding in all results of a run."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from mrwork.twins.loop.laws import (
 from mrwork.twins.loop.plant import LoopDevice, LoopPlant
 from mrwork.twins.loop.run import half_steps, run_loop
 
-# Two thousand steps whose sums are formed in another order, forces with powers good to some ulp; a switch within that
-# of a tie would show as much more.
+# Tolerance for two thousand steps with another order of summation, and powers accurate to some ulp. A switch that
+# close to its threshold would give a much larger difference.
 AGREEMENT = 1e-9
 LARGEST = 2.0
 N_STEPS = 2000
@@ -53,7 +53,7 @@ WEIGHT = np.array([[0.3, -0.1, -1.0, 0.2]])
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """A law in Rust and on the twin, around a damper."""
+    """A control law in Rust and in the twin, with a damper."""
 
     damper: tuple[DamperSpec, list[float]]
     rust: ControlLaw

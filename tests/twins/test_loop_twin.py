@@ -1,4 +1,4 @@
-"""The loop's twin takes the steps it says it takes, and what it keeps of a run adds up."""
+"""The twin of the loop takes the documented steps, and its energies balance."""
 
 from __future__ import annotations
 
@@ -72,13 +72,13 @@ def test_dampers_at_different_storeys_follow_their_own_commands() -> None:
 
 
 def test_halving_the_step_of_a_passive_run_leaves_a_sixteenth_of_the_error() -> None:
-    # A damper without a knee, so that the order shows.
+    # A damper without a knee, so that the order of convergence is visible.
     plain = mr.damper("hyperbolic_tangent_gavin")
     theta = jnp.array([20.0, 0.1, 0.01, 100.0, 20.0, 0.0])
     device = (LoopDevice(spec=plain, theta=theta, row=jnp.eye(2)[0]),)
 
     def peak(n_steps: int) -> Array:
-        # A ramp, so that no sample of the ground falls inside a step.
+        # A ramp, so that no kink of the ground motion is inside a step.
         ground = jnp.asarray(half_steps(np.array([0.0, 5.0]), 0.5, 0.5 / n_steps, n_steps))
         found = run(Passive(jnp.zeros(1)), device, ground=ground, step_time=0.5 / n_steps)
         return jnp.stack([found.kinetic, found.strain, found.energies.entered, *found.energies.devices])
@@ -99,7 +99,7 @@ def test_what_enters_is_stored_or_dissipated() -> None:
 
 
 def test_a_late_command_is_the_same_command_later() -> None:
-    # On as soon as anything moves, so that the second control sample switches, whatever the delay.
+    # On at the first motion, so that the second control sample switches for every delay.
     law = ClippedOptimal(jnp.array([[0.0, 0.0, -1e9, 0.0]]))
     for delay in (1, 4, 6):
         command = np.asarray(histories(law, 40, steps_per_sample=4, delay=delay).command[:, 0])
@@ -121,7 +121,7 @@ def test_the_coil_follows_with_its_lag() -> None:
 
 
 def test_a_belief_about_the_damper_stands_in_for_it() -> None:
-    # Believing in a damper whose force does not depend on the current, the law wants none.
+    # With a believed damper whose force does not depend on the current, the command is zero.
     plant, _ = two_storeys()
     believed = mr.damper("static_hysteretic")
     theta = jnp.asarray(believed.nominal)

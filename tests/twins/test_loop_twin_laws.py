@@ -1,4 +1,4 @@
-"""Laws of the twin: what they command, and that their derivatives are those of differences."""
+"""Laws of the twin: commands, and derivatives that agree with finite differences."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def test_clipped_optimal_is_on_where_more_is_wanted_of_what_it_gives(
 
 @pytest.mark.parametrize("velocity", [-0.3, 0.3])
 def test_lyapunov_laws_command_where_the_damper_takes_from_the_measure(velocity: float) -> None:
-    # B pulls back, so sigma = s'P B opposes the velocity, and a force along it takes.
+    # B has the sign of a resisting force, so sigma = s'P B opposes the velocity, and a force along it dissipates.
     weight = jnp.array([[0.0], [-1.0]])
     for force in (-3.0, 3.0):
         command = LyapunovBangBang(weight).command(measured([0.0, velocity], force))
@@ -71,7 +71,7 @@ def test_a_narrow_switch_is_the_one_of_the_paper() -> None:
 
 
 def roughness(law: Any) -> Array:
-    """A criterion of a run of 1.2 s, smooth but for where the command leaves its range."""
+    """A criterion of a run of 1.2 s, smooth except where the command reaches its limits."""
     plant, devices = two_storeys()
     result = run_loop(
         plant,
@@ -128,5 +128,5 @@ def test_memory_of_a_derivative_grows_as_the_root_of_the_record() -> None:
         compiled = jax.jit(jax.grad(criterion)).lower(jnp.ones((1, 4))).compile()
         return int(compiled.memory_analysis().temp_size_in_bytes)
 
-    # Four times as much for a record sixteen times as long, but for the table of the ground, which is small.
+    # Four times the memory for a record sixteen times as long, apart from the small table of the ground motion.
     assert bytes_of(6400) / 6400 < 0.5 * bytes_of(400) / 400

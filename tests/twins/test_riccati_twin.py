@@ -1,4 +1,4 @@
-"""Lyapunov and Riccati equations of the twin agree with SciPy's, and so do their derivatives with differences."""
+"""Lyapunov and Riccati solutions of the twin agree with SciPy, and their derivatives with finite differences."""
 
 from __future__ import annotations
 
