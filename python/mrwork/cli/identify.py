@@ -200,14 +200,14 @@ def _with_laws(plain: DamperSpec, tests: tuple[DamperTest, ...], options: argpar
 def _search(options: argparse.Namespace) -> Search | None:
     """The search that the command line gives; `None` selects the default of the model."""
     sized = options.population is not None or options.generations is not None
-    if options.search == "multistart" and (sized or options.law):
-        raise SettingError(
-            "--search multistart takes neither --population, --generations nor --law; leave them or --search out"
-        )
     if options.search is None and not sized:
         return None
     search = search_named(options.search or "genetic")
     if isinstance(search, Multistart):
+        if sized or options.law:
+            raise SettingError(
+                "--search multistart takes neither --population, --generations nor --law; leave them or --search out"
+            )
         return search
     # The protocol does not say so, but every search of the registry is a dataclass.
     settings: Any = search

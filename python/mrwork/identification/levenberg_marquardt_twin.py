@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
-from mrwork.identification.nuisance import NuisanceName
+from mrwork.identification.nuisance import NuisanceName, columns_of, scaled
 from mrwork.identification.objective import Objective
 from mrwork.simulate import loading_of
 from mrwork.twins._base import keep_compiled, simulate
@@ -37,7 +37,7 @@ class RecordArrays(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwinResiduals:
-    """What residuals follow from beside parameters and arrays; two that are equal share what was compiled.
+    """Static inputs of the residuals; equal values share one compilation.
 
     `n_settle` are the samples of each test that do not count.
     """
@@ -49,12 +49,12 @@ class TwinResiduals:
 
     @classmethod
     def of(cls, objective: Objective) -> TwinResiduals:
-        """Those of `objective.residuals`.
+        """The residuals of `objective.residuals` on the twin.
 
         Raises
         ------
         SettingError
-            Where a test has an observation model: the twin has none.
+            Where a test has an observation model, which the twin does not have.
         """
         objective.refuse_observation()
         return cls(
@@ -76,7 +76,7 @@ class TwinResiduals:
             factors = (jnp.sqrt(squared) / misfit) ** (self.power / 2.0 - 1.0)
             parts = [factor * part for factor, part in zip(factors, parts, strict=True)]
         residuals = jnp.concatenate(parts)
-        # A step into the unstable is then a bad step, to be taken back, and not the end of the arithmetic.
+        # A step to unstable parameters is then rejected as one that does not lower the misfit.
         return jnp.where(jnp.isfinite(residuals), residuals, 1.0)
 
     def _forces(self, theta: jax.Array, tests: tuple[RecordArrays, ...]) -> list[jax.Array]:
@@ -96,7 +96,7 @@ class TwinResiduals:
 
 
 def arrays_of(objective: Objective, substeps: tuple[int, ...]) -> tuple[RecordArrays, ...]:
-    """What the tests of an objective give the twin, with so many sub-steps each."""
+    """The tests of an objective as arrays for the twin, with these numbers of sub-steps."""
     entries = []
     for each, count in zip(objective.compared, substeps, strict=True):
         command = loading_of(each.test, objective.spec).command
@@ -113,31 +113,24 @@ def arrays_of(objective: Objective, substeps: tuple[int, ...]) -> tuple[RecordAr
 
 
 def _lengthened(motion: jax.Array, n_steps: int) -> jax.Array:
-    """A motion, (n, n_stages, 2), that stays where it ended; what comes of it there is cut off."""
+    """A motion, (n, n_stages, 2), extended by its last point; the forces there are discarded."""
     end = jnp.broadcast_to(motion[-1, -1], (n_steps - len(motion), *motion.shape[1:]))
     return jnp.concatenate([motion, end])
 
 
 def _without_nuisance(force: jax.Array, residuals: jax.Array, names: tuple[NuisanceName, ...]) -> jax.Array:
-    """Residuals (n_counted,) once the nuisance parameters are at their best; see `nuisance.without_nuisance`."""
+    """Residuals (n_counted,) with the nuisance parameters at their best values, as `nuisance.without_nuisance`."""
     if not names:
         return residuals
-    columns = jnp.stack([_column(name, force) for name in names])
-    unit = columns / jnp.maximum(jnp.linalg.norm(columns, axis=-1, keepdims=True), np.finfo(float).tiny)
+    unit: jax.Array = scaled(columns_of(force, names))[0]
     return residuals - (jnp.linalg.pinv(unit @ unit.T) @ (unit @ residuals)) @ unit
 
 
-def _column(name: NuisanceName, force: jax.Array) -> jax.Array:
-    if name == "offset":
-        return jnp.ones_like(force)
-    return force if name == "level" else jnp.asarray(jnp.gradient(force))
-
-
-# A descent has arrived when this many steps together lower the squared misfit by less than this share.
+# A descent has converged when this many steps together lower the squared misfit by less than this share.
 _PATIENCE = 6
 _TOLERANCE = 1e-8
 _MAX_STEPS = 120
-# A solution that asks for other sub-steps than its descent had is descended again with what it asks for.
+# A minimum that needs other sub-steps than its descent used is fitted again with these.
 _ROUNDS = 3
 
 OnStep = Callable[[int, float], None]
@@ -146,7 +139,7 @@ _Data = tuple[RecordArrays, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refined:
-    """A local minimum: parameters (n_params,), misfit, steps taken, whether the descent arrived."""
+    """A local minimum: parameters (n_params,), misfit, steps taken, whether the descent converged."""
 
     theta: NDArray[np.float64]
     misfit: float
@@ -159,8 +152,8 @@ def refine(
 ) -> Refined:
     """Descend from `start`, shape (n_params,), to a minimum of the misfit.
 
-    The misfit is judged by the Rust core with the sub-steps that its stiffness bound asks for, so a minimum
-    never rests on too coarse a step of the twin.
+    The Rust core evaluates the misfit of the result with the sub-steps that its stiffness bound requires, so the
+    minimum does not depend on too coarse a step of the twin.
 
     Parameters
     ----------
@@ -176,7 +169,7 @@ def _refined(objective: Objective, box: Box, start: NDArray[np.float64], on_step
     for _ in range(_ROUNDS):
         substeps = _substeps(objective, refined.theta)
         refined = _descend(objective, box, refined, substeps, on_step)
-        # Fewer would do as well, but move the minimum: it is to be that of the lanes.
+        # Fewer sub-steps would suffice but change the minimum, which is to be that of the lanes.
         if refined.converged and _substeps(objective, refined.theta) == substeps:
             break
     return refined
@@ -185,7 +178,7 @@ def _refined(objective: Objective, box: Box, start: NDArray[np.float64], on_step
 def _descend(
     objective: Objective, box: Box, start: Refined, substeps: tuple[int, ...], on_step: OnStep | None
 ) -> Refined:
-    """One descent with fixed sub-steps; never returns anything worse than its start."""
+    """One descent with fixed sub-steps; the result is not worse than the start."""
     descent = _descent(TwinResiduals.of(objective), box)
     data = arrays_of(objective, substeps)
     latent = jnp.asarray(box.latent_from_theta(box.inside(start.theta)))
@@ -214,7 +207,7 @@ def _substeps(objective: Objective, theta: NDArray[np.float64]) -> tuple[int, ..
 
 
 class _Descent(NamedTuple):
-    """A compiled Levenberg-Marquardt method for one model, box and shape of the data: the same for other data of it."""
+    """A Levenberg-Marquardt method compiled for one model, box and shape of the data."""
 
     scale: Callable[[jax.Array, _Data], jax.Array]
     init: Callable[[jax.Array, Any], Any]
@@ -234,8 +227,8 @@ def _descent(twin: TwinResiduals, box: Box) -> _Descent:
 
     @eqx.filter_jit
     def scale(latent: jax.Array, data: _Data) -> jax.Array:
-        # Latent coordinates of unit sensitivity, as in Marquardt's own scaling: a stiffness that may span
-        # a billion and an exponent between 1 and 6 then take steps of like effect.
+        # Latent coordinates of unit sensitivity, as in Marquardt's scaling: parameters with ranges of very different
+        # width then take steps of similar effect.
         args = (latent, jnp.ones_like(latent), data)
         sensitivity = jax.jacfwd(lambda position: residuals(position, args)[0])(jnp.zeros_like(latent))
         norm = jnp.linalg.norm(sensitivity, axis=0)

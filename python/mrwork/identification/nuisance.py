@@ -1,9 +1,9 @@
-"""What may differ from test to test without being the damper's: offset, level and delay of the force channel."""
+"""Nuisance parameters of each test: offset, level and delay of its force channel."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,7 +41,7 @@ NONE = Nuisance()
 
 
 def offsets_left_to(names: tuple[NuisanceName, ...], spec: DamperSpec) -> dict[str, tuple[float, float]]:
-    """Bounds that hold at zero what offsets the force of a model, where each test has an offset of its own."""
+    """Bounds that hold the model's own force offset at zero, where each test has an offset of its own."""
     if "offset" not in names:
         return {}
     shifts = {each.name for each in spec.plain if each.scale == "offset" and each.unit in ("N", "m")}
@@ -51,10 +51,9 @@ def offsets_left_to(names: tuple[NuisanceName, ...], spec: DamperSpec) -> dict[s
 def without_nuisance(
     force: NDArray[np.float64], measured: NDArray[np.float64], names: tuple[NuisanceName, ...]
 ) -> NDArray[np.float64]:
-    """Residuals [N] of `force`, shape (n_batch, n_time), once the nuisance parameters are at their best.
+    """Residuals [N] of `force`, shape (n_batch, n_time), with the nuisance parameters at their least-squares values.
 
-    They are linear (the delay to first order), so the best ones follow in closed form for each row and no search
-    has to look for them.
+    The residuals are linear in them (in the delay to first order), so they follow in closed form for each row.
     """
     residuals = force - measured
     if names:
@@ -71,11 +70,11 @@ def linearised_without_nuisance(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """The same with derivatives, from those of the force, shape (n_batch, n_params, n_time).
 
-    Residuals are r = y - C c with c = C^+ y, and the columns C follow the force too, but for the offset's. So
+    Residuals are r = y - C c with c = C^+ y, and the columns C, except that of the offset, depend on the force. So
 
         dr = P (dy - dC c) - (C^+)' dC' r,  P = 1 - C C^+
 
-    (Golub, Pereyra, SIAM J. Numer. Anal. 10, 1973, 413-432); exact, the delay being a column like the others.
+    (Golub, Pereyra, SIAM J. Numer. Anal. 10, 1973, 413-432).
     """
     residuals = force - measured
     if not names:
@@ -88,19 +87,18 @@ def linearised_without_nuisance(
     derivative = np.empty_like(slope)
     for row in range(len(force)):
         own = columns[:, row]
-        # Rows of the pseudo-inverse, in columns of unit length as in `_best`.
-        length = np.maximum(np.linalg.norm(own, axis=-1), np.finfo(float).tiny)
-        unit = own / length[:, None]
+        unit, length = scaled(own)
+        # Rows of the pseudo-inverse of the scaled columns.
         inverse = np.linalg.pinv(unit @ unit.T) @ unit
-        seen = moved[row] - (moved[row] @ inverse.T) @ unit
-        derivative[row] = seen - (along[:, row] / length[:, None]).T @ inverse
+        projected = moved[row] - (moved[row] @ inverse.T) @ unit
+        derivative[row] = projected - (along[:, row] / length[:, None]).T @ inverse
     return residuals, derivative
 
 
 def nuisance_of(
     force: NDArray[np.float64], measured: NDArray[np.float64], dt: float, names: tuple[NuisanceName, ...]
 ) -> Nuisance:
-    """The best nuisance parameters for one `force` [N], shape (n_time,)."""
+    """Least-squares nuisance parameters for one `force` [N], shape (n_time,)."""
     if not names:
         return NONE
     coefficients, _ = _best(force[None], (force - measured)[None], names)
@@ -116,22 +114,39 @@ def _best(
     force: NDArray[np.float64], residuals: NDArray[np.float64], names: tuple[NuisanceName, ...]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Least-squares coefficients, shape (n_names, n_batch), of the columns, (n_names, n_batch, n_time)."""
-    columns = np.stack([_column(name, force) for name in names])
-    # In columns of unit length: a force of 1e3 N and its slope per sample differ by far.
-    length = np.maximum(np.linalg.norm(columns, axis=-1), np.finfo(float).tiny)
-    unit = columns / length[..., None]
+    columns = columns_of(force, names)
+    unit, length = scaled(columns)
     gram = np.einsum("jbt,kbt->bjk", unit, unit)
     right = np.einsum("jbt,bt->bj", unit, residuals)
     return (np.linalg.pinv(gram) @ right[..., None])[..., 0].T / length, columns
 
 
-def _column(name: NuisanceName, force: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What the residuals change by, to first order, with each nuisance parameter."""
+def columns_of(force: Any, names: tuple[NuisanceName, ...]) -> Any:
+    """Derivative of the residuals by each nuisance parameter, shape (n_names, ..., n_time).
+
+    `force`, (..., n_time), is an array of NumPy or, on the twin, of JAX; so is the result.
+    """
+    return force.__array_namespace__().stack([_column(name, force) for name in names])
+
+
+def scaled(columns: Any) -> tuple[Any, Any]:
+    """Columns of unit length, and their lengths, shape (n_names, ...).
+
+    Without the scaling the normal equations are ill-conditioned: a force of 1e3 N exceeds its slope per sample by far.
+    """
+    xp = columns.__array_namespace__()
+    length = xp.maximum(xp.linalg.norm(columns, axis=-1), np.finfo(float).tiny)
+    return columns / length[..., None], length
+
+
+def _column(name: NuisanceName, force: Any) -> Any:
+    """Derivative of the residuals by one nuisance parameter, to first order."""
+    xp = force.__array_namespace__()
     if name == "offset":
-        return np.ones_like(force)
-    return force if name == "level" else np.gradient(force, axis=-1)
+        return xp.ones_like(force)
+    return force if name == "level" else xp.gradient(force, axis=-1)
 
 
 def _slope(name: NuisanceName, slope: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Derivative of the column."""
-    return np.zeros_like(slope) if name == "offset" else _column(name, slope)
+    """Derivative of the column by the parameters of the model, from that of the force."""
+    return np.zeros_like(slope) if name == "offset" else np.asarray(_column(name, slope))

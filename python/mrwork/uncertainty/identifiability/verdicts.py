@@ -36,12 +36,12 @@ def identifiability_of(
     box = Box.of(spec).with_bounds(problem.settings.bounds)
     held = {each.name for each in fit.estimates if each.remark == "fixed"}
     objective = problem.objective.on(spec, problem.objective.tests)
-    residuals = objective.residuals(theta[None])[0]
     interior = [index for index in box.free if remark_of(box, index, theta[index]) == ""]
     inside = box.with_bounds({name: (value, value) for name, value in _on_bound(box, theta, interior)})
     if problem.form.spec == spec:
-        jacobian = _jacobian(objective, inside, theta)
+        residuals, jacobian = _linearised(objective, inside, theta)
     else:
+        residuals = objective.residuals(theta[None])[0]
         jacobian = _through(problem, theta)[:, interior]
     scale = Scale.of(spec, box, objective.tests, theta)
     # Signed, so that the magnitude of a negative value increases, and products and ratios keep their form.
@@ -73,19 +73,20 @@ def identifiability_of(
     return replace(found, verdicts=tuple(verdicts))
 
 
-def _jacobian(objective: Objective, box: Box, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Derivative of the residuals with respect to the free parameters of a box, shape (n_residuals, n_free)."""
-    _, jacobian = linearised(objective, theta[None], box.free)
-    return np.asarray(jacobian[0].T)
+def _linearised(
+    objective: Objective, box: Box, theta: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Residuals (n_residuals,), and their derivative by the free parameters of a box, (n_residuals, n_free)."""
+    residuals, jacobian = linearised(objective, theta[None], box.free)
+    return residuals[0], np.asarray(jacobian[0].T)
 
 
 def _through(problem: Problem, theta: NDArray[np.float64]) -> NDArray[np.float64]:
     """Derivative for a model with redundant parameters, by the chain rule through its identifiable form."""
     form = problem.form
     mapped = form.forth.jacobian(theta)
-    return np.asarray(
-        _jacobian(problem.objective, form.box, problem.inside(theta)) @ mapped[list(form.box.free)]
-    )
+    _, jacobian = _linearised(problem.objective, form.box, problem.inside(theta))
+    return np.asarray(jacobian @ mapped[list(form.box.free)])
 
 
 def _on_bound(box: Box, theta: NDArray[np.float64], interior: Sequence[int]) -> list[tuple[str, float]]:
