@@ -1,4 +1,4 @@
-"""What verbs that identify have in common: where a run goes, how it is written, what is said of it."""
+"""Run folder, summary and text of an identification, for the verbs that identify."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def stem_of(tests: tuple[DamperTest, ...]) -> str:
-    """The beginning of a run directory's name."""
+    """First part of the name of a run folder."""
     first = tests[0].name.replace(" ", "_").replace(os.sep, "_")
     return first if len(tests) == 1 else f"{first}-and-{len(tests) - 1}-more"
 
@@ -33,7 +33,7 @@ def with_command(fit: Fit, reading: Reading) -> Fit:
 
 
 def with_identifiability(fit: Fit, tests: tuple[DamperTest, ...], *, threads: int) -> Fit:
-    """The fit with what its tests say of each parameter."""
+    """The fit with the identifiability of its parameters."""
     # SciPy's optimisers are slow to load.
     from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
@@ -94,7 +94,7 @@ _INTERRUPTED = (
 
 
 def summary_of(fit: Fit, place: Path) -> dict[str, Any]:
-    """A fit, for --json."""
+    """Summary of a fit, for --json."""
     return {
         "model": fit.model,
         "parameters": {
@@ -128,7 +128,7 @@ def summary_of(fit: Fit, place: Path) -> dict[str, Any]:
 
 
 def text_of(fit: Fit, tests: tuple[DamperTest, ...], place: Path) -> str:
-    """A fit, for people."""
+    """Summary of a fit, as text."""
     status = fit.status.replace("_", " ")
     lines = [
         f"{damper(fit.model).title}, {status} after {fit.evaluations} simulations, {fit.seconds:.1f} s",

@@ -1,4 +1,4 @@
-"""Models that are identified in an equivalent form without redundant parameters, and mapped back exactly."""
+"""Equivalent forms without redundant parameters, in which some models are identified, with exact conversions."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from mrwork.errors import SettingError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Form:
-    """The model that is searched, its bounds, the conversions to and from the model asked for, what is held fixed.
+    """The model that is searched, its bounds, the conversions from and to the model asked for, parameters held fixed.
 
-    `mirrored` parameters can change sign together with little effect: an offset -k x0 can be made by either
-    sign of a small k, but a descent cannot cross k = 0, where x0 is infinite.
+    `mirrored` parameters can change sign together with little effect: a small k of either sign gives the same offset
+    -k x0, but a descent cannot cross k = 0, where x0 is infinite.
     """
 
     spec: DamperSpec
@@ -42,14 +42,13 @@ class Form:
 def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]]) -> Form:
     """Return the form in which a model is identified, with the user's bounds.
 
-    A Spencer form of Bouc-Wen is searched as its normalised one: its alpha, gamma, beta and A share one freedom
-    of scale, so no search or standard error could settle them. A is held at the fixed value asked for,
-    or at its nominal one.
+    A Spencer form of Bouc-Wen is searched in its normalised form: alpha, gamma, beta and A are determined only up to
+    a common scale. A is held at the fixed value of the bounds, or at its nominal one.
 
     Raises
     ------
     SettingError
-        Where a bound is impossible, or cannot be translated into that form.
+        Where a bound is impossible, or cannot be converted to that form.
     """
     equivalent = _EQUIVALENTS.get(spec.name)
     if equivalent is not None and spec.current is not None:

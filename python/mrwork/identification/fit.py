@@ -15,7 +15,7 @@ from mrwork.identification.settings import FitSettings, Reading
 from mrwork.records import AS_IT_IS, Observation
 from mrwork.summary import Summarised, Summary, listed, rounded
 
-# Key of the record of settings; of the command line, beside those of `FitSettings`.
+# Key of the record of settings that the command line adds to those of `FitSettings`.
 _READING = "reading"
 
 FitStatus = Literal["converged", "not_converged", "interrupted", "stopped"]
@@ -25,8 +25,8 @@ FitStatus = Literal["converged", "not_converged", "interrupted", "stopped"]
 class Estimate:
     """One parameter of a fit, in SI.
 
-    `standard_error` comes from the Jacobian under independent residuals; it is `None` where the
-    data cannot tell the parameter from others, where it was held fixed, or where it lies on a bound.
+    `standard_error` follows from the Jacobian and assumes independent residuals; it is `None` where the parameter is
+    not identifiable, was held fixed, or lies on a bound.
     """
 
     name: str
@@ -49,10 +49,10 @@ class ErrorNorms:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitQuality:
-    """How a free-run simulation compares with one measured test, over the `n_time` samples that count.
+    """Error of a free-run simulation on one measured test, over the `n_time` samples that count.
 
-    The first `settle_seconds` are simulated but not compared, see `DamperTest`. The simulated force was observed
-    and relieved of nuisance parameters as said here.
+    The first `settle_seconds` are simulated but not compared, see `DamperTest`. The `observation` model and the
+    `nuisance` parameters were applied to the simulated force.
     """
 
     test: str
@@ -72,8 +72,7 @@ class FitQuality:
 class SearchTrace:
     """One entry per generation: simulations so far, least and median misfit (NRMSE) of the population.
 
-    Where descents were searched with, an entry is one iteration of those under way, and `ends` are the misfits at which
-    they ended, best first.
+    For `Multistart` an entry is one iteration of all running descents, and `ends` are their final misfits, best first.
     """
 
     evaluations: tuple[int, ...]
@@ -85,10 +84,10 @@ class SearchTrace:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance:
-    """What it takes to get the same numbers again.
+    """Versions, inputs and settings that reproduce the same numbers.
 
-    `settings` is a record for JSON: of a fit, what `Fit.settings` reads, the windows of the tests, and what the command
-    line adds.
+    `settings` is a record for JSON: for a fit, the fields of `FitSettings`, the windows of the tests, and the entries
+    of `Fit.with_command`.
     """
 
     versions: dict[str, str]
@@ -103,9 +102,9 @@ class Provenance:
 class Fit(Summarised):
     """An identified damper: estimates in the order of the model's spec, quality per test, provenance.
 
-    `evaluations` counts simulated candidates, those of the search and of the screening that follows it;
-    `refinement_steps` counts those of the last descent, one simulation with its derivatives each. `identifiability` is
-    what `uncertainty.identifiability_of` made of it, `None` where nobody asked. `forces` are those of the free
+    `evaluations` counts the simulated candidates of the search and of the selection of starting points;
+    `refinement_steps` counts those of the final fit, one simulation with its derivatives each. `identifiability` is
+    the result of `uncertainty.identifiability_of`, `None` where it was not computed. `forces` are those of the free
     runs, one for each test, [N], shape (n_time,); a fit that was read from its file has none.
     """
 
@@ -147,8 +146,8 @@ class Fit(Summarised):
         RecordError
             Where their record cannot be read.
         """
-        apart = {"nuisances": self.nuisances, "rng": self.provenance.rng}
-        return FitSettings.of_record(self.provenance.settings | apart)
+        separate = {"nuisances": self.nuisances, "rng": self.provenance.rng}
+        return FitSettings.of_record(self.provenance.settings | separate)
 
     def reading(self, *, origin: str = "this fit") -> Reading:
         """How its tests were read from their files; `origin` names the fit in messages.
@@ -171,7 +170,7 @@ class Fit(Summarised):
         return tuple(estimate.value for estimate in self.estimates)
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain nested dictionaries and lists, ready for JSON; without the forces, which follow from the rest."""
+        """Nested dictionaries and lists for JSON, without the forces, which can be simulated again."""
         document = asdict(replace(self, forces=()))
         del document["forces"]
         return document
@@ -216,10 +215,9 @@ _IN_SHORT: dict[VerdictName, str] = {"identifiable": "yes", "weakly": "weakly", 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """Whether the data settle one parameter, and why not.
+    """Identifiability of one parameter, with the reason.
 
-    `standard_error` is in the parameter's unit, for as many samples as the residuals are worth; `None` where there is
-    none.
+    `standard_error` is in the parameter's unit, for the effective number of samples; `None` where there is none.
     """
 
     name: str
@@ -230,7 +228,7 @@ class Verdict:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
-    """How far one parameter goes along a direction: percent of its value, or of its range where `of_range`."""
+    """Component of a direction along one parameter: percent of its value, or of its range where `of_range`."""
 
     name: str
     percent: float
@@ -245,9 +243,9 @@ class Change:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Direction:
-    """Changes of several parameters at once that the data hardly see, or not at all where not `seen`.
+    """A combined change of parameters with little effect on the residuals, or none where not `seen`.
 
-    `effect` is the root mean square of what they change of the force, per standard deviation of the force.
+    `effect` is the root mean square of the resulting change of force, per standard deviation of the force.
     """
 
     changes: tuple[Change, ...]
@@ -258,9 +256,9 @@ class Direction:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Identifiability(Summarised):
-    """A verdict for each free parameter, and the directions that the data do not see or see weakly.
+    """A verdict for each free parameter, and the directions that the data determine weakly or not at all.
 
-    `n_effective` is what the `n_time` samples are worth, as their residuals are correlated.
+    `n_effective` is the effective number of samples; it is below `n_time` where residuals are correlated.
     """
 
     verdicts: tuple[Verdict, ...]

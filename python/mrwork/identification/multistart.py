@@ -1,8 +1,9 @@
-"""The default search of a plain model: descents from the best of many starts, until the best find is found again.
+"""Multistart least squares, the default search of a plain model.
 
-Where the misfit is smooth, as that of a hysteresis model is but for a few kinks, a descent of two hundred simulations
-ends in a minimum that a population of thousands only comes near. What it lacks is knowing whether its minimum is the
-lowest; so several start at once, and more follow until the lowest has been reached more than once.
+Levenberg-Marquardt descents run from the best of many samples, round after round, until several of them have reached
+the lowest minimum. The misfit of a hysteresis model is smooth except for a few kinks, so a descent of two hundred
+simulations reaches a minimum that a population-based search only approaches in thousands. Repeated descents are needed
+to tell whether that minimum is the lowest.
 """
 
 from __future__ import annotations
@@ -20,8 +21,10 @@ from mrwork.identification.levenberg_marquardt import Minima, descend_all
 from mrwork.identification.objective import Objective
 from mrwork.search.unit_cube import Streams, latin_hypercube
 
+# A second minimum is fitted too if its misfit is larger by this share at most, and a unit coordinate differs by more
+# than `_DISTANT`.
 _CLOSE = 0.01
-_ELSEWHERE = 0.05
+_DISTANT = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,17 +34,17 @@ class Multistart:
     Parameters
     ----------
     samples
-        Points of the Latin hypercube per free parameter; the best of them are started from.
+        Points of the Latin hypercube per free parameter; descents start from the best of them.
     starts
-        Descents of a round, which run side by side.
+        Descents of a round, which run in one batch.
     most_rounds
-        Rounds at most.
+        Largest number of rounds.
     found
-        The search ends after the round in which so many descents have reached the least misfit.
+        The search ends after the round in which this number of descents has reached the least misfit.
     closeness
-        Misfits that differ by less than this share are the same minimum.
+        Misfits that differ by less than this share belong to the same minimum.
     most_iterations
-        Of a descent.
+        Largest number of iterations of a descent.
     """
 
     samples: int = 20
@@ -63,8 +66,8 @@ class Multistart:
 class MultistartResult:
     """Minima, best first, shape (n_minima, n_params), with their misfits (n_minima,), and why the search ended.
 
-    `evaluations`, `best` and `median` (n_iterations,) tell its course: simulations so far, least misfit, and the
-    median of the descents under way.
+    The trace of the search, shape (n_iterations,) each: `evaluations` so far, `best` misfit, and `median` misfit of the
+    running descents.
     """
 
     theta: NDArray[np.float64]
@@ -85,22 +88,22 @@ def search_starts(
     mirrored: tuple[int, ...] = (),
     on_iteration: Callable[[MultistartResult, float], None] | None = None,
 ) -> MultistartResult:
-    """Descend inside `box` from starts spread over the narrower box `searched`.
+    """Run descents inside `box` from starts that are sampled in the narrower box `searched`.
 
     Parameters
     ----------
     rng
         Seed; the same seed gives the same bits on any number of threads.
     mirrored
-        Parameters whose signs can be changed together with little effect, but through a barrier that no descent
-        crosses; the best minimum is tried again from its mirror image.
+        Parameters whose signs can be changed together with little effect, but across a barrier that no descent
+        crosses; a further descent starts from the mirror image of the best minimum.
     on_iteration
-        Called after every iteration with what was found so far and the share of the allowance that is used up.
+        Called after every iteration with the result so far and the share of the allowed iterations that is used up.
 
     Raises
     ------
     Interrupted
-        On Ctrl-C once a candidate was simulated, carrying what was `MultistartResult`.
+        On Ctrl-C once a candidate was simulated, carrying the `MultistartResult` so far.
     """
     n_free = len(searched.free)
     streams = Streams(rng=rng, replicate=np.zeros(1, dtype=np.int64), generation=np.zeros(1, dtype=np.int64))
@@ -114,7 +117,7 @@ def search_starts(
 
     def descend(chosen: NDArray[np.float64]) -> None:
         def tell(minima: Minima) -> None:
-            descents.go_on(minima)
+            descents.advance(minima)
             if on_iteration is not None:
                 on_iteration(descents.found(""), min(len(descents.best) / most, 1.0))
 
@@ -139,7 +142,7 @@ def search_starts(
 
 
 def distinct_minima(box: Box, theta: NDArray[np.float64], misfit: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The best minimum, and another if one is as good within 1 % and lies elsewhere; one or two rows.
+    """The best minimum, and a distant one if its misfit is as good within 1 %; one or two rows.
 
     Parameters
     ----------
@@ -147,13 +150,13 @@ def distinct_minima(box: Box, theta: NDArray[np.float64], misfit: NDArray[np.flo
         Minima, best first, shape (n_minima, n_params) and (n_minima,).
     """
     unit = np.asarray(box.unit_from_theta(theta))
-    elsewhere = np.abs(unit - unit[0]).max(axis=1) > _ELSEWHERE
-    others = np.flatnonzero(elsewhere & (misfit <= (1.0 + _CLOSE) * misfit[0]))
+    distant = np.abs(unit - unit[0]).max(axis=1) > _DISTANT
+    others = np.flatnonzero(distant & (misfit <= (1.0 + _CLOSE) * misfit[0]))
     return theta[[0, *others[:1]]]
 
 
 class _Descents:
-    """What has been found so far: the samples, the minima where descents ended, those under way."""
+    """State of the search: the samples, the minima of finished descents, the running descents."""
 
     def __init__(self, objective: Objective, theta: NDArray[np.float64], misfit: NDArray[np.float64]) -> None:
         self.objective = objective
@@ -164,7 +167,7 @@ class _Descents:
         self.best = [float(misfit[0]) if misfit.size else math.inf]
         self.median = [float(np.median(misfit)) if misfit.size else math.inf]
 
-    def go_on(self, minima: Minima) -> None:
+    def advance(self, minima: Minima) -> None:
         self.running = minima
         self.evaluations.append(self.objective.tally.simulations)
         self.best.append(min(self.best[-1], float(minima.misfit.min())))
@@ -175,7 +178,7 @@ class _Descents:
         self.ended.append(minima)
 
     def n_at_best(self, closeness: float) -> int:
-        """How many descents ended at the least misfit."""
+        """Number of descents that ended at the least misfit."""
         misfit = np.concatenate([minima.misfit for minima in self.ended])
         return int(np.count_nonzero(misfit <= (1.0 + closeness) * misfit.min()))
 

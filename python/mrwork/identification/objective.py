@@ -1,4 +1,4 @@
-"""How far a candidate is from the measured tests: one number per candidate, simulated in lanes."""
+"""Misfit of candidates to the measured tests, one number per candidate, simulated in lanes."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from mrwork.store import Journal, digest_of
 
 # Rows whose residuals are held in memory at once where a misfit needs the whole history.
 _ROWS = 64
-# Limits are this much above what a threshold allows: sums are rounded in another order than the misfit is.
+# Factor of limits above their thresholds: their sums are rounded in another order than those of the misfit.
 _MARGIN = 1.0 + 1e-9
-# The power of the root mean square, which is that of least squares.
+# Power of the root mean square, that of least squares.
 ROOT_MEAN_SQUARE = 2.0
 
 T = TypeVar("T")
@@ -33,10 +33,10 @@ T = TypeVar("T")
 class Objective:
     """Free-run misfit of a model against one or several tests.
 
-    The misfit is the power mean over tests of the NRMSE, (mean NRMSE^power)^(1/power). With 2 each test weighs the
-    same, whatever its length and force; with more, the worst weigh most. A simulated force is observed as the test's
-    rig did, and relieved of the nuisance parameters, before the two are compared. Where there is a `journal`, costly
-    steps are recorded there.
+    The misfit is the power mean over tests of the NRMSE, (mean NRMSE^power)^(1/power). With power 2 all tests weigh
+    the same, whatever their length and force; a higher power weighs the worst more. The observation model of the test
+    and the nuisance parameters are applied to the simulated force before the comparison. Costly steps are recorded in
+    the `journal`, if any.
     """
 
     spec: DamperSpec
@@ -59,7 +59,7 @@ class Objective:
         tally: Tally | None = None,
         journal: Journal | None = None,
     ) -> Objective:
-        """Spline the motions of the tests once, for all candidates."""
+        """Make the splines of the tests' motions, once for all candidates."""
         if not tests:
             raise RecordError("no test was given to identify from; name at least one file")
         return cls(
@@ -73,7 +73,7 @@ class Objective:
         )
 
     def on(self, spec: DamperSpec, tests: tuple[DamperTest, ...]) -> Objective:
-        """The same misfit of another model on other tests, in the same tally and journal."""
+        """The same misfit for another model on other tests, with the same tally and journal."""
         return Objective.of(
             spec,
             tests,
@@ -85,7 +85,7 @@ class Objective:
         )
 
     def once(self, step: str, kind: type[T], compute: Callable[[], T], *inputs: object) -> T:
-        """What `compute` makes of these inputs, a dataclass `kind`; recalled where the journal has it."""
+        """The result of `compute` for these inputs, a dataclass `kind`; recalled if the journal has it."""
         if self.journal is None:
             return compute()
         names = [test.name for test in self.tests]
@@ -98,7 +98,7 @@ class Objective:
 
     @property
     def histories(self) -> tuple[_rust.LoadingHistory, ...]:
-        """Their splined motions."""
+        """Motions of the tests, with their splines."""
         return tuple(each.history for each in self.compared)
 
     @property
@@ -113,7 +113,7 @@ class Objective:
 
     @property
     def is_direct(self) -> bool:
-        """Whether the simulated force itself is compared: nothing was observed differently, nothing is a nuisance."""
+        """Whether the simulated force is compared as it is, without observation models and nuisance parameters."""
         return not self.nuisances and all(test.observation == AS_IT_IS for test in self.tests)
 
     def refuse_observation(self) -> None:
@@ -122,7 +122,7 @@ class Objective:
         Raises
         ------
         SettingError
-            Where there is one; the message names the test.
+            Where a test has one; the message names the test.
         """
         for test in self.tests:
             if test.observation != AS_IT_IS:
@@ -141,9 +141,9 @@ class Objective:
     ) -> NDArray[np.float64]:
         """Misfit of each row of `theta`, shape (n_batch,); infinite where a simulation failed.
 
-        With `thresholds`, shape (n_batch,), a row is simulated only until its misfit reaches its own, and is infinite
-        then; rows below theirs come out as without, to the last bit. An observation or a nuisance parameter needs the
-        whole force: there thresholds change nothing.
+        With `thresholds`, shape (n_batch,), the simulation of a row ends when its misfit reaches its threshold, and the
+        misfit is infinite; other rows are the same to the last bit as without. Observation models and nuisance
+        parameters need the whole force: with them thresholds have no effect.
         """
         if not self.is_direct:
             return np.concatenate(
@@ -156,13 +156,13 @@ class Objective:
         return self._mean(np.array(squared))
 
     def _limited(self, theta: NDArray[np.float64], thresholds: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Misfits, test by test, the one first that has told most per step; their mean is in the order of the tests."""
+        """Misfits with thresholds, first of the test that has added most per step; the mean keeps the tests' order."""
         n_tests = len(self.tests)
         self.tally.simulations += len(theta)
         squared = np.zeros((n_tests, len(theta)))
         remaining = np.arange(len(theta))
         substeps = np.ones(len(theta), dtype=np.int64)
-        # What the tests may still add to the sum of powers of the NRMSE.
+        # Amount that the remaining tests may still add to the sum of powers of the NRMSE.
         allowance = n_tests * thresholds**self.power
         for index in sorted(range(n_tests), key=lambda index: -self.tally.told.get(index, np.inf)):
             test = self.compared[index].test
@@ -170,7 +170,7 @@ class Objective:
             allowed = np.maximum(allowance[remaining], 0.0) ** (2.0 / self.power)
             run = self._simulated(index, theta[remaining], allowed * (_MARGIN / weight))
             substeps[remaining] = run.substeps
-            # Of all rows: those that were dropped before have no steps here.
+            # Of all rows; those that reached their thresholds before have no steps here.
             self.tally.spared += int(test.n_time * substeps.sum() - run.steps.sum())
             reached = np.where(run.outcome == Outcome.ABANDONED, allowed, run.squared_error * weight)
             told = float(np.sum(reached, where=np.isfinite(reached)))
@@ -193,7 +193,7 @@ class Objective:
     def _mean(self, squared: NDArray[np.float64]) -> NDArray[np.float64]:
         """Power mean of the NRMSE, shape (n_batch,), from its squares, shape (n_tests, n_batch)."""
         total = np.zeros(squared.shape[1])
-        # One after the other: NumPy sums a single column in another order than several.
+        # One test after the other: NumPy sums a single column in another order than several.
         for each in squared ** (self.power / 2.0):
             total += each
         return np.asarray((total / len(squared)) ** (1.0 / self.power))
@@ -220,10 +220,10 @@ class Objective:
         return run
 
     def residuals(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Residuals of each row of `theta`, shape (n_batch, n_residuals), whose squares add up to the squared misfit.
+        """Residuals of each row of `theta`, shape (n_batch, n_residuals); the sum of squares is the squared misfit.
 
-        A simulation that failed has residuals of one, far beyond any that fits. For a power other than 2, those of a
-        test are multiplied by (NRMSE/misfit)^(power/2 - 1).
+        Residuals of a simulation that failed are one, far above those of any fit. For a power other than 2, those of
+        a test are multiplied by (NRMSE/misfit)^(power/2 - 1).
         """
         parts = list(self._parts(theta, failure=1.0))
         if not self.is_plain:
@@ -237,7 +237,7 @@ class Objective:
         return np.asarray(ratio ** (self.power / 2.0 - 1.0))
 
     def _parts(self, theta: NDArray[np.float64], *, failure: float) -> Iterator[NDArray[np.float64]]:
-        """Weighted residuals test by test, shape (n_batch, n_counted); rows that failed have this value."""
+        """Weighted residuals test by test, shape (n_batch, n_counted); rows that failed have the value `failure`."""
         self.tally.simulations += len(theta)
         for each in self.compared:
             residuals, failed = each.residuals(theta, threads=self.threads)

@@ -25,13 +25,17 @@ from mrwork.records import DamperTest
 from mrwork.store import Journal, digest_of
 from mrwork.store.fingerprint import package_version
 
+_PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
+# Settings that are separate fields of a fit.
+_SEPARATE = ("nuisances", "rng")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
     """A model `spec` with the settings of its identification, and the objective on the tests.
 
-    `form` is the equivalent of the model that is searched, see `identifiable_form`; the `objective` is of that form.
-    The settings are complete: they say the search, and hold what nuisance parameters leave no room for.
+    `form` is the equivalent model that is searched, see `identifiable_form`; the `objective` is of that form. The
+    settings are complete: they name the search, and hold offsets of the model that nuisance parameters replace.
     """
 
     spec: DamperSpec
@@ -57,7 +61,7 @@ class Problem:
             Where a bound is impossible, nothing is free, a start cannot be used, `Multistart` is to search current
             laws, or the twin is asked to follow an observation model.
         UnknownNameError
-            Where a start or a bound names what the model does not have.
+            Where a start or a bound names a parameter that the model does not have.
         RecordError
             Where there is no test.
         """
@@ -79,7 +83,7 @@ class Problem:
     def of_fit(cls, fit: Fit, tests: tuple[DamperTest, ...], *, threads: int = 0) -> Problem:
         """The problem that a fit solved, on its own tests or others of the same damper.
 
-        The objective is that of least squares, whatever the power of the fit: likelihoods are of least squares.
+        The objective is that of least squares also where the fit used another power, for use in likelihoods.
         """
         settings = replace(_completed(fit.settings, fit.spec), power=ROOT_MEAN_SQUARE)
         return cls._prepared(fit.spec, tests, settings, threads=threads)
@@ -107,29 +111,24 @@ class Problem:
 
     @property
     def search(self) -> Search:
-        """The search, which the settings say once they are complete."""
+        """The search; complete settings always have one."""
         assert self.settings.search is not None
         return self.settings.search
 
     def inside(self, theta: ArrayLike) -> NDArray[np.float64]:
-        """Parameters of the model asked for, (n_params,), in the form that is searched, off the faces of its box."""
+        """Parameters of the model asked for, (n_params,), converted to the form and moved inside its box."""
         box = self.form.box
-        there = np.asarray(self.form.forth(np.asarray(theta, dtype=np.float64)))
-        return np.asarray(box.inside(np.clip(there, box.lower, box.upper)))
+        converted = np.asarray(self.form.forth(np.asarray(theta, dtype=np.float64)))
+        return np.asarray(box.inside(np.clip(converted, box.lower, box.upper)))
 
 
 def _completed(settings: FitSettings, spec: DamperSpec) -> FitSettings:
-    """Settings with the search that suits the model, where none is given, and the bounds that nuisances ask for."""
+    """Settings with the default search of the model, where none is given, and the bounds that nuisances require."""
     return replace(
         settings,
         search=settings.search or (Multistart() if spec.current is None else search_named("genetic")),
         bounds=offsets_left_to(settings.nuisances, spec) | dict(settings.bounds),
     )
-
-
-_PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
-# Settings that a fit has as fields of their own.
-_APART = ("nuisances", "rng")
 
 
 def provenance_of(problem: Problem) -> Provenance:
@@ -140,7 +139,7 @@ def provenance_of(problem: Problem) -> Provenance:
         versions={"python": platform.python_version()} | {name: package_version(name) for name in _PACKAGES},
         instruction_set=_rust.instruction_set(),
         inputs={test.path or test.name: test.sha256 for test in tests},
-        settings={name: value for name, value in record.items() if name not in _APART}
+        settings={name: value for name, value in record.items() if name not in _SEPARATE}
         | {
             "windows": {
                 test.path or test.name: {
@@ -158,13 +157,13 @@ def provenance_of(problem: Problem) -> Provenance:
 
 
 def fingerprint_of(problem: Problem) -> dict[str, object]:
-    """All that the result follows from, bit for bit: a journal has it, and a run that resumes must have the same."""
+    """All inputs that determine the result bit for bit; a journal can be resumed only with the same fingerprint."""
     settings = problem.settings.as_record()
     return {
         "model": problem.spec.name,
         "current_laws": None if problem.spec.current is None else asdict(problem.spec.current),
         "seed": settings.pop("rng"),
-        # The order in which bounds are given decides nothing.
+        # The order in which bounds are given has no effect.
         "bounds": dict(sorted(settings.pop("bounds").items())),
         **settings,
         "test": [
@@ -176,7 +175,7 @@ def fingerprint_of(problem: Problem) -> dict[str, object]:
                 "current": test.current,
                 "voltage": test.voltage,
                 "observation": test.observation.in_words,
-                # Windows, repairs and units of columns all show here.
+                # Differs after any change of windows, repairs or units of columns.
                 "signals": digest_of(test.dt, test.displacement, test.velocity, test.force, test.observation),
             }
             for test in problem.objective.tests
@@ -186,14 +185,14 @@ def fingerprint_of(problem: Problem) -> dict[str, object]:
 
 
 def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
-    """What an earlier fit says of the parameters of a model: those that both have, by name and unit.
+    """Start of a model from an earlier fit: values of the parameters that both have, by name and unit.
 
-    A law may be the same or of a higher degree, whose further coefficients then start where they change nothing.
+    A law may be the same or of a higher degree; the further coefficients then start at values without effect.
 
     Raises
     ------
     SettingError
-        Where nothing is shared, a law cannot be carried over, or the laws take another command.
+        Where no parameter is shared, a law cannot be transferred, or the laws take another command.
     """
     earlier = fit.spec
     plain, earlier_plain = damper(model.name), damper(earlier.name)
@@ -234,7 +233,7 @@ def _law_of(spec: DamperSpec, name: str) -> LawName:
 
 
 def check_starts(spec: DamperSpec, form: Form, starts: Sequence[Start]) -> None:
-    """Refuse starts that cannot be used, before anything is searched.
+    """Refuse starts that cannot be used, before the search.
 
     Raises
     ------

@@ -1,6 +1,6 @@
-"""The observed residual: simulate a test, observe it as its rig did, count, relieve of nuisances, weigh.
+"""Residuals of a model on one test: simulation, observation model, nuisance parameters, weight.
 
-Whatever compares a model with tests asks here: misfits and descents, likelihoods, predictions.
+Every comparison of a model with tests uses them: misfits, descents, likelihoods, predictions.
 """
 
 from __future__ import annotations
@@ -29,10 +29,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ObservedTest:
-    """One test as a model is compared with it; its `history` is splined once, for all candidates.
+    """One test that a model is compared with; the splines of its `history` are made once for all candidates.
 
     Residuals are the model's force less the measured one [N], over the samples that count, with the nuisance
-    parameters at their best for each candidate.
+    parameters at their least-squares values for each candidate.
     """
 
     spec: DamperSpec
@@ -56,14 +56,14 @@ class ObservedTest:
         return float(np.std(self.measured))
 
     def weight(self, n_tests: int) -> float:
-        """Factor of residuals [N] that makes the sum of their squares over all tests the squared misfit."""
+        """Factor on residuals [N] with which the sum of their squares over all tests is the squared misfit."""
         measured = self.measured
         return float(1.0 / np.sqrt(np.var(measured) * measured.size * n_tests))
 
     def forces(self, theta: Array, *, threads: int = 0) -> tuple[Array, NDArray[np.bool_]]:
         """Force of each row of `theta` as recorded [N], shape (n_batch, n_time), and which rows failed.
 
-        A row that failed is that of a force of zero.
+        The force of a row that failed is the observed force of zero.
         """
         run = simulate_forces(self.spec, theta, self.history, threads=threads)
         failed = run.outcome != Outcome.FINISHED
@@ -97,7 +97,7 @@ class ObservedTest:
         return residuals, derivative, failed
 
     def relieved(self, force: Array) -> tuple[Array, Nuisance]:
-        """One recorded `force` [N], shape (n_time,), with the nuisance parameters at their best, and these."""
+        """A recorded `force` [N], shape (n_time,), with the best nuisance parameters applied, and these."""
         nuisance = nuisance_of(force[self.test.counted], self.measured, self.test.dt, self.nuisances)
         return nuisance.applied(force, self.test.dt) if self.nuisances else force, nuisance
 

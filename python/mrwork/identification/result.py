@@ -26,12 +26,12 @@ def free_run(
     nuisances: tuple[NuisanceName, ...] = (),
     substep_factor: int = 1,
 ) -> tuple[NDArray[np.float64], FitQuality]:
-    """Free-run a model on a test: its force as recorded [N], shape (n_time,), and how it compares.
+    """Simulate a model freely on a test: its force as recorded [N], shape (n_time,), and its quality.
 
     Parameters
     ----------
     nuisances
-        What is estimated from the test itself before the comparison.
+        Parameters that are estimated from the test itself before the comparison.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def free_run(
 def fit_quality(
     test: DamperTest, force: NDArray[np.float64], *, substeps: int, nuisance: Nuisance = NONE
 ) -> FitQuality:
-    """Compare a free-run force [N], shape (n_time,), as the rig would have recorded it, with the measured one.
+    """Compare a simulated force [N], shape (n_time,), as the rig would have recorded it, with the measured one.
 
     `E_t = e_t/s_F` and likewise `E_x`, `E_v`, with `e_t^2 = int r^2 dt`, `e_x^2 = int r^2 |x'| dt`,
     `e_v^2 = int r^2 |v'| dt` and `s_F^2 = int (F - mean F)^2 dt` (Spencer et al. 1997, eqs. 13-16);
@@ -78,13 +78,13 @@ def fit_quality(
 
 
 def _lag_one(residual: NDArray[np.float64]) -> float:
-    """Correlation of the residual with itself one sample later."""
+    """Autocorrelation of the residual at a lag of one sample."""
     centred = residual - residual.mean()
     power = float(centred @ centred)
     return float(centred[1:] @ centred[:-1]) / power if power > 0.0 else 0.0
 
 
-# Closer to a face of the box than this share of its width is on it.
+# A parameter closer to a bound than this share of its range is on the bound.
 _ON_BOUND = 1e-4
 
 Remark = Literal["", "fixed", "at lower bound", "at upper bound", "not identifiable"]
@@ -97,7 +97,7 @@ def estimates_of(
     errors: NDArray[np.float64] | None,
     bounds: Mapping[str, tuple[float, float]],
 ) -> tuple[Estimate, ...]:
-    """Estimates in the order of the model asked for; without `errors` no standard error is given."""
+    """Estimates in the order of the model asked for; without `errors` they have no standard errors."""
     asked = Box.of(spec).with_bounds(bounds)
     values = np.asarray(form.back(theta))
     result = []
@@ -128,7 +128,7 @@ def estimates_of(
 
 
 def remark_of(box: Box, index: int, value: float) -> Remark:
-    """Whether a parameter is fixed or lies on a face of the box."""
+    """Remark on a parameter that is fixed or lies on a bound of the box; empty for others."""
     lower, upper = box.lower[index], box.upper[index]
     if lower == upper:
         return "fixed"
@@ -150,14 +150,14 @@ def fit_at(
     status: FitStatus,
     seconds: float,
 ) -> Fit:
-    """The fit at `theta` of the problem's form, shape (n_params,).
+    """The fit at the parameters `theta` of the problem's form, shape (n_params,).
 
     Parameters
     ----------
     errors
         Standard errors, shape (n_params,), of the model asked for, where they are known.
     steps
-        Of the last descent.
+        Number of steps of the final fit.
     """
     spec, objective = problem.spec, problem.objective
     values = np.asarray(problem.form.back(theta))

@@ -1,4 +1,4 @@
-"""Where a search looks first: ranges of the parameters at the scales of the record itself."""
+"""Ranges in which a search samples the parameters, from the stroke, speed and force of the tests."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from mrwork.dampers.parameters import ParamSpec
 from mrwork.dampers.spec import DamperSpec
 from mrwork.records import DamperTest
 
-# Multiples of the record's own scale of the unit, smallest and largest: a dashpot that makes a
-# thousandth of the force up to one that makes twice of it, a knee as wide as the stroke down to a
-# thousandth of it. The models' admissible ranges are far wider; refinement may use all of them.
+# Smallest and largest multiple of the tests' scale of each unit: for example damping that gives a thousandth of the
+# measured force up to twice that force. The models' admissible ranges are far wider; descents may use all of them.
 _POSITIVE = {
     "N s/m": (1e-3, 2.0),
     "N/m": (1e-2, 1e3),
@@ -21,16 +20,16 @@ _POSITIVE = {
     "s/m": (0.1, 1e3),
     "m/s": (1e-2, 2.0),
     "1/s": (1e-3, 3.0),
-    # Of a Bouc-Wen loop, how much steeper it unloads than it loads: beyond this at once, to any eye.
+    # Ratio of unloading to loading stiffness of a Bouc-Wen loop; beyond these values loops no longer differ visibly.
     "1": (0.1, 100.0),
 }
 _SIGNED = {"N/m": (-1.0, 1.0), "m": (-2.0, 2.0), "N": (-1.0, 1.0), "1": (-4.0, 4.0), "m/s": (-0.5, 0.5)}
 
 
 def search_box(spec: DamperSpec, bounds: Box, tests: tuple[DamperTest, ...]) -> Box:
-    """Narrow the bounds to what tests of this stroke, speed and force can ask for.
+    """Narrow the bounds to the range that suits the stroke, speed and force of the tests.
 
-    A range that would come out empty, and a unit without a scale, keep the bounds as they are.
+    Parameters whose range would be empty, or whose unit has no scale, keep their bounds.
     """
     stroke = max(np.ptp(test.displacement) / 2 for test in tests)
     speed = max(np.ptp(test.velocity) / 2 for test in tests)

@@ -20,16 +20,28 @@ from mrwork.synthetic import synthetic_test
 if TYPE_CHECKING:
     from mrwork.search.loop import Optimiser
 
+# Any: each optimiser has its own type of state.
+Search: TypeAlias = "Multistart | Optimiser[Any]"
+
+# Where the final fit runs: in lanes, with derivatives by dual numbers, or on the JAX twin.
+Engine = Literal["lanes", "twin"]
+
+# Values of parameters by name.
+Start = Mapping[str, float]
+
 _SYNTHETIC = "synthetic:"
 _MULTISTART = "multistart"
+
+# With a higher power the better tests vanish in rounding, and descents no longer converge.
+_LARGEST_POWER = 16.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
-    """Files of one run, and what was done to each: cut, then repaired, then told from when it counts.
+    """Files of one run and how each was processed: window, repairs, start of the samples that count.
 
-    `columns` and `repairs` are as in `read_damper_test` and `repair`, a repair without an amount `None`; `start`, `end`
-    and `settle` in seconds. Relative `files` are relative to the `folder` they were read in.
+    `columns` and `repairs` are as in `read_damper_test` and `repair`, with `None` for a repair that takes no amount;
+    `start`, `end` and `settle` in seconds. Relative `files` are relative to `folder`, or to the current folder.
     """
 
     files: tuple[str, ...]
@@ -47,15 +59,15 @@ class Reading:
 
     @classmethod
     def of_record(cls, record: object, *, origin: str) -> Reading:
-        """Undo `as_record`; `origin` names the place in messages.
+        """Undo `as_record`; `origin` names the record in messages.
 
         Raises
         ------
         RecordError
-            Where the record is not one of a reading.
+            Where the record cannot be read as a `Reading`.
         """
         try:
-            fields = dict(record)  # type: ignore[call-overload] # whatever it is, the next lines find out
+            fields = dict(record)  # type: ignore[call-overload] # any value; one that is no mapping is refused below
             return cls(**(fields | {"files": tuple(fields["files"])}))
         except (TypeError, ValueError, KeyError):
             raise RecordError(
@@ -63,7 +75,7 @@ class Reading:
             ) from None
 
     def tests(self) -> tuple[DamperTest, ...]:
-        """Read them.
+        """Read the files as tests.
 
         Raises
         ------
@@ -78,42 +90,28 @@ class Reading:
         if file.startswith(_SYNTHETIC):
             test = synthetic_test(file.removeprefix(_SYNTHETIC))
         else:
-            test = read_damper_test(self._place(file), columns=self.columns or None)
+            test = read_damper_test(self._path(file), columns=self.columns or None)
         if (self.start, self.end, self.every) != (None, None, 1):
             test = cut(test, start=self.start, end=self.end, every=self.every)
         amounts = {kind: amount for kind, amount in self.repairs.items() if amount is not None}
         test, _ = repair(test, self.repairs, amounts=amounts)
         return test if self.settle is None else counted_from(test, self.settle)
 
-    def _place(self, file: str) -> str:
-        """The file from here, or else from where it was read."""
+    def _path(self, file: str) -> str:
+        """Path of a file from the current folder, or else from the folder where it was read."""
         return file if Path(file).exists() or not self.folder else str(Path(self.folder) / file)
-
-
-# Any: each optimiser has states of its own kind.
-Search: TypeAlias = "Multistart | Optimiser[Any]"
-
-# Where the last descent runs: in lanes, with derivatives of dual numbers, or on the JAX twin.
-Engine = Literal["lanes", "twin"]
-
-# Values of parameters by name.
-Start = Mapping[str, float]
-
-# Beyond it powers of the NRMSE lose the better tests to rounding, and no descent follows the mean.
-_LARGEST_POWER = 16.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitSettings:
-    """Settings of `identify`, which explains each. All of them are recorded with a fit and in its journal.
+    """Settings of `identify`, which describes each. All of them are recorded with a fit and in its journal.
 
-    An option is declared here and nowhere else: its record, the fingerprint of a run and the checks of single values
-    follow from the fields. `search` is `None` where it is left to the model.
+    The record and the fingerprint of a run follow from the fields. `search` is `None` for the default of the model.
 
     Raises
     ------
     SettingError
-        Where a power, an engine or a nuisance parameter is impossible.
+        Where the power, the engine or a nuisance parameter is impossible.
     """
 
     search: Search | None = None
@@ -139,17 +137,17 @@ class FitSettings:
             )
 
     def as_record(self) -> dict[str, Any]:
-        """Plain values of all fields, for JSON; a search says its `kind`."""
+        """Plain values of all fields, for JSON; that of a search has its name as `kind`."""
         return {each.name: _plain(getattr(self, each.name)) for each in fields(self)}
 
     @classmethod
     def of_record(cls, record: Mapping[str, Any]) -> FitSettings:
-        """Undo `as_record`. What a record of another version does not have is at its default; the rest is ignored.
+        """Undo `as_record`. Fields that the record lacks have their defaults; unknown keys are ignored.
 
         Raises
         ------
         RecordError
-            Where the record is not one of settings.
+            Where the record cannot be read as settings.
         """
         try:
             known = {each.name: record[each.name] for each in fields(cls) if each.name in record}
@@ -183,7 +181,7 @@ def _restored(value: Any) -> Any:
 def _search_of(record: Mapping[str, Any]) -> Search:
     kind = record.get("kind")
     if kind is None:
-        # Records of version 0.1 do not say it; then there were two, with no field in common.
+        # Records of version 0.1 have no kind; there were two searches then, without a common field.
         kind = "genetic" if "population" in record else "multistart"
     search: Search = _built(Multistart if kind == _MULTISTART else type(searches()[kind]), record)
     return search
@@ -208,9 +206,9 @@ def _kind_of(search: Any) -> str:
 
 @cache
 def searches() -> Mapping[str, Search]:
-    """Every search with its default settings, by the name that a user gives and a record keeps.
+    """Every search with its default settings, by the name that users and records use.
 
-    The optimisers are loaded by the first call: that takes a tenth of the time of a small fit, which needs none.
+    The first call loads the optimisers, which takes a tenth of the time of a small fit; by default that needs none.
     """
     from mrwork.search.registry import OPTIMISERS, PEERS
 
@@ -223,7 +221,7 @@ def search_named(name: str) -> Search:
     Raises
     ------
     UnknownNameError
-        Where there is none; the message lists those there are.
+        Where there is none; the message lists the names.
     """
     if name not in searches():
         raise UnknownNameError(f"there is no search called {name!r}; choose one of {', '.join(searches())}")
