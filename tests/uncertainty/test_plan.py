@@ -26,7 +26,7 @@ from mrwork.uncertainty.planning.candidates import (
     motion_of,
     read_candidates,
 )
-from mrwork.uncertainty.planning.plan import band_matrix, information, knowledge_of, responses
+from mrwork.uncertainty.planning.plan import LinearisedPosterior, band_matrix, information, responses
 from mrwork.uncertainty.planning.plan_draws import checked_with_draws, normal_draws
 
 STATIC = damper("static_hysteretic")
@@ -121,7 +121,7 @@ def test_the_band_now_is_that_of_the_information(fit: Fit, test: DamperTest) -> 
 
 
 def test_the_same_test_again_halves_what_the_data_alone_say(fit: Fit, test: DamperTest) -> None:
-    known = knowledge_of(fit, [test])
+    known = LinearisedPosterior.of(fit, [test])
     (again,) = responses(known, [excitation_of(test)])
     added = information(known, again)
     # Noise in the motion and the cycles that count differ, and the prior is in the precision only.
@@ -138,7 +138,7 @@ def test_targets_say_where_the_band_is_wanted(fit: Fit, test: DamperTest) -> Non
 
 
 def test_derivatives_of_a_candidate_are_those_of_its_force(fit: Fit, test: DamperTest) -> None:
-    known = knowledge_of(fit, [test])
+    known = LinearisedPosterior.of(fit, [test])
     (answer,) = responses(known, GRID[:1])
     step = np.zeros(known.position.size)
     step[0] = 1e-3
@@ -160,7 +160,7 @@ def test_derivatives_of_a_candidate_are_those_of_its_force(fit: Fit, test: Dampe
 @pytest.mark.parametrize("band", ["force", "c"])
 def test_draws_rank_the_tests_as_the_linearised_gain_does(fit: Fit, test: DamperTest, band: str) -> None:
     plan = mr.plan(fit, [test], GRID, band=band)
-    known = knowledge_of(fit, [test])
+    known = LinearisedPosterior.of(fit, [test])
     rng = np.random.default_rng(5)
     check = checked_with_draws(plan, known, normal_draws(known, 800, rng), rng=rng)
     assert check.agreement is not None
@@ -173,7 +173,7 @@ def test_draws_rank_the_tests_as_the_linearised_gain_does(fit: Fit, test: Damper
 
 def test_draws_that_none_of_the_tests_fits_tell_nothing(fit: Fit, test: DamperTest) -> None:
     plan = mr.plan(fit, [test], GRID[:4])
-    known = knowledge_of(fit, [test])
+    known = LinearisedPosterior.of(fit, [test])
     rng = np.random.default_rng(5)
     far = replace(known, precision=1e-4 * known.precision)
     check = checked_with_draws(plan, known, normal_draws(far, 100, rng), rng=rng)

@@ -21,7 +21,7 @@ from mrwork.store.run_folder import PLAN, write_files
 from mrwork.uncertainty.planning.candidates import Candidate, Limits, candidate_grid, read_candidates
 
 if TYPE_CHECKING:
-    from mrwork.uncertainty.planning.plan import Knowledge
+    from mrwork.uncertainty.planning.plan import LinearisedPosterior
     from mrwork.uncertainty.planning.plan_draws import Check
 
 # Lines of the table; the rest is in the document.
@@ -79,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
     """Rank the candidates, check the gains with draws, write and print."""
     check_not_negative(options)
     # SciPy's optimisers are slow to load, and not wanted where help is.
-    from mrwork.uncertainty.planning.plan import knowledge_of, plan
+    from mrwork.uncertainty.planning.plan import LinearisedPosterior, plan
     from mrwork.uncertainty.planning.plan_draws import checked_with_draws
 
     opened = reopen(options.run_folder)
@@ -90,7 +90,7 @@ def run(options: argparse.Namespace) -> int:
     ranked = plan(
         opened.fit, opened.tests, candidates, band=options.band, targets=targets, threads=options.threads
     )
-    known = knowledge_of(opened.fit, opened.tests, threads=options.threads)
+    known = LinearisedPosterior.of(opened.fit, opened.tests, threads=options.threads)
     rng = np.random.default_rng(options.seed)
     draws, origin = _draws(opened, known, rng)
     check = checked_with_draws(ranked, known, draws, targets=targets, rng=rng)
@@ -131,7 +131,9 @@ def _candidates(options: argparse.Namespace, opened: OpenedRun) -> tuple[Candida
     return read_candidates(options.candidates, opened.fit.spec, limits)
 
 
-def _draws(opened: OpenedRun, known: Knowledge, rng: np.random.Generator) -> tuple[NDArray[np.float64], str]:
+def _draws(
+    opened: OpenedRun, known: LinearisedPosterior, rng: np.random.Generator
+) -> tuple[NDArray[np.float64], str]:
     """Draws in the order of the model of `known`, and what they are of."""
     from mrwork.uncertainty.planning.plan_draws import normal_draws
     from mrwork.uncertainty.posterior.draws_file import read_draws

@@ -80,20 +80,20 @@ class Plan(Summarised):
 class Response:
     """Sensitivity of a candidate's force to the parameters.
 
-    `force` [N], (n_counted,), and its `derivative` by coordinate, (n_counted, n_free); `told` is the derivative after
-    nuisance parameters have been fitted; the `energy` of a cycle [J] and its derivative, (n_free,).
+    `force` [N], (n_counted,), and its `derivative` by coordinate, (n_counted, n_free); `corrected` is the derivative
+    after nuisance parameters have been fitted; the `energy` of a cycle [J] and its derivative, (n_free,).
     """
 
     candidate: Candidate
     force: NDArray[np.float64]
     derivative: NDArray[np.float64]
-    told: NDArray[np.float64]
+    corrected: NDArray[np.float64]
     energy: float
     energy_derivative: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Knowledge:
+class LinearisedPosterior:
     """Linearised posterior before the next test, in the coordinates of `scaled`, about `position`, shape (n_free,).
 
     `precision` is the inverse covariance, (n_free, n_free). A further test adds `weight` times J'J / n_counted, with
@@ -107,6 +107,32 @@ class Knowledge:
     weight: float
     nuisances: tuple[NuisanceName, ...]
     threads: int
+
+    @classmethod
+    def of(cls, fit: Fit, tests: Sequence[DamperTest], *, threads: int = 0) -> LinearisedPosterior:
+        """The linearised posterior of a fit."""
+        problem = Problem.of_fit(fit, tuple(tests), threads=threads)
+        objective, spec, box = problem.objective, problem.form.spec, problem.form.box
+        theta = problem.inside(fit.theta)
+        scale = Scale.of(spec, box, objective.tests, theta)
+        scaled = Scaled.of(spec, box, scale, theta)
+        position = scaled.position(theta)
+        here = curvature(linearise(objective, box.free), scaled, position[None])
+        residuals = objective.residuals(theta[None])[0]
+        n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
+        dof = n_effective * max(1.0 - len(box.free) / residuals.size, 0.0)
+        weight = dof / float(here.squared[0])
+        lower, upper = (scaled.position(np.array(each)) for each in (scale.ranges.lower, scale.ranges.upper))
+        prior = np.diag(12.0 / (upper - lower) ** 2)
+        return cls(
+            spec=spec,
+            scaled=scaled,
+            position=position,
+            precision=prior + weight * here.normal[0],
+            weight=weight / len(objective.tests),
+            nuisances=fit.nuisances,
+            threads=threads,
+        )
 
 
 def plan(
@@ -143,26 +169,26 @@ def plan(
     SimulationError
         Where no candidate could be simulated.
     """
-    known = knowledge_of(fit, tests, threads=threads)
-    answers = responses(known, candidates)
-    wanted = responses(known, targets) if targets else answers
-    if not answers or not wanted:
+    known = LinearisedPosterior.of(fit, tests, threads=threads)
+    possible = responses(known, candidates)
+    wanted = responses(known, targets) if targets else possible
+    if not possible or not wanted:
         raise SimulationError(
-            f"no {'candidate' if not answers else 'target'} could be simulated with {fit.model}; take slower ones"
+            f"no {'candidate' if not possible else 'target'} could be simulated with {fit.model}; take slower ones"
         )
     matrix, unit = band_matrix(known, wanted, band)
     now = float(np.trace(matrix @ np.linalg.inv(known.precision)))
     gains = []
-    for answer in answers:
-        after = float(np.trace(matrix @ np.linalg.inv(known.precision + information(known, answer))))
+    for response in possible:
+        after = float(np.trace(matrix @ np.linalg.inv(known.precision + information(known, response))))
         gains.append(
             Gain(
-                candidate=answer.candidate,
+                candidate=response.candidate,
                 gain=1.0 - after / now if now > 0.0 else 0.0,
                 deviation=float(np.sqrt(after)),
             )
         )
-    simulated = {answer.candidate for answer in answers}
+    simulated = {response.candidate for response in possible}
     return Plan(
         model=known.spec.name,
         band=band,
@@ -173,33 +199,7 @@ def plan(
     )
 
 
-def knowledge_of(fit: Fit, tests: Sequence[DamperTest], *, threads: int = 0) -> Knowledge:
-    """Linearised posterior of a fit."""
-    problem = Problem.of_fit(fit, tuple(tests), threads=threads)
-    objective, spec, box = problem.objective, problem.form.spec, problem.form.box
-    theta = problem.inside(fit.theta)
-    scale = Scale.of(spec, box, objective.tests, theta)
-    scaled = Scaled.of(spec, box, scale, theta)
-    position = scaled.position(theta)
-    here = curvature(linearise(objective, box.free), scaled, position[None])
-    residuals = objective.residuals(theta[None])[0]
-    n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
-    dof = n_effective * max(1.0 - len(box.free) / residuals.size, 0.0)
-    weight = dof / float(here.squared[0])
-    lower, upper = (scaled.position(np.array(each)) for each in (scale.ranges.lower, scale.ranges.upper))
-    prior = np.diag(12.0 / (upper - lower) ** 2)
-    return Knowledge(
-        spec=spec,
-        scaled=scaled,
-        position=position,
-        precision=prior + weight * here.normal[0],
-        weight=weight / len(objective.tests),
-        nuisances=fit.nuisances,
-        threads=threads,
-    )
-
-
-def responses(known: Knowledge, candidates: Sequence[Candidate]) -> list[Response]:
+def responses(known: LinearisedPosterior, candidates: Sequence[Candidate]) -> list[Response]:
     """Responses of the candidates that can be simulated, by central differences in one batch each."""
     scaled, position = known.scaled, known.position
     # One-sided for a parameter on its bound.
@@ -217,7 +217,7 @@ def responses(known: Knowledge, candidates: Sequence[Candidate]) -> list[Respons
         if np.any(run.outcome != Outcome.FINISHED):
             continue
         force = run.force[:, counted]
-        told = without_nuisance(force, force[0], known.nuisances)
+        corrected = without_nuisance(force, force[0], known.nuisances)
         cycles = (counted.stop - counted.start) * loading.dt * candidate.frequency
         assert loading.velocity is not None
         energy = force @ loading.velocity[counted] * loading.dt / cycles
@@ -226,7 +226,7 @@ def responses(known: Knowledge, candidates: Sequence[Candidate]) -> list[Respons
                 candidate=candidate,
                 force=force[0],
                 derivative=_quotient(force, ahead - behind),
-                told=_quotient(told, ahead - behind),
+                corrected=_quotient(corrected, ahead - behind),
                 energy=float(energy[0]),
                 energy_derivative=_quotient(energy[:, None], ahead - behind)[0],
             )
@@ -234,13 +234,15 @@ def responses(known: Knowledge, candidates: Sequence[Candidate]) -> list[Respons
     return found
 
 
-def information(known: Knowledge, answer: Response) -> NDArray[np.float64]:
+def information(known: LinearisedPosterior, response: Response) -> NDArray[np.float64]:
     """Precision that a candidate adds, shape (n_free, n_free)."""
-    unit = answer.told / (np.std(answer.force) * np.sqrt(answer.force.size))
+    unit = response.corrected / (np.std(response.force) * np.sqrt(response.force.size))
     return np.asarray(known.weight * unit.T @ unit)
 
 
-def band_matrix(known: Knowledge, targets: Sequence[Response], band: str) -> tuple[NDArray[np.float64], str]:
+def band_matrix(
+    known: LinearisedPosterior, targets: Sequence[Response], band: str
+) -> tuple[NDArray[np.float64], str]:
     """Matrix M of a band with variance trace(M cov), shape (n_free, n_free), and the unit of its deviation."""
     if band == "force":
         parts = [each.derivative / (np.std(each.force) * np.sqrt(each.force.size)) for each in targets]
@@ -255,7 +257,7 @@ def band_matrix(known: Knowledge, targets: Sequence[Response], band: str) -> tup
     return np.outer(unit, unit), "of its value" if known.scaled.log[index] else parameter.unit
 
 
-def column_of(known: Knowledge, band: str) -> int:
+def column_of(known: LinearisedPosterior, band: str) -> int:
     """Index of a parameter among the free ones.
 
     Raises

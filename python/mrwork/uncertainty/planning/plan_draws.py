@@ -12,7 +12,7 @@ from mrwork.errors import SettingError
 from mrwork.identification.nuisance import without_nuisance
 from mrwork.simulate import Outcome, simulate_forces
 from mrwork.uncertainty.planning.candidates import Candidate, motion_of
-from mrwork.uncertainty.planning.plan import Knowledge, Plan, column_of
+from mrwork.uncertainty.planning.plan import LinearisedPosterior, Plan, column_of
 
 # Smallest effective number of draws after a test for an estimate of the variance; number of draws taken as the truth.
 _LEAST = 8.0
@@ -31,7 +31,7 @@ class Check:
     least_effective: float
 
 
-def normal_draws(known: Knowledge, n_draws: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def normal_draws(known: LinearisedPosterior, n_draws: int, rng: np.random.Generator) -> NDArray[np.float64]:
     """Draws of the linearised posterior as parameters, shape (n_draws, n_params), clipped to the box."""
     root = np.linalg.cholesky(np.linalg.inv(known.precision))
     position = known.position + rng.standard_normal((n_draws, known.position.size)) @ root.T
@@ -40,7 +40,7 @@ def normal_draws(known: Knowledge, n_draws: int, rng: np.random.Generator) -> ND
 
 def checked_with_draws(
     plan: Plan,
-    known: Knowledge,
+    known: LinearisedPosterior,
     draws: NDArray[np.float64],
     *,
     targets: Sequence[Candidate] = (),
@@ -66,19 +66,19 @@ def checked_with_draws(
         raise SettingError(f"{len(draws)} draws are too few to weigh against each other; give some hundreds")
     forces = _forces(known, draws, [each.candidate for each in plan.gains])
     wanted = _forces(known, draws, targets) if targets else forces
-    usable = np.all([np.isfinite(each.told).all(axis=1) for each in [*forces, *wanted]], axis=0)
+    usable = np.all([np.isfinite(each.corrected).all(axis=1) for each in [*forces, *wanted]], axis=0)
     forces, wanted = ([_rows(each, usable) for each in group] for group in (forces, wanted))
     gram = _band_gram(known, draws[usable], wanted, plan.band)
     n_draws = len(gram)
     now = float(_variances(gram, np.full((1, n_draws), 1.0 / n_draws))[0])
     truths = rng.choice(n_draws, size=min(_TRUTHS, n_draws), replace=False)
     gains, least = [], float(n_draws)
-    for gain, answer in zip(plan.gains, forces, strict=True):
-        weights = _weights(known, answer.told, truths, rng)
+    for gain, response in zip(plan.gains, forces, strict=True):
+        weights = _weights(known, response.corrected, truths, rng)
         counted = float(np.median(1.0 / np.sum(weights**2, axis=1)))
         least = min(least, counted)
-        told = counted >= _LEAST and now > 0.0
-        drawn = 1.0 - float(np.mean(_variances(gram, weights))) / now if told else None
+        reliable = counted >= _LEAST and now > 0.0
+        drawn = 1.0 - float(np.mean(_variances(gram, weights))) / now if reliable else None
         gains.append(replace(gain, drawn=drawn))
     from scipy.stats import spearmanr
 
@@ -91,15 +91,17 @@ def checked_with_draws(
 class _Forces:
     """Forces of the draws minus their mean, (n_draws, n_counted), per its deviation and root n; energies of a cycle.
 
-    `told` has the forces after nuisance parameters have been fitted.
+    `corrected` has the forces after nuisance parameters have been fitted.
     """
 
     force: NDArray[np.float64]
-    told: NDArray[np.float64]
+    corrected: NDArray[np.float64]
     energy: NDArray[np.float64]
 
 
-def _forces(known: Knowledge, draws: NDArray[np.float64], candidates: Sequence[Candidate]) -> list[_Forces]:
+def _forces(
+    known: LinearisedPosterior, draws: NDArray[np.float64], candidates: Sequence[Candidate]
+) -> list[_Forces]:
     found = []
     for candidate in candidates:
         loading, counted = motion_of(candidate, known.spec)
@@ -114,7 +116,7 @@ def _forces(known: Knowledge, draws: NDArray[np.float64], candidates: Sequence[C
         found.append(
             _Forces(
                 force=(force - middle) / size,
-                told=without_nuisance(force, middle, known.nuisances) / size,
+                corrected=without_nuisance(force, middle, known.nuisances) / size,
                 energy=energy / float(np.nanmean(energy)),
             )
         )
@@ -122,11 +124,13 @@ def _forces(known: Knowledge, draws: NDArray[np.float64], candidates: Sequence[C
 
 
 def _rows(forces: _Forces, usable: NDArray[np.bool_]) -> _Forces:
-    return _Forces(force=forces.force[usable], told=forces.told[usable], energy=forces.energy[usable])
+    return _Forces(
+        force=forces.force[usable], corrected=forces.corrected[usable], energy=forces.energy[usable]
+    )
 
 
 def _band_gram(
-    known: Knowledge, draws: NDArray[np.float64], wanted: Sequence[_Forces], band: str
+    known: LinearisedPosterior, draws: NDArray[np.float64], wanted: Sequence[_Forces], band: str
 ) -> NDArray[np.float64]:
     """Inner products of the draws in the quantity of the band, shape (n_draws, n_draws)."""
     if band == "force":
@@ -139,11 +143,18 @@ def _band_gram(
 
 
 def _weights(
-    known: Knowledge, told: NDArray[np.float64], truths: NDArray[np.int64], rng: np.random.Generator
+    known: LinearisedPosterior,
+    corrected: NDArray[np.float64],
+    truths: NDArray[np.int64],
+    rng: np.random.Generator,
 ) -> NDArray[np.float64]:
     """Posterior weight of each draw after the test of each truth, shape (n_truths, n_draws), rows of sum 1."""
-    seen = told[truths] + rng.standard_normal((truths.size, told.shape[1])) / np.sqrt(known.weight)
-    exponent = -0.5 * known.weight * (np.einsum("jt,jt->j", told, told) - 2.0 * seen @ told.T)
+    measured = corrected[truths] + rng.standard_normal((truths.size, corrected.shape[1])) / np.sqrt(
+        known.weight
+    )
+    exponent = (
+        -0.5 * known.weight * (np.einsum("jt,jt->j", corrected, corrected) - 2.0 * measured @ corrected.T)
+    )
     # The truth itself is excluded, for it would always have the largest weight.
     exponent[np.arange(truths.size), truths] = -np.inf
     weights = np.exp(exponent - exponent.max(axis=1, keepdims=True))

@@ -1,4 +1,4 @@
-"""Whether walkers have told enough: autocorrelation time, rank-normalised R-hat, effective sample sizes."""
+"""Draws of a posterior with summaries and convergence diagnostics: autocorrelation time, R-hat, effective sizes."""
 
 from __future__ import annotations
 
