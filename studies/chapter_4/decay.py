@@ -82,7 +82,7 @@ def ending(found: Replicates, rule: StopRules) -> Ending:
     generation = np.full(len(found.best), -1)
     nowhere = np.zeros((len(found.best), 1, 1))
     for last in range(found.best.shape[1]):
-        judged = rule.judge(
+        judged = rule.ended(
             trace=found.best[:, : last + 1],
             evaluations=found.evaluations[:, last],
             population=nowhere,

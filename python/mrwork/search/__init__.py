@@ -1,4 +1,4 @@
-"""Derivative-free searches of the unit cube, by name in one registry, and the rules that end them."""
+"""Derivative-free searches on the unit cube, their registry by name, and the rules that end them."""
 
 import lazy_loader
 

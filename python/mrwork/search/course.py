@@ -1,4 +1,4 @@
-"""One generation as an optimiser proposes it, and the progress of every replicate."""
+"""Proposal of one generation, and progress of every replicate of a search."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from mrwork.search.unit_cube import Streams
 class Proposal:
     """One generation of the replicates that run, to be simulated in one call.
 
-    `population` (n_running, n_population, n_params) with `known` misfits (n_running, n_population). Those `changed` are
-    asked, `known` is `inf` there. A misfit at or above its `limit` (n_running, n_population) counts as a failure,
-    whatever it is exactly: a simulation may stop as soon as it gets there. `number` (n_running,) names the replicates.
+    `population` (n_running, n_population, n_params) with `known` misfits (n_running, n_population). The `changed`
+    candidates are to be simulated; `known` is `inf` there. A misfit at or above its `limit` (n_running, n_population)
+    counts as a failure, so its simulation may stop there. `number` (n_running,) are the numbers of the replicates.
     """
 
     number: NDArray[np.int64]
@@ -37,18 +37,18 @@ class Proposal:
 
     @property
     def replicate(self) -> NDArray[np.int64]:
-        """Number of the replicate that asks each row, shape (n_ask,)."""
+        """Number of the replicate of each row of `unit`, shape (n_ask,)."""
         return np.repeat(self.number, np.count_nonzero(self.changed, axis=1))
 
     @property
     def threshold(self) -> NDArray[np.float64]:
-        """Misfit from which on a row's exact value does not matter, shape (n_ask,); `inf` where it always does."""
+        """Misfit at which the simulation of a row may stop, shape (n_ask,); `inf` where it may not."""
         return self.limit[self.changed]
 
     def accepted(self, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Misfits as the optimiser takes them, shape (n_ask,): `inf` at or above the threshold.
+        """Misfits for the optimiser, shape (n_ask,): `inf` at or above the threshold.
 
-        They are the same whether a simulation went on to its end or stopped at its threshold.
+        They do not depend on whether a simulation stopped at its threshold.
 
         Parameters
         ----------
@@ -58,7 +58,7 @@ class Proposal:
         Raises
         ------
         SettingError
-            Where there is not one misfit per row, or one is no misfit.
+            Where there is not one misfit per row, or one is negative or NaN.
         """
         misfit = np.asarray(misfit, dtype=np.float64)
         n_ask = np.count_nonzero(self.changed)
@@ -76,7 +76,7 @@ class Proposal:
         return np.where(misfit >= self.threshold, math.inf, misfit)
 
     def told(self, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Accepted misfits in their places, shape (n_running, n_population), `inf` where nothing was asked."""
+        """Accepted misfits by candidate, shape (n_running, n_population), `inf` where none was simulated."""
         told = np.full(self.known.shape, math.inf)
         told[self.changed] = self.accepted(misfit)
         return told
@@ -89,8 +89,8 @@ ScalarT = TypeVar("ScalarT", bound=np.generic)
 class Trace:
     """Progress, one entry per generation, each of shape (n_replicates, n_generations).
 
-    `evaluations` simulations so far, `best` misfit so far, `median` misfit of the population
-    (`inf` while half of it fails). The entries of a replicate that has ended repeat its last.
+    Number of `evaluations` so far, `best` misfit so far, `median` misfit of the population (`inf` while half of it
+    fails). A replicate that has ended repeats its last entries.
     """
 
     evaluations: NDArray[np.int64]
@@ -100,13 +100,13 @@ class Trace:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Course:
-    """What every replicate remembers, whichever optimiser drives it; `n` replicates march together.
+    """Progress of `n` replicates, the part of the state that all optimisers share.
 
-    `replicate` (n,) are their numbers, which with the seed `rng` fix their random numbers. `generation` (n,) and
-    `evaluations` (n,) were told so far. `ended` (n,) is the code of the rule that ended a replicate, 0 while it runs.
-    `best_unit` (n, n_params) has `best_misfit` (n,), `inf` while every simulation has failed. `elite_unit`
-    (n, n_elite, n_params) are the good and mutually distant finds of the whole run with `elite_misfit`
-    (n, n_elite), best first; where there are fewer, zeros with a misfit of `inf` follow.
+    `replicate` (n,) are the numbers of the replicates, which determine their random numbers together with the seed
+    `rng`. `generation` (n,) and `evaluations` (n,) are counts so far. `ended` (n,) is the code of the rule that ended a
+    replicate, 0 while it runs. `best_unit` (n, n_params) has `best_misfit` (n,), `inf` while every simulation has
+    failed. `elite_unit` (n, n_elite, n_params) are good, mutually distant finds of the whole run with `elite_misfit`
+    (n, n_elite), best first, padded with zeros of misfit `inf`.
     """
 
     rng: int
@@ -122,7 +122,7 @@ class Course:
 
     @classmethod
     def begun(cls, n_params: int, rng: int, replicates: Sequence[int], elite: EliteRule) -> Course:
-        """Nothing simulated yet.
+        """Progress before the first simulation.
 
         Raises
         ------
@@ -161,7 +161,7 @@ class Course:
 
     @property
     def is_first(self) -> bool:
-        """Whether nothing has been told yet."""
+        """Whether the first generation has not been simulated yet."""
         return bool(self.trace.best.shape[1] == 0)
 
     @property
@@ -185,24 +185,24 @@ class Course:
         elite: EliteRule,
         stop: StopRules,
     ) -> Course:
-        """Longer by one generation of the replicates that run.
+        """Progress after one more generation of the running replicates.
 
         Parameters
         ----------
         proposal
-            What was asked.
+            The candidates that were simulated.
         told
-            Misfits that were simulated, shape (n_running, n_population), `inf` elsewhere and where dropped.
+            Misfits of `Proposal.told`, shape (n_running, n_population).
         population, misfit
-            Of the generation that resulted, (n_running, n_population, n_params) and (n_running, n_population).
+            The resulting generation, (n_running, n_population, n_params) and (n_running, n_population).
         elite, stop
-            The rules that hold.
+            Which finds are kept, and when replicates end.
         """
         rows = self.running
         among = np.arange(rows.size)
         leader = np.argmin(misfit, axis=1)
         least = misfit[among, leader]
-        # Strictly: what was found first stays. The very first leader counts even where all failed.
+        # Strictly, so that of equal finds the first stays. The first generation has a leader even where all failed.
         better = (least < self.best_misfit[rows]) | (self.generation[rows] == 0)
         best_misfit = np.where(better, least, self.best_misfit[rows])
         best_unit = np.where(better[:, None], population[among, leader], self.best_unit[rows])
@@ -228,7 +228,7 @@ class Course:
                 median=_longer(self.trace.median, rows, np.median(misfit, axis=1)),
             ),
         )
-        ended = stop.judge(
+        ended = stop.ended(
             trace=grown.trace.best[rows], evaluations=evaluations, population=population, best_unit=best_unit
         )
         return replace(grown, ended=put(self.ended, rows, ended))
@@ -244,7 +244,7 @@ def put(old: NDArray[ScalarT], rows: NDArray[np.int64], new: NDArray[ScalarT]) -
 
 
 def _longer(old: NDArray[ScalarT], rows: NDArray[np.int64], entry: NDArray[ScalarT]) -> NDArray[ScalarT]:
-    """A trace with one more column; a row that has ended repeats its last."""
+    """A trace with one more column; rows that are not in `rows` repeat their last entry."""
     grown = np.concatenate([old, old[:, -1:]], axis=1) if old.shape[1] else np.empty((len(old), 1), old.dtype)
     grown[rows, -1] = entry
     return grown

@@ -1,9 +1,9 @@
-"""Differential evolution (Storn & Price, J. Glob. Optim. 11, 1997, 341-359), the modern yardstick.
+"""Differential evolution (Storn & Price, J. Glob. Optim. 11, 1997, 341-359).
 
-The defaults of `scipy.optimize.differential_evolution` with deferred updating: best/1/bin, the mutation factor F
-drawn anew each generation ("dither"), binomial crossover with one gene from the mutant for certain. Two things differ:
-genes that leave the box are reflected, not drawn anew, and a trial as good as its parent is dropped, so that the
-parent's misfit is a threshold: a simulation may stop as soon as it gets there.
+The defaults are those of `scipy.optimize.differential_evolution` with deferred updating: best/1/bin, a random mutation
+factor F for each generation ("dither"), binomial crossover with at least one gene from the mutant. Two things differ:
+genes that leave the box are reflected, not drawn again, and a trial that only equals its parent is rejected, so that
+the simulation of a trial may stop when its misfit reaches that of the parent.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ class DifferentialEvolution:
     population
         Members, at least 5.
     base
-        What is mutated: the "best" of the population (best/1/bin), or a "random" member (rand/1/bin).
+        The vector that is mutated: the "best" of the population (best/1/bin), or a "random" member (rand/1/bin).
     factor
-        Least and greatest mutation factor F; each generation draws one between them.
+        Range of the mutation factor F, drawn uniformly for each generation.
     crossover_probability
-        That a gene comes from the mutant, CR.
+        Probability CR that a gene comes from the mutant.
     stop
         When to end.
     elite
@@ -64,7 +64,7 @@ class DifferentialEvolution:
             raise SettingError(f"`base` is 'best' or 'random', got {self.base!r}")
 
     def start(self, n_params: int, rng: int, replicates: Sequence[int] = (0,)) -> PopulationState:
-        """Latin hypercube samples of the unit cube, not yet simulated."""
+        """Initial state with Latin hypercube samples of the unit cube."""
         course = Course.begun(n_params, rng, replicates, self.elite)
         return PopulationState.begun(course, latin_hypercube(course.streams, self.population, n_params))
 

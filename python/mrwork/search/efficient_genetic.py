@@ -1,25 +1,23 @@
 """The computationally efficient genetic algorithm (Kwok et al., ISA Trans. 46, 2007, 167-179).
 
-Real-coded in the unit cube. Selection is absorbed in crossover, mutation adapts to fitness, and only
-chromosomes that changed are simulated again. What the source leaves open is decided as follows
-(our definitions):
+Real-coded in the unit cube. Crossover includes selection, mutation depends on fitness, and only chromosomes that
+changed are simulated again. Details that the source leaves open (our definitions):
 
-- *Fitness* `F = (e_max - e)/(e_max - e_min)` takes its extremes over the simulations that succeeded;
-  failures have fitness 0. Where all errors are equal the first chromosome has 1 and the others 0, so that
-  "best never mutates, worst always" holds and a flat misfit is explored instead of dividing by zero.
-- *One simulation per generation*: crossover, mutation and elitism all use the fitness known before them.
-  A chromosome changed twice in the `P` crossover draws is changed from where the first draw left it.
-- *Ties* go to the lower index, so that the best is one definite chromosome that never changes; of two
-  failures neither is fitter and both stay.
-- *Spread* of the initial population is its standard deviation per gene, about `1/sqrt(12)` of the box. It
-  does not shrink, so mutation explores to the end and convergence comes from crossover alone.
-- *Genes that leave the box* are reflected at its faces. Clipping would pile mutants up exactly on the faces,
-  where parameters then seem to want to be; reflection leaves a uniform population uniform.
-- *Elite copies* replace random slots after mutation: their misfit is known and needs no simulation. The
-  best is one chromosome; its copies have fitness 0, so they mutate next and seed a search around it. As fit
-  as the best they would never change again and, one more each generation, crowd the others out: with the
-  static model on a 2 mm, 5 Hz, 1 A test the worst of eight runs then stayed at NRMSE 0.123 after 8000
-  simulations, against 0.105 (best known 0.100).
+- *Fitness* `F = (e_max - e)/(e_max - e_min)` uses the extremes of the simulations that succeeded; failures have
+  fitness 0. Where all errors are equal the first chromosome has fitness 1 and the others 0, so that the best never
+  mutates, the others always do, and there is no division by zero.
+- *One simulation per generation*: crossover, mutation and elitism all use the fitness before the generation. A
+  chromosome that is drawn twice in the `P` crossover draws changes twice, one after the other.
+- *Ties* go to the lower index, so that the best is one definite chromosome, which never changes; of two failures
+  neither is fitter, and both stay.
+- *Spread* of the initial population is its standard deviation per gene, about `1/sqrt(12)` of the box. It does not
+  shrink, so mutation explores to the end and convergence comes from crossover alone.
+- *Genes that leave the box* are reflected at its faces, see `reflect`.
+- *Elite copies* replace random slots after mutation; their misfit is known and needs no simulation. The best is one
+  chromosome; its copies have fitness 0, so they mutate in the next generation and explore its neighbourhood. With the
+  fitness of the best they would never change and would displace the others, one more in each generation: with the
+  static model on a 2 mm, 5 Hz, 1 A test the worst of eight runs then stayed at NRMSE 0.123 after 8000 simulations,
+  compared with 0.105 (best known 0.100).
 """
 
 from __future__ import annotations
@@ -39,11 +37,11 @@ from mrwork.search.unit_cube import latin_hypercube, reflect
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GAState:
-    """Everything a genetic search needs to go on; no hidden random state.
+    """State of the efficient genetic algorithm.
 
     `population` (n_replicates, n_population, n_params) with `misfit` (n_replicates, n_population) is the last
-    generation told, or the initial one with misfit `inf` at generation 0. `mutation_spread` (n_replicates, n_params) is
-    the standard deviation of the initial population.
+    simulated generation, or the initial one with misfit `inf` at generation 0. `mutation_spread` (n_replicates,
+    n_params) is the standard deviation of the initial population.
     """
 
     course: Course
@@ -61,9 +59,9 @@ class EfficientGA:
     population
         Chromosomes P, at least 4.
     elite_share
-        Share of the slots that copies of the best take over in each generation; at least one slot does.
+        Share of the slots that copies of the best replace in each generation; at least one slot.
     ceiling
-        From which misfit on a chromosome counts as failed, so that its simulation may stop there.
+        Misfit at which a chromosome counts as failed, so that its simulation may stop there.
     stop
         When to end.
     elite
@@ -93,7 +91,7 @@ class EfficientGA:
         )
 
     def start(self, n_params: int, rng: int, replicates: Sequence[int] = (0,)) -> GAState:
-        """Latin hypercube samples of the unit cube, not yet simulated."""
+        """Initial state with Latin hypercube samples of the unit cube."""
         course = Course.begun(n_params, rng, replicates, self.elite)
         population = latin_hypercube(course.streams, self.population, n_params)
         return GAState(
@@ -104,7 +102,7 @@ class EfficientGA:
         )
 
     def ask(self, state: GAState) -> Proposal:
-        """Chromosomes of the next generation; those that changed need a simulation."""
+        """Chromosomes of the next generation; those that changed are simulated."""
         course, rows = state.course, state.course.running
         before, misfit = state.population[rows], state.misfit[rows]
         if course.is_first:
@@ -113,17 +111,7 @@ class EfficientGA:
         return proposed(course, population, known=known, changed=changed, limit=self.ceiling.limit(course))
 
     def tell(self, state: GAState, proposal: Proposal, misfit: NDArray[np.float64]) -> GAState:
-        """State after the simulations asked for.
-
-        Parameters
-        ----------
-        state
-            The state that was asked.
-        proposal
-            What it asked.
-        misfit
-            Shape (n_ask,), not negative; `inf` marks a failed simulation.
-        """
+        """State after the simulations asked for; `misfit` (n_ask,), `inf` marks a failed one."""
         told = PopulationState(course=state.course, population=state.population, misfit=state.misfit)
         told = generation_told(told, proposal, misfit, elite=self.elite, stop=self.stop)
         return GAState(
@@ -136,7 +124,7 @@ class EfficientGA:
     def _offspring(
         self, state: GAState, before: NDArray[np.float64], misfit: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-        """Next populations, their misfits as far as known, and which chromosomes changed."""
+        """Next populations, known misfits, and which chromosomes changed."""
         course, rows = state.course, state.course.running
         size = misfit.shape[1]
         uniform = course.streams.uniform(2 + 3 * size)
@@ -146,7 +134,7 @@ class EfficientGA:
         normal = course.streams.normal(np.count_nonzero(chosen, axis=1) * before.shape[2])
         spread = np.broadcast_to(state.mutation_spread[rows][:, None], before.shape)[chosen]
         population[chosen] = reflect(population[chosen] + spread * normal.reshape(spread.shape))
-        # Compared, not remembered: crossing equal chromosomes changes nothing and costs no simulation.
+        # Compared with the old population: crossover of equal chromosomes changes nothing and needs no simulation.
         changed = np.any(population != before, axis=2)
         copies = max(1, round(self.elite_share * size))
         slots = np.argpartition(drawn[:, 2], copies - 1, axis=1)[:, :copies]
@@ -181,7 +169,7 @@ def _crossover(
     share: NDArray[np.float64],
     pairs: NDArray[np.int64],
 ) -> NDArray[np.float64]:
-    """The less fit of each pair moves by one common share r towards the fitter, which stays; pair after pair."""
+    """The less fit of each pair moves by a common share r towards the fitter, which stays; pair after pair."""
     n_replicates, size, n_params = population.shape
     rank = np.empty(misfit.shape, dtype=np.int64)
     np.put_along_axis(rank, np.argsort(misfit, axis=1, kind="stable"), np.arange(size)[None], axis=1)
@@ -189,7 +177,7 @@ def _crossover(
     swap = np.take_along_axis(rank, first, axis=1) > np.take_along_axis(rank, second, axis=1)
     moved, guide = np.where(swap, first, second), np.where(swap, second, first)
     offset = size * np.arange(n_replicates)[:, None]
-    # Towards a failure none moves.
+    # No chromosome moves towards a failure.
     counts = np.isfinite(np.take_along_axis(misfit, guide, axis=1))
     to, at = (guide + offset)[counts], (moved + offset)[counts]
     by = np.repeat(share, np.count_nonzero(counts, axis=1))
@@ -204,15 +192,15 @@ def _crossover(
 
 
 def _independent(to: NDArray[np.int64], at: NDArray[np.int64], size: int) -> NDArray[np.bool_]:
-    """Which of the pairs that are left can cross at once, with the outcome of one after the other.
+    """Remaining pairs that can be crossed at once with the result of crossing one after the other.
 
-    A pair waits for those before it that move either of its two, or that look at the one it moves. That leaves about
-    ten rounds instead of one for each pair.
+    A pair must wait for earlier pairs that move one of its two chromosomes, or that use the one it moves. That takes
+    about ten rounds instead of one per pair.
     """
     order = np.arange(at.size)
     first_to_move = np.full(size, at.size)
     first_to_look = np.full(size, at.size)
-    # Of several that assign to one place the last prevails: backwards, the first.
+    # Of repeated indices the last assignment remains; in reversed order that is the first pair.
     first_to_move[at[::-1]] = order[::-1]
     first_to_look[to[::-1]] = order[::-1]
     alone = (first_to_move[at] == order) & (first_to_move[to] > order) & (first_to_look[at] > order)

@@ -1,4 +1,9 @@
-"""The ask/tell loop."""
+"""The ask/tell loop: one call of the objective per generation, progress reports, interrupts, journal.
+
+An optimiser is pure (state in, state out), and the objective is a batch function on the unit cube; only the loop knows
+both. `on_generation` serves progress bars and early stops: it gets the state of every generation with the misfits that
+led to it.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +28,7 @@ Objective = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AbortableObjective:
-    """An objective that need not go on with a candidate once its misfit reaches a threshold.
+    """An objective that may stop the simulation of a candidate when its misfit reaches a threshold.
 
     `misfits` maps unit vectors (m, n_params) and thresholds (m,) to misfits (m,) >= 0: exact below the threshold, any
     number at or above it, or `inf`, otherwise.
@@ -33,11 +38,11 @@ class AbortableObjective:
 
 
 class Optimiser(Protocol[StateT]):
-    """Derivative-free minimiser on the unit cube; settings only, all progress is in its states.
+    """Settings of a derivative-free minimiser on the unit cube; all progress is in its states.
 
-    What it makes of a replicate depends on its seed, its number, its generation and its misfits, never on the others
-    beside it, so that a stored state goes on as if never interrupted. An adapter of another library keeps that
-    promise only as far as the library does.
+    A replicate depends on the seed, its number, its generation and its misfits, never on other replicates, and a
+    stored state resumes as if it had not been interrupted. For an optimiser of another library this holds as far as
+    the library allows.
     """
 
     @property
@@ -53,22 +58,23 @@ class Optimiser(Protocol[StateT]):
         """Which finds are kept."""
 
     def start(self, n_params: int, rng: int, replicates: Sequence[int] = (0,)) -> StateT:
-        """Make the initial state of the replicates with these numbers, nothing simulated yet."""
+        """Initial state of the replicates with these numbers, before the first simulation."""
 
     def ask(self, state: StateT) -> Proposal:
-        """Propose what to simulate next, of all replicates that run."""
+        """Candidates of the next generation of all running replicates."""
 
     def tell(self, state: StateT, proposal: Proposal, misfit: NDArray[np.float64]) -> StateT:
-        """Take in the misfits of the proposal's rows, shape (n_ask,); `inf` marks a failed simulation."""
+        """State after the misfits of the proposal's rows, shape (n_ask,); `inf` marks a failed simulation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class GenerationEvent(Generic[StateT]):
-    """Progress after one generation of all replicates that ran.
+    """Progress after one generation of all running replicates.
 
-    `evaluations` of all replicates; `best_misfit` and `best_unit` (n_params,) of the best of them, `median_misfit` of
-    their populations' medians; `n_running` go on. `seconds` since this call of the loop began. `misfit` (n_ask,)
-    as the optimiser took them, see `Proposal.accepted`: with them `tell` makes the same `state` again.
+    `evaluations` is the sum over replicates; `best_misfit` and `best_unit` (n_params,) are of the best replicate,
+    `median_misfit` is the median of the medians of their populations; `n_running` replicates continue. `seconds` is the
+    time since this call of the loop began. `misfit` (n_ask,) are the accepted misfits, see `Proposal.accepted`, with
+    which `tell` gives the same `state` again.
     """
 
     generation: int
@@ -138,7 +144,7 @@ def run_replicates(
     on_generation: OnGeneration[StateT] | None = None,
     journal: Journal | None = None,
 ) -> ReplicatedSearch[StateT]:
-    """Minimise a batch objective over the unit cube many times, side by side.
+    """Minimise a batch objective over the unit cube in several replicates at once.
 
     Parameters
     ----------
@@ -146,20 +152,20 @@ def run_replicates(
         For example `EfficientGA()`.
     objective
         Maps unit vectors (m, n_params) to misfits (m,) >= 0, `inf` for a failed simulation. It is called once per
-        generation with the candidates of all replicates that run. An `AbortableObjective` gets thresholds too.
+        generation with the candidates of all running replicates. An `AbortableObjective` gets thresholds too.
     rng
         Seed, a whole number in [0, 2^64); the same seed gives the same bits.
     n_params
         Dimension of the cube.
     replicates
-        Numbers of the replicates. Number k has the same course in whatever company.
+        Numbers of the replicates. The result of a number does not depend on the other replicates.
     state
-        A stored state to go on from; it must come from the same `rng`, `n_params` and `replicates`.
+        A stored state to resume from; it must come from the same `rng`, `n_params` and `replicates`.
     on_generation
         Called after every generation; where it returns true all stop, with reason "callback".
     journal
-        Where every generation is recorded. One that is resumed brings back the generations it has, then the search goes
-        on; what the objective rests on is for the caller to `agree` with it.
+        Records every generation. A resumed journal supplies the generations it has, then the search continues; the
+        caller must `agree` with it on the inputs of the objective.
 
     Returns
     -------
@@ -171,9 +177,9 @@ def run_replicates(
     Interrupted
         On Ctrl-C, carrying the `ReplicatedSearch` of the completed generations with reason "interrupted".
     SettingError
-        Where not even a first generation is allowed, or `state` belongs to another search.
+        Where fewer evaluations than one generation are allowed, or `state` belongs to another search.
     JournalError
-        Where the journal is of another search.
+        Where the journal belongs to another search.
     """
     began = time.perf_counter()
     stop = optimiser.stop
@@ -200,7 +206,7 @@ def run_replicates(
             misfit = _misfits(objective, proposal) if recalled is None else recalled.misfit
             state = optimiser.tell(state, proposal, misfit)
             if recalled is not None:
-                # Time goes on where it stood, so that `max_seconds` ends a search that is resumed where it did before.
+                # The clock continues from the recorded time, so that `max_seconds` ends a resumed search as before.
                 began = time.perf_counter() - recalled.seconds
             seconds = time.perf_counter() - began if recalled is None else recalled.seconds
             if journal is not None and recalled is None:
@@ -233,7 +239,7 @@ def _check_same_search(state: SearchState, rng: int, n_params: int, replicates: 
 
 
 def _event(state: StateT, misfit: NDArray[np.float64], began: float) -> GenerationEvent[StateT]:
-    """Progress as the callback sees it."""
+    """Progress for the callback."""
     course = state.course
     leader = int(np.argmin(course.best_misfit))
     return GenerationEvent(
@@ -254,19 +260,19 @@ _STEP = "generation"
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Generation:
-    """What a search cannot compute again: misfits as the optimiser took them (n_ask,), time since it began [s]."""
+    """Record of a generation: accepted misfits (n_ask,) and time since the search began [s]."""
 
     misfit: NDArray[np.float64]
     seconds: float
 
 
 def agree_on_search(journal: Journal, optimiser: object, state: SearchState) -> None:
-    """Write down which search this is, or check that a journal is of the same.
+    """Record the settings of the search in a journal, or check that those of the journal are the same.
 
     Raises
     ------
     JournalError
-        Where it is not; the message names what differs.
+        Where they differ; the message says in what.
     """
     course = state.course
     journal.agree(
@@ -283,7 +289,7 @@ def agree_on_search(journal: Journal, optimiser: object, state: SearchState) -> 
 
 
 def recalled_generation(journal: Journal, proposal: Proposal) -> Generation | None:
-    """The generation that came of this proposal, `None` where it is not recorded yet."""
+    """The recorded generation of this proposal, `None` where there is none."""
     recalled = journal.recall(_STEP, _digest(proposal)) if journal.recalling else None
     if recalled is None:
         return None
@@ -293,7 +299,7 @@ def recalled_generation(journal: Journal, proposal: Proposal) -> Generation | No
 def record_generation(
     journal: Journal, proposal: Proposal, state: SearchState, generation: Generation
 ) -> None:
-    """Record a generation; beside what is needed to go on, what people look for."""
+    """Record a generation: the data needed to resume, and progress for readers of the journal."""
     course = state.course
     journal.record(
         _STEP,
@@ -303,7 +309,7 @@ def record_generation(
             "evaluations": course.evaluations.sum(),
             "best": course.best_misfit.min(),
             "median": np.median(course.trace.median[:, -1]),
-            # Random numbers are a function of seed, replicate and generation: this is all of their state.
+            # Random numbers depend on seed, replicate and generation only, so this is their whole state.
             "next_stream": {"seed": course.rng, "generation": course.generation.max()},
             "misfit": generation.misfit,
             "search_seconds": generation.seconds,

@@ -8,9 +8,9 @@ with the inertia w falling from 0.9 to 0.4 over the generations allowed (Shi & E
 is the other usual choice, w = 0.7298 and c1 = c2 = 1.49618 throughout, which is the same equation (Clerc & Kennedy,
 IEEE Trans. Evol. Comput. 6, 2002, 58-73).
 
-A particle that meets a face of the box is reflected, and goes on with the displacement it then made (our definition).
-Nothing attracts to a failure. A particle is told its misfit only if it improves on its own best: that is a threshold,
-a simulation may stop as soon as it gets there.
+A particle that leaves the box is reflected, and its velocity becomes the displacement that resulted (our definition).
+There is no attraction to failures. The misfit of a particle is used only if it is below that of its own best, so a
+simulation may stop at that threshold.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from mrwork.search.unit_cube import latin_hypercube, reflect
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SwarmState:
-    """Everything a swarm needs to go on.
+    """State of a swarm.
 
     `population` (n_replicates, n_population, n_params) are the particles' own bests with `misfit`
-    (n_replicates, n_population), `position` and `velocity` (n_replicates, n_population, n_params) where they are
-    and what they moved last; at generation 0 the initial position and velocity, not yet simulated.
+    (n_replicates, n_population). `position` and `velocity` (n_replicates, n_population, n_params) are the present
+    positions and last displacements; at generation 0 the initial ones, before the first simulation.
     """
 
     course: Course
@@ -53,11 +53,11 @@ class ParticleSwarm:
     population
         Particles, at least 2.
     inertia
-        Of the first and of the last generation allowed, w.
+        Inertia w of the first and of the last allowed generation.
     own_attraction, common_attraction
-        Towards the particle's own best and the best of all, c1 and c2.
+        Attraction to the particle's own best, c1, and to the best of all, c2.
     velocity_limit
-        Greatest change of a gene in a generation, a share of the box.
+        Largest change of a gene in a generation, a share of the box.
     stop
         When to end.
     elite
@@ -85,10 +85,10 @@ class ParticleSwarm:
         )
 
     def start(self, n_params: int, rng: int, replicates: Sequence[int] = (0,)) -> SwarmState:
-        """Latin hypercube samples of the unit cube, with velocities up to the limit, not yet simulated."""
+        """Initial state with Latin hypercube samples of the unit cube and velocities up to the limit."""
         course = Course.begun(n_params, rng, replicates, self.elite)
         position = latin_hypercube(course.streams, self.population, n_params)
-        # The hypercube took the first numbers of the stream.
+        # The hypercube has used the first numbers of the stream.
         drawn = course.streams.uniform(3 * position[0].size)[:, 2 * position[0].size :]
         return SwarmState(
             course=course,
@@ -99,7 +99,7 @@ class ParticleSwarm:
         )
 
     def ask(self, state: SwarmState) -> Proposal:
-        """Where every particle goes."""
+        """Next position of every particle."""
         course, rows = state.course, state.course.running
         position, velocity = state.position[rows], state.velocity[rows]
         own, misfit = state.population[rows], state.misfit[rows]
@@ -124,7 +124,7 @@ class ParticleSwarm:
         rows = state.course.running
         own = PopulationState(course=state.course, population=state.population, misfit=state.misfit)
         own = better_told(own, proposal, misfit, elite=self.elite, stop=self.stop)
-        # Before the first move there is no displacement yet: the initial velocity stays.
+        # There is no displacement before the first move: the initial velocity stays.
         moved = state.velocity if state.course.is_first else proposal.population - state.position[rows]
         return SwarmState(
             course=own.course,
@@ -135,5 +135,5 @@ class ParticleSwarm:
         )
 
 
-# The swarm of Clerc & Kennedy.
+# Constriction factors of Clerc & Kennedy.
 CONSTRICTION = ParticleSwarm(inertia=(0.7298, 0.7298))

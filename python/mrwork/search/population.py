@@ -1,4 +1,4 @@
-"""What population-based optimisers share: their state, a generation of it, fitness, and the ceiling of misfits."""
+"""Common parts of population-based optimisers: state, proposal, replacement, fitness, ceiling of misfits."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from mrwork.search.rules import EliteRule, StopRules, check_ranges
 class PopulationState:
     """A population and its misfits, (n_replicates, n_population, n_params) and (n_replicates, n_population).
 
-    They are the last generation told, or the initial one with misfit `inf` at generation 0.
+    They are the last simulated generation, or the initial one with misfit `inf` at generation 0.
     """
 
     course: Course
@@ -25,7 +25,7 @@ class PopulationState:
 
     @classmethod
     def begun(cls, course: Course, population: NDArray[np.float64]) -> PopulationState:
-        """Nothing simulated yet."""
+        """State before the first simulation."""
         return cls(course=course, population=population, misfit=np.full(population.shape[:2], math.inf))
 
 
@@ -37,7 +37,7 @@ def proposed(
     changed: NDArray[np.bool_] | None = None,
     limit: NDArray[np.float64] | float = math.inf,
 ) -> Proposal:
-    """Ask for this population of the replicates that run, or for those `changed` where the others are `known`.
+    """Proposal of this population of the running replicates; only `changed` candidates if the others are `known`.
 
     Misfits at or above `limit`, one number, (n_running, 1) or (n_running, n_population), count as failures.
     """
@@ -60,7 +60,7 @@ def generation_told(
     elite: EliteRule,
     stop: StopRules,
 ) -> PopulationState:
-    """The proposed population takes the place of the old one."""
+    """State after a generation that replaces the old population."""
     told = proposal.told(misfit)
     after = np.where(proposal.changed, told, proposal.known)
     return _replaced(state, proposal, told, proposal.population, after, elite, stop)
@@ -74,7 +74,7 @@ def better_told(
     elite: EliteRule,
     stop: StopRules,
 ) -> PopulationState:
-    """Each proposed member takes the place of the old one where it is better."""
+    """State after a generation in which each proposed member replaces the old one if it is better."""
     rows = state.course.running
     told = proposal.told(misfit)
     better = told < state.misfit[rows]
@@ -92,7 +92,7 @@ def _replaced(
     elite: EliteRule,
     stop: StopRules,
 ) -> PopulationState:
-    """The replicates that run have this population with these misfits now."""
+    """State in which the running replicates have this population with these misfits."""
     rows = state.course.running
     return PopulationState(
         course=state.course.after(
@@ -106,7 +106,8 @@ def _replaced(
 def relative_fitness(misfit: NDArray[np.float64]) -> NDArray[np.float64]:
     """`F = (e_max - e)/(e_max - e_min)` in each population, shape (n_replicates, n_population).
 
-    The extremes are those of the simulations that succeeded. Failures have 0, and all have where all errors are equal.
+    The extremes are those of the simulations that succeeded. Failures have fitness 0; so have all where all errors are
+    equal.
     """
     succeeded = np.isfinite(misfit)
     best = np.min(misfit, axis=1, keepdims=True)
@@ -119,12 +120,33 @@ def relative_fitness(misfit: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ceiling:
-    """A chromosome with a misfit at or above it counts as failed; the lower of the two holds, `None` is none.
+    """Misfit at or above which a chromosome counts as failed; the lower of the two limits applies, `None` is no limit.
+
+    In a genetic algorithm every misfit has a rank, so a simulation that stops early would change later generations. A
+    ceiling changes them on purpose, by a stated rule, and the result does not depend on early stopping any more.
+
+    On 2000 samples of a measured test (10 mm, 1 Hz, 0.5 A), with the non-symmetric Bouc-Wen model, 8 free parameters
+    and 24 replicates of 120 generations of the efficient algorithm; the share of steps is estimated, assuming that the
+    squared error grows evenly in time:
+
+    =========================  ===========  ==================  ============  ==========
+    ceiling                    simulations  median best misfit  below 0.1     steps done
+    =========================  ===========  ==================  ============  ==========
+    none                       4252         0.0785              0.79          1.00
+    1                          4539         0.0742              0.88          0.92
+    1 and 3 times the median   5248         0.0666              0.96          0.75
+    1 and 2 times              5272         0.0678              0.92          0.73
+    1 and 1.5 times            5319         0.0673              0.88          0.71
+    1 and 1 times              5427         0.0673              0.88          0.66
+    =========================  ===========  ==================  ============  ==========
+
+    No ceiling reduced the quality (0.79 and 0.96 of 24 differ by little more than chance). Failures mutate, so more
+    chromosomes change and are simulated, yet the number of steps decreases.
 
     Parameters
     ----------
     absolute
-        A misfit. For one that is an NRMSE, 1 is natural: at 1 a constant force does as well.
+        A misfit. The natural value for an NRMSE is 1, the misfit of a constant force.
     over_median
         A multiple, at least 1, of the median misfit of the generation before.
     """
@@ -138,7 +160,7 @@ class Ceiling:
         )
 
     def limit(self, course: Course) -> NDArray[np.float64]:
-        """The ceiling of each replicate that runs, shape (n_running, 1); `inf` where there is none."""
+        """The ceiling of each running replicate, shape (n_running, 1); `inf` where there is none."""
         rows = course.running
         limit = np.full((rows.size, 1), math.inf if self.absolute is None else self.absolute)
         if self.over_median is None or course.is_first:

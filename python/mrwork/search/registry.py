@@ -1,4 +1,4 @@
-"""Every optimiser by name, with its default settings: what a study or a test may choose from."""
+"""Every optimiser by name, with its default settings."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mrwork.search.peers import CMAEvolution, PymooGA
 from mrwork.search.scipy_differential_evolution import ScipyDifferentialEvolution
 from mrwork.search.standard_genetic import StandardGA
 
-# Any: each optimiser has states of its own kind.
+# Any: each optimiser has its own type of state.
 OPTIMISERS: Mapping[str, Optimiser[Any]] = {
     "standard_ga": StandardGA(),
     "genetic": EfficientGA(),
@@ -23,7 +23,7 @@ OPTIMISERS: Mapping[str, Optimiser[Any]] = {
     "differential_evolution_random": DifferentialEvolution(base="random"),
 }
 
-# Those of other libraries; starting one asks for its library.
+# Optimisers of other libraries, which are imported when a search starts.
 PEERS: Mapping[str, Optimiser[Any]] = {
     "cma": CMAEvolution(),
     "pymoo_ga": PymooGA(),

@@ -15,15 +15,15 @@ from mrwork.summary import Summarised, Summary, rounded
 
 
 class SearchState(Protocol):
-    """What the loop reads of an optimiser's state, whichever optimiser it is.
+    """The part of an optimiser's state that the loop reads.
 
-    A frozen dataclass whose fields are a `Course` and arrays with a leading axis of replicates, so that `select`,
-    `arrays_of` and `state_from_arrays` serve all.
+    A state is a frozen dataclass whose fields are a `Course` and arrays with a leading axis of replicates; `select`,
+    `arrays_of` and `state_from_arrays` work on all such states.
     """
 
     @property
     def course(self) -> Course:
-        """How far each replicate has come."""
+        """Progress of each replicate."""
 
     @property
     def population(self) -> NDArray[np.float64]:
@@ -38,7 +38,7 @@ T = TypeVar("T")
 
 
 def select(state: T, rows: Sequence[int]) -> T:
-    """The same state with only these rows of its leading axis, in this order; traces end with the longest."""
+    """The state of these replicates only, in this order; traces are cut to the longest of them."""
     index = np.asarray(rows, dtype=np.int64)
 
     def part(value: Any) -> Any:
@@ -59,20 +59,20 @@ def select(state: T, rows: Sequence[int]) -> T:
 
 
 def arrays_of(state: object) -> dict[str, NDArray[Any]]:
-    """Every number of a state as plain arrays, named by their fields: `course.best_unit` and so on."""
+    """A state as plain arrays by field name, such as `course.best_unit`."""
     arrays: dict[str, NDArray[Any]] = {}
     for field in dataclasses.fields(state):  # type: ignore[arg-type] # an `object` that is a dataclass
         value = getattr(state, field.name)
         if dataclasses.is_dataclass(value):
             arrays |= {f"{field.name}.{name}": each for name, each in arrays_of(value).items()}
         else:
-            # An unsigned number holds every seed.
+            # Unsigned, because a seed may take all 64 bits.
             arrays[field.name] = value if isinstance(value, np.ndarray) else np.array(value, np.uint64)
     return arrays
 
 
 def state_from_arrays(kind: type[T], arrays: Mapping[str, NDArray[Any]]) -> T:
-    """Undo `arrays_of`, to the same bits; `kind` is the class of the state."""
+    """Undo `arrays_of`, bit for bit; `kind` is the class of the state."""
     hints = get_type_hints(kind)
     values: dict[str, Any] = {}
     for name, hint in hints.items():
@@ -85,7 +85,7 @@ def state_from_arrays(kind: type[T], arrays: Mapping[str, NDArray[Any]]) -> T:
 
 
 def _with_parts(value: T, change: Callable[[Any], Any]) -> T:
-    """A dataclass with each field changed."""
+    """A dataclass with `change` applied to each field."""
     names = [field.name for field in dataclasses.fields(value)]  # type: ignore[arg-type] # T is a dataclass
     changed = {name: change(getattr(value, name)) for name in names}
     return dataclasses.replace(value, **changed)  # type: ignore[type-var] # T is a dataclass
@@ -95,7 +95,7 @@ StateT = TypeVar("StateT", bound=SearchState)
 
 
 class RunTrace(NamedTuple):
-    """Progress of one replicate, each of shape (n_generations,); the meaning is that of `Trace`."""
+    """Progress of one replicate, as in `Trace`, each of shape (n_generations,)."""
 
     evaluations: NDArray[np.int64]
     best: NDArray[np.float64]
@@ -104,12 +104,12 @@ class RunTrace(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class SearchResult(Summarised, Generic[StateT]):
-    """What one replicate found, why it stopped, and the state from which it can go on alone.
+    """Result of one replicate, its stop reason, and the state from which it can be resumed alone.
 
-    `best_unit` (n_params,) has `best_misfit`, `inf` if no simulation ever succeeded. `elite`
-    (n_elite, n_params) are the distinct good finds of the whole run with `elite_misfit` (n_elite,), best
-    first: starts of a local refinement; empty if no simulation ever succeeded. `evaluations` and
-    `generations` count from the very start, `seconds` this call only, of all replicates together.
+    `best_unit` (n_params,) has `best_misfit`, `inf` if no simulation succeeded. `elite` (n_elite, n_params) are the
+    distinct good finds of the whole run with `elite_misfit` (n_elite,), best first, empty if no simulation succeeded;
+    they are starts for a local refinement. `evaluations` and `generations` count from the start of the search,
+    `seconds` is the time of this call, for all replicates together.
     """
 
     replicate: int
@@ -140,7 +140,7 @@ class SearchResult(Summarised, Generic[StateT]):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReplicatedSearch(Generic[StateT]):
-    """The results of replicates that ran side by side, and the state from which all of them can go on."""
+    """Results of replicates that ran together, and the state from which all can be resumed."""
 
     results: tuple[SearchResult[StateT], ...]
     seconds: float
@@ -148,12 +148,12 @@ class ReplicatedSearch(Generic[StateT]):
 
     @property
     def best(self) -> SearchResult[StateT]:
-        """The one that came lowest."""
+        """The result with the least misfit."""
         return min(self.results, key=lambda result: result.best_misfit)
 
 
 def results_of(state: StateT, reason: str, seconds: float) -> ReplicatedSearch[StateT]:
-    """Sum up a search that ends on this state; `reason` is why those end that no rule had ended."""
+    """Results of a search that ends in this state; `reason` is that of replicates that no rule has ended."""
     return ReplicatedSearch(
         results=tuple(
             _result(select(state, [row]), reason, seconds) for row in range(len(state.course.replicate))

@@ -1,4 +1,4 @@
-"""Rules that every optimiser takes: when a replicate ends, which finds are kept; checks of settings."""
+"""Settings that every optimiser takes: rules that end a replicate, and finds that are kept; range checks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mrwork.errors import SettingError
 from mrwork.search.termination import hypothesis_test, stalled, threshold
 
-# Place in the list = code in `Course.ended`. Where several apply the first is named.
+# The index is the code in `Course.ended`. Of several rules that apply the first is reported.
 _REASONS = (
     None,
     "target",
@@ -32,32 +32,32 @@ def reason_of(code: int) -> str | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopRules:
-    """When a replicate ends; each says which rule ended it. `None` switches a rule off.
+    """Rules that end a replicate, and their names as stop reasons. `None` switches a rule off.
 
     Parameters
     ----------
     target
         `target`: the best misfit is at or below this.
     max_generations
-        `max_generations`: so many were told.
+        `max_generations`: this number of generations is done.
     max_evaluations
-        `max_evaluations`: a whole population more might exceed so many simulations of a replicate, so that they
-        are never exceeded.
+        `max_evaluations`: another whole population might exceed this number of simulations of a replicate, which is
+        therefore never exceeded.
     spread_tolerance
         `spread`: half the population lies within this distance (largest gene difference) of the best.
     confidence, floor_share
-        `hypothesis_test`: the decay of the best is significant at this confidence. The test is taken on the misfit
-        above this share of the least misfit so far: 0 is the literal statistic, 1 (our definition) asks how much
-        of the attainable decay is done. See `termination`.
+        `hypothesis_test`: the decay of the best misfit is significant at this confidence. The test uses the misfit
+        above this share of the least misfit so far: 0 is the published statistic, 1 (our definition) measures the
+        share of the attainable decay. See `termination`.
     stall_generations, stall_tolerance
-        `stall`: the best has not fallen by this share within so many generations (our definition): what ends a search
-        on measured data, where the literal test is out of reach.
+        `stall`: the best misfit has not fallen by this share within this number of generations (our definition). It
+        ends searches on measured data, where the published test is rarely met.
     min_generations
         `spread`, `hypothesis_test` and `stall` do not end a replicate before; the others always do.
     max_seconds
-        `max_seconds`: the loop has run so long; it is looked at between generations. The only rule that the seed does
-        not repeat: it depends on the machine and its load. So it is no part of a state. The loop keeps it, names it
-        for all replicates that still run, and their state goes on where it was left.
+        `max_seconds`: the loop has run for this time; checked between generations. The only rule that depends on the
+        machine and not on the seed, so it is no part of a state: the loop applies it to all running replicates, whose
+        state can be resumed.
     """
 
     target: float | None = None
@@ -88,7 +88,7 @@ class StopRules:
             }
         )
 
-    def judge(
+    def ended(
         self,
         *,
         trace: NDArray[np.float64],
@@ -137,12 +137,12 @@ class StopRules:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EliteRule:
-    """How many distinct finds of a run are kept as starts of a refinement, and how far apart they are.
+    """Distinct finds of a run that are kept as starts of a refinement.
 
     Parameters
     ----------
     count
-        At most so many; 1 keeps the best alone.
+        Largest number of finds; 1 keeps the best alone.
     distance
         Least distance (largest gene difference) of any two, a share of the box; 0 allows copies.
     """
@@ -159,8 +159,8 @@ def distinct_best(
 ) -> NDArray[np.int64]:
     """Members of each population that are good and mutually distant.
 
-    Greedy: the best first, then the next best whose distance to every one taken is at least that of the rule. A
-    copy or a near copy would only send a refinement to the same minimum.
+    Greedy: the best first, then the next best whose distance to all that were selected is at least that of the rule.
+    Refinements from near copies would end at the same minimum.
 
     Parameters
     ----------
@@ -169,12 +169,12 @@ def distinct_best(
     misfit
         Shape (n_replicates, n); failures (`inf`) are never taken.
     rule
-        How many, how far apart.
+        Number and least distance.
 
     Returns
     -------
     NDArray of int
-        Shape (n_replicates, rule.count): indices, best first, then -1 where the population is not that varied.
+        Shape (n_replicates, rule.count): indices, best first, padded with -1 where fewer are distant enough.
     """
     n_replicates, size = misfit.shape
     n_params = population.shape[2]
@@ -184,9 +184,9 @@ def distinct_best(
     gene = np.ascontiguousarray(population.reshape(-1, n_params).T)
     taken = np.full((n_replicates, rule.count), -1, dtype=np.int64)
     n_taken = np.zeros(n_replicates, dtype=np.int64)
-    # Where none is taken yet: outside the cube, far from everything.
+    # Empty slots lie outside the cube, far from every member.
     taken_gene = np.full((n_params, n_replicates, rule.count), 9.0)
-    # The j-th best of every replicate at once.
+    # Vectorised over replicates: the j-th best of each.
     for j in range(int(np.count_nonzero(finite, axis=1).max(initial=0))):
         if n_taken.min() == rule.count:
             break
@@ -201,7 +201,7 @@ def distinct_best(
 
 
 def check_ranges(ranges: Mapping[str, tuple[float | None, float, float]]) -> None:
-    """Refuse the first setting whose value is not in [lower, upper]; `None` is a rule that is off.
+    """Refuse the first setting whose value is not in [lower, upper]; `None` passes.
 
     Parameters
     ----------
@@ -211,9 +211,9 @@ def check_ranges(ranges: Mapping[str, tuple[float | None, float, float]]) -> Non
     Raises
     ------
     SettingError
-        Naming the setting, its range and what came.
+        Naming the setting, its range and its value.
     """
     for name, (value, lower, upper) in ranges.items():
-        # Written so that a NaN is refused.
+        # This form refuses NaN too.
         if value is not None and not lower <= value <= upper:
             raise SettingError(f"`{name}` lies between {lower} and {upper}, got {value}")

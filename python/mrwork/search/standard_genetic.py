@@ -1,15 +1,15 @@
-"""The standard genetic algorithm, against which the efficient one is judged (Kwok et al., ISA Trans. 46, 2007).
+"""The standard genetic algorithm, the baseline for the efficient one (Kwok et al., ISA Trans. 46, 2007, 167-179).
 
 Real-coded in the unit cube: roulette selection (Holland 1975; Goldberg 1989), arithmetic crossover (Michalewicz
-1992), Gaussian mutation, elitism. What is not told by those words is decided as follows (our definitions):
+1992), Gaussian mutation, elitism. Details that the sources leave open (our definitions):
 
 - *Fitness* is that of the efficient algorithm, `F = (e_max - e)/(e_max - e_min)`, 0 for failures. Where it is 0
-  for all, all are chosen alike.
-- *Crossover* makes of parents a and b the children `a + l (b - a)` and `b + l (a - b)`, one `l ~ U(0, 1)` a pair.
-- *Mutation* strikes each gene on its own and adds N(0, deviation); genes that leave the box are reflected.
-- *A child equal to its parent* has its parent's misfit and is not simulated again. That is about one in eight with
-  8 parameters, and gives the baseline the saving that the efficient algorithm has.
-- *Elitism*: the best takes the first slot as it is.
+  for all, all have the same probability of selection.
+- *Crossover* of parents a and b gives the children `a + l (b - a)` and `b + l (a - b)`, one `l ~ U(0, 1)` per pair.
+- *Mutation* affects each gene independently and adds N(0, deviation); genes that leave the box are reflected.
+- *A child equal to its parent* has its parent's misfit and is not simulated again. With 8 parameters that is about one
+  in eight; the efficient algorithm saves simulations in the same way.
+- *Elitism*: the best chromosome is copied unchanged to the first slot.
 """
 
 from __future__ import annotations
@@ -36,13 +36,13 @@ class StandardGA:
     population
         Chromosomes P, at least 4.
     crossover_probability
-        That a pair of parents is crossed, p_c.
+        Probability p_c that a pair of parents is crossed.
     mutation_probability
-        That a gene is mutated, p_m.
+        Probability p_m that a gene is mutated.
     mutation_deviation
-        Of what is added, a share of the box.
+        Standard deviation of the mutation, a share of the box.
     ceiling
-        From which misfit on a chromosome counts as failed, so that its simulation may stop there.
+        Misfit at which a chromosome counts as failed, so that its simulation may stop there.
     stop
         When to end; by default after 200 generations at most.
     elite
@@ -68,12 +68,12 @@ class StandardGA:
         )
 
     def start(self, n_params: int, rng: int, replicates: Sequence[int] = (0,)) -> PopulationState:
-        """Latin hypercube samples of the unit cube, not yet simulated."""
+        """Initial state with Latin hypercube samples of the unit cube."""
         course = Course.begun(n_params, rng, replicates, self.elite)
         return PopulationState.begun(course, latin_hypercube(course.streams, self.population, n_params))
 
     def ask(self, state: PopulationState) -> Proposal:
-        """Children of the present generation; those that differ from their parents need a simulation."""
+        """Children of the present generation; those that differ from their parents are simulated."""
         course, rows = state.course, state.course.running
         parents, misfit = state.population[rows], state.misfit[rows]
         if course.is_first:
@@ -91,9 +91,9 @@ class StandardGA:
             [parents[among, first] + share * way, parents[among, second] - share * way], axis=1
         )[:, :size]
         of = np.concatenate([first, second], axis=1)[:, :size]
-        struck = uniform[:, 4 * pairs :].reshape(children.shape) < self.mutation_probability
-        step = course.streams.normal(np.count_nonzero(struck, axis=(1, 2)))
-        children[struck] = reflect(children[struck] + self.mutation_deviation * step)
+        mutated = uniform[:, 4 * pairs :].reshape(children.shape) < self.mutation_probability
+        step = course.streams.normal(np.count_nonzero(mutated, axis=(1, 2)))
+        children[mutated] = reflect(children[mutated] + self.mutation_deviation * step)
         changed = np.any(children != parents[among, of], axis=2)
         known = misfit[among, of]
         found = np.isfinite(course.best_misfit[rows])
@@ -116,9 +116,9 @@ class StandardGA:
 
 
 def _roulette(fitness: NDArray[np.float64], uniform: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Members drawn in proportion to fitness, one for each number in [0, 1), shape (n_replicates, n_drawn)."""
+    """Members selected in proportion to fitness, one for each number in [0, 1), shape (n_replicates, n_drawn)."""
     slot = np.cumsum(np.where(fitness.any(axis=1, keepdims=True), fitness, 1.0), axis=1)
     ball = uniform * slot[:, -1:]
     member = np.count_nonzero(slot[:, None, :] <= ball[:, :, None], axis=2)
-    # Rounding may lift a ball onto the very end of the wheel.
+    # Rounding may place a ball at the end of the wheel.
     return np.asarray(np.minimum(member, fitness.shape[1] - 1))

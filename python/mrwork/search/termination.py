@@ -1,27 +1,26 @@
-"""When a search has said what it can: the hypothesis test of Kwok et al. (2007), and a stall.
+"""Termination of a search: the hypothesis test of Kwok et al. (2007), and a stall test.
 
 The test reads the trace `e_g` of the least misfit per generation. From the first improvement `g0`
 on, the errors are taken as exponentially distributed with mean `mu`. The first and greatest of them
 then belongs to the same population with probability `exp(-max(e)/mu)`; once this is below the
-significance `a_s = 1 - confidence` the search has left its initial errors behind and may end::
+significance `a_s = 1 - confidence` the errors have decayed significantly and the search may end::
 
     mean(e_g) / max(e_g) <= 1 / ln(1/a_s)            0.334 at 95 %, 0.217 at 99 %
 
-The exact statistic is our definition: the literature's could not be read.
+The exact statistic is our definition; that of the source was not available.
 
-**Floor.** A measured record keeps a model error `e_inf > 0` however long one searches, and then the
-ratio tends to `e_inf / e_g0`, which stays above the threshold for ever unless the search began three
-times worse than it can end. Of 32 searches of 300 generations on measured damper tests (static and
-normalised Bouc-Wen, two tests each, eight seeds) the literal test ended one. Two ways out, both our
-definition:
+**Floor.** On a measured record a model error `e_inf > 0` remains however long the search is. The ratio then
+tends to `e_inf / e_g0`, which stays above the threshold unless the initial error is three times the final
+one. Of 32 searches of 300 generations on measured damper tests (static and normalised Bouc-Wen, two tests
+each, eight seeds) the published test ended one. Two alternatives, both our definition:
 
-- `stalled`: the best has not fallen by a stated share for a stated number of generations. By default the
-  search uses it beside the literal test and names what came first. With it the same searches ended
-  after 127 to 300 generations (the cap) within 14 % of the best error known, 4 % in the median.
-- `floor`: the same statistic on `e_g - floor`. With the least misfit seen so far as floor it asks how much
-  of the attainable decay lies behind, and meets the threshold on every trace that falls twice and levels off.
-  It is eager: on the same tests it was first met after 4 to 23 generations (once 130), at 1.1 to 2.3
-  times the best error known. Use it only with enough `min_generations`.
+- `stalled`: the best misfit has not fallen by a given share for a given number of generations. By default the
+  search uses it together with the published test and reports the first that applies. With it the same searches
+  ended after 127 to 300 generations (the limit) within 14 % of the best error known, 4 % in the median.
+- `floor`: the same statistic on `e_g - floor`. With the least misfit so far as floor it measures the share of the
+  attainable decay, and meets the threshold on every trace that falls twice and then levels off. It is met early:
+  on the same tests first after 4 to 23 generations (once 130), at 1.1 to 2.3 times the best error known. Use it
+  only with enough `min_generations`.
 """
 
 from __future__ import annotations
@@ -71,19 +70,19 @@ def statistic(best: NDArray[np.float64], *, floor: NDArray[np.float64] | float =
     best
         Least misfit up to each generation, shape (..., n_generations), never rising.
     floor
-        Misfit that no parameters can undercut, shape (...); 0 gives the literal statistic.
+        Lower bound of the misfit, shape (...); 0 gives the published statistic.
 
     Returns
     -------
     NDArray
-        Shape (...), in (0, 1]; 1 while nothing has decayed, so that no threshold is met.
+        Shape (...), in (0, 1]; 1 before any decay, so that no threshold is met.
     """
     g0 = first_improvement(best)[..., None]
     count = best.shape[-1]
     excess = np.where(np.arange(count) >= g0, best - np.asarray(floor)[..., None], 0.0)
     greatest = excess.max(axis=-1, keepdims=True, initial=0.0)
     decayed = greatest[..., 0] > 0.0
-    # Dividing first keeps the sum of near-overflowing misfits finite.
+    # Division before the sum avoids overflow.
     total = np.sum(excess / np.where(decayed[..., None], greatest, 1.0), axis=-1)
     return np.where(decayed, total / np.maximum(count - g0[..., 0], 1), 1.0)
 
@@ -96,11 +95,11 @@ def hypothesis_test(
 
 
 def stalled(best: NDArray[np.float64], *, generations: int, tolerance: float) -> NDArray[np.bool_]:
-    """Whether the best of each trace has not fallen by more than the share `tolerance` in the last `generations`."""
+    """Whether the best misfit of each trace fell by less than the share `tolerance` in the last `generations`."""
     if best.shape[-1] <= generations:
         return np.zeros(best.shape[:-1], np.bool_)
     before, now = best[..., -1 - generations], best[..., -1]
-    # Written as a product so that 0 after 0 and inf after inf count as stalled.
+    # As a product, so that 0 after 0 and inf after inf count as stalled.
     return np.asarray(now >= before * (1.0 - tolerance))
 
 
@@ -122,12 +121,12 @@ def expected_termination(
     confidence
         Of the test, between 0 and 1.
     floor
-        As in `statistic`; entries that have reached it do not take part in the fit.
+        As in `statistic`; entries at or below it are left out of the fit.
 
     Returns
     -------
     ExpectedTermination
-        `(None, 0.0)` when fewer than three generations can be fitted or the fitted curve does not fall.
+        `(None, 0.0)` where fewer than three generations can be fitted or the fitted curve does not fall.
     """
     limit = threshold(confidence)
     g0 = int(first_improvement(best))
@@ -140,7 +139,7 @@ def expected_termination(
     rate = -float(centred @ logarithm) / float(centred @ centred)
     residual = logarithm - logarithm.mean() + rate * centred
     deviation = math.sqrt(float(residual @ residual) / (age.size - 2) / float(centred @ centred))
-    # A slope within rounding of zero is no decay; 1e-12 would take longer than any search.
+    # A slope that is zero within rounding is no decay.
     if rate <= 1e-12:
         return ExpectedTermination(None, 0.0)
     length = _generations_to(limit, rate)
@@ -185,7 +184,7 @@ def _rate_to(limit: float, length: int) -> float:
 
 def _normal_between(lower: float, upper: float, *, mean: float, deviation: float) -> float:
     """Probability of [lower, upper) under a normal distribution, a point mass when it has no width."""
-    # An exact exponential leaves only rounding in the residual; treat that as no spread at all.
+    # The residual of an exact exponential is rounding alone; treat it as no spread.
     if deviation <= 1e-12 * mean:
         return 1.0
     scale = deviation * math.sqrt(2.0)

@@ -1,4 +1,10 @@
-"""Points of the unit cube and the counter-based random numbers that they are drawn with."""
+"""Random numbers of a search, and points of the unit cube.
+
+The random numbers of a generation are a function of (seed, replicate, generation) alone. Philox is a counter-based
+generator: `key` and `counter` are its whole state, so the stream of any generation is available without drawing those
+before it. The key is (seed, replicate), the upper half of the counter (purpose, generation); the lower half counts the
+numbers drawn (Salmon et al., SC'11, 2011).
+"""
 
 from __future__ import annotations
 
@@ -17,10 +23,10 @@ def latin_hypercube(streams: Streams, count: int, n_params: int) -> NDArray[np.f
 
 
 def reflect(unit: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Fold the real line into [0, 1] at 0 and 1, leaving what lies inside bit for bit.
+    """Reflect the real line into [0, 1] at 0 and 1; points inside keep their bits.
 
-    Clipping would pile points up exactly on the faces, where parameters then seem to want to be; reflection
-    leaves a uniform population uniform.
+    Clipping would collect points exactly on the faces, as if optimal parameters were there; reflection keeps a uniform
+    population uniform.
     """
     folded = unit.copy()
     outside = (unit < 0.0) | (unit > 1.0)
@@ -29,12 +35,12 @@ def reflect(unit: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def others(uniform: NDArray[np.float64], size: int) -> NDArray[np.int64]:
-    """Different members of a group of `size`, none of them the one who draws.
+    """For each member of a group of `size`, different other members.
 
     Parameters
     ----------
     uniform
-        Numbers in [0, 1), shape (..., size, n_others); member j draws along the last axis.
+        Numbers in [0, 1), shape (..., size, n_others); those of member j along the last axis.
     size
         More than `n_others`.
 
@@ -46,7 +52,7 @@ def others(uniform: NDArray[np.float64], size: int) -> NDArray[np.int64]:
     n_others = uniform.shape[-1]
     taken = np.broadcast_to(np.arange(size)[:, None], (*uniform.shape[:-1], 1))
     for k in range(n_others):
-        # The k-th of those that are left: step over the ones taken, lowest first.
+        # Index among the remaining members: skip those taken, lowest first.
         member = (uniform[..., k] * (size - 1 - k)).astype(np.int64)
         for lower in np.moveaxis(np.sort(taken, axis=-1), -1, 0):
             member += member >= lower
@@ -59,7 +65,7 @@ _UNIFORM, _NORMAL, _FOREIGN = range(3)
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Streams:
-    """The streams of some replicates: their numbers (n,) and their generations (n,) under one seed."""
+    """Random streams of replicates with these numbers (n,) at these generations (n,), under one seed."""
 
     rng: int
     replicate: NDArray[np.int64]
@@ -73,7 +79,7 @@ class Streams:
         return drawn
 
     def normal(self, count: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Standard normal numbers, `count` (n,) of each replicate one after the other, shape (sum of count,)."""
+        """Standard normal numbers, `count` (n,) for each replicate, concatenated, shape (sum of count,)."""
         stop = np.cumsum(count)
         drawn = np.empty(int(stop[-1]) if stop.size else 0)
         for first, last, generator in zip(stop - count, stop, self._generators(_NORMAL), strict=True):
@@ -81,16 +87,16 @@ class Streams:
         return drawn
 
     def seeds(self) -> NDArray[np.int64]:
-        """One number in [0, 2^31) of each replicate, for a library that takes a seed, shape (n,)."""
+        """Seed in [0, 2^31) of each replicate for a library that takes one, shape (n,)."""
         return np.array([int(each.integers(2**31)) for each in self._generators(_FOREIGN)], dtype=np.int64)
 
     def _generators(self, purpose: int) -> Iterator[np.random.Generator]:
-        # One generator moved from stream to stream: making a new one takes twenty times as long.
+        # One generator is set to each stream; a new generator would take twenty times as long.
         philox = np.random.Philox(key=0)
         generator = np.random.Generator(philox)
-        place = philox.state
+        state = philox.state
         for replicate, generation in zip(self.replicate.tolist(), self.generation.tolist(), strict=True):
-            place["state"]["key"][:] = (self.rng, replicate)
-            place["state"]["counter"][:] = (0, 0, purpose, generation)
-            philox.state = place
+            state["state"]["key"][:] = (self.rng, replicate)
+            state["state"]["counter"][:] = (0, 0, purpose, generation)
+            philox.state = state
             yield generator
