@@ -13,7 +13,6 @@ from typing import Any, NoReturn, cast
 from mrwork.errors import InvalidSettingError, SettingError
 
 _REQUIRED: Any = MISSING
-_NOTE = "says"
 
 KeyPath = tuple[str | int, ...]
 """Keys and array indices that lead to a value, as ("damper", 0, "storey")."""
@@ -76,6 +75,7 @@ def key(
     default: Any = _REQUIRED,
     least: float = -math.inf,
     above: float = -math.inf,
+    may_be_nan: bool = False,
 ) -> Any:
     """Declare a key of a table.
 
@@ -89,14 +89,16 @@ def key(
         Value if the key is absent; a key without a default is required.
     least, above
         Bounds of a number: it must not be less than `least`, and must exceed `above`.
+    may_be_nan
+        Whether a number may be NaN, as the value of a broken sensor.
     """
-    notes = {"says": says, "unit": unit, "least": least, "above": above}
+    notes = {"says": says, "unit": unit, "least": least, "above": above, "may_be_nan": may_be_nan}
     return field(metadata=notes) if default is MISSING else field(default=default, metadata=notes)
 
 
 def keys_of(table: type) -> tuple[Field[Any], ...]:
     """The keys of a table: its fields declared by `key`."""
-    return tuple(entry for entry in fields(cast(Any, table)) if _NOTE in entry.metadata)
+    return tuple(entry for entry in fields(cast(Any, table)) if "says" in entry.metadata)
 
 
 def is_required(entry: Field[Any]) -> bool:
@@ -113,8 +115,10 @@ def described(entry: Field[Any]) -> str:
 def out_of_range(name: str, value: float, entry: Field[Any]) -> str:
     """Message for a number out of the range of its key; empty if it is in range."""
     least, above = entry.metadata["least"], entry.metadata["above"]
-    # An infinite rate means no limit, and the value of a broken sensor may be nan; all else must be finite.
-    if (math.isnan(value) and name != "value") or (math.isinf(value) and entry.default != math.inf):
+    # A number whose default is infinite may be so, too: it means no limit.
+    if (math.isnan(value) and not entry.metadata["may_be_nan"]) or (
+        math.isinf(value) and entry.default != math.inf
+    ):
         return f"{name} is {value}; give a finite number"
     if value < least:
         return f"{name} is {value:g}; it can be no less than {least:g}"

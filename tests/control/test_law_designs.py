@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 import mrwork as mr
 from mrwork.control import DesignProblem, design_law
-from mrwork.errors import InvalidSettingError, MrworkError
+from mrwork.errors import InvalidSettingError, MrworkError, SettingError
 
 
 def problem() -> DesignProblem:
@@ -49,3 +50,22 @@ def test_a_refusal_names_its_setting() -> None:
     with pytest.raises(InvalidSettingError) as refusal:
         design_law("passive", problem(), command=5.0)
     assert refusal.value.key == "command"
+
+
+def test_a_damper_of_higher_degree_needs_a_counterpart_and_the_expected_motions() -> None:
+    spec = mr.damper("static_hysteretic").with_current_laws({"c": "linear", "alpha": "cubic"})
+    theta = np.array([500.0, 500.0, 600.0, 250.0, 100.0, 20.0, 10.0, 5.0, 50.0, 0.5, 1e-3, 0.0])[
+        : len(spec.names)
+    ]
+    frame = mr.building("uts")
+    damper = mr.Device(name="storey 1", spec=spec, theta=theta, row=frame.storeys[0], largest_command=1.0)
+    unstated = DesignProblem(building=frame, devices=[damper], sample_time=1e-3)
+    with pytest.raises(SettingError, match="is replaced by a static model"):
+        _ = unstated.curve
+    counterpart, _ = replace(unstated, amplitude=(1e-3, 1e-2), velocity=(1e-2, 1e-1)).curve
+    assert counterpart != spec
+    assert problem().curve[0] == problem().devices[0].spec
+
+
+def test_only_the_ideal_law_commands_forces() -> None:
+    assert [spec.name for spec in mr.control.control_laws() if spec.commands_force] == ["active"]

@@ -1,7 +1,7 @@
-"""Tables of a study, declared as dataclasses: what a key means stands beside it, and the reader goes by that.
+"""Read tables of a study file into declared dataclasses.
 
-A field's annotation says what its value may be, `key` what it means and its unit. The schema that people read is
-printed from the same.
+The annotation of a field is the type of its value; `key` declares meaning, unit and range. The printed schema uses the
+same declarations.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from mrwork.units import FACTORS, MeasuredQuantity
 
 T = TypeVar("T")
 
-# What a key measures, by its SI unit; that of a command depends on the damper.
+# Quantities of a key by its SI unit; that of a command depends on the damper.
 _MEASURES: Mapping[str, tuple[MeasuredQuantity, ...]] = {
     **{next(iter(units)): (quantity,) for quantity, units in FACTORS.items()},
     "A or V": ("current", "voltage"),
@@ -29,7 +29,7 @@ _MEASURES: Mapping[str, tuple[MeasuredQuantity, ...]] = {
 
 @contextmanager
 def located(place: Place) -> Iterator[None]:
-    """Begin what goes wrong inside with the place it comes from."""
+    """Begin the message of an error in the block with the place in the file."""
     try:
         yield
     except InvalidSettingError as error:
@@ -40,7 +40,7 @@ def located(place: Place) -> Iterator[None]:
 
 
 def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
-    """The dataclass `kind` from a table.
+    """Read a table into the dataclass `kind`.
 
     Raises
     ------
@@ -65,7 +65,7 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
 
 
 def suggestion(name: object, known: Sequence[str], *, otherwise: str = "choose one of") -> str:
-    """What to say after an unknown name: ", did you mean storey", or where none is near all that there are."""
+    """End of a message on an unknown name: the closest known name, or all known names if none is close."""
     near = get_close_matches(name, known, n=1) if isinstance(name, str) else []
     return f", did you mean {near[0]}" if near else f"; {otherwise} {', '.join(known) or 'none'}"
 
@@ -118,7 +118,7 @@ def _plain(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
 
 
 def _number_in(text: str, unit: str) -> float | str:
-    """A number in SI from a text such as "1 ms"; else what is wrong with it, as the rest of a sentence."""
+    """A number in SI from a text such as "1 ms", or the rest of a sentence on what is wrong with it."""
     factors = {name: factor for quantity in _MEASURES[unit] for name, factor in FACTORS[quantity].items()}
     known, example = ", ".join(factors), f'"1 {list(factors)[:2][-1]}"'
     number, _, given = text.strip().partition(" ")
@@ -144,7 +144,7 @@ def _ranged(value: float, place: Place, entry: Field[Any]) -> float:
 
 
 def _is_near(kind: Any, value: Any) -> bool:
-    """Whether a value looks like one of that kind, so that its message is the one to give."""
+    """Whether a value resembles a type of a union, which then gives the message."""
     origin = get_origin(kind)
     if is_dataclass(kind) or origin in (dict, Mapping):
         return isinstance(value, dict)
@@ -162,6 +162,6 @@ def _refuse(place: Place, value: Any, wanted: str) -> NoReturn:
 
 
 def _name(place: Place) -> str:
-    """What a message calls a value: the key, and which element of it."""
+    """Name of a value in messages: the key, with the index of an element."""
     length = max(n for n, part in enumerate(place.path, start=1) if isinstance(part, str))
     return str(place.path[length - 1]) + "".join(f"[{number}]" for number in place.path[length:])

@@ -1,6 +1,6 @@
-"""On which line of a TOML document each key stands: the standard parser does not say.
+"""Line of each key of a TOML document, which the standard parser does not return.
 
-The scanner relies on the document being valid: the parser reads it first.
+The scanner assumes a valid document: the parser reads it first.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ def parse(text: str, origin: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
     Raises
     ------
     SettingError
-        If the text is no TOML; the message has the line.
+        If the text is not TOML; the message has the line.
     """
     try:
         document = tomllib.loads(text)
@@ -41,7 +41,7 @@ class _Scanner:
         self._at = 0
         self._line = 1
         self._found: dict[KeyPath, int] = {}
-        # How many tables each array of tables has so far.
+        # Number of tables of each array of tables so far.
         self._counts: dict[KeyPath, int] = {}
 
     def lines(self) -> dict[KeyPath, int]:
@@ -68,7 +68,7 @@ class _Scanner:
         return self._found
 
     def _resolved(self, key: tuple[str, ...]) -> KeyPath:
-        """A header's key, with the last table of each array of tables it goes through."""
+        """The key of a header, with the index of the last table of each array of tables in it."""
         path: KeyPath = ()
         for part in key:
             path = (*path, part)
@@ -112,14 +112,14 @@ class _Scanner:
                 self._forward(1)
 
     def _key(self) -> tuple[str, ...]:
-        """A dotted key, up to the sign that ends it."""
+        """A dotted key, up to the character that ends it."""
         parts: list[str] = []
         while True:
             self._skip_spaces()
             start = self._at
             if self._text[start] in "\"'":
                 self._string()
-                # The parser knows the escapes.
+                # The parser resolves escapes.
                 parts.append(tomllib.loads(f"k = {self._text[start : self._at]}")["k"])
             else:
                 while self._text[self._at] not in _BARE_ENDS:
@@ -152,7 +152,7 @@ class _Scanner:
             self._forward(1)
 
     def _skip_blank(self) -> bool:
-        """Skip to the next sign that says something; whether there is one."""
+        """Skip blanks and comments; whether a character follows."""
         while self._at < len(self._text):
             if self._text[self._at] == "#":
                 end = self._text.find("\n", self._at)

@@ -1,4 +1,4 @@
-"""The ground motions of a study: read or made, then cut, corrected, stretched and scaled in that order."""
+"""Ground motions of a study: read or synthetic, then cut, corrected, stretched and scaled in that order."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ _SYNTHETIC_STEP = 0.01
 
 
 def motions_of(table: MotionTable, folder: Path, seed: int) -> tuple[GroundMotion, ...]:
-    """One motion for each factor or peak of a table; files are looked for from `folder`.
+    """One motion for each factor or peak of a table; paths of files are relative to `folder`.
 
     Raises
     ------
     SettingError
-        If the table is at odds with itself or its file cannot be read; the message has the line.
+        If the table contradicts itself or its file cannot be read; the message has the line.
     """
     place = table.place
     if (table.file is None) == (table.synthetic is None):
