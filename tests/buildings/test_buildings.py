@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mrwork.buildings import Building
-from mrwork.buildings.damping import with_modal_damping, with_rayleigh_coefficients, with_rayleigh_damping
+from mrwork.buildings.additions import with_modal_damping, with_rayleigh_coefficients, with_rayleigh_damping
 from mrwork.buildings.published import building
 from mrwork.buildings.shear import shear_building
 from mrwork.errors import SettingError, UnknownNameError

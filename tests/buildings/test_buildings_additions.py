@@ -14,9 +14,9 @@ from mrwork.buildings.additions import (
     with_base_isolation,
     with_base_isolation_of_period,
     with_brace,
+    with_modal_damping,
     with_viscous_damper,
 )
-from mrwork.buildings.damping import with_modal_damping
 from mrwork.buildings.published import building
 from mrwork.buildings.shear import shear_building
 from mrwork.buildings.tuned_mass import (

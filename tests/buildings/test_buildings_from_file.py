@@ -10,8 +10,13 @@ import pytest
 from scipy.io import savemat
 
 from mrwork.buildings import Building
-from mrwork.buildings.additions import with_base_isolation_of_period, with_brace, with_viscous_damper
-from mrwork.buildings.damping import with_modal_damping, with_rayleigh_damping
+from mrwork.buildings.additions import (
+    with_base_isolation_of_period,
+    with_brace,
+    with_modal_damping,
+    with_rayleigh_damping,
+    with_viscous_damper,
+)
 from mrwork.buildings.from_file import KEYS, building_from_table, read_building
 from mrwork.buildings.published import building, buildings
 from mrwork.buildings.shear import shear_building

@@ -1,10 +1,10 @@
 from .additions import with_base_isolation as with_base_isolation
 from .additions import with_base_isolation_of_period as with_base_isolation_of_period
 from .additions import with_brace as with_brace
+from .additions import with_modal_damping as with_modal_damping
+from .additions import with_rayleigh_coefficients as with_rayleigh_coefficients
+from .additions import with_rayleigh_damping as with_rayleigh_damping
 from .additions import with_viscous_damper as with_viscous_damper
-from .damping import with_modal_damping as with_modal_damping
-from .damping import with_rayleigh_coefficients as with_rayleigh_coefficients
-from .damping import with_rayleigh_damping as with_rayleigh_damping
 from .decrement import logarithmic_decrement as logarithmic_decrement
 from .free_vibration import ModeEstimate as ModeEstimate
 from .free_vibration import fourier_peak as fourier_peak

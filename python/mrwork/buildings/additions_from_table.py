@@ -8,9 +8,11 @@ from mrwork.buildings.additions import (
     with_base_isolation,
     with_base_isolation_of_period,
     with_brace,
+    with_modal_damping,
+    with_rayleigh_coefficients,
+    with_rayleigh_damping,
     with_viscous_damper,
 )
-from mrwork.buildings.damping import with_modal_damping, with_rayleigh_coefficients, with_rayleigh_damping
 from mrwork.buildings.matrices import Building
 from mrwork.buildings.table import Entries
 from mrwork.buildings.tuned_mass import with_optimal_tuned_mass, with_tuned_mass

@@ -166,7 +166,7 @@ def fourier_peak(signal: Floats, *, dt: float, band: tuple[float, float] | None 
             f"free vibration: what is highest in the band, at {hertz:g} Hz, does not stand out of what lies beside it; "
             "give a band around a mode"
         )
-    if alone.likeness(omega, -decay) > alone.likeness(omega, decay):
+    if alone.projected_power(omega, -decay) > alone.projected_power(omega, decay):
         raise RecordError(
             f"free vibration: the motion at {hertz:g} Hz grows instead of decaying; give the record from the release on"
         )
@@ -250,7 +250,7 @@ class _FourierIntegral:
         backwards = (cosine + 1j * sine) / 2.0 * turning.conj()
         return _FourierIntegral(self.signal - backwards - offset, self.dt)
 
-    def likeness(self, omega: float, decay: float) -> float:
+    def projected_power(self, omega: float, decay: float) -> float:
         """Power of the record projected on a motion of this decay rate; the spectrum alone does not give its sign."""
         turning = np.exp((-decay + 1j * omega) * self.time)
         return float(np.abs(turning.conj() @ self.signal) ** 2 / (turning.conj() @ turning).real)

@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Building(Summarised):
-    """`M q'' + C q' + K q = -sum_d e_d' f_d - M r a_g`, with q relative to the ground.
+    """Plane building `M q'' + C q' + K q = -sum_d e_d' f_d - M r a_g`, with q relative to the ground.
 
     The arrays are stored as read-only copies.
 

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from mrwork.buildings.damping import with_modal_damping, with_rayleigh_coefficients, with_rayleigh_damping
+from mrwork.buildings.additions import with_modal_damping, with_rayleigh_coefficients, with_rayleigh_damping
 from mrwork.buildings.matrices import Building
 from mrwork.buildings.shear import floor_differences, shear_building
 from mrwork.errors import UnknownNameError
