@@ -1,4 +1,4 @@
-"""The dossier: each section from its file, renewed by the verb that writes it, readable in a browser."""
+"""The page of a fit: each section from its file, renewed by the verb that writes it, readable in a browser."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def run_verb(*arguments: str | Path) -> None:
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run as `identify` leaves it."""
-    place = tmp_path_factory.mktemp("dossier") / "plain"
+    place = tmp_path_factory.mktemp("page") / "plain"
     run_verb("identify", "synthetic:spencer1997", "--model", "viscous_dahl", *READING, "--out", place)
     return place
 

@@ -89,15 +89,15 @@ def test_the_section_says_what_the_tests_found() -> None:
     assert "nothing speaks against white noise" in noise.summary
     both = residual_section([with_residual(white(5)), with_residual(coloured(5))])
     assert "correlated on 1 of 2 tests" in both.summary
-    assert any("no error that the model makes in each cycle" in sentence for sentence in both.groups[0].prose)
+    assert any("not a systematic error of the model" in sentence for sentence in both.groups[0].prose)
     time = 8.0 * np.arange(N_TIME) / N_TIME
     model = residual_section([with_residual(np.cos(6.0 * np.pi * time) + 0.1 * white(5))])
     assert any("error of the model, not noise" in sentence for sentence in model.groups[0].prose)
-    assert "98 % of their mean square comes back" in model.summary
+    assert "98 % of their mean square repeats" in model.summary
     once = comparison(n_time=N_TIME, duration=2.0)
     short = residual_section([replace(once, test=replace(once.test, force=once.model_force + coloured(5)))])
     assert short.summary == "Residuals: correlated on this test."
-    assert any("cannot be told without cycles" in sentence for sentence in short.groups[0].prose)
+    assert any("cannot be told apart without repeated cycles" in sentence for sentence in short.groups[0].prose)
     table = both.groups[0].table
     assert table is not None
     assert [row[2] for row in table.rows][1] == "< 0.001"

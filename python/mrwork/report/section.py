@@ -1,4 +1,4 @@
-"""What a section of the dossier consists of: sentences, tables and figures, all ready to be set."""
+"""What a section of a page consists of: sentences, tables and figures, ready to be set."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ Layout = Literal["columns", "small", "whole"]
 
 
 NOTHING = fixed(None, 0)
-# At which the letters of a figure are as large as the small ones of the page.
+# At this scale the letters of a figure are as large as the small ones of the page.
 _PIXELS_PER_INCH = 78
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Panel:
-    """One figure of the page with the lines that stand above and below it, and its natural width [px]."""
+    """One figure of the page with the lines above and below it, and its natural width [px]."""
 
     title: str
     svg: Markup
@@ -34,8 +34,8 @@ class Panel:
 class Table:
     """A table: its first column names the row, those in `words` are text, all others numbers.
 
-    `label` is for who cannot see it, `note` stands below it. `over` are headings above the columns with how many
-    columns each spans; `strong` are the cells (row, column) that stand out.
+    `label` describes it to a screen reader, `note` stands below it. `over` are headings above the columns, each with
+    the number of columns that it spans; `strong` are the cells (row, column) in bold.
     """
 
     label: str
@@ -50,7 +50,7 @@ class Table:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Group:
-    """Part of a section: paragraphs, then a table, then figures; `synthetic` where its data were not measured."""
+    """Part of a section: paragraphs, a table, points and figures; `synthetic` where its data were not measured."""
 
     title: str = ""
     prose: tuple[str, ...] = ()
@@ -63,7 +63,7 @@ class Group:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
-    """A section of the page; `summary` is what it comes to, in the sentence that stands at the top of the page."""
+    """A section of the page; `summary` is its result, a sentence for the top of the page."""
 
     anchor: str
     title: str
@@ -73,7 +73,7 @@ class Section:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Absent:
-    """A section that a run does not have yet, what it would say, and the verb that makes it."""
+    """A section that a run does not have yet: its title, what its command does, and the command."""
 
     title: str
     says: str
@@ -89,7 +89,7 @@ def table(
     words: tuple[int, ...] = (),
     note: str = "",
 ) -> Table:
-    """A table without the columns in which no row says anything."""
+    """A table without the columns that are empty in every row."""
     silent = {"", NOTHING}
     told = [index for index in range(len(columns)) if any(row[index] not in silent for row in rows)]
 
@@ -107,7 +107,7 @@ def table(
 
 
 def panel(identifier: str, title: str, figure: Figure, description: str, note: str = "") -> Panel:
-    """A figure as a panel; `identifier` is unique on the page, `description` is for who cannot see it."""
+    """A figure as a panel; `identifier` is unique on the page, `description` is for screen readers."""
     svg = inline_svg(figure, identifier=identifier, description=description)
     width = round(_PIXELS_PER_INCH * figure.get_figwidth())
     return Panel(title=title, svg=Markup(svg), note=note, width=width)

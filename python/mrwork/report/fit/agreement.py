@@ -99,15 +99,17 @@ def agreement_rows(fit: Fit, comparisons: Sequence[Comparison]) -> list[Agreemen
 
 
 def checked(comparisons: Sequence[Comparison]) -> str:
-    """How much the checks of the records found, in words."""
+    """The number of findings of the checks, in words."""
     found = [finding.severity for comparison in comparisons for finding in comparison.test.findings]
     parts = [
         f"{count} {word}{'s' if count > 1 else ''}"
-        for word, count in (("warning", found.count("warning")), ("note", found.count("note")))
+        for word, count in (
+            ("warning", found.count("warning")),
+            ("note", found.count("note")),
+            ("repair", found.count("repaired")),
+        )
         if count
     ]
-    if "repaired" in found:
-        parts.append(f"{found.count('repaired')} repaired")
     records = "the record" if len(comparisons) == 1 else f"{len(comparisons)} records"
     return f"the checks of {records} found {', '.join(parts) or 'nothing to report'}."
 
@@ -126,7 +128,7 @@ def _test_block(number: int, comparison: Comparison, agreement: AgreementRow, un
 
 
 def _conditions(test: DamperTest, quality: FitQuality) -> str:
-    """The command, the motion and the sampling of a test, and what was done to the model's force, in one line."""
+    """Command, motion and sampling of a test, and the observation model of its force, in one line."""
     observed = ", ".join(filter(None, (quality.observation.in_words, quality.nuisance.in_words)))
     parts = [
         _quantity(test.current, "A"),
@@ -195,8 +197,8 @@ def _repair_panel(identifier: str, test: DamperTest, original: DamperTest, unit:
         f"{identifier}-repair",
         "Before and after repair",
         figures.repair_panel(test, original, unit),
-        f"Force against displacement of test {test.name}, as it came and repaired",
-        "What was repaired stands among the findings; the model was compared with the repaired record.",
+        f"Force against displacement of test {test.name}, as recorded and repaired",
+        "The findings below list the repairs; the model is compared with the repaired record.",
     )
 
 

@@ -1,4 +1,4 @@
-"""The section on bands: what the parameters leave open, and where a measurement of another test will lie."""
+"""The section on bands: the parameter band of the model force, and the prediction band of another measurement."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ _QUANTITIES: dict[CycleQuantity, tuple[str, float]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _ParameterDraws:
-    """Parameters `theta`, shape (n_draws, n_params), and in words where they come from."""
+    """Parameters `theta`, shape (n_draws, n_params), and the distribution they are drawn from, in words."""
 
     theta: Array
     origin: str
@@ -88,28 +88,29 @@ def _section(run: StoredRun, comparisons: Sequence[Comparison]) -> Section | Non
 
 def _summary(draws: _ParameterDraws | None, bands: StoredBands | None) -> str:
     if bands is None:
-        return "Bands: of the parameters only, none for predictions yet."
+        return "Bands: parameter band only; prediction bands are not calibrated yet."
     return f"Bands: {bands.calibration.basis}."
 
 
 def _prose(draws: _ParameterDraws | None, bands: StoredBands | None) -> tuple[str, ...]:
     first = (
-        "Two different things are drawn. The parameter band (orange, narrow) holds the model's own force for the "
-        "parameters that the data allow; it shrinks with more data, and no measurement need lie in it. The prediction "
-        "band (light, dashed edges) is to hold the given share of what would be measured."
+        "The figures show two bands. The parameter band (orange) contains the model force for the parameters that the "
+        "data allow; it shrinks with more data and need not contain a measurement. The prediction band (light blue) "
+        "should contain the stated share of a measurement. In the small figures, points are measured cycles, dashes "
+        "those of the model, and bars the bands."
     )
     if bands is None:
         second = (
-            "There is no prediction band yet: `mrwork calibrate RUN TESTS` makes one from tests that the fit has not "
-            "seen."
+            "There is no prediction band yet: `mrwork calibrate RUN TESTS` computes one from tests that the fit has "
+            "not seen."
         )
     else:
         names = [conditions_in_words(each.test) for each in bands.predictions] or list(
             bands.calibration.tests
         )
         second = (
-            f"The prediction band is {bands.calibration.basis}: {'; '.join(names)}. It holds for excitations and "
-            "commands such as these, not beyond."
+            f"The prediction band is {bands.calibration.basis}: {'; '.join(names)}. It is valid for excitations "
+            "and commands like these, not beyond them."
         )
     return first, second
 
@@ -135,9 +136,7 @@ def _own_groups(
             share = percent(score(band, prediction.measured).coverage)
             said.append(f"{share} % of its samples lie in the 90 % {band.kind} band ({band.basis})")
     origin = "" if draws is None else f" Parameters were drawn from {draws.origin}."
-    text = (
-        f"The fit knows this test: {'; '.join(said)}. That says nothing of a test it does not know.{origin}"
-    )
+    text = f"This test was fitted: {'; '.join(said)}. The coverage of other tests may differ.{origin}"
     errors = [] if bands is None else list(bands.predictions)
     whole = Group(
         title=f"A test of the fit: {comparison.test.name}",
@@ -152,9 +151,9 @@ def _own_groups(
             ),
             panel(
                 f"b{number}-error",
-                "The same less the model's force",
+                "The same minus the model force",
                 error_figure(banded, unit),
-                f"Force less the model's over one cycle of test {comparison.test.name} with its bands",
+                f"Force minus model force over one cycle of test {comparison.test.name} with its bands",
             ),
         ),
     )
@@ -179,7 +178,7 @@ def _left_out_groups(
     whole = Group(
         title=f"A test left out: {prediction.test.name}",
         synthetic=prediction.test.synthetic,
-        prose=(f"The band is {band.basis}; this one is not among them.",),
+        prose=(f"The band is {band.basis}; this test is not among them.",),
         panels=(
             panel(
                 f"l{number}-displacement",
@@ -201,7 +200,7 @@ def _left_out_groups(
 
 
 def _chosen(bands: StoredBands) -> list[Prediction]:
-    """All, or as many as are drawn: from the worst covered to the best."""
+    """All tests, or as many as are drawn, spread from the least covered to the best covered."""
 
     def covered(prediction: Prediction) -> float:
         row = bands.row(prediction, JUDGED)
@@ -259,7 +258,7 @@ def _errors(prediction: Prediction, name: CycleQuantity) -> Array:
 def _parameter_draws(
     fit: Fit, tests: Sequence[DamperTest], stored: StoredDraws | None
 ) -> _ParameterDraws | None:
-    """Draws of the parameters of a fit; `None` where its tests say too little for an ellipsoid."""
+    """Draws of the parameters of a fit; `None` where its tests do not determine an ellipsoid."""
     if stored is not None:
         theta = stored.theta(fit.spec.names)
         chosen = np.linspace(0, len(theta) - 1, min(_DRAWS, len(theta))).astype(int)
@@ -278,7 +277,7 @@ def _parameter_draws(
 
 
 def _drawn_forces(fit: Fit, draws: _ParameterDraws, test: DamperTest) -> Array | None:
-    """Forces of the draws on a test [N], shape (n_draws, n_time), relieved of nuisances as in the fit.
+    """Forces of the draws on a test [N], shape (n_draws, n_time), with nuisance parameters removed as in the fit.
 
     `None` where too many of them cannot be simulated.
     """

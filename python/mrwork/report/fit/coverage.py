@@ -1,4 +1,4 @@
-"""The section on tests left out: how much of each lay inside the bands that the others gave it."""
+"""The section on tests left out: coverage of each test by the bands calibrated on the others."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from mrwork.stored import StoredRun
 from mrwork.uncertainty.bands.calibration_files import StoredBands
 from mrwork.uncertainty.bands.conformal import LEVELS, LeftOutCoverage
 
-# The level that a sentence is about, and how far from it a coverage is still called right.
+# The level that the text discusses, and the range of coverage that counts as nominal.
 JUDGED = 0.9
 _RIGHT = (0.8, 0.97)
 _FEW = 0.5
-# Tests whose coverage tells that of the next.
+# Fewer tests than this are weak evidence for the next.
 _LEAST = 5
 _COLOURS = {0.5: style.DATA, 0.9: style.MODEL, 0.95: style.RESIDUAL}
 _ROW = 0.27
@@ -49,7 +49,7 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
         groups = (Group(prose=(_verdict(rows),), table=_table(rows, names), panels=(figure,)),)
     else:
         text = (
-            "One test alone cannot be left out of its own calibration, so nothing is known of the coverage. Give "
+            "The coverage is not known, as a single test cannot be left out of its own calibration. Give "
             "`mrwork calibrate` more tests."
         )
         groups = (Group(prose=(text,)),)
@@ -104,11 +104,11 @@ def conditions_in_words(test: DamperTest) -> str:
 
 def _summary(rows: list[dict[float, LeftOutCoverage]]) -> str:
     if not rows:
-        return "Tests left out: one only, so the coverage of the bands is not known."
+        return "Tests left out: only one, so the coverage of the bands is not known."
     shares = [row[JUDGED].samples.coverage for row in rows]
     return (
-        f"Tests left out: 90 % bands hold {percent(float(np.mean(shares)), 0)} % of the samples of {len(rows)} tests "
-        f"({percent(min(shares), 0)} to {percent(max(shares), 0)} %)."
+        f"Tests left out: the 90 % bands contain {percent(float(np.mean(shares)), 0)} % of the samples of {len(rows)} "
+        f"tests ({percent(min(shares), 0)} to {percent(max(shares), 0)} %)."
     )
 
 
@@ -121,23 +121,23 @@ def _verdict(rows: list[dict[float, LeftOutCoverage]]) -> str:
         f"{percent(max(shares))} %. "
     )
     if _RIGHT[0] <= mean <= _RIGHT[1]:
-        text += "So the bands hold about what they say, on tests like these."
+        text += "The bands have about their nominal coverage on tests like these."
     elif mean < _RIGHT[0]:
         text += (
-            "So the bands are too narrow: these tests differ more among each other than few tests can tell."
+            "The bands are too narrow: these tests differ from each other by more than so few tests can show."
         )
     else:
-        text += "So the bands are wider than they need to be for tests like these."
+        text += "The bands are wider than necessary for tests like these."
     low = [share for share in shares if share < _RIGHT[0]]
     if low and mean >= _RIGHT[0]:
-        text += f" For {len(low)} of {len(shares)} tests they are too narrow all the same."
+        text += f" For {len(low)} of {len(shares)} tests they are still too narrow."
     if len(shares) < _LEAST:
-        text += f" So few as {len(shares)} tests say little of the next."
+        text += f" With only {len(shares)} tests, this is weak evidence for the next test."
     cycles = [row[JUDGED].cycles_inside for row in rows if np.isfinite(row[JUDGED].cycles_inside)]
     if cycles and min(cycles) < _FEW:
         text += (
-            f" By the energy they dissipate {percent(float(np.mean(cycles)), 0)} % of the cycles lie inside; those "
-            "of one test are alike, so that of a test nearly all or nearly none do."
+            f" By dissipated energy {percent(float(np.mean(cycles)), 0)} % of the cycles lie inside; the cycles of one "
+            "test are alike, so nearly all or nearly none of them do."
         )
     return text
 
@@ -159,9 +159,9 @@ def _table(rows: list[dict[float, LeftOutCoverage]], names: list[str]) -> Table:
         ),
         rows=tuple((name, *_texts(values)) for name, values in zip(names, cells, strict=True)),
         foot=("Mean", *_texts([_mean(values) for values in zip(*cells, strict=True)])),
-        note="Cycles are counted where their dissipated energy lies inside its own 90 % band. Width and interval "
-        "score are in standard deviations of the test's force; the score is the width plus twenty times the distance "
-        "of what lies outside, averaged: the lower the better.",
+        note="A cycle is inside where its dissipated energy lies in the 90 % band of the energy. Width and interval "
+        "score are in standard deviations of the test's force. The score is the mean width plus twenty times the "
+        "mean distance of samples outside; lower is better.",
     )
 
 

@@ -36,38 +36,38 @@ def _summary(verdicts: Mapping[str, VerdictName]) -> str:
     counts = {
         word: [name for name, verdict in verdicts.items() if verdict == word] for word in VERDICT_IN_WORDS
     }
-    said = [f"{len(counts['identifiable'])} of {len(verdicts)} parameters are settled by the data"]
+    said = [f"{len(counts['identifiable'])} of {len(verdicts)} parameters are identifiable"]
     if counts["weakly"]:
         said.append(f"weakly: {', '.join(counts['weakly'])}")
     if counts["not"]:
-        said.append(f"not at all: {', '.join(counts['not'])}")
+        said.append(f"not: {', '.join(counts['not'])}")
     return f"Identifiability: {'; '.join(said)}."
 
 
 def _prose(found: Identifiability) -> tuple[str, ...]:
     worth = numbers.fixed(found.n_effective, 0)
     text = (
-        f"The {numbers.fixed(found.n_time, 0)} residuals are correlated and are worth about {worth} independent ones. "
-        "Standard errors here count only these, so they are wider than those among the parameters above. They rest on "
-        "the model being straight over that width; profiles and draws of the posterior do not."
+        f"The {numbers.fixed(found.n_time, 0)} residuals are correlated and count as about {worth} independent ones. "
+        "The standard errors here use this number, so they are larger than those in the table of parameters. They "
+        "assume that the force is linear in the parameters over that range; profiles and posterior draws do not."
     )
     if found.n_effective > 0.9 * found.n_time:
         text = (
-            "The residuals are hardly correlated, so every sample counts. Standard errors rest on the model being "
-            "straight over their width; profiles and draws of the posterior do not."
+            "The residuals are hardly correlated, so every sample counts. The standard errors assume that the force is "
+            "linear in the parameters over that range; profiles and posterior draws do not."
         )
     unsettled = [each.name for each in found.verdicts if each.verdict != "identifiable"]
     if not unsettled:
         return (text,)
     advice = (
-        "What is not settled can be read from no other number on this page. Hold such a parameter at a known value, "
-        "choose a model without it, or test where it matters."
+        "Do not use the value of a parameter that is not identifiable. Fix it at a known value, choose a model without "
+        "it, or add a test in which it has an effect."
     )
     return text, advice
 
 
 def _sentence(direction: Direction, names: Set[str]) -> str:
-    """With a capital, but for a name that has none."""
+    """As a sentence with a capital, unless it starts with the name of a parameter."""
     sentence = direction.sentence
     first = sentence.replace(",", " ").partition(" ")[0]
     return f"{sentence if first in names else sentence[0].upper() + sentence[1:]}."

@@ -1,4 +1,4 @@
-"""The section on the next test: which of some candidates would tell most."""
+"""The section on the next test: candidates ranked by the variance reduction that they would bring."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from mrwork.uncertainty.planning.plan import Gain, Plan
 _SHOWN = 8
 _COLUMNS = 3
 _WIDTH, _HEIGHT = 3.6, 3.0
-# From paper to the blue of the models: the darker, the more a test tells.
+# From white to the blue of the models: the darker, the larger the reduction.
 _MAP = LinearSegmentedColormap.from_list("gain", ["#ffffff", style.MODEL])
-# On a darker ground the number is written in white.
+# Where a cell is darker, its number is white.
 _DARK = 0.55
 
 
@@ -40,9 +40,10 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     name = best.candidate.in_words(unit)
     shown = plan.gains[:_SHOWN]
     agreement = (
-        "Draws could not check this: next to none fits the simulated tests. Take the order, not the numbers."
+        "The check with draws failed: almost none of them fits the simulated tests. Use the order of the candidates, "
+        "not the numbers."
         if check.agreement is None
-        else f"Draws rank the candidates with a rank correlation of {check.agreement:.2f} to this."
+        else f"A check with draws ranks the candidates with a rank correlation of {check.agreement:.2f} to this order."
     )
     return Section(
         anchor="next-test",
@@ -51,14 +52,14 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
         groups=(
             Group(
                 prose=(
-                    f"Of {len(plan.gains)} candidates {name} is expected to take away "
-                    f"{numbers.fixed(100 * best.gain, 1)} % of the variance of the band of {plan.band}. That holds "
-                    "as far as the model does: a test where it errs tells about the model instead.",
+                    f"Of {len(plan.gains)} candidates, {name} is expected to reduce the variance of the band of "
+                    f"{plan.band} by {numbers.fixed(100 * best.gain, 1)} %. This assumes that the model is valid "
+                    "there; a test in which it is not shows the error of the model instead.",
                     agreement,
                 ),
                 table=table(
                     label="Candidates for the next test",
-                    columns=("Test", "Variance taken away (%)", "By draws (%)", "Deviation after"),
+                    columns=("Test", "Variance reduction (%)", "By draws (%)", "Deviation after the test"),
                     rows=tuple(
                         (
                             each.candidate.in_words(unit),
@@ -80,7 +81,7 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
                         "plan",
                         "",
                         plan_figure(plan, unit),
-                        f"Share of the variance that each of {len(plan.gains)} tests takes away, best {name}",
+                        f"Variance reduction by each of {len(plan.gains)} tests, best {name}",
                     ),
                 ),
                 layout="whole",
@@ -91,7 +92,7 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
 
 @style.drawn_in_style()
 def plan_figure(plan: Plan, unit: CommandUnit | None) -> Figure:
-    """Gain in percent at each amplitude and frequency; the best is framed, what is not a candidate blank."""
+    """Variance reduction [%] at each amplitude and frequency; the best is framed, other places are blank."""
     commands = sorted({each.candidate.command for each in plan.gains}, key=lambda value: value or 0.0)
     most = max(each.gain for each in plan.gains)
     width = max(_WIDTH, style.PANEL_WIDTH / len(commands))
@@ -99,7 +100,7 @@ def plan_figure(plan: Plan, unit: CommandUnit | None) -> Figure:
     for axes, command in zip(maps, commands, strict=True):
         gains = [each for each in plan.gains if each.candidate.command == command]
         _draw(axes, gains, plan.gains[0], most)
-        title = "Variance taken away (%)"
+        title = "Variance reduction (%)"
         name_ordinate(axes, title if command is None else f"{title}, {command:g} {unit}")
     return figure
 

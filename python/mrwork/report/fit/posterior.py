@@ -1,4 +1,4 @@
-"""The section on the posterior: what the draws say of each parameter, and whether they are enough."""
+"""The section on the posterior: marginal and pairwise distributions of the parameters, and convergence of the draws."""
 
 from __future__ import annotations
 
@@ -73,8 +73,9 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
             Group(
                 title="Parameters in pairs",
                 prose=(
-                    "Dark is where half of the draws lie, light where 90 % do; a cross marks the fit. A narrow "
-                    "slanting pair is told from the data only together: quote neither of the two without the other.",
+                    "The dark region holds 50 % of the draws, the light one 90 %; a cross marks the fit. A narrow, "
+                    "inclined region shows that the data determine a combination of the two parameters: report both "
+                    "together.",
                 ),
                 panels=(corner,),
                 layout="whole",
@@ -82,8 +83,9 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
             Group(
                 title="Trace",
                 prose=(
-                    "Median and 5 to 95 % of all walkers, step by step, over two walkers by themselves. It should look "
-                    "the same from left to right; a drift says that sampling was stopped too early.",
+                    "Median (line) and 5 to 95 % range (band) of all walkers at each draw, with two single walkers in "
+                    "grey. A stationary chain looks the same from left to right; a drift means that sampling stopped "
+                    "too early.",
                 ),
                 panels=traces,
                 layout="small",
@@ -91,8 +93,8 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
             Group(
                 title="Ranks",
                 prose=(
-                    "All draws are ranked, and the ranks of four groups of walkers counted. Each line should stay in "
-                    "the band, where 95 % of such counts lie if the groups tell the same.",
+                    "All draws are ranked together; each line counts the ranks of one of four groups of walkers. Where "
+                    "the groups sample the same distribution, 95 % of the counts lie in the band.",
                 ),
                 panels=ranks,
                 layout="small",
@@ -102,22 +104,22 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
 
 
 def _summary(draws: StoredDraws) -> str:
-    """How the sampling ended, without what it lacks."""
+    """How the sampling ended, without the list of what it lacks."""
     ended = draws.verdict.partition(":")[0]
     return f"Posterior: {ended[0].lower()}{ended[1:]}, {numbers.fixed(draws.n_kept, 0)} draws."
 
 
 def _prose(draws: StoredDraws) -> tuple[str, ...]:
     counted = (
-        f"Residuals were taken as {draws.noise} noise and counted as {numbers.significant(100 * draws.temper, 2)} % of "
-        "their number, for they are correlated. "
+        f"The residuals are modelled as {draws.noise} noise. As they are correlated, they count as "
+        f"{numbers.significant(100 * draws.temper, 2)} % of their number. "
         if draws.temper < 1.0
-        else f"Residuals were taken as {draws.noise} noise, every sample counted. "
+        else f"The residuals are modelled as {draws.noise} noise, and every sample counts. "
     )
     return (
         f"{draws.verdict}",
-        f"{counted}Intervals say what the data tell of the parameters if the model is right. They do not say how far "
-        "the force of another test will be off: that is what calibrated bands are for.",
+        f"{counted}The intervals of the parameters hold if the model is right. They do not bound the error of the "
+        "force on another test; calibrated prediction bands do.",
     )
 
 
@@ -138,8 +140,8 @@ def _table(draws: StoredDraws) -> Table:
             )
             for each in draws.summaries
         ),
-        note=f"{draws.n_steps} steps, one of {draws.thinning} kept after the burn-in; diagnostics are of the draws "
-        f"kept. Wanted are an effective sample size (ESS) of {LEAST_ESS:g} and an R-hat below {LARGEST_RHAT:g}.",
+        note=f"{draws.n_steps} steps, one of {draws.thinning} kept after the burn-in; the diagnostics refer to the "
+        f"draws kept. Required: an effective sample size (ESS) of {LEAST_ESS:g} and an R-hat below {LARGEST_RHAT:g}.",
     )
 
 
@@ -169,7 +171,7 @@ def rank_figure(name: str, chain: Array, ess: float) -> Figure:
 
     rank = rankdata(chain).reshape(chain.shape) / chain.size
     groups = np.array_split(rank, _GROUPS)
-    # A group has a fourth of the effective draws; their counts scatter as those of independent ones.
+    # A group has a quarter of the effective draws; its counts scatter like those of so many independent draws.
     spread = 1.96 * np.sqrt(_RANK_BINS / max(ess / _GROUPS, 1.0))
     figure, axes = small_axes()
     axes.axhspan(1.0 - spread, 1.0 + spread, color=style.BAND, linewidth=0)
@@ -189,7 +191,7 @@ def corner_figure(draws: StoredDraws, fitted: Mapping[str, float]) -> Figure:
     values = [draws.chains[name].reshape(-1) for name in names]
     count = len(names)
     size = count * _SIDE + _EDGE
-    # Outliers would press the rest into a corner.
+    # Single outliers would compress the rest.
     spans = [
         (float(low), float(high)) for low, high in (np.quantile(each, [0.002, 0.998]) for each in values)
     ]

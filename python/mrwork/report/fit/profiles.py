@@ -1,4 +1,4 @@
-"""The section on profiles of the likelihood: intervals of single parameters, and ends that stay open."""
+"""The section on profile likelihoods: intervals of single parameters, which may be open."""
 
 from __future__ import annotations
 
@@ -43,11 +43,10 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     found = f"open for {', '.join(open_ended)}" if open_ended else "closed for every parameter"
     return Section(
         anchor="profiles",
-        title="Profiles",
-        summary=f"Profiles: {100 * profiles.level:g} % intervals of {count} parameters, {found}.",
+        title="Profile likelihood",
+        summary=f"Profile likelihood: {100 * profiles.level:g} % intervals of {count} parameters, {found}.",
         groups=(
             Group(
-                title="Profile likelihood",
                 prose=_prose(profiles),
                 table=_table(profiles),
                 panels=tuple(_panel(profile, profiles.threshold) for profile in profiles.profiles),

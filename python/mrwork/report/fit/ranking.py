@@ -21,7 +21,7 @@ from mrwork.uncertainty.choice.ranking import Ranking, Standing
 _ROW = 0.27
 _AROUND = 1.35
 _WIDTH = 7.2
-# Points below the best that are drawn to scale; what is worse stands at the edge with its number.
+# Range [points] below the best that is drawn to scale; worse models are marked at the edge with their number.
 _RANGE = 40.0
 
 

@@ -1,4 +1,4 @@
-"""Tests of residuals: whether they are noise, whether of one size, and how much of them comes back every cycle."""
+"""Tests of residuals: whiteness, constant variance, and the share that repeats in every cycle."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from mrwork.uncertainty.bands.prediction import has_regular_cycles
 
 Array = NDArray[np.float64]
 
-# Lags of the Ljung-Box test, and the probability below which its hypothesis is given up.
+# Lags of the Ljung-Box test, and the significance level of both tests.
 LAGS = 10
 LEVEL = 0.01
-# Places of a cycle at which residuals are compared from cycle to cycle, and cycles that this wants.
+# Phases of a cycle at which residuals are compared from cycle to cycle, and the least number of cycles for that.
 _PLACES = 256
 _LEAST_CYCLES = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ResidualTests:
-    """What the residuals of one test say of themselves; shares and ratios have no unit, NaN is "cannot be told".
+    """Statistics of the residuals of one test, without units; NaN where one cannot be computed.
 
     `white_p` is the probability of so much autocorrelation in white noise (Ljung and Box, Biometrika 65, 1978,
     297-303), `even_p` that of squared residuals so different over speed and stroke in noise of one size (Breusch and
@@ -44,12 +44,12 @@ class ResidualTests:
 
     @property
     def is_white(self) -> bool:
-        """Whether nothing speaks against residuals that are independent of each other."""
+        """Whether the Ljung-Box test does not reject white noise."""
         return not self.white_p < LEVEL
 
     @property
     def is_even(self) -> bool:
-        """Whether nothing speaks against residuals that are as large at all speeds and strokes."""
+        """Whether the Breusch-Pagan test does not reject a constant variance."""
         return not self.even_p < LEVEL
 
 

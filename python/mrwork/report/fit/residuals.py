@@ -1,4 +1,4 @@
-"""The section on residuals: whether what the model leaves is noise, and what follows if it is not."""
+"""The section on residuals: whether they are white noise, and what follows if they are not."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from mrwork.uncertainty.bands.prediction import Prediction, mean_cycle
 
 Array = NDArray[np.float64]
 
-# Figures of more tests than this make a page that nobody reads: then those of the worst are drawn.
+# At most so many tests are drawn, those with the largest misfit.
 _DRAWN = 2
 # Share of the mean square from which on the residuals are called the model's error.
 _MOST = 0.5
@@ -68,11 +68,11 @@ def _summary(found: Sequence[ResidualTests]) -> str:
     said = f"Residuals: correlated on {tests_of(coloured, len(found))}"
     if not repeating:
         return f"{said}."
-    return f"{said}; {most_of(float(np.median(repeating)))} % of their mean square comes back in every cycle."
+    return f"{said}; {most_of(float(np.median(repeating)))} % of their mean square repeats in every cycle."
 
 
 def _repeating(found: Sequence[ResidualTests]) -> list[float]:
-    """What repeats of the residuals that are not noise, where that is known."""
+    """Repeating shares of the residuals that are not white, where they are known."""
     return [each.repeating for each in found if not each.is_white and np.isfinite(each.repeating)]
 
 
@@ -81,38 +81,38 @@ def _prose(found: Sequence[ResidualTests]) -> tuple[str, ...]:
     uneven = sum(not each.is_even for each in found)
     if coloured == 0:
         first = (
-            "The residuals are what independent noise would be, as far as these tests can tell: nothing is left that a "
-            "better model could be seen to take, and the standard errors among the parameters hold."
+            "These tests do not distinguish the residuals from white noise: they show no error that a better model "
+            "could remove, and the standard errors in the table of parameters hold."
         )
     else:
         first = (
-            f"On {tests_of(coloured, len(found))} neighbouring residuals are alike, which independent noise is not. "
-            "Standard errors and bands that count every sample as independent are then too narrow; bands that hold are "
-            f"calibrated on tests that the fit has not seen. {_origin(_repeating(found))}"
+            f"On {tests_of(coloured, len(found))} the residuals are correlated from sample to sample. Standard errors "
+            "and bands that count every sample as independent are then too narrow; prediction bands are calibrated on "
+            f"tests that the fit has not seen. {_origin(_repeating(found))}"
         )
     if uneven == 0:
-        second = "Their size does not depend on speed or stroke as far as these samples tell."
+        second = "The tests show no dependence of their variance on speed or stroke."
     else:
         second = (
-            f"On {tests_of(uneven, len(found))} their size depends on speed and stroke: a band of one width is too "
-            "wide in one part of the cycle and too narrow in another."
+            f"On {tests_of(uneven, len(found))} their variance depends on speed and stroke: a band of constant width "
+            "is too wide in one part of the cycle and too narrow in another."
         )
     return first, second
 
 
 def _origin(repeating: Sequence[float]) -> str:
-    """Whether it is the model that errs, as far as cycles tell."""
+    """Whether the residuals are model error or noise, judged by how much of them repeats."""
     if not repeating:
-        return "Whether it is the model that errs or noise that remembers cannot be told without cycles that repeat."
+        return "Model error and correlated noise cannot be told apart without repeated cycles."
     low, high = most_of(min(repeating)), most_of(max(repeating))
     span = low if low == high else f"between {low} and {high}"
-    text = f"From cycle to cycle {span} % of their mean square stays the same"
+    text = f"Of their mean square {span} % repeats from cycle to cycle"
     if float(np.median(repeating)) > _MOST:
         return (
-            f"{text}: that is error of the model, not noise. Longer records of the same motion do not reduce it, "
+            f"{text}: this is error of the model, not noise. Longer records of the same motion do not reduce it; "
             "another model may."
         )
-    return f"{text}: most of what is left is no error that the model makes in each cycle."
+    return f"{text}: most of the residual is not a systematic error of the model."
 
 
 def _table(comparisons: Sequence[Comparison], found: Sequence[ResidualTests]) -> Table:
@@ -122,9 +122,9 @@ def _table(comparisons: Sequence[Comparison], found: Sequence[ResidualTests]) ->
             "Test",
             "Lag-1 autocorr.",
             "Ljung-Box p",
-            "Independent samples",
-            "Same every cycle (%)",
-            "Even size p",
+            "Effective samples",
+            "Repeats each cycle (%)",
+            "Breusch-Pagan p",
             "RMS fast / slow",
             "Excess kurtosis",
         ),
@@ -141,11 +141,11 @@ def _table(comparisons: Sequence[Comparison], found: Sequence[ResidualTests]) ->
             )
             for comparison, each in zip(comparisons, found, strict=True)
         ),
-        note=f"Ljung-Box: probability of so much autocorrelation over {LAGS} lags in white noise. Even size: "
-        "probability of squared residuals that depend so much on speed and stroke in noise of one size (Breusch-Pagan, "
-        f"counting the independent samples only). Below {LEVEL:g} the text speaks of a dependence. RMS fast / slow: "
-        "residuals in the faster half of the samples over those in the slower half. Excess kurtosis is 0 for "
-        "normal residuals.",
+        note=f"Ljung-Box p: probability that white noise shows at least this autocorrelation over {LAGS} lags. "
+        "Breusch-Pagan p: probability that noise of constant variance shows at least this dependence of the squared "
+        f"residuals on speed and stroke, counting the effective samples. Below {LEVEL:g} the text reports a "
+        "dependence. RMS fast / slow: ratio of the RMS residuals in the faster and the slower half of the samples. "
+        "Excess kurtosis is 0 for normal residuals.",
     )
 
 
@@ -164,25 +164,25 @@ def _panels(
             "Autocorrelation of the residual",
             autocorrelation_figure(comparison),
             "Autocorrelation of the residual against lag, with the limits of white noise",
-            "Noise would stay in the band from the first lag on. A peak at one cycle is error that comes back."
+            "White noise stays in the band from the first lag on. A peak at one cycle shows an error that repeats."
             if not found.is_white
-            else "The residual stays where noise would.",
+            else "The residual stays in the band of white noise.",
         ),
         of(
             "normal",
             "Normal quantiles",
             quantile_figure(comparison),
             "Quantiles of the residual against those of a normal distribution",
-            "On the line the residuals are normal; ends that bend away from it are large errors, more or fewer "
-            "than normal ones would have.",
+            "Normally distributed residuals lie on the line; ends that leave it show more or fewer large errors than "
+            "a normal distribution has.",
         ),
         of(
             "phase",
             "Residual over the cycle",
             phase_figure(comparison, unit),
             "Residual against the phase of the motion, with its mean",
-            "0° is full extension, ±180° full compression, 90° the fastest outward. Where the mean leaves zero "
-            "the model errs in the same way each cycle.",
+            "0° is full extension, ±180° full compression, 90° the largest outward velocity. Where the mean differs "
+            "from zero, the model makes the same error in each cycle.",
         ),
         of(
             "displacement",
@@ -201,7 +201,7 @@ def _panels(
 
 @style.drawn_in_style()
 def autocorrelation_figure(comparison: Comparison) -> Figure:
-    """Autocorrelation over a cycle and a half, with the limits within which 95 % of that of white noise lies."""
+    """Autocorrelation over a cycle and a half, with the band that holds 95 % of that of white noise."""
     test = comparison.test
     residual = comparison.residual[test.counted]
     cycle = mean_cycle(test)
@@ -214,7 +214,15 @@ def autocorrelation_figure(comparison: Comparison) -> Figure:
     axes.plot(drawn * test.dt, rho[drawn], color=style.RESIDUAL, linewidth=1.4, label="residual")
     if cycle < lags:
         axes.axvline(cycle * test.dt, color=style.FAINT_INK, linewidth=0.9, linestyle=style.DOTTED)
-        axes.text(cycle * test.dt, 1.13, "one cycle", ha="center", va="top", fontsize=style.SMALL_TEXT_SIZE)
+        axes.annotate(
+            "one cycle",
+            (cycle * test.dt, 1.1),
+            xytext=(-4, 0),
+            textcoords="offset points",
+            ha="right",
+            va="top",
+            fontsize=style.SMALL_TEXT_SIZE,
+        )
     axes.set_ylim(min(-0.25, float(rho.min()) - 0.08), 1.12)
     axes.set_xlim(0.0, lags * test.dt)
     finish_signed(axes, "Autocorrelation", "Lag (s)")
@@ -224,7 +232,7 @@ def autocorrelation_figure(comparison: Comparison) -> Figure:
 
 @style.drawn_in_style()
 def quantile_figure(comparison: Comparison) -> Figure:
-    """Sorted residuals, in their deviation, against what normal ones would be."""
+    """Sorted residuals over their standard deviation, against normal quantiles."""
     from scipy.special import ndtr, ndtri
 
     residual = np.sort(comparison.residual[comparison.test.counted])
@@ -244,7 +252,7 @@ def quantile_figure(comparison: Comparison) -> Figure:
 
 
 def phase_figure(comparison: Comparison, unit: DisplayUnit) -> Figure:
-    """Residual over the phase of the motion, 0 where it is farthest out."""
+    """Residual over the phase of the motion, which is 0 at full extension."""
     prediction = Prediction(test=comparison.test, model_force=comparison.model_force)
     return _over(np.degrees(prediction.phase), "Phase of the motion (°)", comparison, unit, degrees=True)
 
