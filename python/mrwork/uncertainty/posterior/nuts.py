@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
+from mrwork.simulate import loading_of
 from mrwork.twins._base import simulate
 from mrwork.uncertainty.posterior.laplace import centre_and_root
 from mrwork.uncertainty.posterior.target import Target
@@ -43,15 +44,16 @@ def twin_log_posterior(target: Target, substeps: tuple[int, ...]) -> LogDensity:
         for history, count in zip(objective.histories, substeps, strict=True)
     ]
     measured = [jnp.asarray(each.measured) for each in objective.compared]
+    commands = [float(loading_of(test, objective.spec).command or 0.0) for test in objective.tests]
 
     def log_posterior(position: jax.Array) -> jax.Array:
         values, inside = space.values(position)
         theta, noise = values[: space.n_params], values[space.n_params :]
         total = jnp.zeros(())
-        for test, motions, force, deviation in zip(
-            objective.tests, stages, measured, target.deviations, strict=True
+        for test, motions, command, force, deviation in zip(
+            objective.tests, stages, commands, measured, target.deviations, strict=True
         ):
-            found = simulate(objective.spec, theta, motions, test.dt, _command(target, test))[test.n_settle :]
+            found = simulate(objective.spec, theta, motions, test.dt, command)[test.n_settle :]
             about_mean = (found - jnp.mean(force)) / deviation
             residual = (found - force) / deviation
             total = total + jnp.sum(log_densities(residual[None], about_mean[None], noise[None]))
@@ -65,13 +67,6 @@ def substeps_at(target: Target, theta: Any) -> tuple[int, ...]:
     """Sub-steps of the stepping rule for one candidate, (n_params,), on each test."""
     runs = target.objective.misfits(np.asarray(theta)[None])
     return tuple(max(1, int(run.substeps[0])) for run in runs)
-
-
-def _command(target: Target, test: Any) -> float:
-    current = target.objective.spec.current
-    if current is None:
-        return 0.0
-    return float(test.current if current.unit == "A" else test.voltage)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
