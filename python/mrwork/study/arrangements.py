@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,12 +19,26 @@ from mrwork.study.declared import located, read_table, suggestion
 from mrwork.study.schema import BaselineTable, ControllerTable, DamperTable, StudyTable
 from mrwork.study.study import Arrangement, Row, arranged
 
-PASSIVE_OFF, PASSIVE_ON, BEST_PASSIVE = "passive_off", "passive_on", "best_passive"
-CONSTANT_LAWS = {
-    PASSIVE_OFF: "i = 0",
-    PASSIVE_ON: "Largest command",
-    BEST_PASSIVE: "Best constant command",
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConstantLaw:
+    """A constant command, which has no settings: a share of the largest, or the best one where `share` is `None`."""
+
+    title: str
+    description: str
+    share: float | None
+
+
+CONSTANT_LAWS: Mapping[str, ConstantLaw] = {
+    "passive_off": ConstantLaw(title="i = 0", description="no command", share=0.0),
+    "passive_on": ConstantLaw(title="Largest command", description="the largest command", share=1.0),
+    "best_passive": ConstantLaw(
+        title="Best constant command",
+        description="the constant command of the lowest score over all motions",
+        share=None,
+    ),
 }
+"""By name; studies accept them besides the laws of the registry."""
 
 
 def arrangements(
@@ -60,7 +74,8 @@ def arrangements(
         if not devices:
             controller.place.refuse("a control law wants dampers, and the study has none; give a [[damper]]")
         title, law = chosen_law(controller, problem)
-        if controller.law == PASSIVE_OFF:
+        constant = CONSTANT_LAWS.get(controller.law)
+        if constant is not None and constant.share == 0.0:
             # This arrangement exists already; only its label may differ.
             found[1] = replace(
                 found[1], row=replace(found[1].row, label=controller.label or found[1].row.label)
@@ -105,13 +120,14 @@ def chosen_law(table: ControllerTable, problem: DesignProblem) -> tuple[str, Con
         If the law or a setting does not exist, or the law cannot be designed; the message has the line.
     """
     place = table.place
-    if table.law in CONSTANT_LAWS:
+    constant = CONSTANT_LAWS.get(table.law)
+    if constant is not None:
         for name in table.settings or {}:
             place.within("settings", name).refuse(f"{table.law} has no settings; leave {name} out")
         largest = min(device.largest_command for device in problem.devices)
-        command = largest if table.law == PASSIVE_ON else 0.0
-        law = None if table.law == BEST_PASSIVE else constant_command(problem.devices, command)
-        return CONSTANT_LAWS[table.law], law
+        if constant.share is None:
+            return constant.title, None
+        return constant.title, constant_command(problem.devices, constant.share * largest)
     specs = {spec.name: spec for spec in control_laws()}
     if table.law not in specs:
         known = [*specs, *CONSTANT_LAWS]

@@ -14,6 +14,7 @@ from mrwork.buildings import from_file
 from mrwork.control.designs.registry import SETTINGS
 from mrwork.control.laws import control_laws
 from mrwork.keys import is_required, keys_of
+from mrwork.study.arrangements import CONSTANT_LAWS
 from mrwork.study.schema import StudyTable
 
 _WIDTH = 110
@@ -45,8 +46,7 @@ def laws_text() -> str:
         lines = [f"{spec.name}: {spec.title}", *(f"  {line}" for line in spec.equation.splitlines()), *prose]
         settings = [f"  {line}" for line in key_lines(SETTINGS[spec.name])]
         blocks.append("\n".join([*lines, *(["  settings", *settings] if settings else [])]))
-    blocks.append("passive_off, passive_on: zero command, the largest command; no settings")
-    blocks.append("best_passive: the constant command of the lowest score over all motions; no settings")
+    blocks += [f"{name}: {law.description}; no settings" for name, law in CONSTANT_LAWS.items()]
     return "\n\n".join(blocks)
 
 

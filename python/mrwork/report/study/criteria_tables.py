@@ -76,19 +76,10 @@ def ratio_table(results: StudyResults, motion: int) -> Table:
 def value_table(results: StudyResults, motion: int) -> Table:
     """The criteria themselves under one motion."""
     unit = results.command_unit
-    found = [results.criteria(row, motion) for row in range(len(results.rows))]
     cells: list[tuple[str, ...]] = []
     columns: list[list[float]] = []
     for name, _, _, factor in _VALUES:
-        numbers = [math.nan if each is None else each[name] * factor for each in found]
-        # A building without dampers has no force, stroke or command, rather than zero; other devices have only a
-        # stroke.
-        if not criterion(name).ratio:
-            without = ("uncontrolled",) if name == "peak_stroke" else ("uncontrolled", "baseline")
-            numbers = [
-                math.nan if row.kind in without else number
-                for row, number in zip(results.rows, numbers, strict=True)
-            ]
+        numbers = [factor * _value(results, row, motion, name) for row in range(len(results.rows))]
         columns.append(numbers)
         cells.append(tuple(significant(number, 3) for number in numbers))
     drive = f"RMS {'current' if unit == 'A' else 'voltage'} ({unit})"
@@ -102,6 +93,14 @@ def value_table(results: StudyResults, motion: int) -> Table:
         strong=_best(results, columns[:5]),
         note="Peaks unless stated otherwise, of the worst floor, storey or damper.",
     )
+
+
+def _value(results: StudyResults, row: int, motion: int, name: str) -> float:
+    """A criterion; NaN if the run did not finish, or has nothing of its quantity: no dampers, no stroke."""
+    found = results.criteria(row, motion)
+    if found is None or np.size(getattr(results.runs[row, motion], criterion(name).quantity)) == 0:
+        return math.nan
+    return found[name]
 
 
 def _ratio_table(
