@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
@@ -69,10 +70,8 @@ class Loading:
             command = np.array(
                 np.broadcast_to(np.asarray(self.command, dtype=np.float64), displacement.shape)
             )
-        try:
+        with _refusals():
             return _rust.LoadingHistory(self.dt, displacement, velocity, command)
-        except ValueError as error:
-            raise SettingError(str(error)) from error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -162,7 +161,7 @@ def simulate_misfits(
     threads
         Number of threads, 0 for all.
     """
-    try:
+    with _refusals():
         squared_error, outcome, substeps, steps = _rust.misfits(
             spec.name,
             _rows(spec, theta),
@@ -174,8 +173,6 @@ def simulate_misfits(
             threads,
             limits,
         )
-    except ValueError as error:
-        raise SettingError(str(error)) from error
     return Misfits(squared_error=squared_error, outcome=outcome, substeps=substeps, steps=steps)
 
 
@@ -188,12 +185,10 @@ def simulate_forces(
     threads: int = 0,
 ) -> ForceHistories:
     """Simulate a batch and return its force histories; parameters as in `simulate_misfits`."""
-    try:
+    with _refusals():
         force, outcome, substeps = _rust.force_histories(
             spec.name, _rows(spec, theta), history, *_laws(spec), substep_factor, threads
         )
-    except ValueError as error:
-        raise SettingError(str(error)) from error
     return ForceHistories(force=force, outcome=outcome, substeps=substeps)
 
 
@@ -225,7 +220,7 @@ def simulate_sensitivities(
     >>> simulate_sensitivities(spec, [spec.nominal], history, columns=[0, 2]).jacobian.shape
     (1, 2, 6000)
     """
-    try:
+    with _refusals():
         force, jacobian, outcome, substeps = _rust.sensitivities(
             spec.name,
             _rows(spec, theta),
@@ -235,8 +230,6 @@ def simulate_sensitivities(
             substep_factor,
             threads,
         )
-    except (ValueError, OverflowError) as error:
-        raise SettingError(str(error)) from error
     return Sensitivities(force=force, jacobian=jacobian, outcome=outcome, substeps=substeps)
 
 
@@ -272,6 +265,15 @@ def simulate_force(
         raise SimulationError(f"{spec.name} ended as {outcome.name.lower()}: {outcome.remedy}")
     force: NDArray[np.float64] = histories.force[0]
     return force
+
+
+@contextmanager
+def _refusals() -> Iterator[None]:
+    """Context manager that turns refusals of the core into SettingErrors."""
+    try:
+        yield
+    except (ValueError, OverflowError) as error:
+        raise SettingError(str(error)) from error
 
 
 def _laws(spec: DamperSpec) -> tuple[list[str] | None, bool]:
