@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from html import escape
 from math import isnan
 
 # Rows of a table and characters of a line that fit on one screen.
@@ -49,6 +48,8 @@ class Summary:
 
     def html(self) -> str:
         """For a notebook."""
+        from html import escape  # loads the table of all entities, which a script does not need
+
         facts = "".join(
             f"<tr><th style='text-align:left'>{escape(name)}</th><td style='text-align:left'>{escape(value)}</td></tr>"
             for name, value in self.facts

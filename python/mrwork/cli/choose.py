@@ -74,9 +74,9 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
     models: str | list[str] = ALL if options.model == ALL else options.model.split(",")
     reading = reading_of(options)
     tests = tuple(observed(test, options) for test in reading.tests())
-    place = options.out or Path("out") / f"{stem_of(tests)}-models"
-    check_destination(place)
-    journals = StepJournals(place, resume=options.resume, note=note)
+    folder = options.out or Path("out") / f"{stem_of(tests)}-models"
+    check_destination(folder)
+    journals = StepJournals(folder, resume=options.resume, note=note)
     line = ProgressLine(choice_described, quiet=options.quiet or options.json)
     status = 0
     try:
@@ -111,7 +111,7 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
         best = with_identifiability(best, tests, threads=options.threads)
     documents: dict[str, object] = {f"{MODELS}/{name}/{FIT}": fit.as_dict() for name, fit in fits.items()}
     write_identification(
-        place,
+        folder,
         best,
         tests,
         journals.path(f"{best.model}/fit"),
@@ -121,20 +121,20 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
     )
     if status == 0:
         journals.discard()
-    print(json.dumps(_summary(choice, place)) if options.json else _text(choice.ranking, place))
+    print(json.dumps(_summary(choice, folder)) if options.json else _text(choice.ranking, folder))
     if status == 0 and not options.json:
-        print("\n" + text_of(best, tests, place))
+        print("\n" + text_of(best, tests, folder))
     if status == 130:
-        note(f"interrupted; the models that were done are in {place}, the same with --resume goes on")
+        note(f"interrupted; the models that were done are in {folder}, the same with --resume goes on")
     return status
 
 
-def _summary(choice: Choice, place: Path) -> dict[str, Any]:
-    fits = {fit.model: str(place / MODELS / fit.model / FIT) for fit in choice.fits}
-    return asdict(choice.ranking) | {"fits": fits, "out": str(place)}
+def _summary(choice: Choice, folder: Path) -> dict[str, Any]:
+    fits = {fit.model: str(folder / MODELS / fit.model / FIT) for fit in choice.fits}
+    return asdict(choice.ranking) | {"fits": fits, "out": str(folder)}
 
 
-def _text(ranking: Ranking, place: Path) -> str:
+def _text(ranking: Ranking, folder: Path) -> str:
     from mrwork.report.ranking_rows import HEADINGS, ranking_rows
 
     rows = [
@@ -154,4 +154,4 @@ def _text(ranking: Ranking, place: Path) -> str:
     lines = aligned([HEADINGS, *rows])
     for sentence in (ranking.sentence, *(f"Note: {remark}." for remark in ranking.remarks)):
         lines += ["", *textwrap.wrap(sentence, _WIDTH)]
-    return "\n".join([*lines, "", f"Ranking: {place / RANKING}"])
+    return "\n".join([*lines, "", f"Ranking: {folder / RANKING}"])

@@ -41,7 +41,7 @@ def with_identifiability(fit: Fit, tests: tuple[DamperTest, ...], *, threads: in
 
 
 def write_identification(
-    place: Path,
+    folder: Path,
     fit: Fit,
     tests: tuple[DamperTest, ...],
     journal: Path,
@@ -50,11 +50,11 @@ def write_identification(
     ranking: Ranking | None = None,
     documents: Mapping[str, object] | None = None,
 ) -> None:
-    """Write the run directory; an interrupted run is written at once, without the pictures that take time."""
+    """Write the run folder; that of an interrupted run has no figures, which take time."""
     manifest = {"kind": "identification", "model": fit.model, "status": fit.status} | asdict(fit.provenance)
     if not with_figures:
         write_run(
-            place,
+            folder,
             fit=fit,
             report_html=_INTERRUPTED,
             figures={},
@@ -76,9 +76,9 @@ def write_identification(
 
         figures["ranking"] = ranking_figure(ranking)
     write_run(
-        place,
+        folder,
         fit=fit,
-        report_html=fit_page(StoredRun(place=place, fit=fit, ranking=ranking), comparisons),
+        report_html=fit_page(StoredRun(place=folder, fit=fit, ranking=ranking), comparisons),
         figures=figure_files(figures),
         manifest=manifest,
         journal=journal,
@@ -93,7 +93,7 @@ _INTERRUPTED = (
 )
 
 
-def summary_of(fit: Fit, place: Path) -> dict[str, Any]:
+def summary_of(fit: Fit, folder: Path) -> dict[str, Any]:
     """Summary of a fit, for --json."""
     return {
         "model": fit.model,
@@ -123,11 +123,11 @@ def summary_of(fit: Fit, place: Path) -> dict[str, Any]:
         "n_time": fit.n_time,
         "rng": fit.provenance.rng,
         "files": [asdict(quality) for quality in fit.quality],
-        "out": str(place),
+        "out": str(folder),
     }
 
 
-def text_of(fit: Fit, tests: tuple[DamperTest, ...], place: Path) -> str:
+def text_of(fit: Fit, tests: tuple[DamperTest, ...], folder: Path) -> str:
     """Summary of a fit, as text."""
     status = fit.status.replace("_", " ")
     lines = [
@@ -146,5 +146,5 @@ def text_of(fit: Fit, tests: tuple[DamperTest, ...], place: Path) -> str:
             f"over {quality.n_time} samples{settle}{f'; the model force {recorded}' if recorded else ''}"
         )
         lines += [f"    {finding.severity}: {finding.message}" for finding in test.findings]
-    lines += ["", f"Report: {place / 'report.html'}"]
+    lines += ["", f"Report: {folder / 'report.html'}"]
     return "\n".join(lines)

@@ -155,9 +155,9 @@ def run(options: argparse.Namespace) -> int:
     tests = tuple(observed(test, options) for test in reading.tests())
     spec = _with_laws(plain, tests, options)
     starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
-    place = options.out or Path("out") / f"{stem_of(tests)}-{spec.name}"
-    check_destination(place)
-    journal = resume_journal(place, note=note) if options.resume else begin_journal(place)
+    folder = options.out or Path("out") / f"{stem_of(tests)}-{spec.name}"
+    check_destination(folder)
+    journal = resume_journal(folder, note=note) if options.resume else begin_journal(folder)
     line = ProgressLine(IdentificationInWords(), quiet=options.quiet or options.json)
     status = 0
     try:
@@ -174,7 +174,7 @@ def run(options: argparse.Namespace) -> int:
     except MrworkError as error:
         # An impossible identification cannot be resumed; one that failed to write its files can.
         hopeless = not options.resume and not isinstance(error, JournalError | OutputError)
-        if hopeless or is_copy(place, journal):
+        if hopeless or is_copy(folder, journal):
             discard_journal(journal)
         raise
     finally:
@@ -183,11 +183,11 @@ def run(options: argparse.Namespace) -> int:
     if status == 0:
         fit = with_identifiability(fit, tests, threads=options.threads)
     fit = with_command(fit, reading)
-    write_identification(place, fit, tests, journal.path, with_figures=status == 0)
+    write_identification(folder, fit, tests, journal.path, with_figures=status == 0)
     discard_journal(journal)
-    print(json.dumps(summary_of(fit, place)) if options.json else text_of(fit, tests, place))
+    print(json.dumps(summary_of(fit, folder)) if options.json else text_of(fit, tests, folder))
     if status == 130:
-        note(f"interrupted; the best found so far is in {place}, the same with --resume goes on")
+        note(f"interrupted; the best found so far is in {folder}, the same with --resume goes on")
     return status
 
 
