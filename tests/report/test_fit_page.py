@@ -23,8 +23,7 @@ from mrwork.identification.fit_file import fit_from_json, read_fit
 from mrwork.identification.identify import identify
 from mrwork.identification.residual import ObservedTest
 from mrwork.records.window import cut
-from mrwork.report.fit.page import comparisons_of, fit_page
-from mrwork.report.fit.rewrite_page import rewrite_page
+from mrwork.report.fit.page import comparisons_of, fit_page, rewrite_page
 from mrwork.report.fit.search import waterfall_panel
 from mrwork.store.codec import json_document
 from mrwork.stored import StoredRun

@@ -17,35 +17,35 @@ from mrwork.errors import MrworkError
 
 _VERBS = {
     "models": "list the damper models, or show one in full",
-    "check": "print what is found in test records, without fitting",
+    "check": "check test records without fitting",
     "identify": "identify a damper model from test records",
-    "profile": "say which parameters of a stored fit the data settle, with intervals",
-    "sample": "sample the posterior of an identified damper",
-    "calibrate": "calibrate a run's prediction bands on tests that its fit has not seen",
-    "predict": "run a stored fit on other tests",
-    "plan": "say which test narrows a band of a stored fit most",
+    "profile": "compute intervals of the parameters of a fit by profile likelihood",
+    "sample": "sample the posterior of the parameters of a fit",
+    "calibrate": "calibrate prediction bands of a fit on tests that it has not seen",
+    "predict": "simulate other tests with a fit and compare the force",
+    "plan": "rank the next tests by how much each narrows a band",
     "respond": "simulate a building with MR dampers under earthquakes",
     "convert": "convert Bouc-Wen parameters between conventions",
 }
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line, without repeating the usage."""
+    """Reports a wrong command line in one line, without the usage."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.prog}: {message}; see {self.prog} --help\n")
 
 
 def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
-    """The command line: in full for the first verb among `arguments`, of the others the name and what they do.
+    """The parser: in full for the first verb among `arguments`; of the others only the name and the purpose.
 
-    A verb may want libraries that take a second to load; neither the others nor the help wait for them.
+    A verb may need libraries that take a second to load, for which neither the others nor the help should wait.
     """
     wanted = next((each for each in arguments if each in _VERBS), "")
     root = _Parser(
         prog="mrwork",
         description="Identify magnetorheological dampers from test records.",
-        epilog="mrwork VERB --help says more of each.",
+        epilog="mrwork VERB --help describes a verb and its options.",
     )
     root.add_argument("--version", action="version", version=f"mrwork {__version__}")
     verbs = root.add_subparsers(title="verbs", metavar="VERB", required=True, parser_class=_Parser)
@@ -72,11 +72,11 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         print("mrwork: interrupted", file=sys.stderr)
         status = 130
     except BrokenPipeError:
-        # Whoever reads our output has read enough; the interpreter must not complain at exit.
+        # The reader of our output has closed the pipe; the interpreter must not report that again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         status = 0
     if status == 130:
-        # A refinement may still be inside compiled code that knows no interrupt; nothing is left to be written.
+        # Another thread may still be in compiled code that does not notice the interrupt; nothing is left to write.
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(status)

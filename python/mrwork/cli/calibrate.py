@@ -1,4 +1,4 @@
-"""`mrwork calibrate`: prediction bands for a run, calibrated on tests that its fit has not seen."""
+"""`mrwork calibrate`: prediction bands of a fit, calibrated on tests that it has not seen."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb."""
     parser = verbs.add_parser(
         "calibrate",
-        description="Measure how far the model is off on tests that the fit has not seen, and keep it with the run: "
-        "mrwork predict RUN --level then draws bands from it. Without files, the run's own tests are left out in turn "
-        "and predicted by identifying without them.",
+        description="Calibrate prediction bands on the errors of the model on tests that the fit has not seen, and "
+        "write them into the run folder; mrwork predict RUN --level then uses them. Without files, the run's own "
+        "tests are left out in turn, and each is predicted by a fit to the others.",
     )
     add_run(parser)
     add_files(parser, required=False)
@@ -55,7 +55,8 @@ def add_parser(verbs: Any) -> None:
         "--leave-out",
         choices=get_args(Fold),
         default="test",
-        help="without files: what is left out together, default each test by itself",
+        help="without files: the tests that are left out together: each test (default), all of one motion, or all at "
+        "one command",
     )
     add_threads(parser)
     add_quiet(parser)
@@ -64,7 +65,7 @@ def add_parser(verbs: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Predict, calibrate, measure the coverage, write it beside the fit."""
+    """Predict, calibrate, measure the coverage, and write the result into the run folder."""
     if options.files:
         predictions, held_out = _unseen(options), "the fit has not seen"
     else:
@@ -82,7 +83,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:
-    """The files predicted by the run's fit, which must not know them."""
+    """Predictions of the files by the fit of the run, which must not have seen them."""
     fit = read_fit(options.run_folder)
     tests = tuple(observed(test, options) for test in read_tests(options))
     seen = set(fit.provenance.inputs.values())
@@ -97,7 +98,7 @@ def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:
 
 
 def _left_out(options: argparse.Namespace) -> tuple[Prediction, ...]:
-    """The run's own tests, each predicted by an identification without it."""
+    """Predictions of the run's own tests, each by a fit to the others."""
     opened = reopen(options.run_folder)
     folds = Folds(opened.place, opened.fit)
     prefix = ""

@@ -1,4 +1,4 @@
-"""`mrwork check`: what a record says and what is odd about it, without fitting."""
+"""`mrwork check`: the facts of a record and the findings of its checks, without fitting."""
 
 from __future__ import annotations
 
@@ -18,14 +18,18 @@ from mrwork.records import DamperTest, Finding, mislabelled
 
 def add_parser(verbs: Any) -> None:
     """Declare the verb."""
-    parser = verbs.add_parser("check")
+    parser = verbs.add_parser(
+        "check",
+        description="Read test records and report what the checks find: signs, offsets, delays, smoothing, clipping, "
+        "drift and others.",
+    )
     add_files(parser)
     add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Check every file; one that cannot be read does not keep the others from being checked."""
+    """Check every file; a file that cannot be read is reported, and the others are still checked."""
     status = 0
     rows: list[dict[str, Any]] = []
     tests: list[DamperTest] = []

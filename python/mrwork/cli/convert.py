@@ -1,4 +1,4 @@
-"""`mrwork convert`: Bouc-Wen parameters from one convention to another, without a change of force."""
+"""`mrwork convert`: Bouc-Wen parameters from one convention to another that gives the same force."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _NAMES: dict[Convention, tuple[str, ...]] = {
     "normalised": _NORMALISED,
     "opensees": _OPENSEES,
 }
-# An element that is not given is not there.
+# Zero where they are not given.
 _ABSENT = ("c0", "k0", "x0", "c", "k", "deltaA", "deltaNu", "deltaEta")
 
 
@@ -44,7 +44,7 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb."""
     parser = verbs.add_parser(
         "convert",
-        description="Bouc-Wen parameters from one convention to another, equal in force. "
+        description="Convert Bouc-Wen parameters to another convention that gives the same force. "
         f"spencer: {' '.join(_SPENCER)}; normalised: {' '.join(_NORMALISED)}; opensees: {' '.join(_OPENSEES)} "
         "(c0 is a dashpot in parallel). SI units.",
     )
@@ -63,8 +63,8 @@ def add_parser(verbs: Any) -> None:
         "--scale",
         type=float,
         metavar="VALUE",
-        help="A of spencer or Ao of opensees, which no data settle; default: that of the source, "
-        "120 from normalised; Ao 1",
+        help="A of spencer or Ao of opensees, a free scale that changes no force; default: that of the source, "
+        "120 from normalised, Ao 1",
     )
     add_json(parser)
     parser.set_defaults(run=run)
@@ -147,7 +147,7 @@ def _spencer(convention: Convention, values: dict[str, float], scale: float | No
 def _converted(
     convention: Convention, theta: NDArray[np.float64], scale: float | None
 ) -> tuple[dict[str, float], tuple[str, ...]]:
-    """The parameters in a convention, and what to know before they are used."""
+    """The parameters in a convention, and remarks on their use."""
     if convention == "opensees":
         material, c0 = opensees_from_bouc_wen(theta, Ao=1.0 if scale is None else scale)
         return asdict(material) | {"c0": c0}, solver_remarks(material)

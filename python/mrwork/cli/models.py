@@ -1,4 +1,4 @@
-"""`mrwork models`: what damper models there are, and one of them in full."""
+"""`mrwork models`: the list of damper models, or one of them in full."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mrwork.summary import aligned
 
 def add_parser(verbs: Any) -> None:
     """Declare the verb."""
-    parser = verbs.add_parser("models")
+    parser = verbs.add_parser("models", description="List the damper models, or show one in full.")
     parser.add_argument("name", nargs="?", metavar="NAME", help="model to show")
     add_json(parser)
     parser.set_defaults(run=run)

@@ -29,7 +29,7 @@ _DETECT = "detect"
 
 
 def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
-    """FILE..., and which part of each is used."""
+    """FILE... and the options that say how the files are read."""
     parser.add_argument(
         "files",
         nargs="+" if required else "*",
@@ -41,7 +41,7 @@ def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None
         action="append",
         default=[],
         metavar="QUANTITY=NAME:UNIT",
-        help="where a column's name does not say it, as in force=F:kN",
+        help="name and unit of a column whose heading is not recognised, as in force=F:kN; repeat for more",
     )
     parser.add_argument(
         "--from", dest="start", type=float, metavar="S", help="use the record from this time [s]"
@@ -55,8 +55,8 @@ def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None
         action="append",
         default=[],
         metavar="KIND[=AMOUNT]",
-        help=f"put right, of {', '.join(REPAIR_KINDS)}; an amount [s, N, kg] goes before what the record tells, "
-        "as in delay=0.002; repeat for more",
+        help=f"repair the records: {', '.join(REPAIR_KINDS)}; an amount [s, N, kg] replaces the one that is estimated "
+        "from the record, as in delay=0.002; repeat for more",
     )
     parser.add_argument(
         "--settle",
@@ -74,15 +74,16 @@ def add_observation(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="WHAT=VALUE",
-        help="what the rig did to the force, done to the model's before the two are compared: average=S (or 0.1T, a "
-        "share of the period), lowpass=HZ, delay=S, gain=G, offset=N; or detect, which looks for a moving average",
+        help="observation model: what the measurement did to the force, applied to the model force before the two are "
+        "compared: average=S (or 0.1T, a share of the period), lowpass=HZ, delay=S, gain=G, offset=N; detect looks "
+        "for a moving average; repeat for more",
     )
     parser.add_argument(
         "--nuisance",
         action="append",
         default=[],
         choices=get_args(NuisanceName),
-        help="what may differ from test to test without being the damper's, estimated from each",
+        help="nuisance parameter of the measurement, estimated for each test; repeat for more",
     )
 
 
@@ -103,7 +104,9 @@ def add_quiet(parser: argparse.ArgumentParser, help: str = "no progress line") -
 
 def add_json(parser: argparse.ArgumentParser) -> None:
     """--json."""
-    parser.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object on stdout and nothing else"
+    )
 
 
 def check_not_negative(options: argparse.Namespace) -> None:
@@ -115,7 +118,7 @@ def check_not_negative(options: argparse.Namespace) -> None:
 
 
 def reading_of(options: argparse.Namespace) -> Reading:
-    """The tests that the command line names, and how it wants them read."""
+    """The tests that the command line names, and how they are read."""
     return Reading(
         files=tuple(options.files),
         folder=str(Path.cwd()),
@@ -129,7 +132,7 @@ def reading_of(options: argparse.Namespace) -> Reading:
 
 
 def read_tests(options: argparse.Namespace) -> tuple[DamperTest, ...]:
-    """The tests that the command line names, cut, then repaired, as it says."""
+    """The tests that the command line names, first cut, then repaired."""
     return reading_of(options).tests()
 
 
@@ -151,7 +154,7 @@ def parse_bounds(ranges: Sequence[str], fixed: Sequence[str]) -> dict[str, tuple
 
 
 def laws_of(options: argparse.Namespace) -> dict[str, LawName]:
-    """Parameter name to law.
+    """Current law by name of parameter.
 
     Raises
     ------
@@ -168,7 +171,7 @@ def laws_of(options: argparse.Namespace) -> dict[str, LawName]:
 
 
 def command_unit(tests: tuple[DamperTest, ...], options: argparse.Namespace) -> CommandUnit:
-    """What the laws take: as asked for, or amperes where the tests have a current."""
+    """Unit of the command that the laws depend on: as asked for, or amperes where the tests have a current."""
     in_amperes = any(test.current is not None for test in tests)
     unit: CommandUnit = options.command_unit or ("A" if in_amperes else "V")
     return unit

@@ -36,7 +36,7 @@ def result_lines(result: Summarised) -> list[str]:
 def renew_page(folder: Path) -> None:
     """Write the page of a run again; where its tests are gone, a note says why the page is as it was."""
     # Matplotlib is slow to load.
-    from mrwork.report.fit.rewrite_page import rewrite_page
+    from mrwork.report.fit.page import rewrite_page
 
     try:
         rewrite_page(folder)

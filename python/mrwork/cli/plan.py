@@ -1,4 +1,4 @@
-"""`mrwork plan`: which test to make next."""
+"""`mrwork plan`: the next test, chosen by the variance reduction that it would bring."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from mrwork.uncertainty.planning.plan import LinearisedPosterior
     from mrwork.uncertainty.planning.plan_draws import Check
 
-# Lines of the table; the rest is in the document.
+# Rows of the table; all are in the document.
 _SHOWN = 15
 _DRAWS = 400
 
@@ -33,14 +33,14 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb."""
     parser = verbs.add_parser(
         "plan",
-        description="Rank sinusoidal tests that could be made next by how much of a band's variance each takes away.",
+        description="Rank sinusoidal tests by how much each would reduce the variance of a band.",
     )
     add_run(parser)
     parser.add_argument(
         "--band",
         default="force",
         metavar="BAND",
-        help="what is to be narrowed: force (default) or energy, mean over the targets, or a parameter by its name",
+        help="the band to narrow: force (default) or energy, mean over the targets, or a parameter by its name",
     )
     parser.add_argument(
         "--candidates",
@@ -51,10 +51,10 @@ def add_parser(verbs: Any) -> None:
     for name, what in (
         ("amplitudes", "amplitudes [m] of the candidates, as in 0.005,0.01"),
         ("frequencies", "their frequencies [Hz]"),
-        ("currents", "their currents, or voltages, where the model has current laws"),
+        ("currents", "their currents or voltages, where the model has current laws"),
     ):
         parser.add_argument(
-            f"--{name}", default="", metavar="LIST", help=f"{what}; default: about what was tested"
+            f"--{name}", default="", metavar="LIST", help=f"{what}; default: around those tested"
         )
     parser.add_argument(
         "--stroke", type=float, metavar="M", help="largest stroke of the rig, peak to peak [m]"
@@ -64,10 +64,10 @@ def add_parser(verbs: Any) -> None:
         "--targets",
         type=Path,
         metavar="FILE",
-        help="the excitations that the band is wanted for, as in --candidates; default: the candidates",
+        help="CSV as in --candidates with the excitations for which the band is computed; default: the candidates",
     )
     parser.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="seed of the draws that check the gains"
+        "--seed", type=int, default=0, metavar="N", help="seed of the draws that check the ranking"
     )
     add_threads(parser)
     add_quiet(parser, "no note on candidates that could not be simulated")
@@ -76,9 +76,9 @@ def add_parser(verbs: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Rank the candidates, check the gains with draws, write and print."""
+    """Rank the candidates, check the reductions with draws, write and print."""
     check_not_negative(options)
-    # SciPy's optimisers are slow to load, and not wanted where help is.
+    # SciPy's optimisers are slow to load, and the help does not need them.
     from mrwork.uncertainty.planning.plan import LinearisedPosterior, plan
     from mrwork.uncertainty.planning.plan_draws import checked_with_draws
 
@@ -134,7 +134,7 @@ def _candidates(options: argparse.Namespace, opened: OpenedRun) -> tuple[Candida
 def _draws(
     opened: OpenedRun, known: LinearisedPosterior, rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], str]:
-    """Draws in the order of the model of `known`, and what they are of."""
+    """Draws with the parameters in the order of `known`, and their distribution in words."""
     from mrwork.uncertainty.planning.plan_draws import normal_draws
     from mrwork.uncertainty.posterior.draws_file import read_draws
 
@@ -164,7 +164,8 @@ def _text(check: Check, origin: str, unit: CommandUnit | None, place: Path) -> s
     lines = [
         f"Of {len(plan.gains)} tests the one that narrows the band of {plan.band} most: "
         f"{best.candidate.in_words(unit)}",
-        f"Its standard deviation is {deviations[0]} now, {deviations[1]} after it, so far as the model holds there.",
+        f"The standard deviation of the band is {deviations[0]} now and {deviations[1]} after this test, if the "
+        "model is valid there.",
         "",
     ]
     rows = [
@@ -186,10 +187,10 @@ def _text(check: Check, origin: str, unit: CommandUnit | None, place: Path) -> s
 def _check_in_words(check: Check, origin: str) -> str:
     if check.agreement is None:
         return (
-            f"Draws of {origin} could not check this: next to none fits the simulated tests, so the posterior is far "
-            "from normal or the next test tells very much; take the order, not the numbers."
+            f"The check with draws of {origin} failed: almost none of them fits the simulated tests, as the posterior "
+            "is far from normal or the next test is very informative; use the order, not the numbers."
         )
     return (
-        f"Draws of {origin} rank the tests with a rank correlation of {check.agreement:.2f} to this; "
-        f"at least {check.least_effective:.0f} of them counted after a test."
+        f"Draws of {origin} rank the tests with a rank correlation of {check.agreement:.2f} to this order; "
+        f"at least {check.least_effective:.0f} effective draws remain after a test."
     )

@@ -1,4 +1,4 @@
-"""`mrwork predict`: a stored fit run freely on other tests."""
+"""`mrwork predict`: free simulations of other tests with a stored fit."""
 
 from __future__ import annotations
 
@@ -39,21 +39,21 @@ def add_parser(verbs: Any) -> None:
         type=int,
         default=1,
         metavar="N",
-        help="multiply the sub-steps of the integration by 2, 4, ... to check that nothing changes",
+        help="multiply the integration steps by N = 2, 4, ... to check that the result does not change",
     )
     parser.add_argument(
         "--level",
         type=float,
         metavar="SHARE",
-        help="say also how much of each test lies in the prediction band of this level, such as 0.9, that mrwork "
-        "calibrate has made for the run",
+        help="also print the half width and the coverage of the prediction band of this level, such as 0.9; needs "
+        "mrwork calibrate RUN",
     )
     add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Predict every test and print how it compares."""
+    """Predict every test and print how the forces compare."""
     fit = read_fit(options.run_folder)
     calibration = None if options.level is None else read_calibration(options.run_folder)
     spec, theta = fit.spec, np.array(fit.theta)

@@ -1,4 +1,4 @@
-"""`mrwork profile`: how well the data settle each parameter of a stored fit."""
+"""`mrwork profile`: intervals of the parameters of a fit by profile likelihood."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb."""
     parser = verbs.add_parser(
         "profile",
-        description="Profile the likelihood of a fit in each parameter: intervals that may stay open, verdicts, and "
-        "the directions that the data do not see.",
+        description="Compute the profile likelihood of each parameter of a fit: intervals, which may be open, "
+        "verdicts on identifiability, and directions in parameter space that do not change the force.",
     )
     add_run(parser)
     parser.add_argument(
@@ -37,7 +37,7 @@ def add_parser(verbs: Any) -> None:
         help="profile this one only; repeat for more",
     )
     parser.add_argument(
-        "--level", type=float, default=0.95, metavar="P", help="of the intervals, default 0.95"
+        "--level", type=float, default=0.95, metavar="P", help="level of the intervals, default 0.95"
     )
     add_threads(parser)
     add_quiet(parser)
@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> int:
     """Profile, write the document and the figure into the run directory, print the table."""
     if options.threads < 0:
         raise SettingError(f"--threads is {options.threads}; it cannot be negative")
-    # SciPy's optimisers are slow to load, and not wanted where help is.
+    # SciPy's optimisers are slow to load, and the help does not need them.
     from mrwork.uncertainty.identifiability.profile_likelihood import profile
     from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 

@@ -1,4 +1,4 @@
-"""`mrwork respond`: a building with its dampers and control laws under ground motions, from a study file."""
+"""`mrwork respond`: the response of a building with MR dampers to ground motions, from a study file."""
 
 from __future__ import annotations
 
@@ -41,26 +41,29 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb."""
     parser = verbs.add_parser(
         "respond",
-        description="Simulate a building with its dampers and control laws under ground motions, as a study file says.",
+        description="Simulate a building with dampers and control laws under ground motions, as described in a study "
+        "file.",
     )
-    parser.add_argument("study", nargs="?", type=Path, metavar="STUDY.toml", help="what to simulate")
-    parser.add_argument("--schema", action="store_true", help="print what a study file may say, and leave")
+    parser.add_argument("study", nargs="?", type=Path, metavar="STUDY.toml", help="study file")
+    parser.add_argument("--schema", action="store_true", help="print the keys of a study file and exit")
     parser.add_argument(
-        "--laws", action="store_true", help="print the control laws and their settings, and leave"
+        "--laws", action="store_true", help="print the control laws with their settings and exit"
     )
     parser.add_argument(
         "--seed", type=int, default=0, metavar="N", help="seed of noise and synthetic motions, default 0"
     )
     parser.add_argument(
-        "--check-step", action="store_true", help="run everything again with half the step, and compare"
+        "--check-step",
+        action="store_true",
+        help="repeat every run with half the integration step and compare",
     )
     add_threads(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder of the results, default out/STUDY")
     parser.add_argument(
         "--resume",
         action="store_true",
-        help="go on with a study that was killed or interrupted; all else as it was begun, but for --threads and "
-        "--check-step",
+        help="resume a study that was killed or interrupted; all other options but --threads and --check-step as in "
+        "that study",
     )
     add_quiet(parser)
     add_json(parser)
@@ -68,7 +71,7 @@ def add_parser(verbs: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Simulate, write the folder, say what came out."""
+    """Simulate, write the folder, print the result."""
     if options.schema or options.laws:
         print(_asked_for(options))
         return 0

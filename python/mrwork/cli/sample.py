@@ -1,4 +1,4 @@
-"""`mrwork sample`: the posterior of an identified damper."""
+"""`mrwork sample`: draws from the posterior of the parameters of a fit."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb."""
     parser = verbs.add_parser(
         "sample",
-        description="Sample the posterior of the parameters of a run of mrwork identify, from its own tests. Writes "
-        f"{CHAIN}, the chain as it grows, and {DRAWS}, the draws for ArviZ, into the run directory.",
+        description="Sample the posterior of the parameters of a fit, given the tests of the fit. Writes the growing "
+        f"chain, {CHAIN}, and the draws for ArviZ, {DRAWS}, into the run folder.",
     )
     add_run(parser)
     parser.add_argument(
         "--noise",
         default="iid",
         metavar="NAME",
-        help="how the force scatters about the model's: iid (default), student_t, ar1, arma11 or amplitude",
+        help="noise model of the force: iid (default), student_t, ar1, arma11 or amplitude",
     )
     parser.add_argument(
         "--prior",
@@ -39,20 +39,20 @@ def add_parser(verbs: Any) -> None:
         default=[],
         metavar="NAME=KIND:A:B",
         help="normal:MEAN:DEVIATION, lognormal:MEDIAN:DEVIATION_OF_LOG or uniform:LOWER:UPPER, as in "
-        "k_w=normal:650:50; repeat for more. Others are even over their range",
+        "k_w=normal:650:50; repeat for more. The default is uniform over the range of the parameter",
     )
     parser.add_argument(
         "--tempering",
         metavar="SHARE",
-        help="what the log-likelihood is multiplied by, or effective: the share of independent residuals at the fit. "
-        "Default effective, 1 for noise that knows of correlation",
+        help="factor of the log-likelihood, or effective: the share of independent residuals at the fit. Default "
+        "effective, 1 for noise models with correlation",
     )
-    parser.add_argument("--walkers", type=int, default=64, metavar="N", help="walkers, default 64")
-    parser.add_argument("--steps", type=int, default=20_000, metavar="N", help="steps at most, default 20000")
+    parser.add_argument("--walkers", type=int, default=64, metavar="N", help="number of walkers, default 64")
+    parser.add_argument("--steps", type=int, default=20_000, metavar="N", help="most steps, default 20000")
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the walkers, default 0")
     add_threads(parser)
     parser.add_argument(
-        "--resume", action="store_true", help=f"go on from {CHAIN}; only --steps and --threads may differ"
+        "--resume", action="store_true", help=f"continue {CHAIN}; only --steps and --threads may differ"
     )
     add_quiet(parser)
     add_json(parser)
@@ -60,7 +60,7 @@ def add_parser(verbs: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Sample, write the draws, say what came out."""
+    """Sample, write the draws, print the result."""
     check_not_negative(options)
     priors = dict(parse_prior(text) for text in options.prior)
     opened = reopen(options.run_folder)

@@ -1,4 +1,4 @@
-"""What a person reads of a fit or a study: numbers, figures and pages."""
+"""Reports of fits and studies: numbers as text, figures and pages."""
 
 import lazy_loader
 

@@ -35,5 +35,5 @@ class Comparison:
 
     @property
     def data_label(self) -> str:
-        """What the data are to be called in a legend: synthetic data are never called measured."""
+        """Name of the data in a legend; synthetic data are never called measured."""
         return "synthetic" if self.test.synthetic else "measured"

@@ -1,4 +1,4 @@
-"""Which cycles of a test to enlarge, and which few of its samples to draw."""
+"""The cycles of a test that a figure enlarges, and the samples that it draws."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Window:
 def zoom_window(displacement: NDArray[np.float64]) -> Window:
     """A few whole cycles from the middle of a record, or its middle third where it has none.
 
-    At most half of the cycles are shown, so that the window is a zoom and not the record again.
+    At most half of the cycles are shown, so that the window enlarges the record.
     """
     n_time = displacement.size
     crossings = upward_crossings(displacement)
@@ -53,10 +53,10 @@ def zoom_window(displacement: NDArray[np.float64]) -> Window:
 def even_samples(
     abscissa: NDArray[np.float64], ordinate: NDArray[np.float64], wanted: int, *, aspect: float
 ) -> NDArray[np.intp]:
-    """At most `wanted` samples at equal steps along the curve on paper, shape (n_drawn,).
+    """At most `wanted` samples at equal steps along the drawn curve, shape (n_drawn,).
 
-    Equal steps in time would crowd where the curve is flat and leave its steep parts bare. `aspect` is
-    the width of the drawing over its height.
+    Equal steps in time would crowd where the curve is flat and leave gaps where it is steep. `aspect`
+    is the width of the drawing over its height.
     """
     return _nearest_samples(abscissa, ordinate, np.arange(wanted) / wanted, aspect)
 
@@ -64,10 +64,10 @@ def even_samples(
 def scattered_samples(
     abscissa: NDArray[np.float64], ordinate: NDArray[np.float64], wanted: int
 ) -> NDArray[np.intp]:
-    """At most `wanted` samples spread along a loop that is run through many times, shape (n_drawn,).
+    """At most `wanted` samples spread along a loop that is passed many times, shape (n_drawn,).
 
-    Equal steps can fall in step with the cycles and draw the same few places again and again; a
-    golden-ratio jitter inside each step avoids that and stays reproducible.
+    Equal steps can coincide with the cycles and draw the same few places repeatedly; a reproducible
+    golden-ratio jitter within each step avoids that.
     """
     number = np.arange(wanted)
     return _nearest_samples(abscissa, ordinate, (number + number * _GOLDEN % 1.0) / wanted, 1.0)

@@ -1,4 +1,4 @@
-"""The figures of an identification: results in, a matplotlib `Figure` out, nothing global."""
+"""Figures of the tests of a fit, as matplotlib `Figure` objects without global state."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _Drawing = Callable[[Figure, int, Comparison, DisplayUnit], None]
 
 
 def common_force_unit(comparisons: Sequence[Comparison]) -> DisplayUnit:
-    """One unit for all tests of a report, so that they can be compared by eye."""
+    """One unit for all tests of a report, so that their figures are comparable."""
     peaks = [float(np.nanmax(np.abs(comparison.test.force))) for comparison in comparisons]
     return style.force_unit(max(peaks, default=0.0))
 
@@ -210,7 +210,7 @@ def _axes(figure: Figure, column: int, bottom: float, top: float, sharex: Axes |
 def _limits_of(comparison: Comparison, unit: DisplayUnit) -> tuple[float, float]:
     """The range of the data, opened for the model by half of that range at most on either side.
 
-    A model that is far off must not flatten the data it is compared with.
+    A model far from the data must not compress them.
     """
     measured = comparison.test.force * unit.factor
     low, high = float(np.nanmin(measured)), float(np.nanmax(measured))

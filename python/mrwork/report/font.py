@@ -1,7 +1,7 @@
-"""The one font of all figures: DejaVu Sans as matplotlib ships it, so that every machine measures and draws the same.
+"""The font of all figures: DejaVu Sans as matplotlib ships it, so that text has the same size on every machine.
 
-Figures name the family `FAMILY`, which exists nowhere but here: to matplotlib it is these two files and never a font of
-the system, to a browser the subset that the page brings along.
+Figures name the family `FAMILY`, which exists only here: for matplotlib it is these two files and never a font of the
+system, for a browser the subset that the page contains.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _CHARACTERS = (
 
 
 def path_of(weight: int) -> Path:
-    """The file of a weight, 400 or 700."""
+    """The font file of a weight, 400 or 700."""
     return Path(matplotlib.get_data_path()) / "fonts" / "ttf" / _FILES[weight]
 
 
@@ -50,7 +50,7 @@ def register() -> None:
 
 @cache
 def font_faces() -> str:
-    """CSS that brings the family to a page, with the characters that figures use; some 50 kB."""
+    """CSS that embeds the family in a page, with the characters that figures use; about 50 kB."""
     return "".join(
         f'@font-face {{ font-family: "{FAMILY}"; font-weight: {weight}; '
         f"src: url(data:font/woff;base64,{_subset(path_of(weight))}) format('woff'); }}\n"
@@ -59,7 +59,7 @@ def font_faces() -> str:
 
 
 def _subset(path: Path) -> str:
-    # Slow to load, and needed for pages only.
+    # Slow to load, and only pages need it.
     from fontTools import subset
 
     options = subset.Options(flavor="woff", layout_features=["kern"], hinting=False)

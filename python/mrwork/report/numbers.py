@@ -1,4 +1,4 @@
-"""Numbers as text: as many digits as they deserve, split where decimal points align; shares and counts in words."""
+"""Numbers as text: significant digits, thousands, powers of ten, alignment at the decimal point, shares and counts."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _LEAST_PROBABILITY = 0.001
 
 
 def fixed(value: float | None, decimals: int) -> str:
-    """A number with that many decimals, thousands set apart; a dash for none, a word for the infinite."""
+    """A number with so many decimals and separated thousands; a dash for none, a sign for infinity."""
     if value is None or math.isnan(value):
         return _NONE
     if math.isinf(value):
@@ -33,7 +33,7 @@ def fixed(value: float | None, decimals: int) -> str:
 
 
 def significant(value: float | None, digits: int) -> str:
-    """A number with that many significant digits, in powers of ten where it is very large or small."""
+    """A number with so many significant digits, in powers of ten where it is very large or small."""
     if value is None or not math.isfinite(value) or value == 0:
         return fixed(value, 0)
     exponent = leading_exponent(value, digits)
@@ -44,7 +44,7 @@ def significant(value: float | None, digits: int) -> str:
 
 
 def shortest(value: float, digits: int = 4) -> str:
-    """A number without the zeros that say nothing: bounds, settings."""
+    """A number without trailing zeros, for bounds and settings."""
     text = significant(value, digits)
     if "." not in text:
         return text
@@ -82,7 +82,7 @@ def column(values: Sequence[float], digits: int) -> list[str]:
 
 
 def at_point(text: str) -> tuple[str, str]:
-    """A number's text before its decimal point and from it on, to be set on either side of a line."""
+    """The text of a number before its decimal point, and the rest, to align a column at the point."""
     head, point, tail = text.partition(".")
     if point:
         return head, point + tail
@@ -107,7 +107,7 @@ def tests_of(count: int, total: int) -> str:
 
 
 def most_of(share: float) -> str:
-    """A share in whole per cent, but never all of it where something is missing."""
+    """A share in whole per cent; never 100 where it is less."""
     return "more than 99" if 0.99 < share < 1.0 else fixed(100.0 * share, 0)
 
 

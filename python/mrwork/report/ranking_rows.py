@@ -1,4 +1,4 @@
-"""A ranking of models as text: the rows of its table."""
+"""A ranking of models as the rows of a table; without its figure, as the command line needs no matplotlib."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class RankingRow:
 
 
 def ranking_rows(ranking: Ranking) -> list[RankingRow]:
-    """A row per family, best first, those that could not be judged last."""
+    """A row per family, best first; those that could not be judged come last."""
     return [_row(each) for each in ranking.standings]
 
 

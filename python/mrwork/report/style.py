@@ -1,7 +1,7 @@
-"""How figures and pages look: colours, fonts, sizes, the units of an axis.
+"""The style of figures and pages: colours, fonts, sizes, and the units of axes.
 
-The data are a quiet grey, the model blue and the residual rust. The three differ in lightness as
-well as in hue, so they stay apart for colour-blind readers and on a grey-scale print.
+Data are grey, the model is blue and the residual rust. The three differ in lightness as well as in
+hue, so that colour-blind readers and grey-scale prints can tell them apart.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ DATA = "#8b979f"
 MODEL = "#0a5a96"
 RESIDUAL = "#b0502a"
 WINDOW = "#eef2f5"
-# Two bands that are never taken for each other: light and wide, dark and narrow.
+# The prediction band is light and wide, the parameter band dark and narrow.
 BAND = "#d9e6f0"
 BAND_EDGE = "#8fb3cf"
 PARAMETER_BAND = "#e0913a"
 
-# Of the text of a page, which the reader's machine has; figures bring their own, see `font`.
+# Fonts of the text of a page, taken from the reader's machine; figures have their own, see `font`.
 PAGE_FONTS = (
     "Source Sans 3",
     "Source Sans Pro",
@@ -42,8 +42,8 @@ PAGE_FONTS = (
     "DejaVu Sans",
 )
 
-# A panel is as wide as one of two columns on a desk screen and as the whole of a phone, so that its
-# text is legible on both without a second drawing. Inches.
+# Size of a panel [in]: as wide as one of two columns on a desktop screen and as a whole telephone
+# screen, so that one drawing is legible on both.
 PANEL_WIDTH = 5.0
 PANEL_HEIGHT = 3.75
 
@@ -51,7 +51,7 @@ PANEL_HEIGHT = 3.75
 DOTTED = (0, (1.2, 1.8))
 DASHED = (0, (4, 3))
 
-# Points. The letters of the figures' font are large for their size.
+# Font sizes [pt]. The letters of this font are large for their nominal size.
 TEXT_SIZE = 9.5
 SMALL_TEXT_SIZE = 9.1
 
@@ -111,7 +111,7 @@ _RC: dict[RcKeyType, Any] = {
 
 @contextmanager
 def drawn_in_style() -> Iterator[None]:
-    """Draw and save inside this: the caller's matplotlib settings come back afterwards."""
+    """Matplotlib settings of all figures, as a context or a decorator; those of the caller are restored."""
     font.register()
     with matplotlib.rc_context(_RC):
         yield
@@ -119,7 +119,7 @@ def drawn_in_style() -> Iterator[None]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DisplayUnit:
-    """A unit for people: an SI value times `factor` is a number of `symbol`."""
+    """A unit for display: an SI value times `factor` is the number in units of `symbol`."""
 
     symbol: str
     factor: float

@@ -1,4 +1,4 @@
-"""A figure as bytes for a file, or as an element to stand inside a page."""
+"""A figure as an SVG or PNG file, or as an element of a page."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from mrwork.report import font, style
 from mrwork.store.run_folder import FIGURES
 
-# Without a date the same figure is the same file.
+# Without a date, equal figures are equal files.
 _NO_DATE = {"Date": None}
 _PNG_DOTS_PER_INCH = 200
 
@@ -28,7 +28,7 @@ def figure_files(figures: Mapping[str, Figure]) -> dict[str, bytes]:
 
 
 def svg_bytes(figure: Figure) -> bytes:
-    """A file that looks the same everywhere: its letters are outlines."""
+    """An SVG file with outlines for letters, which looks the same everywhere."""
     return _saved(figure, font_type="path").encode()
 
 
@@ -41,9 +41,9 @@ def png_bytes(figure: Figure) -> bytes:
 
 
 def inline_svg(figure: Figure, *, identifier: str, description: str) -> str:
-    """An `<svg>` element that scales with its column; `description` is read aloud.
+    """An `<svg>` element that scales with its column; `description` is for screen readers.
 
-    Its letters are text in the font that the page brings along.
+    Its letters are text in the font that the page embeds.
     `identifier` keeps the element's names apart from those of the other figures of the page.
     """
     text = _saved(figure, font_type="none").replace(f"'{font.SHIPPED_FAMILY}'", f"'{font.FAMILY}'")

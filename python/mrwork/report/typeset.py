@@ -1,4 +1,4 @@
-"""Names and equations written in plain letters, set as mathematics in HTML."""
+"""Names and equations in plain letters, as mathematics in HTML."""
 
 from __future__ import annotations
 

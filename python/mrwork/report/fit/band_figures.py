@@ -1,4 +1,4 @@
-"""Figures of bands: the prediction band light with dashed edges, the parameter band dark and full."""
+"""Figures of bands: the prediction band light with dashed edges, the parameter band orange."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _ASPECT = 1.4
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Banded:
-    """A test with the model's force and the bands about it, both over the samples that count; any may be missing."""
+    """A test with the model force and the bands around it, over the samples that count; a band may be missing."""
 
     prediction: Prediction
     predicted: Band | None = None
@@ -44,11 +44,11 @@ class Banded:
 
 @style.drawn_in_style()
 def time_figure(banded: Banded, unit: DisplayUnit) -> Figure:
-    """Force over one cycle from the middle of the record, with what bands there are."""
+    """Force over one cycle from the middle of the record, with the bands that exist."""
     samples = middle_cycle(banded.prediction)
     test = banded.prediction.test
     time = test.time[test.counted][samples]
-    # Four entries want a second line.
+    # Four entries need a second line.
     figure, axes = column_axes(top=0.56)
     _fill_over(axes, time, banded, samples, unit, np.zeros(time.size))
     _draw_lines(axes, time, banded, samples, unit)
@@ -60,7 +60,7 @@ def time_figure(banded: Banded, unit: DisplayUnit) -> Figure:
 
 @style.drawn_in_style()
 def error_figure(banded: Banded, unit: DisplayUnit) -> Figure:
-    """The same cycle and its bands less the model's force: what the force itself hides where bands are narrow."""
+    """The same cycle and its bands minus the model force, which shows narrow bands."""
     samples = middle_cycle(banded.prediction)
     test = banded.prediction.test
     time = test.time[test.counted][samples]
@@ -179,11 +179,11 @@ def _fill_over(
 
 
 def _fill_loop(axes: Axes, across: Array, band: Band, samples: slice, unit: DisplayUnit) -> None:
-    """A band that follows the loop: the area between each two samples, all of the same flat colour."""
+    """A band along the loop: a polygon between each two samples, all of one colour."""
     drawn = _along(across, band.upper[samples])
     lower, upper = (end[samples][drawn] * unit.factor for end in (band.lower, band.upper))
     x = across[drawn]
-    # All run through in the same sense: areas that overlap with opposite ones would leave holes.
+    # All polygons have the same orientation: overlaps of opposite ones would leave holes.
     left = np.where(x[:-1] <= x[1:], np.arange(x.size - 1), np.arange(1, x.size))
     right = np.where(x[:-1] <= x[1:], np.arange(1, x.size), np.arange(x.size - 1))
     corners = [(left, lower), (right, lower), (right, upper), (left, upper), (left, lower)]
@@ -214,7 +214,7 @@ def _draw_lines(axes: Axes, across: Array, banded: Banded, samples: slice, unit:
 
 
 def _along(across: Array, up: Array) -> NDArray[np.intp]:
-    """Samples at equal steps along a line, its end among them: a loop that lacks it does not close."""
+    """Samples at equal steps along a line, with its end, so that a loop closes."""
     return np.union1d(even_samples(across, up, _BAND_POINTS, aspect=_ASPECT), [across.size - 1])
 
 

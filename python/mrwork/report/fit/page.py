@@ -6,12 +6,15 @@ import json
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from mrwork.identification.fit import Fit
+from mrwork.identification.fit_file import reopen
 from mrwork.identification.result import free_run
 from mrwork.records import DamperTest
 from mrwork.report import figures, numbers
@@ -31,7 +34,9 @@ from mrwork.report.fit.search import search_facts, search_figure, search_panels
 from mrwork.report.html import filled_in
 from mrwork.report.section import Absent, Section
 from mrwork.report.typeset import equation_html
-from mrwork.stored import StoredRun
+from mrwork.store.run_folder import REPORT, write_files
+from mrwork.stored import StoredRun, load
+from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
 SECTIONS: tuple[SectionKind, ...] = (
     IDENTIFIABILITY,
@@ -99,6 +104,26 @@ def fit_page(run: StoredRun, comparisons: Sequence[Comparison]) -> str:
         sections=[section for _, section in made if section is not None],
         absent=[kind.absent for kind, section in made if section is None and kind.absent is not None],
     )
+
+
+def rewrite_page(place: str | Path) -> Path:
+    """Write `report.html` of the run folder at `place` again, with everything that the folder holds.
+
+    Raises
+    ------
+    RecordError
+        Where it is no run directory, its tests cannot be read as they were, or an addition is damaged.
+    OutputError
+        Where the page cannot be written.
+    """
+    opened = reopen(place)
+    fit = opened.fit
+    if fit.identifiability is None:
+        # An earlier version did not ask.
+        fit = replace(fit, identifiability=identifiability_of(fit, opened.tests))
+    page = fit_page(replace(load(opened.place), fit=fit), comparisons_of(fit, opened.tests))
+    write_files(opened.place, {REPORT: page.encode()})
+    return opened.place / REPORT
 
 
 def identification_report(

@@ -59,7 +59,7 @@ def parameter_rows(estimates: Sequence[Estimate]) -> list[ParameterRow]:
 
 
 def caution(fit: Fit) -> str:
-    """What the standard errors assume, and what the residuals of this fit say about it."""
+    """The assumption of the standard errors, and whether the residuals of this fit meet it."""
     if all(estimate.standard_error is None for estimate in fit.estimates):
         return "No standard errors: they could not be computed for this fit."
     assumption = "Standard errors assume residuals that are independent from one sample to the next."

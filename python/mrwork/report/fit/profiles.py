@@ -22,14 +22,14 @@ from mrwork.stored import StoredRun
 from mrwork.uncertainty.identifiability.profile import Profile, Profiles
 
 _COLUMNS, _HEIGHT = 4, 2.2
-# Of the threshold, the top of every panel.
+# Top of every panel, relative to the threshold.
 _TOP = 1.8
 _LINE_POINTS = 200
-# An axis is logarithmic from this ratio of its ends on: then there are two powers of ten to write at it.
+# From this ratio of its ends on an axis is logarithmic, as it then has at least two powers of ten.
 _DECADES = 30.0
-# Tick labels from so many characters on are long; half of one takes this share of the width.
+# Tick labels of at least so many characters are long; half of one takes this share of the width.
 _LONG, _LABEL_SHARE = 4, 0.08
-# An open side is drawn until the ratio has come to this share of where it levels off, and half as far again.
+# An open side is drawn to 1.5 times the distance at which the ratio reaches 0.9 of its final value.
 _LEVEL, _FURTHER = 0.9, 1.5
 
 
@@ -121,7 +121,7 @@ def profiles_figure(profiles: Profiles) -> Figure:
 
 
 def _draw_profile(axes: Axes, profile: Profile, threshold: float) -> None:
-    """One parameter: the line through the points of its profile, the threshold, the interval or its open ends."""
+    """Profile of one parameter: a line through its points, the threshold, the interval or its open ends."""
     left, right = _span(profile)
     line, ratio = _line(profile, left, right)
     inner = [profile.lower is not None, profile.upper is not None]
@@ -167,7 +167,7 @@ def _draw_profile(axes: Axes, profile: Profile, threshold: float) -> None:
 
 
 def _tick(value: float) -> str:
-    """A number as a tick label; powers of ten in mathematics, whose digits every font has."""
+    """A number as a tick label; powers of ten in math text, as not every font has superscript digits."""
     text = f"{value:.4g}"
     if "e" not in text:
         return shortest(value)
@@ -176,7 +176,7 @@ def _tick(value: float) -> str:
 
 
 def _mark_open(axes: Axes, way: int) -> None:
-    """An arrow that leaves the panel on the side where the interval has no end."""
+    """An arrow that leaves the panel on the side where the interval is open."""
     edge = 1.0 if way > 0 else 0.0
     axes.annotate(
         "",
@@ -198,7 +198,7 @@ def _mark_open(axes: Axes, way: int) -> None:
 
 
 def _span(profile: Profile) -> tuple[float, float]:
-    """From where to where a profile is drawn."""
+    """The ends of the abscissa."""
     own = np.log if profile.log else np.asarray
     position = np.asarray(own(np.array(profile.values)))
     ratio = np.array(profile.ratio)
@@ -223,7 +223,7 @@ def _span(profile: Profile) -> tuple[float, float]:
 
 
 def _line(profile: Profile, left: float, right: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """A smooth line through the points: straight pieces of the signed root are parabolas of the ratio."""
+    """A smooth line through the points, interpolated in the signed root of the ratio."""
     values, ratio = np.array(profile.values), np.array(profile.ratio)
     if values.size < 2:
         return values, ratio

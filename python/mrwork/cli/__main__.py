@@ -1,5 +1,0 @@
-"""`python -m mrwork.cli`."""
-
-from mrwork.cli import main
-
-main()
