@@ -48,7 +48,7 @@ def outcome(way: str, prediction: Prediction, band: Band) -> Outcome:
 
 
 def constant_band(centre: NDArray[np.float64], half: float, basis: str) -> Band:
-    return Band(kind="prediction", level=LEVEL, lower=centre - half, upper=centre + half, basis=basis)
+    return Band.about(centre, half, level=LEVEL, basis=basis)
 
 
 def table(outcomes: Iterable[Outcome]) -> tuple[Row, ...]:

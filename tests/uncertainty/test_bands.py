@@ -74,7 +74,7 @@ def group(
 
 
 def test_score_of_a_band_counts_its_width_and_what_lies_outside() -> None:
-    band = Band(kind="prediction", level=0.9, lower=np.zeros(4), upper=np.ones(4), basis="")
+    band = Band.about(np.full(4, 0.5), 0.5, level=0.9)
     found = score(band, np.array([0.5, 0.2, 1.5, 0.9]), per=2.0)
     assert found.coverage == 0.75
     assert found.width == 0.5

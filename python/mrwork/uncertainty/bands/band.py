@@ -30,6 +30,13 @@ class Band:
     upper: NDArray[np.float64]
     basis: str
 
+    @classmethod
+    def about(
+        cls, centre: NDArray[np.float64], half: NDArray[np.float64] | float, *, level: float, basis: str = ""
+    ) -> Band:
+        """Prediction band of half width `half` about a centre, shape (n,)."""
+        return cls(kind="prediction", level=level, lower=centre - half, upper=centre + half, basis=basis)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BandScore:

@@ -85,13 +85,7 @@ class Calibration(Summarised):
         """
         centre, scale = self.shape.of(prediction)
         half = next_test_quantile(self.scores, level) * scale
-        return Band(
-            kind="prediction",
-            level=level,
-            lower=centre - half,
-            upper=centre + half,
-            basis=self.basis,
-        )
+        return Band.about(centre, half, level=level, basis=self.basis)
 
     @property
     def basis(self) -> str:
@@ -216,7 +210,7 @@ def _left_out_score(errors: Sequence[_Errors], variant: _Variant) -> float:
         shape = calibration.shape
         centre = test.deviation * shape.bias_at(test.phase)
         half = pooled_quantile(calibration.scores, _JUDGED_AT) * shape.scale(test.deviation, test.steepness)
-        band = Band(kind="prediction", level=_JUDGED_AT, lower=centre - half, upper=centre + half, basis="")
+        band = Band.about(centre, half, level=_JUDGED_AT)
         total += score(band, test.error, per=test.measured).interval_score
     return total
 

@@ -86,7 +86,7 @@ def cycle_band(
     model = cycles_of(prediction.test, prediction.model_force).quantity(name)
     half = next_test_quantile(scores, level) * scales_of(prediction)[name]
     basis = f"calibrated on the cycles of {len(scores)} tests"
-    return Band(kind="prediction", level=level, lower=model - half, upper=model + half, basis=basis)
+    return Band.about(model, half, level=level, basis=basis)
 
 
 def _cycle(
