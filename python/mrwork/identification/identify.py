@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,18 +18,16 @@ from mrwork.identification.global_search import (
     points_of_descents,
     points_of_optimiser,
 )
+from mrwork.identification.levenberg_marquardt import LocalMinimum
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import NuisanceName
+from mrwork.identification.polish import polish
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress, Reporter, interruptible, was_stopped
 from mrwork.identification.result import fit_at
 from mrwork.identification.settings import Engine, FitSettings, Search, Start, search_named
 from mrwork.records import DamperTest
 from mrwork.store import Journal
-
-if TYPE_CHECKING:
-    from mrwork.identification.levenberg_marquardt import Descended
-    from mrwork.identification.polish import Polished
 
 
 def identify(
@@ -185,22 +182,19 @@ def identify_with(
     problem = replace(problem, form=points.form)
     best = points.theta[0]
 
-    def on_start(descended: Descended, share: float) -> None:
+    def on_start(minimum: LocalMinimum, share: float) -> None:
         nonlocal best
-        best = descended.theta
-        reporter.report("screening", round(share * 100), "%", descended.misfit, share)
+        best = minimum.theta
+        reporter.report("screening", round(share * 100), "%", minimum.misfit, share)
 
     def on_step(steps: int, misfit: float) -> None:
         reporter.report("refinement", steps, "steps", misfit, 0.0)
 
-    def polish() -> Polished:
-        # Slow to load, and not needed before.
-        from mrwork.identification.polish import polish
-
-        return polish(objective, points, engine=problem.settings.engine, on_start=on_start, on_step=on_step)
-
+    engine = problem.settings.engine
     try:
-        polished = interruptible(polish)
+        polished = interruptible(
+            lambda: polish(objective, points, engine=engine, on_start=on_start, on_step=on_step)
+        )
     except KeyboardInterrupt as interrupt:
         return ended(interrupt, best, points.trace)
     return fit_at(

@@ -23,7 +23,7 @@ from mrwork.identification.global_search import (
     joined_trace,
     search_box_with,
 )
-from mrwork.identification.levenberg_marquardt import Descended, descend
+from mrwork.identification.levenberg_marquardt import LocalMinimum, descend
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.identification.search_ranges import search_box
@@ -202,13 +202,13 @@ def _minima(
     """The best minima, best first, shape (n_minima, n_params)."""
     near = box.with_bounds(_widened(searched, box))
 
-    def descents(starts: NDArray[np.float64], evaluations: int) -> list[Descended]:
+    def descents(starts: NDArray[np.float64], evaluations: int) -> list[LocalMinimum]:
         found = (descend(objective, near, start, max_evaluations=evaluations) for start in starts)
-        return sorted(found, key=lambda descended: descended.misfit)
+        return sorted(found, key=lambda minimum: minimum.misfit)
 
     inside = np.clip(starts, near.lower, near.upper)
-    first = np.array([descended.theta for descended in descents(inside, _EVALUATIONS)[:_MINIMA]])
-    return np.array([descended.theta for descended in descents(first, _LAST_EVALUATIONS)])
+    first = np.array([minimum.theta for minimum in descents(inside, _EVALUATIONS)[:_MINIMA]])
+    return np.array([minimum.theta for minimum in descents(first, _LAST_EVALUATIONS)])
 
 
 def _widened(searched: Box, box: Box) -> dict[str, tuple[float, float]]:

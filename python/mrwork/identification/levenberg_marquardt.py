@@ -34,7 +34,7 @@ _MOST_DAMPING = 1e8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Descended:
+class LocalMinimum:
     """End of a descent: parameters (n_params,), misfit, number of residuals computed, whether it converged."""
 
     theta: NDArray[np.float64]
@@ -50,7 +50,7 @@ def descend(
     *,
     max_evaluations: int,
     on_step: Callable[[int, float], None] | None = None,
-) -> Descended:
+) -> LocalMinimum:
     """Minimise from `start`, shape (n_params,), inside `box`, by the Levenberg-Marquardt method of SciPy.
 
     Parameters
@@ -62,7 +62,7 @@ def descend(
     """
     return objective.once(
         "descent",
-        Descended,
+        LocalMinimum,
         lambda: _descended(objective, box, start, max_evaluations, on_step),
         box,
         start,
@@ -76,7 +76,7 @@ def _descended(
     start: NDArray[np.float64],
     max_evaluations: int,
     on_step: Callable[[int, float], None] | None,
-) -> Descended:
+) -> LocalMinimum:
     from scipy.optimize import least_squares  # slow to load, and not needed for plain models
 
     at = _Linearisations(objective, box, on_step)
@@ -105,7 +105,7 @@ def _descended(
     candidates = np.stack([start, box.theta_from_latent(origin + scale * solution.x)])
     misfits = objective(candidates)
     best = int(np.argmin(misfits))
-    return Descended(
+    return LocalMinimum(
         theta=candidates[best],
         misfit=float(misfits[best]),
         evaluations=at.evaluations,
@@ -140,7 +140,7 @@ class _Linearisations:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Minima:
+class LocalMinima:
     """Ends of several descents: parameters (n_starts, n_params), misfits (n_starts,), which converged, iterations."""
 
     theta: NDArray[np.float64]
@@ -155,8 +155,8 @@ def descend_all(
     starts: NDArray[np.float64],
     *,
     max_iterations: int,
-    on_iteration: Callable[[Minima], None] | None = None,
-) -> Minima:
+    on_iteration: Callable[[LocalMinima], None] | None = None,
+) -> LocalMinima:
     """Minimise from every start, shape (n_starts, n_params), inside `box`, by the batched Levenberg-Marquardt method.
 
     Damping is relative to the sensitivity of each parameter, the largest so far (Moré, Lecture Notes in Mathematics
@@ -272,8 +272,8 @@ def _iteration(objective: Objective, box: Box, state: _State) -> _State:
     )
 
 
-def _minima(box: Box, state: _State, iterations: int) -> Minima:
-    return Minima(
+def _minima(box: Box, state: _State, iterations: int) -> LocalMinima:
+    return LocalMinima(
         theta=np.asarray(box.theta_from_latent(state.latent)),
         misfit=state.misfit,
         arrived=state.arrived,

@@ -138,7 +138,7 @@ _Data = tuple[RecordArrays, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Refined:
+class TwinMinimum:
     """A local minimum: parameters (n_params,), misfit, steps taken, whether the descent converged."""
 
     theta: NDArray[np.float64]
@@ -149,7 +149,7 @@ class Refined:
 
 def refine(
     objective: Objective, box: Box, start: NDArray[np.float64], *, on_step: OnStep | None = None
-) -> Refined:
+) -> TwinMinimum:
     """Descend from `start`, shape (n_params,), to a minimum of the misfit.
 
     The Rust core evaluates the misfit of the result with the sub-steps that its stiffness bound requires, so the
@@ -161,11 +161,15 @@ def refine(
         Called after every step with the number of steps so far and the misfit; not if the refinement is recalled
         from a journal.
     """
-    return objective.once("refinement", Refined, lambda: _refined(objective, box, start, on_step), box, start)
+    return objective.once(
+        "refinement", TwinMinimum, lambda: _refined(objective, box, start, on_step), box, start
+    )
 
 
-def _refined(objective: Objective, box: Box, start: NDArray[np.float64], on_step: OnStep | None) -> Refined:
-    refined = Refined(theta=start, misfit=float(objective(start[None])[0]), steps=0, converged=False)
+def _refined(
+    objective: Objective, box: Box, start: NDArray[np.float64], on_step: OnStep | None
+) -> TwinMinimum:
+    refined = TwinMinimum(theta=start, misfit=float(objective(start[None])[0]), steps=0, converged=False)
     for _ in range(_ROUNDS):
         substeps = _substeps(objective, refined.theta)
         refined = _descend(objective, box, refined, substeps, on_step)
@@ -176,8 +180,8 @@ def _refined(objective: Objective, box: Box, start: NDArray[np.float64], on_step
 
 
 def _descend(
-    objective: Objective, box: Box, start: Refined, substeps: tuple[int, ...], on_step: OnStep | None
-) -> Refined:
+    objective: Objective, box: Box, start: TwinMinimum, substeps: tuple[int, ...], on_step: OnStep | None
+) -> TwinMinimum:
     """One descent with fixed sub-steps; the result is not worse than the start."""
     descent = _descent(TwinResiduals.of(objective), box)
     data = arrays_of(objective, substeps)
@@ -199,7 +203,7 @@ def _descend(
     misfit = float(objective(theta[None])[0])
     if misfit > start.misfit:
         theta, misfit = start.theta, start.misfit
-    return Refined(theta=theta, misfit=misfit, steps=start.steps + len(squared), converged=converged)
+    return TwinMinimum(theta=theta, misfit=misfit, steps=start.steps + len(squared), converged=converged)
 
 
 def _substeps(objective: Objective, theta: NDArray[np.float64]) -> tuple[int, ...]:

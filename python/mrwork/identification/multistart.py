@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import Interrupted, SettingError
-from mrwork.identification.levenberg_marquardt import Minima, descend_all
+from mrwork.identification.levenberg_marquardt import LocalMinima, descend_all
 from mrwork.identification.objective import Objective
 from mrwork.search.unit_cube import Streams, latin_hypercube
 
@@ -116,7 +116,7 @@ def search_starts(
     most = settings.most_rounds * settings.most_iterations
 
     def descend(chosen: NDArray[np.float64]) -> None:
-        def tell(minima: Minima) -> None:
+        def tell(minima: LocalMinima) -> None:
             descents.advance(minima)
             if on_iteration is not None:
                 on_iteration(descents.found(""), min(len(descents.best) / most, 1.0))
@@ -161,19 +161,19 @@ class _Descents:
     def __init__(self, objective: Objective, theta: NDArray[np.float64], misfit: NDArray[np.float64]) -> None:
         self.objective = objective
         self.sampled = (theta[:1], misfit[:1])
-        self.ended: list[Minima] = []
-        self.running: Minima | None = None
+        self.ended: list[LocalMinima] = []
+        self.running: LocalMinima | None = None
         self.evaluations = [objective.tally.simulations]
         self.best = [float(misfit[0]) if misfit.size else math.inf]
         self.median = [float(np.median(misfit)) if misfit.size else math.inf]
 
-    def advance(self, minima: Minima) -> None:
+    def advance(self, minima: LocalMinima) -> None:
         self.running = minima
         self.evaluations.append(self.objective.tally.simulations)
         self.best.append(min(self.best[-1], float(minima.misfit.min())))
         self.median.append(float(np.median(minima.misfit)))
 
-    def end(self, minima: Minima) -> None:
+    def end(self, minima: LocalMinima) -> None:
         self.running = None
         self.ended.append(minima)
 

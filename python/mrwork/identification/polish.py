@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.equivalent import Form
 from mrwork.identification.global_search import StartingPoints
-from mrwork.identification.levenberg_marquardt import Descended, descend, descend_all
+from mrwork.identification.levenberg_marquardt import LocalMinimum, descend, descend_all
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.multistart import distinct_minima
 from mrwork.identification.objective import Objective
@@ -44,7 +44,7 @@ def polish(
     points: StartingPoints,
     *,
     engine: Engine = "lanes",
-    on_start: Callable[[Descended, float], None],
+    on_start: Callable[[LocalMinimum, float], None],
     on_step: OnStep,
 ) -> Polished:
     """Select the best starting points by short descents, then fit from these to convergence.
@@ -67,7 +67,7 @@ def polish(
 
 def _side_by_side(
     objective: Objective, form: Form, starts: NDArray[np.float64], on_step: OnStep
-) -> Descended:
+) -> LocalMinimum:
     minima = descend_all(
         objective,
         form.box,
@@ -76,7 +76,7 @@ def _side_by_side(
         on_iteration=lambda minima: on_step(minima.iterations, float(minima.misfit.min())),
     )
     best = int(np.argmin(minima.misfit))
-    return Descended(
+    return LocalMinimum(
         theta=minima.theta[best],
         misfit=float(minima.misfit[best]),
         evaluations=minima.iterations,
@@ -84,21 +84,25 @@ def _side_by_side(
     )
 
 
-def _one_by_one(objective: Objective, form: Form, starts: NDArray[np.float64], on_step: OnStep) -> Descended:
+def _one_by_one(
+    objective: Objective, form: Form, starts: NDArray[np.float64], on_step: OnStep
+) -> LocalMinimum:
     descents = (
         descend(objective, form.box, start, max_evaluations=_LAST_EVALUATIONS, on_step=on_step)
         for start in starts
     )
-    return min(descents, key=lambda descended: descended.misfit)
+    return min(descents, key=lambda minimum: minimum.misfit)
 
 
-def _on_the_twin(objective: Objective, form: Form, starts: NDArray[np.float64], on_step: OnStep) -> Descended:
+def _on_the_twin(
+    objective: Objective, form: Form, starts: NDArray[np.float64], on_step: OnStep
+) -> LocalMinimum:
     # The only import of JAX that pyproject.toml allows here: it takes a second to load.
     from mrwork.identification.levenberg_marquardt_twin import refine
 
     refinements = (refine(objective, form.box, start, on_step=on_step) for start in starts)
     refined = min(refinements, key=lambda refined: refined.misfit)
-    return Descended(
+    return LocalMinimum(
         theta=refined.theta,
         misfit=refined.misfit,
         evaluations=refined.steps,
@@ -106,7 +110,7 @@ def _on_the_twin(objective: Objective, form: Form, starts: NDArray[np.float64], 
     )
 
 
-def _with_standard_errors(objective: Objective, form: Form, ended: Descended) -> Polished:
+def _with_standard_errors(objective: Objective, form: Form, ended: LocalMinimum) -> Polished:
     """A minimum with its standard errors, which are those of least squares also where the power is another."""
     plain = objective.plain
     misfit = ended.misfit if objective.is_plain else float(plain(ended.theta[None])[0])
@@ -122,7 +126,7 @@ def best_few(
     starts: NDArray[np.float64],
     *,
     mirrored: tuple[int, ...],
-    on_start: Callable[[Descended, float], None],
+    on_start: Callable[[LocalMinimum, float], None],
 ) -> NDArray[np.float64]:
     """Run a short descent from every start, shape (n_starts, n_params), and longer ones from the best of them.
 
@@ -138,15 +142,15 @@ def best_few(
     """
     done = 0
     total = len(starts) + min(_SEMIFINALISTS, len(starts)) + bool(mirrored)
-    found: list[Descended] = []
+    found: list[LocalMinimum] = []
 
-    def follow(start: NDArray[np.float64], max_evaluations: int) -> Descended:
+    def follow(start: NDArray[np.float64], max_evaluations: int) -> LocalMinimum:
         nonlocal done
-        descended = descend(objective, box, start, max_evaluations=max_evaluations)
-        found.append(descended)
+        minimum = descend(objective, box, start, max_evaluations=max_evaluations)
+        found.append(minimum)
         done += 1
         on_start(min(found, key=_misfit), done / total)
-        return descended
+        return minimum
 
     first = sorted((follow(start, _FIRST_EVALUATIONS) for start in starts), key=_misfit)
     last = sorted(
@@ -161,8 +165,8 @@ def best_few(
     )
 
 
-def _misfit(descended: Descended) -> float:
-    return descended.misfit
+def _misfit(minimum: LocalMinimum) -> float:
+    return minimum.misfit
 
 
 # A combination of parameters (each scaled to unit sensitivity) that changes the residuals less than this, relative to
