@@ -22,7 +22,6 @@ from mrwork.store import digest_of
 from mrwork.summary import with_decimals
 
 if TYPE_CHECKING:
-    from mrwork.dampers.spec import DamperSpec
     from mrwork.store import Journal
     from mrwork.study.results import StudyResults
     from mrwork.study.stored_histories import Histories
@@ -86,7 +85,7 @@ def run(options: argparse.Namespace) -> int:
     from mrwork.study.stored_histories import Histories
 
     began = time.perf_counter()
-    study = read_study(options.study, _identified, seed=options.seed)
+    study = read_study(options.study, seed=options.seed)
     place = options.out or Path("out") / options.study.stem
     check_destination(place)
     journal = resume_journal(place, note=note) if options.resume else begin_journal(place)
@@ -138,13 +137,6 @@ def _asked_for(options: argparse.Namespace) -> str:
     from mrwork.study.print_schema import laws_text
 
     return laws_text()
-
-
-def _identified(run: Path) -> tuple[DamperSpec, tuple[float, ...]]:
-    from mrwork.identification.fit_file import read_fit
-
-    fit = read_fit(run)
-    return fit.spec, fit.theta
 
 
 def _write(

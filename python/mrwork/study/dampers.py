@@ -42,6 +42,21 @@ class ChosenDamper:
         return current is not None and any(law != "constant" for law in current.laws)
 
 
+def identified_damper(run: Path) -> tuple[DamperSpec, tuple[float, ...]]:
+    """Model and parameters from the folder of a run of `mrwork identify`.
+
+    Raises
+    ------
+    RecordError
+        If it is not such a folder.
+    """
+    # Few studies name a run, and reading one loads the identification.
+    from mrwork.identification.fit_file import read_fit
+
+    fit = read_fit(run)
+    return fit.spec, fit.theta
+
+
 def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> ChosenDamper:
     """The damper of a table; the path of a run is relative to `folder`.
 

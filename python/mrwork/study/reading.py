@@ -16,7 +16,7 @@ from mrwork.errors import RecordError
 from mrwork.keys import Place
 from mrwork.motions import GroundMotion
 from mrwork.study.arrangements import arrangements
-from mrwork.study.dampers import ChosenDamper, Identified, equipped
+from mrwork.study.dampers import ChosenDamper, Identified, equipped, identified_damper
 from mrwork.study.declared import located, read_table, suggestion
 from mrwork.study.lines import parse
 from mrwork.study.motions import motions_of
@@ -24,7 +24,7 @@ from mrwork.study.schema import HardwareTable, ReportTable, StudyTable
 from mrwork.study.study import Study
 
 
-def read_study(path: str | Path, identified: Identified, *, seed: int = 0) -> Study:
+def read_study(path: str | Path, identified: Identified = identified_damper, *, seed: int = 0) -> Study:
     """Read a study.
 
     Parameters
