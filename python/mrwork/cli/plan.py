@@ -187,8 +187,8 @@ def _text(check: Check, origin: str, unit: CommandUnit | None, place: Path) -> s
 def _check_in_words(check: Check, origin: str) -> str:
     if check.agreement is None:
         return (
-            f"The check with draws of {origin} failed: almost none of them fits the simulated tests, as the posterior "
-            "is far from normal or the next test is very informative; use the order, not the numbers."
+            f"Draws of {origin} could not check this order: almost none of them fits the simulated tests, as the "
+            "posterior is far from normal or the next test is very informative; use the order, not the numbers."
         )
     return (
         f"Draws of {origin} rank the tests with a rank correlation of {check.agreement:.2f} to this order; "
