@@ -9,7 +9,7 @@ from typing import Literal, get_args
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised, Summary
 
-Channel = Literal["acceleration", "deformation", "force", "command"]
+LoopSignal = Literal["acceleration", "deformation", "force", "command"]
 Feedback = Literal["state", "observer"]
 
 # The seed is the upper half of the number of a random stream, the motion the lower.
@@ -32,14 +32,14 @@ class Fault:
         If there is no such channel, or a number is out of range.
     """
 
-    channel: Channel
+    channel: LoopSignal
     index: int = 0
     start: float = 0.0
     end: float = math.inf
     value: float | Literal["hold"] = "hold"
 
     def __post_init__(self) -> None:
-        channels = get_args(Channel)
+        channels = get_args(LoopSignal)
         if self.channel not in channels:
             raise SettingError(f"a fault is in {', '.join(channels)}, not in {self.channel!r}")
         if self.index < 0:

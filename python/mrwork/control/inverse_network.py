@@ -23,7 +23,7 @@ from mrwork.simulate import Loading, simulate_force
 Floats = NDArray[np.float64]
 
 # Called with the number of steps and the root mean square error of the command, as a share of the largest.
-OnStep = Callable[[int, float], None]
+OnTrainingStep = Callable[[int, float], None]
 
 _N_CYCLES = 60
 _MAX_STEPS = 200
@@ -84,7 +84,7 @@ def train_inverse_network(
     n_hidden: int = 12,
     n_previous: int = 1,
     rng: int = 0,
-    on_step: OnStep | None = None,
+    on_step: OnTrainingStep | None = None,
 ) -> InverseNetwork:
     """Train a network with one hidden layer on simulated forces under random motions and commands.
 
@@ -200,7 +200,11 @@ def _without_lag(spec: DamperSpec, theta: ArrayLike) -> tuple[DamperSpec, Floats
 
 
 def _trained(
-    samples: InverseSamples, scale: Floats, n_hidden: int, rng: np.random.Generator, on_step: OnStep | None
+    samples: InverseSamples,
+    scale: Floats,
+    n_hidden: int,
+    rng: np.random.Generator,
+    on_step: OnTrainingStep | None,
 ) -> tuple[Floats, Floats, Floats, float]:
     """W1, b1, w2 and b2 by weighted least squares.
 

@@ -13,11 +13,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from mrwork.closed_loop.hardware import Feedback, Hardware, LoopSignal
 from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.keys import Place, key
 
 Synthetic = Literal["kanai_tajimi", "clough_penzien"]
-Signal = Literal["acceleration", "deformation", "force", "command"]
+
+# A study takes the defaults of the loop from the class that it builds.
+_LOOP = Hardware()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,7 +160,7 @@ class MotionTable:
 class FaultTable:
     """A temporary fault of a signal: a sensor of a floor or damper, or the command of a damper."""
 
-    signal: Signal = key("signal that fails")
+    signal: LoopSignal = key("signal that fails")
     number: int = key("number of the floor or damper, from 1, lowest first", default=1, least=1)
     start: float = key("start of the fault", unit="s", default=0.0, least=0.0)
     end: float = key("end of the fault", unit="s", default=math.inf, least=0.0)
@@ -171,19 +174,24 @@ class FaultTable:
 class HardwareTable:
     """The loop between the building and the law: sampling, delay, noise, observer, driver, faults."""
 
-    sample_time: float = key("time between two commands", unit="s", default=1e-3, above=0.0)
+    sample_time: float = key("time between two commands", unit="s", default=_LOOP.sample_time, above=0.0)
     step: float = key(
-        "longest integration step; a sample is a whole number of steps", unit="s", default=5e-4, above=0.0
+        "longest integration step; a sample is a whole number of steps",
+        unit="s",
+        default=_LOOP.step,
+        above=0.0,
     )
     delay: float = key("time from a measurement to its command", unit="s", default=0.0, least=0.0)
-    feedback: Literal["state", "observer"] = key(
-        "feedback of the law: the true state, or the estimate of an observer", default="state"
+    feedback: Feedback = key(
+        "feedback of the law: the true state, or the estimate of an observer", default=_LOOP.feedback
     )
     measured_floors: tuple[int, ...] | None = key(
         "floors with an accelerometer for the observer, from 1; all by default", default=None, least=1
     )
     noise_ratio: float = key(
-        "intensity of ground over sensor noise in the design of the observer", default=50.0, above=0.0
+        "intensity of ground over sensor noise in the design of the observer",
+        default=_LOOP.noise_ratio,
+        above=0.0,
     )
     acceleration_noise: float = key("standard deviation of the noise", unit="m/s2", default=0.0, least=0.0)
     deformation_noise: float = key("standard deviation of the noise", unit="m", default=0.0, least=0.0)
@@ -191,7 +199,9 @@ class HardwareTable:
     acceleration_resolution: float = key("quantisation", unit="m/s2", default=0.0, least=0.0)
     deformation_resolution: float = key("quantisation", unit="m", default=0.0, least=0.0)
     force_resolution: float = key("quantisation", unit="N", default=0.0, least=0.0)
-    command_rate: float = key("largest rate of the command", unit="A/s or V/s", default=math.inf, above=0.0)
+    command_rate: float = key(
+        "largest rate of the command", unit="A/s or V/s", default=_LOOP.command_rate, above=0.0
+    )
     fault: tuple[FaultTable, ...] = key("faults", default=())
 
 
