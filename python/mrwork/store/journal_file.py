@@ -16,7 +16,8 @@ from typing import Any
 from mrwork.errors import JournalError, OutputError
 from mrwork.store.codec import plain
 
-FORMAT = 1
+# Raised whenever what a journal holds is named or ordered differently, so that an older one is refused as such.
+FORMAT = 2
 
 _SUM = ', "crc32": "'
 _END = '"}\n'
