@@ -57,13 +57,21 @@ def add_parser(verbs: Any) -> None:
         "--model",
         default="normalised_bouc_wen",
         metavar="NAME",
-        help="see mrwork models; all, or A,B,C, compares models and ranks them",
+        help="damper model, see mrwork models; all, or A,B,C, compares models and ranks them",
     )
     parser.add_argument(
-        "--bound", action="append", default=[], metavar="NAME=LOWER:UPPER", help="range of a parameter"
+        "--bound",
+        action="append",
+        default=[],
+        metavar="NAME=LOWER:UPPER",
+        help="range of a parameter; repeat for more",
     )
     parser.add_argument(
-        "--fix", action="append", default=[], metavar="NAME=VALUE", help="hold a parameter fixed"
+        "--fix",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="hold a parameter fixed; repeat for more",
     )
     parser.add_argument(
         "--law",
@@ -115,9 +123,11 @@ def add_parser(verbs: Any) -> None:
         metavar="N",
         help="candidates of a generation; not for multistart",
     )
-    parser.add_argument("--generations", type=int, metavar="N", help="most generations; not for multistart")
+    parser.add_argument(
+        "--generations", type=int, metavar="N", help="largest number of generations; not for multistart"
+    )
     add_threads(parser)
-    parser.add_argument("--out", type=Path, metavar="DIR", help="run directory, default out/TEST-MODEL")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="run folder, default out/TEST-MODEL")
     parser.add_argument(
         "--resume",
         action="store_true",

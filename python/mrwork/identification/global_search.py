@@ -62,7 +62,7 @@ class StartingPoints:
         return replace(self, theta=np.array([*self.theta, *inside]))
 
 
-def points_of_descents(problem: Problem, search: Multistart, *, on_search: OnSearch) -> StartingPoints:
+def points_from_multistart(problem: Problem, search: Multistart, *, on_search: OnSearch) -> StartingPoints:
     """The best minima of descents from many starts.
 
     Raises
@@ -109,7 +109,7 @@ def _trace_of(found: MultistartResult) -> SearchTrace:
     )
 
 
-def points_of_optimiser(problem: Problem, search: Optimiser[Any], *, on_search: OnSearch) -> StartingPoints:
+def points_from_optimiser(problem: Problem, search: Optimiser[Any], *, on_search: OnSearch) -> StartingPoints:
     """The distinct best finds of an optimiser on a model without current laws.
 
     Raises
@@ -122,8 +122,8 @@ def points_of_optimiser(problem: Problem, search: Optimiser[Any], *, on_search: 
     objective, form, rng = problem.objective, problem.form, problem.settings.rng
     box = search_box(form.spec, form.box, objective.tests)
     try:
-        found = search_box_with(
-            search, objective, box, rng=rng, on_generation=generations_told(search, on_search)
+        found = optimise_in_box(
+            search, objective, box, rng=rng, on_generation=generation_reporter(search, on_search)
         )
     except Interrupted as interrupt:
         result = interrupt.result
@@ -131,12 +131,12 @@ def points_of_optimiser(problem: Problem, search: Optimiser[Any], *, on_search: 
             raise KeyboardInterrupt from interrupt
         theta = np.asarray(box.theta_from_unit(result.best_unit))
         raise interrupted_at(theta, objective, form, joined_trace([result])) from interrupt
-    check_found(form.spec, found)
+    refuse_nothing_found(form.spec, found)
     theta = np.asarray(box.theta_from_unit(found.elite[:_STARTS]))
     return StartingPoints(objective=objective, form=form, theta=theta, trace=joined_trace([found]))
 
 
-def search_box_with(
+def optimise_in_box(
     search: Optimiser[Any],
     objective: Objective,
     box: Box,
@@ -157,7 +157,7 @@ def search_box_with(
     )
 
 
-def generations_told(
+def generation_reporter(
     search: Optimiser[Any], on_search: OnSearch, *, n_searches: int = 1
 ) -> Callable[[GenerationEvent[Any]], None]:
     """Pass the generations of a search on to `on_search`, as one of `n_searches` searches of equal length."""
@@ -191,7 +191,7 @@ def joined_trace(searches: Sequence[SearchResult[Any]]) -> SearchTrace:
     )
 
 
-def check_found(spec: DamperSpec, found: SearchResult[Any]) -> None:
+def refuse_nothing_found(spec: DamperSpec, found: SearchResult[Any]) -> None:
     """Refuse a search in which every simulation failed.
 
     Raises

@@ -15,8 +15,8 @@ from mrwork.identification.fit import Fit, FitStatus, SearchTrace
 from mrwork.identification.global_search import (
     OnSearch,
     StartingPoints,
-    points_of_descents,
-    points_of_optimiser,
+    points_from_multistart,
+    points_from_optimiser,
 )
 from mrwork.identification.levenberg_marquardt import LocalMinimum
 from mrwork.identification.multistart import Multistart
@@ -220,12 +220,12 @@ def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:
     """
     search = problem.search
     if isinstance(search, Multistart):
-        return points_of_descents(problem, search, on_search=on_search)
+        return points_from_multistart(problem, search, on_search=on_search)
     if problem.form.spec.current is None:
-        return points_of_optimiser(problem, search, on_search=on_search)
-    from mrwork.identification.level_search import points_of_levels
+        return points_from_optimiser(problem, search, on_search=on_search)
+    from mrwork.identification.level_search import points_from_levels
 
-    return points_of_levels(problem, search, on_search=on_search)
+    return points_from_levels(problem, search, on_search=on_search)
 
 
 def identify_again(

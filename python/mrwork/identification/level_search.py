@@ -17,11 +17,11 @@ from mrwork.identification.equivalent import Form
 from mrwork.identification.global_search import (
     OnSearch,
     StartingPoints,
-    check_found,
-    generations_told,
+    generation_reporter,
     interrupted_at,
     joined_trace,
-    search_box_with,
+    optimise_in_box,
+    refuse_nothing_found,
 )
 from mrwork.identification.levenberg_marquardt import LocalMinimum, descend
 from mrwork.identification.objective import Objective
@@ -60,7 +60,7 @@ class LevelFit:
     search: SearchResult[Any] | None
 
 
-def points_of_levels(problem: Problem, search: Optimiser[Any], *, on_search: OnSearch) -> StartingPoints:
+def points_from_levels(problem: Problem, search: Optimiser[Any], *, on_search: OnSearch) -> StartingPoints:
     """Fit the plain model at each command, and draw the laws through the fits.
 
     The plain model is searched at the middle command; at each further command the descents start from the minima at
@@ -99,12 +99,12 @@ def points_of_levels(problem: Problem, search: Optimiser[Any], *, on_search: OnS
             commands[middle],
             search=search,
             rng=rng,
-            on_generation=generations_told(search, on_search, n_searches=len(levels)),
+            on_generation=generation_reporter(search, on_search, n_searches=len(levels)),
         )
         fits.append(first)
         if first.search is not None:
             searches.append(first.search)
-            check_found(form.spec, first.search)
+            refuse_nothing_found(form.spec, first.search)
         for outward in (commands[middle + 1 :], commands[:middle][::-1]):
             neighbour, there = first, at(first.command)
             for command in outward:
@@ -174,7 +174,7 @@ def search_level(
 ) -> LevelFit:
     """Fit the plain model at one command by a global search followed by descents."""
     searched = search_box(objective.spec, box, objective.tests)
-    found = search_box_with(search, objective, searched, rng=rng, on_generation=on_generation)
+    found = optimise_in_box(search, objective, searched, rng=rng, on_generation=on_generation)
     starts = np.asarray(searched.theta_from_unit(found.elite[:_STARTS]))
     return LevelFit(command=command, minima=_minima(objective, box, searched, starts), search=found)
 
