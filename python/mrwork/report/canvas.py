@@ -6,6 +6,7 @@ panel, so that the axes of neighbours line up.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Literal, cast
 
 import numpy as np
@@ -26,6 +27,8 @@ SMALL_WIDTH = style.PANEL_WIDTH / 2.0
 _SMALL_HEIGHT, _SMALL_LEFT, _SMALL_RIGHT, _SMALL_EDGE = 1.9, 0.62, 0.14, 0.3
 _ABSCISSA_NAME = 0.22
 _LEGEND_GAP = 0.07
+# Mean width of a letter, and the widest margin for names.
+_LETTER, _WIDEST_NAMES = 0.082, 2.6
 _ROUND, _COARSE = [1, 2, 2.5, 5, 10], [1, 2, 5, 10]
 _LOOP_POINTS = 80
 
@@ -47,6 +50,11 @@ def column_axes(
     return figure, axes_between(
         figure, left=left, right=style.PANEL_WIDTH - RIGHT, bottom=BOTTOM, top=height - top
     )
+
+
+def room_for(names: Sequence[str]) -> float:
+    """Width of the margin for names at the ticks of an ordinate."""
+    return min(_LETTER * max(map(len, names), default=0) + 0.25, _WIDEST_NAMES)
 
 
 def small_axes(*, labelled: bool = False) -> tuple[Figure, Axes]:
@@ -102,6 +110,12 @@ def finish_loop(axes: Axes, *, over_velocity: bool) -> None:
 def name_ordinate(axes: Axes, title: str) -> None:
     """The quantity of the ordinate with its unit, above the axes at their left."""
     axes.set_title(title, loc="left", pad=7)
+
+
+def name_small_axes(axes: Axes, title: str, abscissa: str) -> None:
+    """Names of both axes where there is little room."""
+    name_ordinate(axes, title)
+    axes.set_xlabel(abscissa, labelpad=2)
 
 
 def plain_ticks(axes: Axes, digits: int, axis: Literal["x", "y"] = "x") -> None:

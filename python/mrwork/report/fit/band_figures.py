@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from mrwork.records.motion import whole_cycles
 from mrwork.report import style
-from mrwork.report.canvas import column_axes, draw_points, finish_signed, legend, name_ordinate, small_axes
+from mrwork.report.canvas import column_axes, draw_points, finish_signed, legend, name_small_axes, small_axes
 from mrwork.report.cycles import even_samples
 from mrwork.report.style import DisplayUnit
 from mrwork.uncertainty.bands.band import Band
@@ -119,12 +119,11 @@ def cycle_figure(title: str, measured: Array, model: Array, bands: Sequence[Band
         )
     axes.plot(number, model * factor, linestyle="none", marker="_", markersize=9, color=style.MODEL)
     draw_points(axes, number, measured * factor, size=3.6, colour=style.INK)
-    name_ordinate(axes, title)
+    name_small_axes(axes, title, "Cycle")
     axes.use_sticky_edges = False
     axes.autoscale_view()
     axes.set_xlim(0.3, measured.size + 0.7)
     axes.xaxis.set_major_locator(MaxNLocator(nbins=4, integer=True))
-    axes.set_xlabel("Cycle")
     return figure
 
 

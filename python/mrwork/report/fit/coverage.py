@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from mrwork.records import DamperTest
 from mrwork.report import numbers, style
-from mrwork.report.canvas import column_axes, draw_points
+from mrwork.report.canvas import column_axes, draw_points, room_for
 from mrwork.report.comparison import Comparison
 from mrwork.report.fit.kind import SectionKind
 from mrwork.report.numbers import percent
@@ -26,8 +26,6 @@ _FEW = 0.5
 _LEAST = 5
 _COLOURS = {0.5: style.DATA, 0.9: style.MODEL, 0.95: style.RESIDUAL}
 _ROW = 0.27
-# Width of a letter [in], on average.
-_LETTER = 0.082
 
 
 def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
@@ -60,7 +58,7 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
 def coverage_figure(rows: list[dict[float, LeftOutCoverage]], names: list[str]) -> Figure:
     """One line per test, a mark per level."""
     height = 0.34 + 0.5 + _ROW * len(rows) + 0.2
-    figure, axes = column_axes(left=min(_LETTER * max(map(len, names)) + 0.25, 2.6), height=height)
+    figure, axes = column_axes(left=room_for(names), height=height)
     for level in LEVELS:
         axes.axvline(100 * level, color=_COLOURS[level], linewidth=1.0, linestyle=style.DOTTED)
         covered = [100 * row[level].samples.coverage for row in rows]

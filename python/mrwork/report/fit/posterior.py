@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
 from mrwork.report import numbers, style
-from mrwork.report.canvas import axes_between, name_ordinate, plain_ticks, small_axes
+from mrwork.report.canvas import axes_between, name_small_axes, plain_ticks, small_axes
 from mrwork.report.comparison import Comparison
 from mrwork.report.fit.kind import SectionKind
 from mrwork.report.fit.parameters import shown_unit
@@ -154,13 +154,13 @@ def trace_figure(name: str, chain: Array) -> Figure:
     """Quantiles of the walkers over the steps kept, and two of them, of draws (n_walkers, n_kept)."""
     kept = np.unique(np.linspace(0, chain.shape[1] - 1, _POINTS).astype(int))
     lower, median, upper = np.quantile(chain[:, kept], [0.05, 0.5, 0.95], axis=0)
-    figure, axes = small_axes()
+    figure, axes = small_axes(labelled=True)
     axes.fill_between(kept, lower, upper, color=style.BAND, linewidth=0)
     for walker in chain[[0, -1]]:
         axes.plot(kept, walker[kept], color=style.DATA, linewidth=0.6)
     axes.plot(kept, median, color=style.MODEL, linewidth=1.3)
     axes.set_xlim(0, max(int(kept[-1]), 1))
-    _plain(axes, name)
+    _finish(axes, name, "Draw of a walker")
     return figure
 
 
@@ -173,14 +173,14 @@ def rank_figure(name: str, chain: Array, ess: float) -> Figure:
     groups = np.array_split(rank, _GROUPS)
     # A group has a quarter of the effective draws; its counts scatter like those of so many independent draws.
     spread = 1.96 * np.sqrt(_RANK_BINS / max(ess / _GROUPS, 1.0))
-    figure, axes = small_axes()
+    figure, axes = small_axes(labelled=True)
     axes.axhspan(1.0 - spread, 1.0 + spread, color=style.BAND, linewidth=0)
     for group, colour in zip(groups, _GROUP_COLOURS, strict=True):
         count, edges = np.histogram(group, bins=_RANK_BINS, range=(0.0, 1.0))
         axes.stairs(count * _RANK_BINS / group.size, edges, color=colour, linewidth=1.1, baseline=None)
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(0.0, 2.0)
-    _plain(axes, name)
+    _finish(axes, name, "Rank")
     return figure
 
 
@@ -257,8 +257,8 @@ def _label(axes: Axes, below: str, left: str) -> None:
     plain_ticks(axes, 4, "y")
 
 
-def _plain(axes: Axes, name: str) -> None:
-    name_ordinate(axes, name)
+def _finish(axes: Axes, name: str, abscissa: str) -> None:
+    name_small_axes(axes, name, abscissa)
     axes.yaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 2.5, 5, 10]))
     plain_ticks(axes, 5, "y")
 

@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 
 from mrwork.closed_loop.responses import axis_of
 from mrwork.report import style
-from mrwork.report.canvas import column_axes
+from mrwork.report.canvas import column_axes, room_for
 from mrwork.study.results import StudyResults
 
 _LEFT_OF_NAMES = 0.95
@@ -51,71 +51,73 @@ def strokes(results: StudyResults) -> tuple[Stroke, ...]:
     return tuple(found)
 
 
+@style.drawn_in_style()
 def profile_figure(results: StudyResults, motion: int, quantity: str) -> Figure:
     """A quantity of storeys or floors, peak drift or acceleration, over the height, a line for each row."""
     drift = axis_of(quantity) == "storey"
     names = results.storey_names if drift else results.floor_names
     factor, label = (1e3, "mm") if drift else (1.0, "m/s²")
-    with style.drawn_in_style():
-        shown = results.finished(motion)
-        key_lines = (len(shown) + 1) // 2
-        figure, axes = column_axes(
-            left=_LEFT_OF_NAMES,
-            top=0.12 + _KEY_LINE * key_lines,
-            height=2.1 + _KEY_LINE * key_lines + min(0.19 * len(names), 4.0),
+    shown = results.finished(motion)
+    key_lines = (len(shown) + 1) // 2
+    figure, axes = column_axes(
+        left=_LEFT_OF_NAMES,
+        top=0.12 + _KEY_LINE * key_lines,
+        height=2.1 + _KEY_LINE * key_lines + min(0.19 * len(names), 4.0),
+    )
+    heights = np.arange(1, len(names) + 1)
+    of_row = strokes(results)
+    for row in shown:
+        stroke = of_row[row]
+        axes.plot(
+            getattr(results.runs[row, motion], quantity) * factor,
+            heights,
+            color=stroke.colour,
+            linestyle=stroke.pattern,
+            linewidth=stroke.width,
+            marker="o",
+            markersize=3.2,
+            label=results.rows[row].label,
         )
-        heights = np.arange(1, len(names) + 1)
-        for row in shown:
-            stroke = strokes(results)[row]
-            axes.plot(
-                getattr(results.runs[row, motion], quantity) * factor,
-                heights,
-                color=stroke.colour,
-                linestyle=stroke.pattern,
-                linewidth=stroke.width,
-                marker="o",
-                markersize=3.2,
-                label=results.rows[row].label,
-            )
-        axes.set_xlim(left=0.0)
-        axes.set_xlabel(f"Peak {'drift' if drift else 'acceleration'} ({label})")
-        _name_heights(axes, names)
-        _key(axes)
+    axes.set_xlim(left=0.0)
+    axes.set_xlabel(f"Peak {'drift' if drift else 'acceleration'} ({label})")
+    _name_heights(axes, names)
+    _key(axes)
     return figure
 
 
+@style.drawn_in_style()
 def energy_figure(results: StudyResults, motion: int) -> Figure:
     """Distribution of the input energy at the end of the motion, a bar for each row."""
-    with style.drawn_in_style():
-        shown = results.finished(motion)
-        figure, axes = column_axes(left=2.05, top=0.42, height=0.95 + _BAR * len(shown))
-        largest = 0.0
-        for place, row in enumerate(reversed(shown)):
-            run = results.runs[row, motion]
-            start = 0.0
-            parts = (
-                ("devices", "Dampers", float(np.sum(run.device_energy))),
-                ("damping", "Structure", run.damping_energy),
-                ("left", "Still moving", run.kinetic_energy + run.strain_energy),
+    shown = results.finished(motion)
+    names = [_short(results.rows[row].label, 29) for row in reversed(shown)]
+    figure, axes = column_axes(left=room_for(names), top=0.42, height=0.95 + _BAR * len(shown))
+    largest = 0.0
+    for place, row in enumerate(reversed(shown)):
+        run = results.runs[row, motion]
+        start = 0.0
+        parts = (
+            ("devices", "Dampers", float(np.sum(run.device_energy))),
+            ("damping", "Structure", run.damping_energy),
+            ("left", "Still moving", run.kinetic_energy + run.strain_energy),
+        )
+        for name, label, amount in parts:
+            axes.barh(
+                place,
+                amount,
+                left=start,
+                height=0.62,
+                color=_TONES[name],
+                label=label if place == 0 else None,
             )
-            for name, label, amount in parts:
-                axes.barh(
-                    place,
-                    amount,
-                    left=start,
-                    height=0.62,
-                    color=_TONES[name],
-                    label=label if place == 0 else None,
-                )
-                start += amount
-            largest = max(largest, start)
-        axes.set_yticks(range(len(shown)), [_short(results.rows[row].label, 29) for row in reversed(shown)])
-        axes.set_xlim(0.0, 1.02 * largest or 1.0)
-        axes.set_xlabel("Energy (J)")
-        axes.grid(visible=False, axis="y")
-        axes.grid(visible=True, axis="x")
-        axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
-        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.2)
+            start += amount
+        largest = max(largest, start)
+    axes.set_yticks(range(len(shown)), names)
+    axes.set_xlim(0.0, 1.02 * largest or 1.0)
+    axes.set_xlabel("Energy (J)")
+    axes.grid(visible=False, axis="y")
+    axes.grid(visible=True, axis="x")
+    axes.xaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderpad=0.2)
     return figure
 
 

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from mrwork.report import style
-from mrwork.report.canvas import column_axes, small_axes
+from mrwork.report.canvas import column_axes, finish, name_small_axes, small_axes
 from mrwork.report.study.figures import Stroke
 from mrwork.report.style import DisplayUnit
 from mrwork.study.run_result import RunHistory
@@ -24,103 +23,90 @@ _LOOP_POINTS = 1500
 _HEIGHT = 2.5
 
 
+@style.drawn_in_style()
 def drift_figure(history: RunHistory, reference: RunHistory | None, storey: int, stroke: Stroke) -> Figure:
     """Drift of a storey over time, in front of that of the building without dampers."""
-    with style.drawn_in_style():
-        figure, axes = column_axes(height=_HEIGHT)
-        if reference is not None:
-            time, drift = envelope(reference.time, reference.drift[:, storey] * 1e3, _BINS)
-            axes.plot(time, drift, color=style.DATA, linewidth=0.7)
-        time, drift = envelope(history.time, history.drift[:, storey] * 1e3, _BINS)
-        axes.plot(time, drift, color=stroke.colour, linewidth=0.9)
-        _finish(axes, "Drift (mm)", "Time (s)")
-        _symmetric(axes)
+    figure, axes = column_axes(height=_HEIGHT)
+    if reference is not None:
+        time, drift = envelope(reference.time, reference.drift[:, storey] * 1e3, _BINS)
+        axes.plot(time, drift, color=style.DATA, linewidth=0.7)
+    time, drift = envelope(history.time, history.drift[:, storey] * 1e3, _BINS)
+    axes.plot(time, drift, color=stroke.colour, linewidth=0.9)
+    _finish_history(axes, "Drift (mm)")
     return figure
 
 
+@style.drawn_in_style()
 def ground_figure(history: RunHistory) -> Figure:
     """Ground acceleration over time."""
-    with style.drawn_in_style():
-        figure, axes = column_axes(height=_HEIGHT)
-        time, ground = envelope(history.time, history.ground_acceleration, _BINS)
-        axes.plot(time, ground, color=style.INK, linewidth=0.8)
-        _finish(axes, "Ground acceleration (m/s²)", "Time (s)")
-        _symmetric(axes)
+    figure, axes = column_axes(height=_HEIGHT)
+    time, ground = envelope(history.time, history.ground_acceleration, _BINS)
+    axes.plot(time, ground, color=style.INK, linewidth=0.8)
+    _finish_history(axes, "Ground acceleration (m/s²)")
     return figure
 
 
+@style.drawn_in_style()
 def loop_figure(
     history: RunHistory, device: int, unit: DisplayUnit, stroke: Stroke, *, over_velocity: bool
 ) -> Figure:
     """Force of a damper over its elongation or velocity, in the strong part of a motion."""
-    with style.drawn_in_style():
-        figure, axes = small_axes(labelled=True)
-        part = strong_part(history.time, history.force[:, device], _LOOP_SECONDS)
-        step = max(1, (part.stop - part.start) // _LOOP_POINTS)
-        drawn = slice(part.start, part.stop, step)
-        across = history.rate if over_velocity else history.deformation
-        axes.plot(
-            across[drawn, device] * 1e3,
-            history.force[drawn, device] * unit.factor,
-            color=stroke.colour,
-            linewidth=0.7,
-        )
-        axes.set_title(f"Force ({unit.symbol})", loc="left", pad=5)
-        axes.set_xlabel("Velocity (mm/s)" if over_velocity else "Elongation (mm)", labelpad=2)
+    figure, axes = small_axes(labelled=True)
+    part = strong_part(history.time, history.force[:, device], _LOOP_SECONDS)
+    step = max(1, (part.stop - part.start) // _LOOP_POINTS)
+    drawn = slice(part.start, part.stop, step)
+    across = history.rate if over_velocity else history.deformation
+    axes.plot(
+        across[drawn, device] * 1e3,
+        history.force[drawn, device] * unit.factor,
+        color=stroke.colour,
+        linewidth=0.7,
+    )
+    name_small_axes(axes, f"Force ({unit.symbol})", "Velocity (mm/s)" if over_velocity else "Elongation (mm)")
     return figure
 
 
+@style.drawn_in_style()
 def command_figure(history: RunHistory, device: int, unit: str, largest: float, stroke: Stroke) -> Figure:
     """Current or voltage in the coil of a damper over time, around its largest force."""
-    with style.drawn_in_style():
-        figure, axes = small_axes(labelled=True)
-        part = strong_part(history.time, history.force[:, device], _COMMAND_SECONDS)
-        time, current = envelope(history.time[part], history.current[part, device], _SMALL_BINS)
-        axes.plot(time, current, color=stroke.colour, linewidth=0.7)
-        axes.set_ylim(-0.04 * largest, 1.06 * largest)
-        axes.set_yticks([0.0, largest / 2.0, largest], ["0", f"{largest / 2.0:.3g}", f"{largest:.3g}"])
-        axes.set_title(f"{'Current' if unit == 'A' else 'Voltage'} ({unit})", loc="left", pad=5)
-        axes.set_xlabel("Time (s)", labelpad=2)
+    figure, axes = small_axes(labelled=True)
+    part = strong_part(history.time, history.force[:, device], _COMMAND_SECONDS)
+    time, current = envelope(history.time[part], history.current[part, device], _SMALL_BINS)
+    axes.plot(time, current, color=stroke.colour, linewidth=0.7)
+    axes.set_ylim(-0.04 * largest, 1.06 * largest)
+    axes.set_yticks([0.0, largest / 2.0, largest], ["0", f"{largest / 2.0:.3g}", f"{largest:.3g}"])
+    name_small_axes(axes, f"{'Current' if unit == 'A' else 'Voltage'} ({unit})", "Time (s)")
     return figure
 
 
+@style.drawn_in_style()
 def energy_history_figure(history: RunHistory) -> Figure:
     """Input energy and its distribution, cumulative from the start and stacked."""
-    with style.drawn_in_style():
-        figure, axes = small_axes(labelled=True)
-        step = max(1, len(history.time) // _SMALL_BINS)
-        time = history.time[::step]
-        _, kinetic, strain, damping, devices = history.energy[::step].T
-        axes.stackplot(
-            time,
-            devices,
-            damping,
-            kinetic + strain,
-            colors=[style.MODEL, style.BAND_EDGE, style.RULE],
-            linewidth=0.0,
-        )
-        axes.plot(time, history.energy[::step, 0], color=style.INK, linewidth=0.9)
-        # An actuator may supply energy; the energy that it takes up is then negative.
-        axes.set_ylim(
-            0.0, 1.05 * max(float(history.energy[:, 0].max()), float((damping + devices).max()), 1e-9)
-        )
-        axes.margins(x=0.0)
-        axes.set_title("Energy (J)", loc="left", pad=5)
-        axes.set_xlabel("Time (s)", labelpad=2)
+    figure, axes = small_axes(labelled=True)
+    step = max(1, len(history.time) // _SMALL_BINS)
+    time = history.time[::step]
+    _, kinetic, strain, damping, devices = history.energy[::step].T
+    axes.stackplot(
+        time,
+        devices,
+        damping,
+        kinetic + strain,
+        colors=[style.MODEL, style.BAND_EDGE, style.RULE],
+        linewidth=0.0,
+    )
+    axes.plot(time, history.energy[::step, 0], color=style.INK, linewidth=0.9)
+    # An actuator may supply energy; the energy that it takes up is then negative.
+    axes.set_ylim(0.0, 1.05 * max(float(history.energy[:, 0].max()), float((damping + devices).max()), 1e-9))
+    axes.margins(x=0.0)
+    name_small_axes(axes, "Energy (J)", "Time (s)")
     return figure
 
 
-def _finish(axes: Axes, ordinate: str, abscissa: str) -> None:
-    axes.set_title(ordinate, loc="left", pad=7)
-    axes.set_xlabel(abscissa)
+def _finish_history(axes: Axes, ordinate: str) -> None:
+    """Name the axes of a history, and make its range symmetric about zero."""
+    finish(axes, ordinate, "Time (s)")
     axes.margins(x=0.0)
-    axes.xaxis.set_major_locator(MaxNLocator(nbins=6, steps=[1, 2, 2.5, 5, 10]))
-    axes.yaxis.set_major_locator(MaxNLocator(nbins=5, steps=[1, 2, 2.5, 5, 10]))
-
-
-def _symmetric(axes: Axes) -> None:
-    lower, upper = axes.get_ylim()
-    largest = max(-lower, upper)
+    largest = max(map(abs, axes.get_ylim()))
     axes.set_ylim(-largest, largest)
 
 
