@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from mrwork.buildings import Building
 from mrwork.buildings.additions import with_brace
 from mrwork.buildings.devices import Device
-from mrwork.dampers.parameters import CommandUnit, LawName, polynomial_laws
+from mrwork.dampers.parameters import CommandUnit, LawName, current_laws, polynomial_laws
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import RecordError
 from mrwork.keys import Place
@@ -39,7 +40,7 @@ class ChosenDamper:
     def follows(self) -> bool:
         """Whether any parameter depends on the command."""
         current = self.spec.current
-        return current is not None and any(law != "constant" for law in current.laws)
+        return current is not None and _depend_on_command(current.laws)
 
 
 def identified_damper(run: Path) -> tuple[DamperSpec, tuple[float, ...]]:
@@ -80,9 +81,8 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> C
         place.refuse(
             f"{place.table} has no {', '.join(missing)} of {draft.plain.name}; add to its parameters"
         )
-    follows = any(law != "constant" for law in draft.laws.values())
     largest = table.largest_command if table.largest_command is not None else largest
-    if largest is None and follows:
+    if largest is None and _depend_on_command(draft.laws.values()):
         place.refuse(
             f"{place.table} has no largest_command; give the most that the driver gives [{draft.unit}]"
         )
@@ -101,6 +101,10 @@ class _Draft:
     values: Mapping[str, tuple[float, ...]]
     unit: CommandUnit
     lag: float | None
+
+
+def _depend_on_command(laws: Iterable[LawName]) -> bool:
+    return any(current_laws()[law].degree != 0 for law in laws)
 
 
 def _refuse_two(table: DamperTable) -> None:
@@ -149,21 +153,20 @@ def _of_run(table: DamperTable, run: Path, identified: Identified) -> _Draft:
 
 
 def _draft(spec: DamperSpec, theta: tuple[float, ...]) -> _Draft:
-    by_name = dict(zip(spec.names, theta, strict=True))
     current = spec.current
-    constant: LawName = "constant"
-    laws = tuple(constant for _ in spec.plain) if current is None else current.laws
+    plain = damper(spec.name)
+    laws = (polynomial_laws()[0],) * len(plain.names) if current is None else current.laws
+    # The coefficients stand in the order of the parameters, the rate of the lag at the end.
+    numbers = iter(theta)
     return _Draft(
-        plain=damper(spec.name),
-        laws={parameter.name: law for parameter, law in zip(spec.plain, laws, strict=True)},
+        plain=plain,
+        laws=dict(zip(plain.names, laws, strict=True)),
         values={
-            parameter.name: tuple(
-                value for name, value in by_name.items() if name.partition(".")[0] == parameter.name
-            )
-            for parameter in spec.plain
+            name: tuple(islice(numbers, current_laws()[law].n_coefficients))
+            for name, law in zip(plain.names, laws, strict=True)
         },
         unit="A" if current is None else current.unit,
-        lag=by_name["eta"] if current is not None and current.lagged else None,
+        lag=next(numbers, None),
     )
 
 
@@ -184,8 +187,11 @@ def _changed(draft: _Draft, table: DamperTable) -> _Draft:
     for name, law in (table.laws or {}).items():
         _refuse_unknown(draft.plain, name, place)
         laws[name] = law
-        if name in values:
-            _refuse_count(draft.plain, name, law, len(values[name]), place)
+        wanted = current_laws()[law].n_coefficients
+        if name in values and len(values[name]) != wanted:
+            place.within(name).refuse(
+                f"{name} with the law {law} takes {wanted} coefficients, {len(values[name])} are given"
+            )
     lag = draft.lag if table.lag is None else table.lag
     return _Draft(plain=draft.plain, laws=laws, values=values, unit=draft.unit, lag=lag)
 
@@ -194,12 +200,6 @@ def _refuse_unknown(plain: DamperSpec, name: str, place: Place) -> None:
     if name not in plain.names:
         near = suggestion(name, plain.names, otherwise="it has")
         place.within(name).refuse(f"{plain.name} has no parameter {name!r}{near}")
-
-
-def _refuse_count(plain: DamperSpec, name: str, law: LawName, count: int, place: Place) -> None:
-    wanted = len(plain.with_current_laws({name: law}).names) - len(plain.names) + 1
-    if wanted != count:
-        place.within(name).refuse(f"{name} with the law {law} takes {wanted} coefficients, {count} are given")
 
 
 # Mass of a joint over the mean mass of a floor: negligible for the building.
