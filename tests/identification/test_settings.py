@@ -13,7 +13,7 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import RecordError, SettingError
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.problem import Problem, fingerprint_of
-from mrwork.identification.settings import FitSettings
+from mrwork.identification.settings import FitSettings, search_named, searches
 from mrwork.search import EfficientGA, StopRules
 from mrwork.store.fingerprint import differences
 
@@ -36,6 +36,12 @@ def test_each_setting_survives_its_record() -> None:
     for each in fields(FitSettings):
         assert getattr(OTHER, each.name) != getattr(FitSettings(), each.name), each.name
     assert FitSettings.of_record(json.loads(json.dumps(OTHER.as_record()))) == OTHER
+
+
+@pytest.mark.parametrize("name", searches())
+def test_each_search_survives_its_record(name: str) -> None:
+    settings = FitSettings(search=search_named(name))
+    assert FitSettings.of_record(json.loads(json.dumps(settings.as_record()))) == settings
 
 
 def test_each_setting_is_part_of_the_fingerprint() -> None:

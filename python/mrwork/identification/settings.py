@@ -192,7 +192,7 @@ def _built(kind: type, record: Mapping[str, Any]) -> Any:
     values = {each.name: record[each.name] for each in fields(kind) if each.name in record}
     return kind(
         **{
-            name: _built(hints[name], value) if isinstance(value, Mapping) else value
+            name: _built(hints[name], value) if isinstance(value, Mapping) else _restored(value)
             for name, value in values.items()
         }
     )
@@ -201,7 +201,8 @@ def _built(kind: type, record: Mapping[str, Any]) -> Any:
 def _kind_of(search: Any) -> str:
     if isinstance(search, Multistart):
         return _MULTISTART
-    return next(name for name, each in searches().items() if type(search) is type(each))
+    names = (name for name, each in searches().items() if type(search) is type(each))
+    return next(names, type(search).__name__)
 
 
 @cache
