@@ -27,10 +27,6 @@ def rows_to_compare(spec, history, n_random):
     return theta[(substeps > 0) & (substeps <= SUBSTEPS_TO_COMPARE)][: n_random + 1]
 
 
-def test_fields_are_the_parameters_in_order(spec):
-    assert twin_of(spec).Theta._fields == spec.names
-
-
 def test_rate_and_force_agree_at_random_points(spec):
     # Terms of a rate cancel as the loop saturates, so agreement is measured against the largest rate over
     # the states at the same parameters and motion. States run over four decades, both signs.

@@ -1,7 +1,7 @@
 """JAX twins of the damper models: the same equations, differentiable.
 
-A twin is a module with the name of its model, a NamedTuple `Theta` in spec order and two functions:
-`rate(theta, state, displacement, velocity)` and `force(theta, state, displacement, velocity)`.
+A twin is a module with the name of its model and two functions of parameters `p` (by their names in the spec), state,
+displacement and velocity: `rate(p, state, x, v)`, not needed without states, and `force(p, state, x, v)`.
 """
 
 import lazy_loader

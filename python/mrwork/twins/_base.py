@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 import platform
+from collections import namedtuple
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -14,46 +17,53 @@ import jax.numpy as jnp
 from jax import Array
 
 from mrwork.dampers.parameters import CurrentLaws, current_laws
-from mrwork.dampers.spec import DamperSpec
+from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import UnknownNameError
 
 # The Rust core computes in double precision, and the twins must agree with it.
 jax.config.update("jax_enable_x64", True)  # type: ignore[no-untyped-call] # jax leaves it unannotated
 
 
-class Twin(Protocol):
-    """A damper model in JAX."""
+class Parameters(Protocol):
+    """Parameters of a model by their names in its spec."""
+
+    def __getattr__(self, name: str) -> Array: ...
+
+
+Equation = Callable[[Any, Array, Array, Array], Array]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Twin:
+    """A damper model in JAX: its equations, functions of parameters, state (n_states,), displacement and velocity.
+
+    `Theta` is the NamedTuple of the parameters in spec order, `rate` gives the time derivative of the states, shape
+    (n_states,), and `force` the force [N].
+    """
 
     Theta: Any
-
-    def rate(self, p: Any, state: Array, x: Array, v: Array) -> Array:
-        """Time derivative of the states, shape (n_states,)."""
-
-    def force(self, p: Any, state: Array, x: Array, v: Array) -> Array:
-        """Force [N]."""
+    rate: Equation
+    force: Equation
 
 
 @cache
 def twin_of(spec: DamperSpec) -> Twin:
-    """Return the twin of a model.
+    """Return the twin of a model: its module in this package, with the parameters of the spec.
 
     Raises
     ------
     UnknownNameError
-        If the model has no twin, or its parameters differ from the spec in name or order.
+        If the model has no twin.
     """
+    if spec.current is not None:
+        return twin_of(damper(spec.name))
     try:
-        twin: Any = import_module(f"mrwork.twins.{spec.name}")
+        module: Any = import_module(f"mrwork.twins.{spec.name}")
     except ModuleNotFoundError as error:
         raise UnknownNameError(f"{spec.name} has no JAX twin; write mrwork/twins/{spec.name}.py") from error
-    names = tuple(parameter.name for parameter in spec.plain)
-    if twin.Theta._fields != names:
-        raise UnknownNameError(
-            f"the twin of {spec.name} has parameters {twin.Theta._fields}, the spec has {names}; "
-            "give them the same names in the same order"
-        )
-    found: Twin = twin
-    return found
+    # A model without states needs no rate.
+    rate = module.rate if spec.n_states else lambda p, state, x, v: state
+    return Twin(Theta=namedtuple("Theta", spec.names), rate=rate, force=module.force)
 
 
 def power(base: Array, exponent: Array) -> Array:

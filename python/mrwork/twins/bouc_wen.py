@@ -2,28 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import jax.numpy as jnp
 from jax import Array
 
-from mrwork.twins._base import power
+from mrwork.twins._base import Parameters, power
 
 
-class Theta(NamedTuple):
-    """Parameters, in spec order."""
-
-    c0: Array
-    k0: Array
-    x0: Array
-    alpha: Array
-    gamma: Array
-    beta: Array
-    A: Array
-    n: Array
-
-
-def rate(p: Theta, state: Array, x: Array, v: Array) -> Array:
+def rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
     """z' of the loop for the velocity v."""
     return jnp.stack([loop_rate(p.gamma, p.beta, p.A, p.n, state[0], v)])
 
@@ -34,6 +19,6 @@ def loop_rate(gamma: Array, beta: Array, A: Array, n: Array, z: Array, v: Array)
     return -gamma * jnp.abs(v) * jnp.sign(z) * z_n - beta * v * z_n + A * v
 
 
-def force(p: Theta, state: Array, x: Array, v: Array) -> Array:
+def force(p: Parameters, state: Array, x: Array, v: Array) -> Array:
     """f = c0 v + k0 (x - x0) + alpha z."""
     return p.c0 * v + p.k0 * (x - p.x0) + p.alpha * state[0]

@@ -2,25 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import jax.numpy as jnp
 from jax import Array
 
-
-class Theta(NamedTuple):
-    """Parameters, in spec order."""
-
-    f_y: Array
-    v_r: Array
-    c: Array
-    rho: Array
-    r: Array
-    k: Array
-    f0: Array
+from mrwork.twins._base import Parameters
 
 
-def rate(p: Theta, state: Array, x: Array, v: Array) -> Array:
+def rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
     """u' = (rho f_y (v - u) - r q(u)) / q'(u)."""
     u = state[0]
     e = jnp.exp(-2.0 * jnp.abs(u) / p.v_r)
@@ -28,11 +16,11 @@ def rate(p: Theta, state: Array, x: Array, v: Array) -> Array:
     return jnp.stack([(p.rho * p.f_y * (v - u) - p.r * flow(p, u)) / slope])
 
 
-def force(p: Theta, state: Array, x: Array, v: Array) -> Array:
+def force(p: Parameters, state: Array, x: Array, v: Array) -> Array:
     """f = q(u) + k x + f0."""
     return flow(p, state[0]) + p.k * x + p.f0
 
 
-def flow(p: Theta, u: Array) -> Array:
+def flow(p: Parameters, u: Array) -> Array:
     """q(u) = f_y tanh(u/v_r) + c u."""
     return p.f_y * jnp.tanh(u / p.v_r) + p.c * u

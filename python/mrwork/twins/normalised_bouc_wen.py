@@ -2,27 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import jax.numpy as jnp
 from jax import Array
 
-from mrwork.twins._base import power
+from mrwork.twins._base import Parameters, power
 
 
-class Theta(NamedTuple):
-    """Parameters, in spec order."""
-
-    c: Array
-    k: Array
-    x0: Array
-    k_w: Array
-    rho: Array
-    sigma: Array
-    n: Array
-
-
-def rate(p: Theta, state: Array, x: Array, v: Array) -> Array:
+def rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
     """w' of the loop for the velocity v."""
     return jnp.stack([loop_rate(p.rho, p.sigma, p.n, state[0], v)])
 
@@ -33,6 +19,6 @@ def loop_rate(rho: Array, sigma: Array, n: Array, w: Array, v: Array) -> Array:
     return rho * (v - sigma * jnp.abs(v) * jnp.sign(w) * w_n + (sigma - 1.0) * v * w_n)
 
 
-def force(p: Theta, state: Array, x: Array, v: Array) -> Array:
+def force(p: Parameters, state: Array, x: Array, v: Array) -> Array:
     """f = c v + k (x - x0) + k_w w."""
     return p.c * v + p.k * (x - p.x0) + p.k_w * state[0]

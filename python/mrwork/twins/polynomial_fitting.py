@@ -2,32 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import jax.numpy as jnp
 from jax import Array
 
-
-class Theta(NamedTuple):
-    """Parameters, in spec order."""
-
-    a: Array
-    b: Array
-    v0: Array
-    c: Array
-    f0: Array
-    h: Array
-    v1: Array
-    w: Array
-    x_s: Array
+from mrwork.twins._base import Parameters
 
 
-def rate(p: Theta, state: Array, x: Array, v: Array) -> Array:
-    """No state."""
-    return state
-
-
-def force(p: Theta, state: Array, x: Array, v: Array) -> Array:
+def force(p: Parameters, state: Array, x: Array, v: Array) -> Array:
     """f = F_m + tanh(x/x_s) T/2, with 2/(1 + exp(-y)) - 1 = tanh(y/2) in F_m."""
     mean = p.a * jnp.tanh(0.5 * p.b * (v - p.v0)) + p.c * v + p.f0
     thickness = p.h * jnp.exp(-0.5 * ((v - p.v1) / p.w) ** 2)

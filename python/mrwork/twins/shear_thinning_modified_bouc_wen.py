@@ -2,42 +2,25 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import jax.numpy as jnp
 from jax import Array
 
+from mrwork.twins._base import Parameters
 from mrwork.twins.normalised_bouc_wen import loop_rate
 
 
-class Theta(NamedTuple):
-    """Parameters, in spec order."""
-
-    c0: Array
-    c2: Array
-    v_s: Array
-    k0: Array
-    c1: Array
-    k1: Array
-    x0: Array
-    k_w: Array
-    rho: Array
-    sigma: Array
-    n: Array
-
-
-def rate(p: Theta, state: Array, x: Array, v: Array) -> Array:
+def rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
     """y', and w' of the loop for the velocity v - y'."""
     y_rate = series_rate(p, state, x, v)
     return jnp.stack([y_rate, loop_rate(p.rho, p.sigma, p.n, state[1], v - y_rate)])
 
 
-def force(p: Theta, state: Array, x: Array, v: Array) -> Array:
+def force(p: Parameters, state: Array, x: Array, v: Array) -> Array:
     """f = c1 y' + k1 (x - x0)."""
     return p.c1 * series_rate(p, state, x, v) + p.k1 * (x - p.x0)
 
 
-def series_rate(p: Theta, state: Array, x: Array, v: Array) -> Array:
+def series_rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
     """y' = (k_w w + c v + k0 (x - y)) / (c + c1), c = c0 + c2 exp(-|v|/v_s)."""
     y, w = state[0], state[1]
     c = p.c0 + p.c2 * jnp.exp(-jnp.abs(v) / p.v_s)

@@ -2,26 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import jax.numpy as jnp
 from jax import Array
 
-
-class Theta(NamedTuple):
-    """Parameters, in spec order."""
-
-    k_x: Array
-    k_w: Array
-    rho: Array
-    f0: Array
+from mrwork.twins._base import Parameters
 
 
-def rate(p: Theta, state: Array, x: Array, v: Array) -> Array:
+def rate(p: Parameters, state: Array, x: Array, v: Array) -> Array:
     """w' = rho (v - |v| w)."""
     return jnp.stack([p.rho * (v - jnp.abs(v) * state[0])])
 
 
-def force(p: Theta, state: Array, x: Array, v: Array) -> Array:
+def force(p: Parameters, state: Array, x: Array, v: Array) -> Array:
     """f = k_x v + k_w w + f0."""
     return p.k_x * v + p.k_w * state[0] + p.f0
