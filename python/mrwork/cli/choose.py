@@ -137,21 +137,7 @@ def _summary(choice: Choice, folder: Path) -> dict[str, Any]:
 def _text(ranking: Ranking, folder: Path) -> str:
     from mrwork.report.ranking_rows import HEADINGS, ranking_rows
 
-    rows = [
-        (
-            row.model,
-            row.n_params,
-            row.fit,
-            row.left_out,
-            row.behind,
-            row.elpd_behind,
-            row.bic_behind,
-            row.seconds,
-            row.remark,
-        )
-        for row in ranking_rows(ranking)
-    ]
-    lines = aligned([HEADINGS, *rows])
+    lines = aligned([HEADINGS, *((row.model, *row.cells) for row in ranking_rows(ranking))])
     for sentence in (ranking.sentence, *(f"Note: {remark}." for remark in ranking.remarks)):
         lines += ["", *textwrap.wrap(sentence, _WIDTH)]
     return "\n".join([*lines, "", f"Ranking: {folder / RANKING}"])

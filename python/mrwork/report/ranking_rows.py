@@ -22,7 +22,7 @@ HEADINGS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RankingRow:
-    """One family as text, in the order of `HEADINGS`; `remark` holds the verdict and, where it failed, why."""
+    """One family as text; `remark` holds the verdict and, where the family failed, the reason."""
 
     model: str
     title: str
@@ -35,6 +35,20 @@ class RankingRow:
     seconds: str
     remark: str
     is_chosen: bool
+
+    @property
+    def cells(self) -> tuple[str, ...]:
+        """What stands below `HEADINGS` from the second on."""
+        return (
+            self.n_params,
+            self.fit,
+            self.left_out,
+            self.behind,
+            self.elpd_behind,
+            self.bic_behind,
+            self.seconds,
+            self.remark,
+        )
 
 
 def ranking_rows(ranking: Ranking) -> list[RankingRow]:

@@ -60,41 +60,21 @@ def agreement_rows(fit: Fit, comparisons: Sequence[Comparison]) -> list[Agreemen
     """A row per test and, last, one for all tests together; equal decimals down each column."""
     tested = [comparison.quality for comparison in comparisons]
     every: list[FitQuality | Fit] = [*tested, fit]
-    columns = zip(
-        [numbers.fixed(entry.fit_percent, 2) for entry in every],
-        numbers.column([entry.nrmse for entry in every], 3),
-        numbers.column([entry.rmse_n for entry in every], 3),
-        numbers.column([entry.error_norms.time for entry in every], 3),
-        numbers.column([entry.error_norms.displacement for entry in every], 3),
-        numbers.column([entry.error_norms.velocity for entry in every], 3),
-        [*(numbers.fixed(quality.residual_autocorrelation, 4) for quality in tested), ""],
-        [numbers.fixed(entry.n_time, 0) for entry in every],
-        [*(numbers.fixed(quality.substeps, 0) for quality in tested), ""],
-        strict=True,
-    )
+    norms = [entry.error_norms for entry in every]
+    columns = {
+        "fit_percent": [numbers.fixed(entry.fit_percent, 2) for entry in every],
+        "nrmse": numbers.column([entry.nrmse for entry in every], 3),
+        "rmse_n": numbers.column([entry.rmse_n for entry in every], 3),
+        "time": numbers.column([norm.time for norm in norms], 3),
+        "displacement": numbers.column([norm.displacement for norm in norms], 3),
+        "velocity": numbers.column([norm.velocity for norm in norms], 3),
+        "autocorrelation": [*(numbers.fixed(each.residual_autocorrelation, 4) for each in tested), ""],
+        "n_time": [numbers.fixed(entry.n_time, 0) for entry in every],
+        "substeps": [*(numbers.fixed(each.substeps, 0) for each in tested), ""],
+    }
     return [
-        AgreementRow(
-            fit_percent=fit_percent,
-            nrmse=nrmse,
-            rmse_n=rmse_n,
-            time=time,
-            displacement=displacement,
-            velocity=velocity,
-            autocorrelation=autocorrelation,
-            n_time=n_time,
-            substeps=substeps,
-        )
-        for (
-            fit_percent,
-            nrmse,
-            rmse_n,
-            time,
-            displacement,
-            velocity,
-            autocorrelation,
-            n_time,
-            substeps,
-        ) in columns
+        AgreementRow(**dict(zip(columns, cells, strict=True)))
+        for cells in zip(*columns.values(), strict=True)
     ]
 
 

@@ -45,20 +45,7 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
                     label="Ranking of models",
                     columns=(*columns, "Remark"),
                     words=(len(columns),),
-                    rows=tuple(
-                        (
-                            row.title,
-                            row.n_params,
-                            row.fit,
-                            row.left_out,
-                            row.behind,
-                            row.elpd_behind,
-                            row.bic_behind,
-                            row.seconds,
-                            row.remark,
-                        )
-                        for row in rows
-                    ),
+                    rows=tuple((row.title, *row.cells) for row in rows),
                 ),
                 points=ranking.definitions,
             ),
