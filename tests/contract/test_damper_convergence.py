@@ -50,7 +50,7 @@ def test_second_order_over_reversals(spec):
     # The rate has a kink in |v| where the motion reverses and another where the state changes sign. A step
     # that straddles one errs by O(h^2) once. Where in the step the kink falls varies, so the order is read
     # off the root mean square over many parameter sets.
-    theta = np.vstack([spec.nominal, random_theta(spec, 60, rng=41)])
+    theta = np.vstack([spec.nominal, random_theta(spec, 24, rng=41)])
     error = errors(spec, theta, noise().history())
     if spec.n_states == 0:
         assert np.all(error == 0.0)
@@ -66,7 +66,7 @@ def test_error_of_the_stepping_rule_itself_is_small(spec):
     # where a record is compared. Before, a motion that starts at full speed from a loop at rest asks for a jump,
     # of which one step at the limit of 1.4 leaves 0.28 where exp(-1.4) = 0.25 is right.
     motion = sine()
-    theta = np.vstack([spec.nominal, random_theta(spec, 60, rng=42)])
+    theta = np.vstack([spec.nominal, random_theta(spec, 24, rng=42)])
     error = errors(spec, theta, motion.history(), first=settling_samples(motion.displacement))
     # The few rows beyond a thousandth are shifted loops that change side within a step.
     assert np.all(error[0] < 5e-3)
