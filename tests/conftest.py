@@ -1,15 +1,28 @@
-"""What all tests share: the memory of a module's compiled functions and figures is given back when it ends."""
+"""What all tests share.
+
+JAX compiles quickly, a module's compiled functions are released when it ends, and Ctrl-C reaches what a test starts.
+"""
 
 from __future__ import annotations
 
-import sys
+import os
+import signal
 from collections.abc import Iterator
 
 import pytest
+from compiled import release_compiled
+
+# A test compiles a function to run it a few times: without optimisation that takes a third of the time.
+# A flag that is set already comes last, so it decides.
+_QUICK_COMPILATION = "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
+os.environ["XLA_FLAGS"] = f"{_QUICK_COMPILATION} {os.environ.get('XLA_FLAGS', '')}".strip()
+
+# A background job of a shell ignores Ctrl-C, and so would every process that it starts.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _memory_is_given_back() -> Iterator[None]:
     yield
-    if (jax := sys.modules.get("jax")) is not None:
-        jax.clear_caches()
+    release_compiled()
