@@ -8,23 +8,22 @@ import signal
 import struct
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import COMMAND, PATIENCE, Ended, mrwork, started, wait_until
 
-COMMAND = [sys.executable, "-m", "mrwork"]
 FAST = ["--generations", "3", "--quiet"]
 
 
-def mrwork(*arguments: str | Path, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+def in_its_own_process(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [*COMMAND, *map(str, arguments)], capture_output=True, text=True, cwd=cwd, check=False, timeout=120
+        [*COMMAND, *arguments], capture_output=True, text=True, check=False, timeout=PATIENCE
     )
 
 
-def refused(result: subprocess.CompletedProcess[str], *words: str) -> None:
+def refused(result: Ended | subprocess.CompletedProcess[str], *words: str) -> None:
     """Exit 2, one sentence, nothing on stdout."""
     assert result.returncode == 2, result.stderr
     assert result.stdout == ""
@@ -46,7 +45,7 @@ def record(tmp_path: Path) -> Path:
 
 
 def test_models_lists_every_model_and_shows_one_in_full() -> None:
-    listed = mrwork("models")
+    listed = in_its_own_process("models")
     assert listed.returncode == 0
     for name in ("bouc_wen", "normalised_bouc_wen", "static_hysteretic"):
         assert name in listed.stdout
@@ -139,8 +138,10 @@ def test_identify_writes_a_run_that_predict_reads(record: Path, tmp_path: Path) 
 def test_identify_starts_from_an_earlier_run(tmp_path: Path) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
     test = "synthetic:spencer1997"
-    assert mrwork("identify", test, "--generations", "30", "--quiet", "--out", first).returncode == 0
-    assert mrwork("identify", test, *FAST, "--start", first, "--out", second).returncode == 0
+    every = ("--every", "4", "--population", "32", "--quiet")
+    assert mrwork("identify", test, *every, "--generations", "30", "--out", first).returncode == 0
+    again = mrwork("identify", test, *every, "--generations", "3", "--start", first, "--out", second)
+    assert again.returncode == 0
     one, two = (json.loads((run / "fit.json").read_text()) for run in (first, second))
     assert two["nrmse"] < 1.001 * one["nrmse"]
     (start,) = two["provenance"]["settings"]["starts"]
@@ -225,21 +226,19 @@ def test_other_bad_inputs_are_one_sentence(record: Path, tmp_path: Path) -> None
     refused(mrwork("identify", record, "--column", "force=F:parsec"), "parsec")
     refused(mrwork("identify", record, "--out", "/proc/run"), "/proc")
     refused(mrwork("identify", "synthetic:none"), "spencer1997")
-    refused(mrwork("predict", tmp_path, record), "manifest")
+    refused(in_its_own_process("predict", tmp_path, record), "manifest")
     refused(mrwork("frobnicate"), "frobnicate")
 
 
 def test_ctrl_c_keeps_the_best_so_far(tmp_path: Path) -> None:
     out = tmp_path / "run"
-    process = subprocess.Popen(
-        [*COMMAND, "identify", "synthetic:spencer1997", "--out", str(out), "--population", "4000", "--quiet"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    time.sleep(4.0)
-    process.send_signal(signal.SIGINT)
-    stdout, stderr = process.communicate(timeout=30)
+    journal = tmp_path / "run.part" / "journal.jsonl"
+    settings = ("--population", "1000", "--every", "4", "--quiet")
+    with started(*COMMAND, "identify", "synthetic:spencer1997", "--out", out, *settings) as process:
+        # Its header and two generations.
+        wait_until(lambda: journal.is_file() and journal.read_bytes().count(b"\n") > 2, process)
+        process.send_signal(signal.SIGINT)
+        stdout, stderr = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130, stderr
     assert "interrupted" in stdout
     fit = json.loads((out / "fit.json").read_text())
@@ -251,25 +250,12 @@ def test_an_interrupt_before_anything_is_found_leaves_the_earlier_run(tmp_path: 
     out = tmp_path / "run"
     assert mrwork("identify", record, "--model", "static_hysteretic", "--out", out, *FAST).returncode == 0
     before = {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()}
-    # A first generation of a million candidates takes far longer than the two seconds before the signal.
-    process = subprocess.Popen(
-        [
-            *COMMAND,
-            "identify",
-            "synthetic:spencer1997",
-            "--out",
-            str(out),
-            "--population",
-            "1000000",
-            "--quiet",
-        ],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    time.sleep(2.0)
-    process.send_signal(signal.SIGINT)
-    stdout, stderr = process.communicate(timeout=30)
+    # A first generation of a million candidates takes minutes.
+    settings = ("--population", "1000000", "--quiet")
+    with started(*COMMAND, "identify", "synthetic:spencer1997", "--out", out, *settings) as process:
+        wait_until((tmp_path / "run.part").exists, process)
+        process.send_signal(signal.SIGINT)
+        stdout, stderr = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130, stderr
     assert stdout == ""
     assert {path.name: path.read_bytes() for path in out.iterdir() if path.is_file()} == before

@@ -4,26 +4,16 @@ from __future__ import annotations
 
 import json
 import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from command_line import COMMAND, PATIENCE, mrwork, started, wait_until
 
 from mrwork.cli import main
 from mrwork.cli.progress import sampling_described
 from mrwork.uncertainty.posterior.sample import SamplingProgress
-
-COMMAND = [sys.executable, "-m", "mrwork"]
-
-
-def mrwork(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*COMMAND, *map(str, arguments)], capture_output=True, text=True, check=False, timeout=120
-    )
 
 
 @pytest.fixture(scope="module")
@@ -69,18 +59,12 @@ def steps_in(chain: Path) -> int | None:
 
 
 def test_ctrl_c_keeps_the_chain(run: Path) -> None:
-    process = subprocess.Popen(
-        [*COMMAND, "sample", str(run), "--noise", "arma11", "--walkers", "64", "--steps", "1000000"],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    # The chain's file is begun anew with the first walkers, and then grows every two seconds.
-    chain, deadline = run / "posterior.h5", time.monotonic() + 60.0
-    while time.monotonic() < deadline and steps_in(chain) in (None, 0, 400):
-        time.sleep(0.1)
-    process.send_signal(signal.SIGINT)
-    _, stderr = process.communicate(timeout=30)
+    command = (*COMMAND, "sample", run, "--noise", "arma11", "--walkers", "64", "--steps", "1000000")
+    with started(*command) as process:
+        # The chain's file is begun anew with the first walkers, and then grows every two seconds.
+        wait_until(lambda: steps_in(run / "posterior.h5") not in (None, 0, 400), process, pause=0.1)
+        process.send_signal(signal.SIGINT)
+        _, stderr = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130, stderr
     assert "steps are kept in" in stderr
     assert "Traceback" not in stderr

@@ -5,8 +5,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import itertools
 import json
 import os
@@ -16,13 +14,13 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import PATIENCE, mrwork
 
-from mrwork.cli import main
 from mrwork.errors import JournalError
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify
@@ -35,30 +33,8 @@ from mrwork.synthetic import synthetic_test
 
 N_KILLS = int(os.environ.get("MRWORK_KILL_POINTS", "4"))
 SHORT = ["--population", "16", "--generations", "12"]
-COMMAND = ["identify", "synthetic:spencer1997", "--every", "2", "--seed", "3", *SHORT]
-DESCENTS = ["identify", "synthetic:spencer1997", "--seed", "3"]
-# Long enough for any run here on a busy machine.
-PATIENCE = 120.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Ended:
-    """How a command line ended."""
-
-    returncode: object
-    stdout: str
-    stderr: str
-
-
-def mrwork(*arguments: str | Path) -> Ended:
-    """Run a command line in this process, which has loaded all that it needs already."""
-    with (
-        contextlib.redirect_stdout(io.StringIO()) as out,
-        contextlib.redirect_stderr(io.StringIO()) as err,
-        pytest.raises(SystemExit) as end,
-    ):
-        main(list(map(str, arguments)))
-    return Ended(returncode=end.value.code, stdout=out.getvalue(), stderr=err.getvalue())
+COMMAND = ["identify", "synthetic:spencer1997", "--every", "4", "--seed", "3", *SHORT]
+DESCENTS = ["identify", "synthetic:spencer1997", "--every", "4", "--seed", "3"]
 
 
 def found(place: Path) -> dict[str, str]:
@@ -180,7 +156,7 @@ def test_a_damaged_line_in_the_middle_is_refused(whole: Path, tmp_path: Path) ->
         ([*COMMAND, "--fix", "n=2"], ("bounds.n is absent there",)),
         ([*COMMAND, "--nuisance", "level"], ("nuisances",)),
         ([*COMMAND, "--engine", "twin"], ("engine is lanes there and twin here",)),
-        ([*COMMAND, "--every", "4"], ("test.1.samples", "test.1.signals")),
+        ([*COMMAND, "--every", "2"], ("test.1.samples", "test.1.signals")),
         ([*COMMAND, "--model", "static_hysteretic"], ("model is normalised_bouc_wen there",)),
         (["identify", "synthetic:spencer1997_slow", *COMMAND[2:]], ("test.1.name", "test.1.sha256")),
     ],

@@ -1,10 +1,42 @@
-"""The command line, run in this process."""
+"""The command line, run in this process, which has loaded all that it needs already, or in one of its own."""
 
 from __future__ import annotations
+
+import contextlib
+import io
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import pytest
 
 from mrwork.cli import main
+
+COMMAND = (sys.executable, "-m", "mrwork")
+# Seconds, for any run of the tests on a busy machine.
+PATIENCE = 240.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ended:
+    """How a command line ended."""
+
+    returncode: object
+    stdout: str
+    stderr: str
+
+
+def mrwork(*arguments: object) -> Ended:
+    """Run a command line in this process."""
+    with (
+        contextlib.redirect_stdout(io.StringIO()) as out,
+        contextlib.redirect_stderr(io.StringIO()) as err,
+        pytest.raises(SystemExit) as end,
+    ):
+        main([str(each) for each in arguments])
+    return Ended(returncode=end.value.code, stdout=out.getvalue(), stderr=err.getvalue())
 
 
 def printed(capsys: pytest.CaptureFixture[str], *arguments: object, status: int = 0) -> str:
@@ -15,3 +47,22 @@ def printed(capsys: pytest.CaptureFixture[str], *arguments: object, status: int 
     captured = capsys.readouterr()
     assert ended.value.code == status, captured.err
     return captured.err if status else captured.out
+
+
+@contextlib.contextmanager
+def started(*command: object) -> Iterator[subprocess.Popen[str]]:
+    """A process with pipes for what it prints, killed where the test ends before it."""
+    with subprocess.Popen(
+        [str(each) for each in command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def wait_until(condition: Callable[[], bool], process: subprocess.Popen[str], pause: float = 0.02) -> None:
+    """Return once the condition holds, the process has ended or patience has."""
+    give_up = time.monotonic() + PATIENCE
+    while process.poll() is None and time.monotonic() < give_up and not condition():
+        time.sleep(pause)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import signal
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +11,7 @@ from pathlib import Path
 import measured_data
 import numpy as np
 import pytest
+from command_line import started
 from numpy.typing import NDArray
 
 from benchmarks.attempt import NEAR, Attempt, AttemptEnded, Contender, Outcome, RustObjective, attempted
@@ -247,22 +247,10 @@ def test_a_quick_run_has_all_rows(job: SearchJob, capsys: pytest.CaptureFixture[
     assert (setup["synthetic"], setup["n_time"], setup["missing"]) == (True, N_TIME, [])
 
 
-# A background job of a shell ignores SIGINT, and its children inherit that.
-_HEEDING_CTRL_C = """
-import pathlib, runpy, signal, sys
-signal.signal(signal.SIGINT, signal.default_int_handler)
-sys.argv = sys.argv[1:]
-sys.path.insert(0, str(pathlib.Path(sys.argv[0]).parent))
-runpy.run_path(sys.argv[0], run_name="__main__")
-"""
-
-
 @pytest.mark.skipif(sys.platform == "win32", reason="Ctrl-C is sent in another way there")
 def test_an_interrupted_run_keeps_what_it_measured(job: SearchJob) -> None:
     command = [
         sys.executable,
-        "-c",
-        _HEEDING_CTRL_C,
         str(measured_data.ROOT / "studies" / "speed" / "study.py"),
         "identify",
         "--quick",
@@ -270,7 +258,7 @@ def test_an_interrupted_run_keeps_what_it_measured(job: SearchJob) -> None:
         "1000",
         "--json",
     ]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+    with started(*command) as run:
         assert run.stderr is not None
         # The line of the third attempt: two have been told.
         attempts = 0

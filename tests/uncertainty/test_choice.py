@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from command_line import mrwork
 from sinusoidal_tests import MOTIONS, PER_CYCLE, sinusoidal_test
 
 from mrwork.cli import parser
@@ -195,16 +194,6 @@ def test_impossible_requests_are_refused_before_anything_is_fitted(tests: tuple[
         choose_model(tests, ["dahl"], laws={"k_q": "linear"})
     with pytest.raises(UnknownNameError, match="no damper model"):
         choose_model(tests, ["dull"])
-
-
-def mrwork(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-m", "mrwork", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=300,
-    )
 
 
 def test_the_command_line_writes_the_best_run_and_all_that_was_compared(tmp_path: Path) -> None:
