@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,10 +95,11 @@ def run_study(
     try:
         for row, arrangement in enumerate(arrangements):
             say(arrangement.row.label)
+            known: Mapping[int, RunResult] = {}
             if arrangement.law is None:
-                arrangements[row] = _with_best_constant(study, arrangement, journal, threads)
+                arrangements[row], known = _with_best_constant(study, arrangement, journal, threads)
             fresh: dict[int, RunHistory | None] = {}
-            for motion, result in _runs(study, arrangements[row], journal, fresh, threads):
+            for motion, result in _runs(study, arrangements[row], journal, fresh, threads, known=known):
                 runs[row, motion] = result
             for motion in study.histories:
                 # The history of a run that did not finish holds numbers that are not finite.
@@ -157,15 +159,16 @@ def _runs(
     fresh: dict[int, RunHistory | None],
     threads: int,
     *,
+    known: Mapping[int, RunResult] = MappingProxyType({}),
     step_factor: int = 1,
 ) -> Iterator[tuple[int, RunResult]]:
-    """The run under each motion, recalled or simulated with all later ones.
+    """The run under each motion: recalled, `known` from before, or simulated with all later ones.
 
     `fresh` collects the simulated motions, with their histories if the study keeps them and they fit into memory
     together: a run with its history takes half the time of one without and another with it.
     """
     step = "run" if step_factor == 1 else "run with half the step"
-    simulated: dict[int, RunResult] = {}
+    simulated = dict(known)
     histories: dict[int, RunHistory] = {}
     for motion, ground in enumerate(study.motions):
         inputs = digest_of_run(arrangement, ground)
@@ -173,7 +176,7 @@ def _runs(
         if recalled is not None:
             yield motion, rebuilt(RunResult, recalled)
             continue
-        if not simulated:
+        if motion not in simulated:
             wanted = [number for number in study.histories if number >= motion and step_factor == 1]
             responses = simulated_by(
                 arrangement,
@@ -248,38 +251,37 @@ def simulated_by(
 
 def _with_best_constant(
     study: Study, arrangement: Arrangement, journal: Journal, threads: int
-) -> Arrangement:
-    """The arrangement with the constant command of the lowest score over all motions."""
+) -> tuple[Arrangement, Mapping[int, RunResult]]:
+    """The arrangement with the constant command of the lowest score; and its runs, unless the command is recalled."""
     devices = arrangement.devices
     weight = arrangement.building.total_mass * STANDARD_GRAVITY
-    motions = range(len(study.motions))
+    known: dict[int, RunResult] = {}
 
     def search() -> BestConstant:
         commands = np.linspace(0.0, min(device.largest_command for device in devices), LEVELS)
         tried = replace(arrangement, law=constant_commands(devices, commands))
         responses = simulated_by(tried, study.motions, study, threads=threads)
-        found = [
-            [_criteria(responses, level * len(motions) + motion, arrangement, weight) for motion in motions]
-            for level in range(LEVELS)
-        ]
+        n_motions = len(study.motions)
+        found = [result_of(responses, run, arrangement) for run in range(LEVELS * n_motions)]
+        levels = [found[start : start + n_motions] for start in range(0, len(found), n_motions)]
+        criteria = [[_criteria(result, weight) for result in level] for level in levels]
         # The first level is i = 0. A command has no score if one of its runs failed.
-        scores = [float(score(each, found[0])) for each in found]
+        scores = [float(score(each, criteria[0])) for each in criteria]
         best = int(np.nanargmin(scores))
+        known.update(enumerate(levels[best]))
         return BestConstant(command=float(commands[best]), score=scores[best])
 
     inputs = digest_of_run(arrangement, *study.motions)
     best = journal.once("best_constant", inputs, BestConstant, search)
     label = f"{arrangement.row.label}, {best.command:.3g} {study.command_unit}"
-    return replace(
+    with_command = replace(
         arrangement,
         row=replace(arrangement.row, label=label),
         law=constant_command(devices, best.command),
     )
+    return with_command, known
 
 
-def _criteria(
-    responses: Responses, run: int, arrangement: Arrangement, weight: float
-) -> dict[str, NDArray[np.float64]]:
-    result = result_of(responses, run, arrangement)
+def _criteria(result: RunResult, weight: float) -> dict[str, NDArray[np.float64]]:
     found = values(result, weight=weight)
     return found if result.finished else {name: np.array(np.nan) for name in found}
