@@ -37,12 +37,11 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.buildings.additions_from_table import ADDITIONS, with_additions
 from mrwork.buildings.matrices import Building
 from mrwork.buildings.matrix_files import read_matrices, read_matrix
 from mrwork.buildings.published import building as published_building
 from mrwork.buildings.shear import floor_differences, numbered, shear_building
-from mrwork.buildings.table import Entries
+from mrwork.buildings.table import ADDITIONS, Entries, with_additions
 from mrwork.errors import RecordError
 from mrwork.keys import Place
 

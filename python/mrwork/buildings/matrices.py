@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.records.damper_test import frozen
 from mrwork.summary import Summarised, Summary, rounded
 
 Floats = NDArray[np.float64]
@@ -63,9 +64,7 @@ class Building(Summarised):
 
     def __post_init__(self) -> None:
         for field in ("mass", "damping", "stiffness", "influence", "floors", "storeys"):
-            kept = np.array(getattr(self, field), dtype=np.float64, order="C")
-            kept.setflags(write=False)
-            object.__setattr__(self, field, kept)
+            object.__setattr__(self, field, frozen(getattr(self, field)))
         check_building(self)
 
     @property

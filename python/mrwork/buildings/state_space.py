@@ -14,6 +14,7 @@ from mrwork.buildings.matrices import Building
 from mrwork.buildings.matrix_files import read_matrices
 from mrwork.buildings.shear import numbered
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.records.damper_test import frozen
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -47,8 +48,7 @@ class LinearSystem:
 
     def __post_init__(self) -> None:
         for title in ("A", "B", "C", "D"):
-            kept = np.array(getattr(self, title), dtype=np.float64, order="C")
-            kept.setflags(write=False)
+            kept = frozen(getattr(self, title))
             object.__setattr__(self, title, kept)
             if kept.ndim != 2 or not np.isfinite(kept).all():
                 raise SettingError(f"linear system: {title} must be a matrix of finite numbers")

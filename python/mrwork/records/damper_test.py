@@ -107,7 +107,7 @@ class DamperTest(Summarised):
 
 
 def frozen(samples: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Contiguous read-only copy of a channel."""
+    """Contiguous read-only copy of an array."""
     kept = np.array(samples, dtype=np.float64, order="C")
     kept.setflags(write=False)
     return kept
