@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -210,12 +209,21 @@ def _headline(fit: Fit) -> list[tuple[str, str, str]]:
 
 
 def _plain(value: object) -> str:
-    """A setting as a person would write it."""
-    if isinstance(value, str):
-        return value
+    """A setting in words; of nested settings those that are set, each with its name."""
     if isinstance(value, float):
         return numbers.shortest(value, 6)
-    return json.dumps(value, ensure_ascii=False, default=str)
+    if isinstance(value, Mapping):
+        held = {
+            name: entry for name, entry in value.items() if entry is not None and entry not in ({}, [], ())
+        }
+        if not held:
+            return ", ".join(value)
+        nested = any(isinstance(entry, Mapping) for entry in held.values())
+        parts = [f"{name}{':' if nested else ''} {_plain(entry)}" for name, entry in held.items()]
+        return ("; " if nested else ", ").join(parts)
+    if isinstance(value, list | tuple):
+        return ", ".join(map(_plain, value))
+    return str(value)
 
 
 def _file_stem(name: str) -> str:

@@ -240,7 +240,7 @@ def _line(profile: Profile, left: float, right: float) -> tuple[NDArray[np.float
 PROFILES = SectionKind(
     make=_section,
     absent=Absent(
-        title="Profiles",
+        title="Profile likelihood",
         command="mrwork profile RUN",
         says="computes an interval for each parameter by profile likelihood, open where the data set no bound.",
     ),
