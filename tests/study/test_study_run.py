@@ -13,6 +13,7 @@ from command_line import printed
 from mrwork.errors import Interrupted, JournalError
 from mrwork.simulate import Outcome
 from mrwork.store import Journal
+from mrwork.store.codec import plain
 from mrwork.store.unfinished import begin_journal
 from mrwork.study.reading import read_study
 from mrwork.study.results import StudyResults
@@ -140,6 +141,10 @@ def test_a_journal_of_another_study_is_refused(study: Study, path: Path, tmp_pat
     other = read_study(path, lambda run: pytest.fail(f"{run} is not asked for"))
     with pytest.raises(JournalError, match="is of another study"):
         ran(other, tmp_path / "journal", resume=True)
+
+
+def test_a_journal_changes_no_result(study: Study, tmp_path: Path) -> None:
+    assert plain(run_study(study).runs) == plain(ran(study, tmp_path / "journal").runs)
 
 
 def test_a_history_that_is_lost_is_simulated_again(study: Study, tmp_path: Path) -> None:

@@ -97,7 +97,9 @@ def test_the_section_says_what_the_tests_found() -> None:
     once = comparison(n_time=N_TIME, duration=2.0)
     short = residual_section([replace(once, test=replace(once.test, force=once.model_force + coloured(5)))])
     assert short.summary == "Residuals: correlated on this test."
-    assert any("cannot be told apart without repeated cycles" in sentence for sentence in short.groups[0].prose)
+    assert any(
+        "cannot be told apart without repeated cycles" in sentence for sentence in short.groups[0].prose
+    )
     table = both.groups[0].table
     assert table is not None
     assert [row[2] for row in table.rows][1] == "< 0.001"

@@ -54,7 +54,7 @@ class BestConstant:
 def run_study(
     study: Study,
     *,
-    journal: Journal,
+    journal: Journal | None = None,
     kept: Callable[[int, int], bool] = lambda row, motion: True,
     keep: Callable[[int, int, RunHistory], None] = lambda row, motion, history: None,
     on_progress: Callable[[StudyProgress], None] = lambda progress: None,
@@ -65,6 +65,8 @@ def run_study(
 
     Parameters
     ----------
+    journal
+        Records the runs, and recalls those of a study that was interrupted; `None` for no record.
     kept
         Whether the history of a (row, motion) is stored already; a lost one is simulated again.
     keep
@@ -78,9 +80,17 @@ def run_study(
         On Ctrl-C, with the `StudyResults` of the runs that are done.
     JournalError
         If the journal belongs to another study.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> results = mr.run_study(mr.read_study("study.toml"))  # doctest: +SKIP
+    >>> results.criteria(0, 0)["peak_drift"]  # doctest: +SKIP
+    0.0236
     """
     began = time.perf_counter()
-    journal.agree("study", fingerprint_of(study))
+    if journal is not None:
+        journal.agree("study", fingerprint_of(study))
     arrangements = list(study.arrangements)
     runs: dict[Key, RunResult] = {}
     halved: dict[Key, RunResult] | None = {} if check_step else None
@@ -155,7 +165,7 @@ def _results_of(
 def _runs(
     study: Study,
     arrangement: Arrangement,
-    journal: Journal,
+    journal: Journal | None,
     fresh: dict[int, RunHistory | None],
     threads: int,
     *,
@@ -172,7 +182,7 @@ def _runs(
     histories: dict[int, RunHistory] = {}
     for motion, ground in enumerate(study.motions):
         inputs = digest_of_run(arrangement, ground)
-        recalled = journal.recall(step, inputs)
+        recalled = None if journal is None else journal.recall(step, inputs)
         if recalled is not None:
             yield motion, rebuilt(RunResult, recalled)
             continue
@@ -192,7 +202,8 @@ def _runs(
                 histories = {
                     number: history_of(responses.histories[number - motion], arrangement) for number in wanted
                 }
-        journal.record(step, inputs, plain(simulated[motion]))
+        if journal is not None:
+            journal.record(step, inputs, plain(simulated[motion]))
         fresh[motion] = histories.get(motion)
         yield motion, simulated[motion]
 
@@ -250,7 +261,7 @@ def simulated_by(
 
 
 def _with_best_constant(
-    study: Study, arrangement: Arrangement, journal: Journal, threads: int
+    study: Study, arrangement: Arrangement, journal: Journal | None, threads: int
 ) -> tuple[Arrangement, Mapping[int, RunResult]]:
     """The arrangement with the constant command of the lowest score; and its runs, unless the command is recalled."""
     devices = arrangement.devices
@@ -271,8 +282,11 @@ def _with_best_constant(
         known.update(enumerate(levels[best]))
         return BestConstant(command=float(commands[best]), score=scores[best])
 
-    inputs = digest_of_run(arrangement, *study.motions)
-    best = journal.once("best_constant", inputs, BestConstant, search)
+    if journal is None:
+        best = search()
+    else:
+        inputs = digest_of_run(arrangement, *study.motions)
+        best = journal.once("best_constant", inputs, BestConstant, search)
     label = f"{arrangement.row.label}, {best.command:.3g} {study.command_unit}"
     with_command = replace(
         arrangement,
