@@ -126,7 +126,7 @@ def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
     if command is None:
         others = [f"{value:g} {unit}" for unit, value in known.items() if value is not None]
         raise RecordError(
-            f"{test.path or test.name}: the model takes its command in {spec.current.unit}, the test has "
+            f"{test.label}: the model takes its command in {spec.current.unit}, the test has "
             f"{others[0] if others else 'none'}; give a column for it, or a model in the other unit"
         )
     return replace(motion, command=command, command_unit=spec.current.unit)

@@ -90,7 +90,7 @@ def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:
     for test in tests:
         if test.sha256 in seen:
             raise SettingError(
-                f"{test.path or test.name} is one of the tests that {options.run_folder} was identified from; "
+                f"{test.label} is one of the tests that {options.run_folder} was identified from; "
                 "give tests that it has not seen, or none to leave its own out in turn"
             )
     nuisances = nuisances_of(options) or fit.nuisances

@@ -78,7 +78,7 @@ def _report(test: DamperTest) -> str:
         if value is not None
     )
     head = (
-        f"{test.path or test.name}: {test.n_time} samples at {1.0 / test.dt:g} Hz, "
+        f"{test.label}: {test.n_time} samples at {1.0 / test.dt:g} Hz, "
         f"{1e3 * facts['peak_displacement_m']:.3g} mm, {1e3 * facts['peak_velocity_mps']:.3g} mm/s, "
         f"{facts['peak_force_n']:.4g} N{command}"
     )

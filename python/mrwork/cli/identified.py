@@ -142,7 +142,7 @@ def text_of(fit: Fit, tests: tuple[DamperTest, ...], folder: Path) -> str:
         settle = f", first {quality.settle_seconds:.2g} s not compared" if quality.settle_seconds > 0 else ""
         recorded = ", ".join(filter(None, (quality.observation.in_words, quality.nuisance.in_words)))
         lines.append(
-            f"  {test.path or test.name}: fit {quality.fit_percent:.2f} %, RMSE {quality.rmse_n:.4g} N "
+            f"  {test.label}: fit {quality.fit_percent:.2f} %, RMSE {quality.rmse_n:.4g} N "
             f"over {quality.n_time} samples{settle}{f'; the model force {recorded}' if recorded else ''}"
         )
         lines += [f"    {finding.severity}: {finding.message}" for finding in test.findings]

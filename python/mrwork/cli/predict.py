@@ -66,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
         )
         rows.append(
             {
-                "file": test.path or test.name,
+                "file": test.label,
                 "fit_percent": quality.fit_percent,
                 "nrmse": quality.nrmse,
                 "rmse_n": quality.rmse_n,

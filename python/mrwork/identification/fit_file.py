@@ -152,12 +152,12 @@ def reopen(path: str | Path) -> OpenedRun:
     for test, quality in zip(tests, fit.quality, strict=True):
         if test.sha256 not in known:
             raise RecordError(
-                f"{test.path or test.name} has changed since {place} was identified from it; "
+                f"{test.label} has changed since {place} was identified from it; "
                 "bring back the file as it was, or run `mrwork identify` again"
             )
         if test.n_time - test.n_settle != quality.n_time:
             raise RecordError(
-                f"{test.path or test.name}: {test.n_time - test.n_settle} samples count where {quality.n_time} did "
+                f"{test.label}: {test.n_time - test.n_settle} samples count where {quality.n_time} did "
                 f"when {place} was identified; run `mrwork identify` again with this version"
             )
     observed = tuple(

@@ -138,11 +138,11 @@ def provenance_of(problem: Problem) -> Provenance:
     return Provenance(
         versions={"python": platform.python_version()} | {name: package_version(name) for name in _PACKAGES},
         instruction_set=_rust.instruction_set(),
-        inputs={test.path or test.name: test.sha256 for test in tests},
+        inputs={test.label: test.sha256 for test in tests},
         settings={name: value for name, value in record.items() if name not in _SEPARATE}
         | {
             "windows": {
-                test.path or test.name: {
+                test.label: {
                     "start": test.start_time,
                     "dt": test.dt,
                     "n_time": test.n_time,

@@ -66,6 +66,11 @@ class DamperTest(Summarised):
     original: DamperTest | None = None
 
     @property
+    def label(self) -> str:
+        """How messages and results call the test: its path, or its name where it has none."""
+        return self.path or self.name
+
+    @property
     def n_time(self) -> int:
         """Number of samples."""
         return int(self.force.size)

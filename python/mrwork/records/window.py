@@ -45,7 +45,7 @@ def cut(
     )
     if displacement.size < _FEWEST:
         raise SettingError(
-            f"{test.path or test.name}: {displacement.size} samples would remain of a record from "
+            f"{test.label}: {displacement.size} samples would remain of a record from "
             f"{test.time[0]:g} to {test.time[-1]:g} s; keep at least {_FEWEST}"
         )
     return replace(
@@ -95,7 +95,7 @@ def counted_from(test: DamperTest, settle: float) -> DamperTest:
     n_settle = ceil(settle / test.dt - 1e-9)
     if settle < 0 or test.n_time - n_settle < _FEWEST:
         raise SettingError(
-            f"{test.path or test.name}: --settle is {settle:g} s of a record of {test.dt * test.n_time:g} s; "
+            f"{test.label}: --settle is {settle:g} s of a record of {test.dt * test.n_time:g} s; "
             f"give 0 or more, and leave at least {_FEWEST} samples"
         )
     return replace(test, n_settle=n_settle)

@@ -78,7 +78,7 @@ def _standing_out(
             Finding(
                 code="command_mislabelled",
                 severity="warning",
-                message=f"{test.path or test.name}: dissipates {amount} than the other tests at "
+                message=f"{test.label}: dissipates {amount} than the other tests at "
                 f"{commands[row]:.3g} {unit} in similar motion (their spread is {100 * spread:.0f} %)"
                 f"{_belongs(float(force[row]), levels, at, unit)}; check its {quantity}",
                 measured=Measured(value=ratio, standard_error=spread, unit=""),

@@ -81,7 +81,7 @@ def _by_test(bands: StoredBands) -> list[dict[float, LeftOutCoverage]]:
 
 def _names(bands: StoredBands) -> list[str]:
     """Names without the folders they came from."""
-    known = {each.test.path or each.test.name: each.test for each in bands.predictions}
+    known = {each.test.label: each.test for each in bands.predictions}
     tests = list(dict.fromkeys(row.test for row in bands.coverage))
     return [known[name].name if name in known else name for name in tests]
 

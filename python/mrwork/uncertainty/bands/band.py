@@ -122,7 +122,7 @@ def simulate_draws(
     forces, failed = ObservedTest.of(spec, test).forces(theta, threads=threads)
     if np.mean(~failed) < 0.9:
         raise SimulationError(
-            f"{np.count_nonzero(failed)} of {len(theta)} draws cannot be simulated on {test.path or test.name}; "
+            f"{np.count_nonzero(failed)} of {len(theta)} draws cannot be simulated on {test.label}; "
             "the posterior reaches where the model is too stiff: narrow the prior, or sample the record more finely"
         )
     return forces[~failed]

@@ -49,7 +49,7 @@ class StoredBands:
 
     def row(self, prediction: Prediction, level: float) -> LeftOutCoverage | None:
         """Coverage of one test at one level."""
-        name = prediction.test.path or prediction.test.name
+        name = prediction.test.label
         return next((each for each in self.coverage if each.test == name and each.level == level), None)
 
 

@@ -179,7 +179,7 @@ class _Errors:
     def of(cls, prediction: Prediction) -> _Errors:
         every = slice(None, None, max(1, prediction.force.size // _SAMPLES))
         return cls(
-            name=prediction.test.path or prediction.test.name,
+            name=prediction.test.label,
             deviation=prediction.deviation,
             measured=float(np.std(prediction.measured)),
             error=prediction.residual[every],
@@ -301,7 +301,7 @@ def measured_coverage(
                 inside = score(band, cycles_of(prediction.test, prediction.test.force).energy).coverage
             rows.append(
                 LeftOutCoverage(
-                    test=prediction.test.path or prediction.test.name,
+                    test=prediction.test.label,
                     level=level,
                     samples=score(calibration.band(prediction, level), prediction.measured, per=deviation),
                     cycles_inside=inside,

@@ -50,9 +50,7 @@ def cycles_of(test: DamperTest, force: NDArray[np.float64]) -> Cycles:
         if samples.start >= first
     ]
     if not rows:
-        raise RecordError(
-            f"{test.path or test.name}: there is no whole cycle; give a longer test for energy per cycle"
-        )
+        raise RecordError(f"{test.label}: there is no whole cycle; give a longer test for energy per cycle")
     energy, stiffness, damping = np.array(rows).T
     return Cycles(energy=energy, stiffness=stiffness, damping=damping)
 

@@ -224,7 +224,7 @@ class SamplingProblem:
             versions={"python": platform.python_version()}
             | {name: package_version(name) for name in _PACKAGES},
             instruction_set=_rust.instruction_set(),
-            inputs={test.path or test.name: test.sha256 for test in objective.tests},
+            inputs={test.label: test.sha256 for test in objective.tests},
             settings=self.fingerprint() | {"nrmse": misfit},
             rng=self.rng,
             created=datetime.now(UTC).isoformat(timespec="seconds"),
