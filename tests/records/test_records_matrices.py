@@ -7,18 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 from scipy.io import savemat
 from scipy.sparse import csc_matrix
 
 from mrwork.errors import RecordError
-from mrwork.records.formats.matlab import read_matlab_matrices
+from mrwork.records.formats.matlab import read_matlab_matrices as read
 
 FULL = np.array([[4.0, -1.0, 0.0], [0.5, 3.0, 0.0]])
-
-
-def read(path: Path) -> dict[str, NDArray[np.float64]]:
-    return read_matlab_matrices(path, str(path))
 
 
 @pytest.mark.parametrize("version", ["4", "5"])

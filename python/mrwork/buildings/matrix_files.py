@@ -70,7 +70,7 @@ def read_matrices(path: Path, names: Collection[str]) -> dict[str, Floats]:
         return {file.stem: read_matrix(file) for file in files if file.stem in names}
     _bytes(path, 0)
     try:
-        return read_matlab_matrices(path, str(path))
+        return read_matlab_matrices(path)
     except OSError as error:
         raise RecordError(f"{path}: cannot be read ({error}); check the file and its permissions") from error
 

@@ -103,21 +103,18 @@ def _open_table(path: Path) -> ColumnTable:
     RecordError
         The path is missing, a directory, of an unknown extension, unreadable, or its content is refused.
     """
-    source = str(path)
     extension = path.suffix.lower()
     try:
         check_is_file(path)
         if extension in (".csv", ".tsv"):
-            return open_delimited(path, source)
+            return open_delimited(path)
         if extension == ".mat":
-            return open_matlab(path, source)
+            return open_matlab(path)
         if extension in (".parquet", ".pq"):
-            return open_parquet(path, source)
+            return open_parquet(path)
     except OSError as error:
-        raise RecordError(
-            f"{source}: cannot be read ({error}); check the file and its permissions"
-        ) from error
+        raise RecordError(f"{path}: cannot be read ({error}); check the file and its permissions") from error
     came = f"the extension is '{extension}'" if extension else "there is no extension"
     raise RecordError(
-        f"{source}: {came} where .csv, .tsv, .parquet or .mat was expected; export the record as one of these"
+        f"{path}: {came} where .csv, .tsv, .parquet or .mat was expected; export the record as one of these"
     )

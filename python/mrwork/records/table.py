@@ -74,7 +74,7 @@ class VectorTable(ColumnTable):
         return vector.astype(np.float64)
 
 
-def open_parquet(path: Path, source: str) -> ColumnTable:
+def open_parquet(path: Path) -> ColumnTable:
     """Open a .parquet file with pyarrow.
 
     Raises
@@ -87,7 +87,7 @@ def open_parquet(path: Path, source: str) -> ColumnTable:
         import pyarrow.parquet
     except ImportError as error:
         raise RecordError(
-            f"{source}: reading Parquet needs pyarrow; run: pip install 'mrwork[parquet]'"
+            f"{path}: reading Parquet needs pyarrow; run: pip install 'mrwork[parquet]'"
         ) from error
     data = path.read_bytes()
     try:
@@ -95,8 +95,8 @@ def open_parquet(path: Path, source: str) -> ColumnTable:
         vectors = {name: table.column(name).to_numpy() for name in table.column_names}
     except (pyarrow.ArrowException, OSError, KeyError, ValueError) as error:
         first_line = str(error).partition("\n")[0]
-        raise RecordError(f"{source}: not a readable Parquet file ({first_line}); write it again") from error
-    return VectorTable(source=source, sha256=hashlib.sha256(data).hexdigest(), vectors=vectors)
+        raise RecordError(f"{path}: not a readable Parquet file ({first_line}); write it again") from error
+    return VectorTable(source=str(path), sha256=hashlib.sha256(data).hexdigest(), vectors=vectors)
 
 
 def check_is_file(path: Path) -> None:

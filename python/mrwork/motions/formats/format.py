@@ -41,7 +41,7 @@ def open_lines(path: Path) -> Lines:
     RecordError
         The file is empty or is not text.
     """
-    data = read_text_bytes(path, str(path))
+    data = read_text_bytes(path)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:

@@ -236,14 +236,14 @@ def read_matrix_motion(path: Path, stated: Stated) -> GroundMotion:
     RecordError, UnitError, SettingError
         The file is damaged, or does not hold exactly one ground motion.
     """
-    matrices = read_matlab_matrices(path, str(path))
+    matrices = read_matlab_matrices(path)
     pairs = {name: pair for name, matrix in matrices.items() for pair in _pair(matrix)}
     if stated.column is None and len(pairs) > 1:
         listed = ", ".join(f"'{name}'" for name in pairs)
         raise RecordError(f"{path}: variables {listed} may all be a ground motion; name one with `column`")
     name = next(iter(pairs), None) if stated.column is None else stated.column
     if name not in pairs:
-        return motion_of_table(open_matlab(path, str(path)), stated, path)
+        return motion_of_table(open_matlab(path), stated, path)
     time, acceleration = pairs[name]
     table = VectorTable(source=str(path), sha256="", vectors={"t_s": time, name: acceleration})
     return motion_of_table(table, replace(stated, column=name), path)

@@ -23,7 +23,7 @@ _DECIMAL_COMMA: Final = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 _BINARY: Final = re.compile(rb"[\x00-\x08\x0e-\x1a\x7f]")
 
 
-def open_delimited(path: Path, source: str) -> ColumnTable:
+def open_delimited(path: Path) -> ColumnTable:
     """Open a .csv or .tsv file and read its header line.
 
     Lines that start with ``#`` are comments; if no header follows them, the last one is the header, as written by
@@ -35,9 +35,9 @@ def open_delimited(path: Path, source: str) -> ColumnTable:
     RecordError
         The file is empty, not text or not UTF-8, or it has no valid header or no data line.
     """
-    data = read_text_bytes(path, source)
-    text = _decode(data, source).replace("\r\n", "\n").replace("\r", "\n")
-    return DelimitedTable(source=source, sha256=hashlib.sha256(data).hexdigest(), lines=text.split("\n"))
+    data = read_text_bytes(path)
+    text = _decode(data, path).replace("\r\n", "\n").replace("\r", "\n")
+    return DelimitedTable(source=str(path), sha256=hashlib.sha256(data).hexdigest(), lines=text.split("\n"))
 
 
 class DelimitedTable(ColumnTable):
@@ -165,34 +165,34 @@ def _find_header(lines: Sequence[str], source: str) -> tuple[str, int]:
     )
 
 
-def read_text_bytes(path: Path, source: str) -> bytes:
+def read_text_bytes(path: Path) -> bytes:
     """Read a whole text file after a check of its start, because a wrong file may be very large."""
     with path.open("rb") as stream:
         head = stream.read(_LONGEST_LINE)
         if not head.strip():
-            raise RecordError(f"{source}: the file is empty; a header line and data lines were expected")
+            raise RecordError(f"{path}: the file is empty; a header line and data lines were expected")
         if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-            raise RecordError(f"{source}: the text is UTF-16; save it as UTF-8")
+            raise RecordError(f"{path}: the text is UTF-16; save it as UTF-8")
         byte = _BINARY.search(head)
         if byte is not None:
             raise RecordError(
-                f"{source}: byte {byte.start()} is {byte[0][0]:#04x}, so this is a binary file under the "
+                f"{path}: byte {byte.start()} is {byte[0][0]:#04x}, so this is a binary file under the "
                 "name of a text file; export the record as text"
             )
         if len(head) == _LONGEST_LINE and b"\n" not in head and b"\r" not in head:
             raise RecordError(
-                f"{source}: the first line is longer than {_LONGEST_LINE // 1024} KiB, so it cannot be a "
+                f"{path}: the first line is longer than {_LONGEST_LINE // 1024} KiB, so it cannot be a "
                 "header; check that this is a table with one row per line"
             )
         return head + stream.read()
 
 
-def _decode(data: bytes, source: str) -> str:
+def _decode(data: bytes, path: Path) -> str:
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data.count(b"\n", 0, error.start) + 1
         raise RecordError(
-            f"{source}: line {line}, byte {error.start} of the file is {data[error.start]:#04x}, which is "
+            f"{path}: line {line}, byte {error.start} of the file is {data[error.start]:#04x}, which is "
             "not UTF-8 text; save the file as UTF-8"
         ) from error

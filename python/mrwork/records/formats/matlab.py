@@ -42,7 +42,7 @@ _COMPLEX_FLAG: Final = 0x0800
 Variables = dict[str, "NDArray[np.generic] | None"]
 
 
-def open_matlab(path: Path, source: str) -> ColumnTable:
+def open_matlab(path: Path) -> ColumnTable:
     """Open a .mat file; the columns are its numeric vectors, or those in the fields of its only struct.
 
     Raises
@@ -50,7 +50,7 @@ def open_matlab(path: Path, source: str) -> ColumnTable:
     RecordError
         The file is of version 7.3, damaged, claims more data than it holds, or has no numeric vector.
     """
-    data, variables = _variables(path, source)
+    data, variables = _variables(path)
     columns = {
         name: array.ravel()
         for name, array in variables.items()
@@ -59,13 +59,13 @@ def open_matlab(path: Path, source: str) -> ColumnTable:
     if not columns:
         listed = ", ".join(f"'{name}'" for name in variables) or "nothing"
         raise RecordError(
-            f"{source}: expected one numeric vector per quantity, found {listed}; "
+            f"{path}: expected one numeric vector per quantity, found {listed}; "
             "save each column as a variable of its own, such as t_s, displacement_m, force_n"
         )
-    return VectorTable(source=source, sha256=hashlib.sha256(data).hexdigest(), vectors=columns)
+    return VectorTable(source=str(path), sha256=hashlib.sha256(data).hexdigest(), vectors=columns)
 
 
-def read_matlab_matrices(path: Path, source: str) -> dict[str, NDArray[np.float64]]:
+def read_matlab_matrices(path: Path) -> dict[str, NDArray[np.float64]]:
     """Read the real matrices of a .mat file by name, or those of its only struct; sparse ones become dense.
 
     Raises
@@ -73,7 +73,7 @@ def read_matlab_matrices(path: Path, source: str) -> dict[str, NDArray[np.float6
     RecordError
         The file is of version 7.3, damaged, or claims more data than it holds.
     """
-    _, variables = _variables(path, source)
+    _, variables = _variables(path)
     return {
         name: array.astype(np.float64)
         for name, array in variables.items()
@@ -81,21 +81,21 @@ def read_matlab_matrices(path: Path, source: str) -> dict[str, NDArray[np.float6
     }
 
 
-def _variables(path: Path, source: str) -> tuple[bytes, Variables]:
+def _variables(path: Path) -> tuple[bytes, Variables]:
     """Bytes of the file, and its variables by name; `None` for contents other than real numbers."""
     data = path.read_bytes()
     if not data:
-        raise RecordError(f"{source}: the file is empty; a .mat file was expected")
+        raise RecordError(f"{path}: the file is empty; a .mat file was expected")
     if data.startswith(_HDF5) or data[512:516] == _HDF5:
         raise RecordError(
-            f"{source}: this is a version 7.3 .mat file, which is HDF5; save it with -v7 from MATLAB"
+            f"{path}: this is a version 7.3 .mat file, which is HDF5; save it with -v7 from MATLAB"
         )
     try:
         # A version 4 file starts with a small integer, a version 5 file with text.
         variables = _version_4(data) if 0 in data[:4] else _version_5(data)
     except (DamagedError, struct.error, zlib.error) as error:
         raise RecordError(
-            f"{source}: not a readable .mat file ({error}); it is cut off or damaged, save it again"
+            f"{path}: not a readable .mat file ({error}); it is cut off or damaged, save it again"
         ) from error
     return data, variables
 
