@@ -1,4 +1,4 @@
-"""Pages of HTML that need nothing from anywhere else: how a template is filled in, and the style sheet."""
+"""Self-contained HTML pages: templates with their content, and the style sheet."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ _STROKES = {
 
 
 def filled_in(name: str, **content: Any) -> str:
-    """A template of the package, which may use `styles`, with its content."""
-    return environment().get_template(name).render(styles=Markup(styles()), **content)
+    """A template of the package with its content; it may use `styles`."""
+    return _environment().get_template(name).render(**content)
 
 
 def write_study_page(template: Path, path: Path, **content: Any) -> None:
     """Fill in a Jinja template, which may use `styles`, and write it."""
-    page = environment().from_string(template.read_text(encoding="utf-8"))
+    page = _environment().from_string(template.read_text(encoding="utf-8"))
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(page.render(styles=Markup(styles()), **content), encoding="utf-8")
+    path.write_text(page.render(**content), encoding="utf-8")
 
 
 def swatch(colour: str, kind: str) -> Markup:
-    """What a mark looks like, for a key: a "point", or a "line", "dotted", "dashed" or "wide"."""
+    """A sample of a mark for a key: "point", "line", "dotted", "dashed" or "wide"."""
     if kind == "point":
         mark = Markup('<circle cx="11" cy="4.5" r="3.5" fill="{}"/>').format(colour)
     else:
@@ -44,7 +44,7 @@ def swatch(colour: str, kind: str) -> Markup:
     return Markup('<svg viewBox="0 0 22 9" aria-hidden="true">{}</svg>').format(mark)
 
 
-def styles() -> str:
+def _styles() -> str:
     """The style sheet of every page."""
     colours = {
         "ink": style.INK,
@@ -56,23 +56,24 @@ def styles() -> str:
         "fonts": ", ".join(f'"{name}"' for name in style.PAGE_FONTS) + ", sans-serif",
     }
     variables = "".join(f"--{name}: {value};" for name, value in colours.items())
-    return f"{font.font_faces()}:root {{{variables}}}\n{resource('report.css')}"
+    return f"{font.font_faces()}:root {{{variables}}}\n{_resource('report.css')}"
 
 
-def resource(name: str) -> str:
-    """A template or style sheet as it lies in the package."""
+def _resource(name: str) -> str:
+    """A template or style sheet of the package."""
     return (files("mrwork.report") / "templates" / name).read_text(encoding="utf-8")
 
 
-def environment() -> Environment:
-    """How every page is filled in: all is escaped, and a name without content is an error."""
+def _environment() -> Environment:
+    """Jinja's environment for all pages: everything is escaped, and an undefined name is an error."""
     environment = Environment(
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        loader=FunctionLoader(resource),
+        loader=FunctionLoader(_resource),
     )
+    environment.globals["styles"] = Markup(_styles())
     environment.filters["breakable"] = lambda name: Markup(breakable(name))
     environment.filters["coded"] = lambda sentence: Markup(coded(sentence))
     environment.filters["symbol"] = lambda name: Markup(symbol(name))

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from markupsafe import Markup
-
-from mrwork.report.html import environment, resource, styles
+from mrwork.report.html import filled_in
 from mrwork.report.numbers import fixed
 from mrwork.report.section import Group, Section
 from mrwork.report.study.criteria_tables import overview_table, ratio_table, value_table
@@ -51,9 +49,8 @@ def study_page(
         step_section(results),
         motion_section(results),
     ]
-    template = environment().from_string(resource("study.html.j2"))
-    return template.render(
-        styles=Markup(styles()),
+    return filled_in(
+        "study.html.j2",
         title=results.title,
         motions=results.motions,
         banner=_banner(results),
