@@ -201,12 +201,12 @@ def test_an_earlier_run_outlives_a_new_one_that_is_killed(whole: Path, tmp_path:
     assert found(place) == before
 
 
-# Ctrl-C comes when the last stage is loaded, by the program itself: the run is then surely still going.
+# Ctrl-C comes from the program itself, when it loads the optimiser of the last stage: the run is surely still going.
 INTERRUPTED = """
 import os, signal, sys
 
 def interrupt(event, arguments):
-    if event == "import" and arguments[0] == "mrwork.identification.polish":
+    if event == "import" and arguments[0] == "scipy.optimize":
         os.kill(os.getpid(), signal.SIGINT)
 
 sys.addaudithook(interrupt)
