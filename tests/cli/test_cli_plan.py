@@ -1,4 +1,4 @@
-"""`mrwork plan`: from a run directory to a ranking, a document and a map in it."""
+"""`mrwork plan`: from a run folder to a ranking, a document and a map in it."""
 
 from __future__ import annotations
 

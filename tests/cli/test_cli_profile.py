@@ -1,4 +1,4 @@
-"""`mrwork profile`: from a run directory to a table, a document and a figure in it."""
+"""`mrwork profile`: from a run folder to a table, a document and a figure in it."""
 
 from __future__ import annotations
 

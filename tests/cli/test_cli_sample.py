@@ -1,4 +1,4 @@
-"""`mrwork sample`: from a run directory to its posterior, in one table and two files."""
+"""`mrwork sample`: from a run folder to its posterior, in one table and two files."""
 
 from __future__ import annotations
 

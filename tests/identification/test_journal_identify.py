@@ -57,7 +57,7 @@ def steps_of(journal: Path) -> list[dict[str, Any]]:
 
 
 def finished(command: list[str], folder: Path) -> Path:
-    """The run directory of a run that nothing interrupted."""
+    """The run folder of a run that nothing interrupted."""
     result = mrwork(*command, "--out", folder / "run")
     assert result.returncode == 0, result.stderr
     return folder / "run"

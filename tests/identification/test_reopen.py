@@ -1,4 +1,4 @@
-"""A run directory opened again has its fit, and its tests to the last bit."""
+"""A run folder opened again has its fit, and its tests to the last bit."""
 
 from __future__ import annotations
 

@@ -116,7 +116,7 @@ def test_a_run_folder_is_read_back(plain: Path, whole: Path) -> None:
 
 
 def test_what_is_no_run_folder_is_refused_in_a_sentence(tmp_path: Path) -> None:
-    with pytest.raises(MrworkError, match="run directory"):
+    with pytest.raises(MrworkError, match="run folder"):
         mr.load(tmp_path)
     (tmp_path / "results.json").write_text("{}")
     with pytest.raises(RecordError, match="folder of a study"):

@@ -1,4 +1,4 @@
-"""A run directory is written whole or not at all, and reads back as the same fit."""
+"""A run folder is written whole or not at all, and reads back as the same fit."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from mrwork.report.svg import figure_files
 from mrwork.store.run_folder import JOURNAL, MANIFEST, check_destination, write_folder
 
 FIT = fit(comparison())
-# What is in a journal does not matter to the run directory: any file will do.
+# What is in a journal does not matter to the run folder: any file will do.
 STEPS = Path(__file__)
 
 
@@ -384,5 +384,5 @@ def test_what_is_not_a_run_is_refused(tmp_path: Path) -> None:
         read_fit(tmp_path / "nothing")
     with pytest.raises(RecordError, match="is a file"):
         read_fit(tmp_path / "file")
-    with pytest.raises(RecordError, match=r"is not a run directory, it has no manifest\.json"):
+    with pytest.raises(RecordError, match=r"is not a run folder, it has no manifest\.json"):
         read_fit(tmp_path / "folder")

@@ -18,7 +18,7 @@ from mrwork.study.schema import DamperTable
 
 def identified(run: Path) -> tuple[DamperSpec, tuple[float, ...]]:
     if run.name != "run":
-        raise RecordError(f"{run} does not exist; give the run directory")
+        raise RecordError(f"{run} does not exist; give the run folder")
     preset = damper("bouc_wen").preset("jansen2000")
     return preset.spec, preset.theta
 

@@ -46,7 +46,7 @@ def add_parser(verbs: Any) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Profile, write the document and the figure into the run directory, print the table."""
+    """Profile, write the document and the figure into the run folder, print the table."""
     if options.threads < 0:
         raise SettingError(f"--threads is {options.threads}; it cannot be negative")
     # SciPy's optimisers are slow to load, and the help does not need them.

@@ -90,20 +90,20 @@ def write_run(
 
 
 def read_fit(path: str | Path) -> Fit:
-    """The `Fit` of the run directory at `path`.
+    """The `Fit` of the run folder at `path`.
 
     Raises
     ------
     RecordError
-        If there is no such folder, it is not a run directory, or its fit cannot be understood.
+        If there is no such folder, it is not a run folder, or its fit cannot be understood.
     """
     place = Path(path)
     if not place.is_dir():
         what = "is a file" if place.exists() else "does not exist"
-        raise RecordError(f"{path} {what}; give the run directory that `mrwork identify --out` wrote")
+        raise RecordError(f"{path} {what}; give the run folder that `mrwork identify --out` wrote")
     if not (place / MANIFEST).is_file():
         raise RecordError(
-            f"{path} is not a run directory, it has no {MANIFEST}; "
+            f"{path} is not a run folder, it has no {MANIFEST}; "
             "give the folder that `mrwork identify --out` wrote"
         )
     fit = read_document(Fit, place / FIT, name="fit", verb="identify")
@@ -125,7 +125,7 @@ def fit_from_json(text: str, *, origin: str) -> Fit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpenedRun:
-    """The fit of a run directory, and its tests: cut, repaired and with their observation model as in the fit."""
+    """The fit of a run folder, and its tests: cut, repaired and with their observation model as in the fit."""
 
     place: Path
     fit: Fit
@@ -133,12 +133,12 @@ class OpenedRun:
 
 
 def reopen(path: str | Path) -> OpenedRun:
-    """Open the run directory at `path`, with the tests it was identified from.
+    """Open the run folder at `path`, with the tests it was identified from.
 
     Raises
     ------
     RecordError
-        Where it is no run directory, does not say how its tests were read, a file is gone, or one is not what it was.
+        Where it is no run folder, does not say how its tests were read, a file is gone, or one is not what it was.
     """
     place = Path(path)
     fit = read_fit(place)

@@ -153,7 +153,7 @@ def write_files(folder: Path, contents: Mapping[str, bytes]) -> None:
 
 
 def real_place(path: str | Path) -> Path:
-    """Where the run directory at `path` really lies: a link to one stays a link."""
+    """Where the run folder at `path` really lies: a link to one stays a link."""
     return Path(os.path.realpath(path))
 
 
@@ -161,7 +161,7 @@ def _refuse_foreign(place: Path, path: str | Path) -> None:
     if place.is_dir():
         if not (place / MANIFEST).is_file() and any(place.iterdir()):
             raise OutputError(
-                f"{path} holds files but no {MANIFEST}, so it is not a run directory and is left as it is; "
+                f"{path} holds files but no {MANIFEST}, so it is not a run folder and is left as it is; "
                 "choose another folder"
             )
     elif place.exists():

@@ -18,7 +18,7 @@ _COPYING = "copying"
 
 
 def begin_journal(path: str | Path) -> Journal:
-    """A fresh journal for the run directory at `path`; an earlier run there stays as it is.
+    """A fresh journal for the run folder at `path`; an earlier run there stays as it is.
 
     Raises
     ------
@@ -71,14 +71,14 @@ def discard_journal(journal: Journal) -> None:
 
 
 def is_copy(path: str | Path, journal: Journal) -> bool:
-    """Whether a journal holds no more than that of the run directory at `path`."""
+    """Whether a journal holds no more than that of the run folder at `path`."""
     with suppress(OSError):
         return cmp(journal.path, real_place(path) / JOURNAL, shallow=False)
     return False
 
 
 def part_of(path: str | Path) -> Path:
-    """The folder beside the run directory at `path` that holds the journal until the run is finished."""
+    """The folder beside the run folder at `path` that holds the journal until the run is finished."""
     place = real_place(path)
     return place.with_name(place.name + _SUFFIX)
 

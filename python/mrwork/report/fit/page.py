@@ -111,7 +111,7 @@ def rewrite_page(place: str | Path) -> Path:
     Raises
     ------
     RecordError
-        Where it is no run directory, its tests cannot be read as they were, or an addition is damaged.
+        Where it is no run folder, its tests cannot be read as they were, or an addition is damaged.
     OutputError
         Where the page cannot be written.
     """
