@@ -135,7 +135,7 @@ def test_the_older_reading_of_the_half_power_width_passes_a_short_record_for_dam
             np.random.default_rng(6).normal(size=2000),
             None,
             RecordError,
-            "does not stand out|damping does not show",
+            "does not stand out from the noise|damping does not show",
         ),
     ],
 )

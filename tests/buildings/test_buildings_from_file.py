@@ -235,7 +235,7 @@ def test_a_mistake_is_told_in_one_sentence_with_its_key(text: str, place: str, e
         ("M.csv", "# mass\n1,2\n3,x\n", "line 3 holds 'x' where a number was expected"),
         ("M.csv", "", "holds no numbers"),
         ("M.csv", "\xff", "not UTF-8"),
-        ("M.xlsx", "1", "a matrix comes as text"),
+        ("M.xlsx", "1", "a matrix is read from a"),
     ],
 )
 def test_a_text_file_that_is_no_matrix_is_refused_with_its_line(
@@ -256,7 +256,7 @@ def test_separators_and_comments_of_a_text_matrix_are_understood(tmp_path: Path)
 def test_a_file_that_leads_back_to_itself_is_refused(tmp_path: Path) -> None:
     (tmp_path / "a.toml").write_text('file = "b.toml"')
     (tmp_path / "b.toml").write_text('file = "a.toml"')
-    with pytest.raises(SettingError, match="leads back to itself"):
+    with pytest.raises(SettingError, match="refers back to itself"):
         read_building(tmp_path / "a.toml")
 
 
@@ -281,7 +281,7 @@ def test_a_damaged_file_is_refused_with_its_name(
 
 def test_a_mat_file_without_matrices_of_a_building_says_what_it_has(tmp_path: Path) -> None:
     savemat(tmp_path / "plant.mat", {"A": np.eye(2), "B": np.ones((2, 1))})
-    with pytest.raises(SettingError, match="here is A, B"):
+    with pytest.raises(SettingError, match="found A, B"):
         read_building(tmp_path / "plant.mat")
 
 

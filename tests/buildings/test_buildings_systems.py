@@ -149,7 +149,7 @@ def test_a_system_is_read_from_a_file(tmp_path: Path) -> None:
     for title in ("A", "B", "C", "D"):
         np.testing.assert_array_equal(getattr(again, title), getattr(system, title))
     savemat(tmp_path / "half.mat", {"A": system.A})
-    with pytest.raises(SettingError, match="needs A, B and C; here is A"):
+    with pytest.raises(SettingError, match="needs A, B and C; found A"):
         read_system(tmp_path / "half.mat")
 
 

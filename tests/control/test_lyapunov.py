@@ -51,7 +51,7 @@ def test_without_a_weight_the_units_do_not_matter() -> None:
 
 def test_a_building_without_damping_has_none() -> None:
     building = replace(three_storeys(), damping=np.zeros((3, 3)))
-    with pytest.raises(SettingError, match="wants damping in every mode"):
+    with pytest.raises(SettingError, match="needs damping in every mode"):
         lyapunov_function(plant(1, building))
 
 

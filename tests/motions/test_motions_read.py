@@ -143,7 +143,7 @@ def test_two_columns_without_names_need_a_unit(tmp_path: Path, delimiter: str) -
     body = [f"  {DT * k:.4f}{delimiter}{value:.12g}" for k, value in enumerate(IN_G)]
     path = write_lines(tmp_path / "a.txt", ["# El Centro", *body])
     assert_is_the_motion(read_motion(path, unit="g"), 1e-9)
-    with pytest.raises(UnitError, match="state it as `unit`"):
+    with pytest.raises(UnitError, match="give it as `unit`"):
         read_motion(path)
     with pytest.raises(SettingError, match="runs as time does"):
         read_motion(path, unit="g", dt=DT)
@@ -170,7 +170,7 @@ def test_a_column_is_chosen_where_several_may_be_it(tmp_path: Path) -> None:
 def test_a_g_is_no_acceleration_in_g(tmp_path: Path) -> None:
     body = [f"{DT * k:.4f},{value:.12g}" for k, value in enumerate(A)]
     path = write_lines(tmp_path / "a.csv", ["t,a_g", *body])
-    with pytest.raises(UnitError, match="'a_g' does not say its unit"):
+    with pytest.raises(UnitError, match="'a_g' does not state its unit"):
         read_motion(path)
     assert_is_the_motion(read_motion(path, unit="m/s2"), 1e-9)
 
@@ -225,5 +225,5 @@ def test_the_unit_of_a_column_ends_its_name() -> None:
     assert (
         acceleration_column(["t_s", "EW [g]"], Stated(column="EW [g]"), source="").factor == STANDARD_GRAVITY
     )
-    with pytest.raises(UnitError, match="does not say its unit"):
+    with pytest.raises(UnitError, match="does not state its unit"):
         acceleration_column(["t_s", "a"], stated, source="")

@@ -76,7 +76,7 @@ def test_an_identified_run_is_taken_with_its_laws() -> None:
     [
         ("", "names no damper; give a preset, a run, or a model with parameters"),
         ('preset = "kwok2005"', r"line 2: no published set is called 'kwok2005', did you mean kwok2006"),
-        ('preset = "spencer1997"', r"'spencer1997' is a set of bingham and bouc_wen; say which by model"),
+        ('preset = "spencer1997"', r"'spencer1997' is a set of bingham and bouc_wen; choose one with model"),
         ('preset = "kwok2006"\nrun = "run"', "has a preset and a run; give one of them"),
         ('preset = "kwok2006"\nparameters = { cc = 1 }', r"line 3: static_hysteretic has no parameter 'cc'"),
         (

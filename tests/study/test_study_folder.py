@@ -37,7 +37,7 @@ def test_what_follows_from_the_runs_follows_from_their_file(tmp_path: Path) -> N
     assert repr([stored.score(row) for row in range(5)]) == repr([results.score(row) for row in range(5)])
     assert stored.warnings() == results.warnings()
     assert largest_step_changes(stored) == largest_step_changes(results)
-    assert (stored.done, stored.wanted, stored.complete) == (results.done, results.wanted, True)
+    assert (stored.done, stored.total, stored.complete) == (results.done, results.total, True)
     assert stored.finished(0) == results.finished(0) == [0, 1, 2, 3]
 
 
@@ -46,7 +46,7 @@ def test_rows_that_were_not_reached_are_known_by_their_labels(tmp_path: Path) ->
     begun = replace(results, runs={key: run for key, run in results.runs.items() if key[0] < 3})
     stored = read_back(begun, tmp_path)
     assert [row.label for row in stored.rows] == [row.label for row in results.rows]
-    assert (stored.done, stored.wanted, stored.complete) == (6, 10, False)
+    assert (stored.done, stored.total, stored.complete) == (6, 10, False)
     assert stored.criteria(4, 0) is None
     assert "6 of 10 runs" in repr(stored)
 

@@ -68,10 +68,10 @@ def test_the_intensity_of_the_soil_scales_the_motion() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("factor = 1", "the study wants a file or a synthetic motion"),
+        ("factor = 1", "the study needs either a file or a synthetic motion"),
         (
             'synthetic = "kanai_tajimi"\nfile = "swing.csv"',
-            "wants a file or a synthetic motion, and one of them",
+            "needs either a file or a synthetic motion",
         ),
         (
             'file = "swing.csv"\nfactor = 1\npga = 1',

@@ -162,7 +162,11 @@ def test_every_building_of_the_literature_is_stated_without_python(name: str, tm
             r"line 26: `delay` is 0.0003 s, which is not a whole number of",
         ),
         ("differential = true", "amplitude = 3", r"line 7: amplitude is 3; give an array"),
-        ("differential = true", "amplitude = [3]", r"line 7: amplitude wants the least and the largest"),
+        (
+            "differential = true",
+            "amplitude = [3]",
+            r"line 7: amplitude takes the smallest and the largest value",
+        ),
         (
             "[hardware]\n",
             '[[hardware.fault]]\nsignal = "force"\nstart = 2\nend = 1\n[hardware]\n',
@@ -181,7 +185,7 @@ def test_a_mistake_is_one_sentence_with_its_line(old: str, new: str, message: st
 
 def test_control_without_dampers_is_refused(tmp_path: Path) -> None:
     start, end = STUDY.index("[[damper]]"), STUDY.index("[[controller]]")
-    with pytest.raises(SettingError, match=r"line 4: a control law wants dampers, and the study has none"):
+    with pytest.raises(SettingError, match=r"line 4: a control law needs dampers, and the study has none"):
         study_of(STUDY[:start] + STUDY[end:], tmp_path)
 
 

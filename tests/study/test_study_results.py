@@ -59,7 +59,7 @@ def test_a_change_of_the_step_is_that_of_the_criteria() -> None:
     assert checked.step_changes(2, 0) is None
     assert checked.step_changes(3, 0) == dict.fromkeys((entry.name for entry in criteria()), 0.0)
     (change,) = largest_step_changes(checked)
-    assert (change.row, change.criterion, change.motion, change.lost) == (3, "rms_drift", 1, ())
+    assert (change.row, change.criterion, change.motion, change.unfinished) == (3, "rms_drift", 1, ())
     assert change.change == pytest.approx(0.02)
     assert "RMS drift, filtered noise" in change.in_words(checked)
 
@@ -76,14 +76,14 @@ def test_a_study_is_complete_when_its_check_is() -> None:
     results = study_samples.results()
     assert results.complete
     begun = replace(results, halved={(0, 0): results.runs[0, 0]})
-    assert (begun.done, begun.wanted, begun.complete) == (11, 20, False)
+    assert (begun.done, begun.total, begun.complete) == (11, 20, False)
     assert replace(results, halved=results.runs).complete
 
 
 def test_an_energy_balance_that_does_not_hold_is_said_once_for_each_row() -> None:
     (warning,) = study_samples.results().warnings()
     assert "Clipped-optimal" in warning
-    assert "3.0e-04 of what was turned over, under filtered noise; 1 of 2 runs" in warning
+    assert "3.0e-04 of the largest energy, under filtered noise; 1 of 2 runs" in warning
 
 
 def test_a_balance_that_is_no_number_does_not_hold() -> None:

@@ -59,7 +59,7 @@ def test_a_study_is_read_with_its_units_and_defaults() -> None:
     ("old", "new", "message"),
     [
         ("storey = 1", "story = 1", r"line 7: \[\[damper\]\] has no key 'story', did you mean storey"),
-        ("storey = 1\n", "", r"line 6: \[\[damper\]\] has no storey; give storey it stands in"),
+        ("storey = 1\n", "", r"line 6: \[\[damper\]\] has no storey; give storey of the damper"),
         ("storey = 1", "storey = 1.5", r"line 7: storey is 1.5; give a whole number"),
         ("storey = 1", "storey = true", r"line 7: storey is True; give a whole number"),
         ("differential = true", 'differential = "yes"', r"line 9: differential is 'yes'; give true or false"),
@@ -70,7 +70,7 @@ def test_a_study_is_read_with_its_units_and_defaults() -> None:
         (
             "[0.981, 2.943]",
             '[0.1, "3 mm"]',
-            r"line 17: pga\[1\] is '3 mm', where a number \[m/s2\] is wanted",
+            r"line 17: pga\[1\] is '3 mm', where a number \[m/s2\] is expected",
         ),
         ('"2 ms"', '"2"', r"line 20: sample_time is the text '2'; give the number without quotes"),
         ('"2 ms"', "0", r"line 20: sample_time is 0; it must be more than 0"),

@@ -54,7 +54,7 @@ def with_rayleigh_damping(
     if min(low, high) <= 0.0 or np.isclose(low, high, rtol=1e-9):
         raise SettingError(
             f"building {building.name}: modes {modes[0]} and {modes[1]} have {low / (2 * np.pi):g} and "
-            f"{high / (2 * np.pi):g} Hz; Rayleigh damping wants two different frequencies above zero"
+            f"{high / (2 * np.pi):g} Hz; Rayleigh damping needs two different frequencies above zero"
         )
     a0, a1 = np.linalg.solve([[0.5 / low, 0.5 * low], [0.5 / high, 0.5 * high]], ratios)
     return with_rayleigh_coefficients(building, a0=float(a0), a1=float(a1))
@@ -304,13 +304,13 @@ def with_base_isolation_of_period(
     )
 
 
-def check_positive(value: float, says: str, example: str = "") -> None:
-    """Refuse a number of an addition that is not positive; `says` and `example` are the message."""
+def check_positive(value: float, message: str, example: str = "") -> None:
+    """Refuse a number of an addition that is not positive; `message` begins the message, `example` ends it."""
     if not (np.isfinite(value) and value > 0.0):
-        raise SettingError(f"{says}; give a number above zero{example}")
+        raise SettingError(f"{message}; give a number above zero{example}")
 
 
-def check_not_negative(value: float, says: str) -> None:
-    """Refuse a number of an addition that is negative; `says` begins the message."""
+def check_not_negative(value: float, message: str) -> None:
+    """Refuse a number of an addition that is negative; `message` begins the message."""
     if not (np.isfinite(value) and value >= 0.0):
-        raise SettingError(f"{says}; give a number from zero")
+        raise SettingError(f"{message}; give a number from zero")

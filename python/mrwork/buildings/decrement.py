@@ -90,7 +90,7 @@ def logarithmic_decrement(
     if decay <= 0.0:
         raise RecordError(
             f"free vibration: the extremes of the mode at {start.frequency:g} Hz do not decay; give the record from "
-            "the release on, until it is still"
+            "the release until it is at rest"
         )
     weights = np.exp(-decay * (times - times[0]))
     (half_period, _), spread = np.polyfit(np.arange(kept), times, 1, w=weights, cov=True)

@@ -27,7 +27,7 @@ class Device(Summarised):
     count
         Number of dampers in parallel.
     differential
-        Adds as many dampers in the opposite direction, so that constant forces cancel.
+        Whether as many dampers act in the opposite direction, so that constant forces cancel.
 
     Raises
     ------
@@ -55,7 +55,7 @@ class Device(Summarised):
                 f"{self.name}: the largest command is {self.largest_command}; give a positive number"
             )
         if not self.count > 0.0:
-            raise SettingError(f"{self.name}: {self.count} dampers side by side; give a positive number")
+            raise SettingError(f"{self.name}: {self.count} dampers in parallel; give a positive number")
 
     @property
     def draws(self) -> Floats:
@@ -68,7 +68,7 @@ class Device(Summarised):
             facts=(
                 (
                     "dampers",
-                    f"{self.count:g}{', and as many the other way round' if self.differential else ''}",
+                    f"{self.count:g}{', and as many in opposition' if self.differential else ''}",
                 ),
                 ("command", f"0 to {self.largest_command:g}"),
                 ("draws", str(len(self.draws))),

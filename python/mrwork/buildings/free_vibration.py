@@ -143,7 +143,7 @@ def fourier_peak(signal: Floats, *, dt: float, band: tuple[float, float] | None 
     inside = np.flatnonzero((frequency >= low) & (frequency <= high))
     if inside.size < 3:
         raise RecordError(
-            f"free vibration: the record tells nothing between {low:g} and {high:g} Hz; widen the band"
+            f"free vibration: the spectrum has fewer than three points from {low:g} to {high:g} Hz; widen the band"
         )
     top = int(inside[power[inside].argmax()])
     if top in (inside[0], inside[-1]):
@@ -163,8 +163,8 @@ def fourier_peak(signal: Floats, *, dt: float, band: tuple[float, float] | None 
     hertz = omega / (2.0 * np.pi)
     if alone.power(omega) < _CLEAR * noise**2 * signal.size:
         raise RecordError(
-            f"free vibration: what is highest in the band, at {hertz:g} Hz, does not stand out of what lies beside it; "
-            "give a band around a mode"
+            f"free vibration: the highest peak in the band, at {hertz:g} Hz, does not stand out from the noise "
+            "beside it; give a band around a mode"
         )
     if alone.projected_power(omega, -decay) > alone.projected_power(omega, decay):
         raise RecordError(

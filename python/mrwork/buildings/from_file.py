@@ -7,11 +7,11 @@ key                    meaning
 =====================  ==================================================================================
 published              name of a published building, as "uts"
 file                   .toml, .mat (M, C, K by name), or a folder with M.csv, C.csv, K.csv
-mass, stiffness,       matrices [kg], [N/m], [N s/m], as rows of numbers or the name of a text file; beside
-damping                `published` or `file` they replace its own
+mass, stiffness,       matrices [kg], [N/m], [N s/m], as rows of numbers or the name of a text file; with
+damping                `published` or `file` they replace the matrices of that building
 masses, stiffnesses,   floors [kg] and storeys [N/m], [N s/m] of a shear building, lowest first
 storey_damping
-n_storeys              of that building; a single mass, stiffness or damping then holds for all storeys
+n_storeys              of that building; a single mass, stiffness or damping then applies to all storeys
 influence, floors,     as in `Building`; by default each coordinate is the displacement of a floor
 storeys
 floor_names,           names in reports
@@ -120,9 +120,9 @@ def _built(entries: Entries, folder: Path, readers: tuple[Path, ...]) -> Buildin
     forms = [key for key in ("published", "file", "masses") if key in entries]
     forms += ["mass"] if "mass" in entries and not forms else []
     if len(forms) != 1:
-        said = " and ".join(forms) or "none of them"
+        given = " and ".join(forms) or "none of them"
         entries.refuse(
-            f"a building is given by published, file, mass and stiffness, or masses; here by {said}"
+            f"a building is given by published, file, mass and stiffness, or masses; here by {given}"
         )
     form = forms[0]
     for key in _SHEAR:
@@ -140,7 +140,7 @@ def _built(entries: Entries, folder: Path, readers: tuple[Path, ...]) -> Buildin
 def _named(entries: Entries, form: str, folder: Path, readers: tuple[Path, ...]) -> Building:
     name = entries.text(form)
     if form == "file" and (folder / name).resolve() in readers:
-        entries.refuse(f"{name} leads back to itself; name the file of another building", form)
+        entries.refuse(f"{name} refers back to itself; name the file of another building", form)
     with Entries({}, entries.place.within(form)).placed():
         return published_building(name) if form == "published" else _read(folder / name, readers)
 
@@ -185,7 +185,7 @@ def _stated(entries: Entries, folder: Path) -> Building:
 
 
 def _changed(known: Building, entries: Entries, folder: Path) -> Building:
-    """Return a building with the entries of a table replacing its own."""
+    """Return a building with the matrices, names and source replaced by those of a table."""
     arrays = _arrays(entries, folder)
     changes: dict[str, Any] = {key: entries.texts(key) for key in _NAMES if key in entries}
     if arrays:
@@ -224,9 +224,7 @@ def _from_matrices(
     for title in ("mass", "stiffness"):
         if title not in named:
             found = ", ".join(matrices) or "nothing"
-            entries.refuse(
-                f"a building needs mass (M), stiffness (K) and mostly damping (C); here is {found}"
-            )
+            entries.refuse(f"a building needs mass (M), stiffness (K) and usually damping (C); found {found}")
     n = len(named["mass"])
     floors = named.get("floors", np.eye(n))
     storeys = named.get("storeys", floor_differences(len(floors)) @ floors)

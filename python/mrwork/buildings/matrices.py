@@ -166,14 +166,14 @@ class Building(Summarised):
         )
 
 
-def _index(wanted: int | str, names: tuple[str, ...], refusal: str) -> int:
+def _index(key: int | str, names: tuple[str, ...], refusal: str) -> int:
     """Index of a row given by name or by number from 1."""
-    if isinstance(wanted, str) and wanted in names:
-        return names.index(wanted)
-    if isinstance(wanted, int) and not isinstance(wanted, bool) and 1 <= wanted <= len(names):
-        return wanted - 1
+    if isinstance(key, str) and key in names:
+        return names.index(key)
+    if isinstance(key, int) and not isinstance(key, bool) and 1 <= key <= len(names):
+        return key - 1
     raise UnknownNameError(
-        f"{refusal} {wanted!r}; give a number from 1 to {len(names)} or one of {', '.join(names)}"
+        f"{refusal} {key!r}; give a number from 1 to {len(names)} or one of {', '.join(names)}"
     )
 
 
@@ -235,7 +235,7 @@ def check_building(building: Building) -> None:
         raise SettingError(f"{where}: the status is {building.status!r}; it is one of {', '.join(STATUSES)}")
     if not 0 <= building.n_strokes <= len(building.storeys):
         raise SettingError(
-            f"{where}: {building.n_strokes} of {len(building.storeys)} storey rows are said to be strokes; "
+            f"{where}: {building.n_strokes} of {len(building.storeys)} storey rows are declared as strokes; "
             "give a number from zero to all"
         )
 
@@ -291,7 +291,7 @@ def _check_mass(mass: Floats, where: str) -> None:
         first = int(np.abs(vectors[:, 0]).argmax())
         kind = "singular" if abs(values[0]) <= _SINGULAR * values[-1] else "not positive definite"
         raise SettingError(
-            f"{where}: the mass matrix is {kind}, a motion led by coordinate {first + 1} moves no mass; {remedy}"
+            f"{where}: the mass matrix is {kind}, a motion dominated by coordinate {first + 1} moves no mass; {remedy}"
         )
 
 
@@ -300,7 +300,7 @@ def _check_stiffness(stiffness: Floats, where: str) -> None:
     if values[0] < -_ROUNDING * max(values[-1], 0.0) and values[0] < 0.0:
         first = int(np.abs(vectors[:, 0]).argmax())
         raise SettingError(
-            f"{where}: the stiffness is unstable, a motion led by coordinate {first + 1} is pushed on with "
+            f"{where}: the stiffness is unstable, a motion dominated by coordinate {first + 1} has the stiffness "
             f"{values[0]:g} N/m; check its signs"
         )
 
@@ -310,7 +310,7 @@ def _check_names(names: Sequence[str], n_rows: int, noun: str, where: str) -> No
         raise SettingError(f"{where}: {len(names)} {noun} names for {n_rows} {noun} rows; name each of them")
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
-        raise SettingError(f"{where}: two {noun}s are called {twice!r}; give each a name of its own")
+        raise SettingError(f"{where}: two {noun}s are called {twice!r}; give each a different name")
 
 
 def _sides(matrix: Floats) -> str:

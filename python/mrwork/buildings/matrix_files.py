@@ -31,7 +31,7 @@ def read_matrix(path: Path) -> Floats:
     """
     if path.suffix.lower() not in _SUFFIXES:
         raise RecordError(
-            f"{path}: a matrix comes as text, in a {', '.join(_SUFFIXES)} file; save it as one of these"
+            f"{path}: a matrix is read from a {', '.join(_SUFFIXES)} file; save it as one of these"
         )
     try:
         text = _bytes(path).decode("utf-8-sig")

@@ -87,7 +87,7 @@ def balanced_truncation(system: LinearSystem, *, order: int) -> BalancedReductio
     n_clear = int((hankel > _NOISE * hankel[0]).sum())
     if not 1 <= order <= n_clear:
         raise SettingError(
-            f"balanced truncation: order {order} was asked for; {n_clear} of {system.n_states} states are clear of "
+            f"balanced truncation: order {order} was requested; {n_clear} of {system.n_states} states are clear of "
             f"rounding, give a number from 1 to {n_clear}"
         )
     scale = 1.0 / np.sqrt(hankel[:order])

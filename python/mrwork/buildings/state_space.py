@@ -151,11 +151,11 @@ def from_control(system: StateSpace) -> LinearSystem:
     )
 
 
-def _indices(wanted: Sequence[str], names: tuple[str, ...], noun: str) -> list[int]:
-    for name in wanted:
+def _indices(selected: Sequence[str], names: tuple[str, ...], noun: str) -> list[int]:
+    for name in selected:
         if name not in names:
             raise UnknownNameError(f"there is no {noun} {name!r}; choose among {', '.join(names)}")
-    return [names.index(name) for name in wanted or names]
+    return [names.index(name) for name in selected or names]
 
 
 OUTPUTS: Final = ("displacement", "velocity", "acceleration", "drift", "drift rate")
@@ -297,7 +297,7 @@ def read_system(path: str | Path) -> LinearSystem:
     for letter in "ABC":
         if letter not in matrices:
             found = ", ".join(matrices) or "nothing"
-            raise SettingError(f"{path}: a linear system needs A, B and C; here is {found}")
+            raise SettingError(f"{path}: a linear system needs A, B and C; found {found}")
     A, B, C = (matrices[letter] for letter in "ABC")
     return LinearSystem(A=A, B=B, C=C, D=matrices.get("D", np.zeros((len(C), B.shape[1]))))
 

@@ -131,10 +131,10 @@ class Entries:
         except MrworkError as error:
             raise type(error)(f"{self.place}: {error}") from error
 
-    def _get(self, key: str, wanted: str, default: object = None) -> object:
+    def _get(self, key: str, expected: str, default: object = None) -> object:
         value = self.table.get(key, default)
         if value is None:
-            self.refuse(f"{key} is missing; give {wanted}")
+            self.refuse(f"{key} is missing; give {expected}")
         return value
 
 
@@ -178,7 +178,7 @@ def _rayleigh(building: Building, entries: Entries) -> Building:
     modes = entries.numbers("modes") if "modes" in entries else (1.0, 2.0)
     if len(ratios) != 2 or len(modes) != 2 or not all(mode.is_integer() for mode in modes):
         entries.refuse(
-            "Rayleigh damping wants two ratios and two modes, as ratios = [0.02, 0.02], modes = [1, 3]",
+            "Rayleigh damping takes two ratios and two modes, as ratios = [0.02, 0.02], modes = [1, 3]",
             "ratios",
         )
     with entries.placed():

@@ -82,9 +82,9 @@ def profile_described(progress: ProfileProgress) -> str:
 
 def study_described(progress: StudyProgress) -> str:
     """Progress in one line: how many runs are done, which are next, how long it may take."""
-    parts = [f"{progress.done} of {progress.wanted} runs", progress.label, _duration(progress.seconds)]
+    parts = [f"{progress.done} of {progress.total} runs", progress.label, _duration(progress.seconds)]
     if progress.done:
-        left = progress.seconds * (progress.wanted - progress.done) / progress.done
+        left = progress.seconds * (progress.total - progress.done) / progress.done
         parts.append(f"about {_duration(left)} left")
     return ", ".join(parts)
 

@@ -171,7 +171,7 @@ def _write(
         histories.read,
         motion=study.detailed,
         drawn=study.drawn,
-        status=("Runs", f"{results.done} of {results.wanted}", f"in {seconds:.3g} s"),
+        status=("Runs", f"{results.done} of {results.total}", f"in {seconds:.3g} s"),
         command=command,
     )
     write_study(

@@ -47,7 +47,7 @@ def dampers_of(devices: Sequence[Device], *, actuators: bool) -> tuple[str, Laws
     n_draws = max(len(device.draws) for device in devices)
     if any(len(device.draws) not in (1, n_draws) for device in devices):
         counts = ", ".join(str(len(device.draws)) for device in devices)
-        raise SettingError(f"the devices have {counts} draws; give as many of each, or one")
+        raise SettingError(f"the devices have {counts} draws; give the same number for each device, or one")
     shape = (n_draws, len(spec.parameters))
     theta = np.stack([np.broadcast_to(device.draws, shape) for device in devices], axis=1)
     return (
@@ -146,7 +146,7 @@ def loop_observer(
     unknown = [floor for floor in floors if not 0 <= floor < len(building.floors)]
     if unknown:
         raise SettingError(
-            f"{building.name} has {len(building.floors)} floors, counted from 0; {unknown} are none"
+            f"{building.name} has {len(building.floors)} floors, counted from 0; {unknown} do not exist"
         )
     plant = plant_of(
         building, np.array([device.row for device in devices]), [device.name for device in devices]

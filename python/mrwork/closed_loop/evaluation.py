@@ -100,7 +100,7 @@ SCORE = ("peak_drift", "peak_acceleration", "rms_drift", "rms_acceleration")
 
 
 def score(controlled: Sequence[dict[str, Floats]], passive: Sequence[dict[str, Floats]]) -> Floats:
-    """Mean over motions and `SCORE` of the ratio of each criterion to its value at i = 0; our own definition.
+    """Mean over motions and `SCORE` of the ratio of each criterion to its value at i = 0, as defined in this project.
 
     Parameters
     ----------

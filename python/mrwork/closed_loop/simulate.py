@@ -76,7 +76,9 @@ def simulate_loop(
     """
     hardware = Hardware() if hardware is None else hardware
     if not devices:
-        raise SettingError("a closed loop has at least one device; for none, simulate one of no force")
+        raise SettingError(
+            "a closed loop has at least one device; without dampers, simulate a device of zero force"
+        )
     if not motions:
         raise SettingError("no ground motion was given; give at least one")
     for motion in motions:

@@ -100,7 +100,9 @@ class ControlLaw(Summarised):
         n_candidates = max((len(block) for block in blocks), default=1)
         if any(len(block) not in (1, n_candidates) for block in blocks):
             counts = ", ".join(str(len(block)) for block in blocks)
-            raise SettingError(f"the gains of {spec.name} are of {counts} candidates; give as many of each")
+            raise SettingError(
+                f"the gains of {spec.name} have {counts} candidates; give the same number for each gain, or one"
+            )
         wide = [np.broadcast_to(block, (n_candidates, block.shape[1])) for block in blocks]
         return np.ascontiguousarray(np.hstack(wide)) if wide else np.zeros((1, 0))
 

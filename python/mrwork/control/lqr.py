@@ -184,7 +184,7 @@ def regulator_as_published(plant: Plant, published: PublishedRegulator) -> Regul
     if len(outputs.names) != published.n_floors:
         raise SettingError(
             f"{published.name} is for a building of {published.n_floors} floors, {plant.building.name} has "
-            f"{len(outputs.names)}; state weights of your own"
+            f"{len(outputs.names)}; choose weights for it with `regulator_of_outputs`"
         )
     weights = [0.0] * published.n_floors
     for floor, weight in published.weighed:

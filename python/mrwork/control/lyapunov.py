@@ -68,7 +68,7 @@ def lyapunov_function(plant: Plant, weight: ArrayLike | None = None) -> Lyapunov
     if not slowest < -1e-9 * float(np.linalg.norm(A_z, 2)):
         raise SettingError(
             f"{plant.building.name} has a mode that decays at {-slowest:.2g} 1/s without control; "
-            f"a Lyapunov function wants damping in every mode"
+            f"a Lyapunov function needs damping in every mode"
         )
     P_z = scipy.linalg.solve_continuous_lyapunov(A_z.T, -Q_z)
     P_z = 0.5 * (P_z + P_z.T)

@@ -154,8 +154,8 @@ def _filter(
         P = solve_discrete((A_z - N @ of_C).T, C_z.T @ of_C, Q - N @ of_N)
     except SettingError as error:
         raise SettingError(
-            "no observer is stable with these measurements; measure something in which every mode shows that "
-            "is not damped"
+            "no observer is stable with these measurements; add a measurement in which every undamped mode is "
+            "observable"
         ) from error
     innovation = C_z @ P @ C_z.T + R
     gain = np.linalg.solve(innovation, (A_z @ P @ C_z.T + N).T).T

@@ -85,7 +85,7 @@ def plant_of(building: Building, attachment: ArrayLike, device_names: Sequence[s
         )
     if not np.isfinite(rows).all() or not np.any(rows, axis=1).all():
         raise SettingError(
-            "a row of `attachment` is zero or not finite; each device must feel some coordinate"
+            "a row of `attachment` is zero or not finite; each device must be elongated by some coordinate"
         )
     names = tuple(device_names) or tuple(f"device {number + 1}" for number in range(len(rows)))
     if len(names) != len(rows):

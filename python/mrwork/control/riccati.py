@@ -73,7 +73,7 @@ def solve_riccati(
     if not residual <= _LARGEST_RESIDUAL:
         raise SettingError(
             f"the Riccati equation is met only to {residual:.1e} of its terms, {_LARGEST_RESIDUAL:g} is "
-            f"wanted; make the weights less extreme: a larger control weight or a smaller output weight"
+            f"required; make the weights less extreme: a larger control weight or a smaller output weight"
         )
     P = inverse.T @ P_z @ inverse * (cost / rate)
     gain = forces[:, None] * gain_z @ inverse

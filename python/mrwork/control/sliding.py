@@ -108,20 +108,20 @@ def placed_surface(plant: Plant, poles: ArrayLike) -> SlidingSurface:
         If their number is wrong, one is not damped, a complex one lacks its conjugate, or they cannot be placed.
     """
     back, A, n_moved = _regular_form(plant)
-    wanted = np.asarray(poles, dtype=np.complex128).ravel()
+    placed = np.asarray(poles, dtype=np.complex128).ravel()
     n_rest = len(A) - n_moved
-    if wanted.size != n_rest or not np.all(wanted.real < 0.0):
+    if placed.size != n_rest or not np.all(placed.real < 0.0):
         raise SettingError(
-            f"{wanted.size} poles were given; the surface of {plant.n_devices} devices takes {n_rest}, "
+            f"{placed.size} poles were given; the surface of {plant.n_devices} devices takes {n_rest}, "
             f"each with a negative real part"
         )
     from scipy.signal import place_poles
 
     try:
-        placed = place_poles(A[:n_rest, :n_rest], A[:n_rest, n_rest:], wanted)
+        found = place_poles(A[:n_rest, :n_rest], A[:n_rest, n_rest:], placed)
     except ValueError as error:
         raise SettingError(f"the poles of the surface cannot be placed: {error}") from error
-    return _surface(plant, back, A, np.asarray(placed.gain_matrix, dtype=np.float64))
+    return _surface(plant, back, A, np.asarray(found.gain_matrix, dtype=np.float64))
 
 
 def sliding_gains(
@@ -191,7 +191,7 @@ def _regular_form(plant: Plant) -> tuple[Floats, Floats, int]:
     diagonal = np.abs(np.diag(triangular))
     if not diagonal.min() > 1e-10 * diagonal.max():
         raise SettingError(
-            "two devices act on the building in the same way; a sliding surface wants one device for each "
+            "two devices act on the building in the same way; a sliding surface needs one device for each "
             "direction: design it for one of them and share its force"
         )
     back = plant.scaling @ np.hstack([orthogonal[:, n_moved:], orthogonal[:, :n_moved]])

@@ -40,7 +40,7 @@ def scaled_to_peak(motion: GroundMotion, peak: float) -> GroundMotion:
     """
     if not (math.isfinite(peak) and peak > 0.0):
         raise SettingError(
-            f"ground motion {motion.name}: a peak of {peak} m/s2 is asked for; give a positive one"
+            f"ground motion {motion.name}: a peak of {peak} m/s2 was requested; give a positive one"
         )
     if motion.peak == 0.0:
         raise SettingError(f"ground motion {motion.name}: is zero throughout and cannot be scaled to a peak")

@@ -19,7 +19,7 @@ from mrwork.motions.formats.table import TABLE, read_matrix_motion
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.records.table import check_is_file, listed_files
 
-# Each recognises its own content; a table is the fallback and stands last.
+# Each format recognises its content; a table is the fallback and comes last.
 FORMATS: Final[tuple[Format, ...]] = (PEER_AT2, K_NET, COSMOS, ESM, TABLE)
 
 _MATLAB_5: Final = b"MATLAB 5.0"

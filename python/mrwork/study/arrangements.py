@@ -38,7 +38,7 @@ CONSTANT_LAWS: Mapping[str, ConstantLaw] = {
         share=None,
     ),
 }
-"""By name; studies accept them besides the laws of the registry."""
+"""Constant commands that a study accepts as laws, besides the laws of the registry, by name."""
 
 
 def arrangements(
@@ -56,10 +56,10 @@ def arrangements(
     SettingError
         If a law or a baseline is wrong, or a law has no dampers.
     """
-    none = Row(label="uncontrolled", kind="uncontrolled", says="the building without dampers")
+    none = Row(label="uncontrolled", kind="uncontrolled", description="the building without dampers")
     found = [arranged(bare, none, bare, (), constant_command((), 0.0))]
     if devices:
-        off = Row(label="i = 0", kind="passive_off", says="the dampers without a command")
+        off = Row(label="i = 0", kind="passive_off", description="the dampers without a command")
         found.append(arranged(bare, off, building, devices, constant_command(devices, 0.0)))
     found += [_baseline(baseline, table, bare, folder) for baseline in table.baseline]
     first = table.damper[0] if devices else None
@@ -72,7 +72,7 @@ def arrangements(
     )
     for controller in table.controller:
         if not devices:
-            controller.place.refuse("a control law wants dampers, and the study has none; give a [[damper]]")
+            controller.place.refuse("a control law needs dampers, and the study has none; give a [[damper]]")
         title, law = chosen_law(controller, problem)
         constant = CONSTANT_LAWS.get(controller.law)
         if constant is not None and constant.share == 0.0:
@@ -81,7 +81,7 @@ def arrangements(
                 found[1], row=replace(found[1].row, label=controller.label or found[1].row.label)
             )
             continue
-        row = Row(label=controller.label or title, kind="controller", says=controller.law)
+        row = Row(label=controller.label or title, kind="controller", description=controller.law)
         found.append(arranged(bare, row, building, devices, law))
     return tuple(found)
 
@@ -90,7 +90,7 @@ def _range(table: DamperTable, name: str, given: tuple[float, ...] | None) -> tu
     if given is None:
         return None
     if len(given) != 2 or given[0] > given[1]:
-        table.place.within(name).refuse(f"{name} wants the least and the largest, as [0.001, 0.01]")
+        table.place.within(name).refuse(f"{name} takes the smallest and the largest value, as [0.001, 0.01]")
     return given[0], given[1]
 
 
@@ -98,21 +98,21 @@ def _baseline(baseline: BaselineTable, table: StudyTable, bare: Building, folder
     where = baseline.place.within("building")
     with located(where):
         changed = building_from_table({**table.building, **baseline.building}, where, folder=folder)
-    lost = [
+    missing = [
         name
         for name in (*bare.floor_names, *bare.storey_names)
         if name not in (*changed.floor_names, *changed.storey_names)
     ]
-    if lost:
+    if missing:
         where.refuse(
-            f"{lost[0]} of the building is gone; a baseline adds to it, and keeps its floors and storeys"
+            f"the baseline has no {missing[0]}; it may add floors and storeys to the building, not remove them"
         )
-    row = Row(label=baseline.label, kind="baseline", says=changed.name)
+    row = Row(label=baseline.label, kind="baseline", description=changed.name)
     return arranged(bare, row, changed, (), constant_command((), 0.0))
 
 
 def chosen_law(table: ControllerTable, problem: DesignProblem) -> tuple[str, ControlLaw | None]:
-    """Title and law of a table; no law for the best constant command, which follows from runs.
+    """Title and law of a table; the law is `None` for the best constant command, which is found when the study runs.
 
     Raises
     ------
@@ -144,6 +144,6 @@ def constant_command(devices: Sequence[Device], command: float) -> ControlLaw:
 
 
 def constant_commands(devices: Sequence[Device], commands: ArrayLike) -> ControlLaw:
-    """A candidate for each constant command."""
+    """The law with one candidate for each constant command."""
     rows = np.outer(np.asarray(commands, dtype=np.float64), np.ones(len(devices)))
     return ControlLaw(name="passive", gains={"command": rows})

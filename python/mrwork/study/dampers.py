@@ -37,7 +37,7 @@ class ChosenDamper:
     source: str
 
     @property
-    def follows(self) -> bool:
+    def follows_command(self) -> bool:
         """Whether any parameter depends on the command."""
         current = self.spec.current
         return current is not None and _depend_on_command(current.laws)
@@ -67,7 +67,7 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> C
         If the table names no damper or several, or the model does not have a parameter.
     """
     place = table.place
-    _refuse_two(table)
+    _refuse_ambiguous(table)
     if table.preset is not None:
         draft, largest, source = _of_preset(table, table.preset)
     elif table.run is not None:
@@ -84,7 +84,7 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> C
     largest = table.largest_command if table.largest_command is not None else largest
     if largest is None and _depend_on_command(draft.laws.values()):
         place.refuse(
-            f"{place.table} has no largest_command; give the most that the driver gives [{draft.unit}]"
+            f"{place.table} has no largest_command; give the largest command of the driver [{draft.unit}]"
         )
     spec = draft.plain.with_current_laws(draft.laws, unit=draft.unit, lagged=draft.lag is not None)
     numbers = [number for name in draft.plain.names for number in draft.values[name]]
@@ -107,7 +107,7 @@ def _depend_on_command(laws: Iterable[LawName]) -> bool:
     return any(current_laws()[law].degree != 0 for law in laws)
 
 
-def _refuse_two(table: DamperTable) -> None:
+def _refuse_ambiguous(table: DamperTable) -> None:
     given = [name for name in ("preset", "run") if getattr(table, name) is not None]
     if len(given) == 2:
         table.place.refuse(f"{table.place.table} has a preset and a run; give one of them")
@@ -116,7 +116,7 @@ def _refuse_two(table: DamperTable) -> None:
             f"{table.place.table} names no damper; give a preset, a run, or a model with parameters"
         )
     if table.run is not None and table.model is not None:
-        table.place.within("model").refuse("the run says its model; leave model out")
+        table.place.within("model").refuse("the model is that of the run; leave model out")
 
 
 def _model(place: Place, name: str | None) -> DamperSpec:
@@ -139,7 +139,7 @@ def _of_preset(table: DamperTable, name: str) -> tuple[_Draft, float | None, str
         place.within("preset").refuse(f"no published set is called {name!r}{near}")
     if len(having) > 1:
         several = " and ".join(spec.name for spec in having)
-        place.within("preset").refuse(f"{name!r} is a set of {several}; say which by model")
+        place.within("preset").refuse(f"{name!r} is a set of {several}; choose one with model")
     preset = having[0].preset(name)
     draft = _draft(preset.spec, preset.theta)
     return draft, preset.largest_command, f"{name}, {preset.status}: {preset.source}"
@@ -156,7 +156,7 @@ def _draft(spec: DamperSpec, theta: tuple[float, ...]) -> _Draft:
     current = spec.current
     plain = damper(spec.name)
     laws = (polynomial_laws()[0],) * len(plain.names) if current is None else current.laws
-    # The coefficients stand in the order of the parameters, the rate of the lag at the end.
+    # Coefficients in the order of the parameters, then the rate of the lag.
     numbers = iter(theta)
     return _Draft(
         plain=plain,
@@ -187,10 +187,10 @@ def _changed(draft: _Draft, table: DamperTable) -> _Draft:
     for name, law in (table.laws or {}).items():
         _refuse_unknown(draft.plain, name, place)
         laws[name] = law
-        wanted = current_laws()[law].n_coefficients
-        if name in values and len(values[name]) != wanted:
+        expected = current_laws()[law].n_coefficients
+        if name in values and len(values[name]) != expected:
             place.within(name).refuse(
-                f"{name} with the law {law} takes {wanted} coefficients, {len(values[name])} are given"
+                f"{name} with the law {law} takes {expected} coefficients, {len(values[name])} are given"
             )
     lag = draft.lag if table.lag is None else table.lag
     return _Draft(plain=draft.plain, laws=laws, values=values, unit=draft.unit, lag=lag)
@@ -202,7 +202,7 @@ def _refuse_unknown(plain: DamperSpec, name: str, place: Place) -> None:
         place.within(name).refuse(f"{plain.name} has no parameter {name!r}{near}")
 
 
-# Mass of a joint over the mean mass of a floor: negligible for the building.
+# Mass of a joint over the mean mass of a floor, negligible for the building.
 _JOINT_SHARE = 1e-3
 
 

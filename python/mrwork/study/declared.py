@@ -118,7 +118,7 @@ def _plain(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
 
 
 def _number_in(text: str, unit: str) -> float | str:
-    """A number in SI from a text such as "1 ms", or the rest of a sentence on what is wrong with it."""
+    """A number in SI from a text such as "1 ms", or the reason why it is not one, as the rest of a sentence."""
     factors = {name: factor for quantity in _MEASURES[unit] for name, factor in FACTORS[quantity].items()}
     known, example = ", ".join(factors), f'"1 {list(factors)[:2][-1]}"'
     number, _, given = text.strip().partition(" ")
@@ -133,7 +133,7 @@ def _number_in(text: str, unit: str) -> float | str:
             f"is the text {text!r}; give the number without quotes [{unit}], or with its unit as in {example}"
         )
     if any(given.strip() in units for units in FACTORS.values()):
-        return f"is {text!r}, where a number [{unit}] is wanted; its unit may be {known}"
+        return f"is {text!r}, where a number [{unit}] is expected; its unit may be {known}"
     return f"is {text!r}, whose unit is not known; its unit may be {known}"
 
 
@@ -144,7 +144,7 @@ def _ranged(value: float, place: Place, entry: Field[Any]) -> float:
 
 
 def _is_near(kind: Any, value: Any) -> bool:
-    """Whether a value resembles a type of a union, which then gives the message."""
+    """Whether a value has the form of a type of a union; errors are then those of that type."""
     origin = get_origin(kind)
     if is_dataclass(kind) or origin in (dict, Mapping):
         return isinstance(value, dict)
@@ -157,8 +157,8 @@ def _is_near(kind: Any, value: Any) -> bool:
     return isinstance(value, kind) and not (kind is int and isinstance(value, bool))
 
 
-def _refuse(place: Place, value: Any, wanted: str) -> NoReturn:
-    place.refuse(f"{_name(place)} is {shown(value)}; give {wanted}")
+def _refuse(place: Place, value: Any, expected: str) -> NoReturn:
+    place.refuse(f"{_name(place)} is {shown(value)}; give {expected}")
 
 
 def _name(place: Place) -> str:

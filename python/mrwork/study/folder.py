@@ -75,7 +75,7 @@ class _Document:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class StoredStudy(StudyCriteria):
-    """The results of a study as its folder holds them: criteria instead of responses.
+    """The results of a study as stored in its folder: criteria instead of responses.
 
     Rows of an interrupted study without a run are among `rows` with the kind "controller".
     """

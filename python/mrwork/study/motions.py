@@ -38,10 +38,10 @@ def motions_of(table: MotionTable, folder: Path, seed: int) -> tuple[GroundMotio
     """
     place = table.place
     if (table.file is None) == (table.synthetic is None):
-        place.refuse(f"{place.table} wants a file or a synthetic motion, and one of them")
+        place.refuse(f"{place.table} needs either a file or a synthetic motion")
     if table.factor is not None and table.pga is not None:
         place.within("pga").refuse("a motion is scaled by factor or to a pga; keep one")
-    bare = _made(table, seed) if table.file is None else _read(table, table.file, folder)
+    bare = _synthetic(table, seed) if table.file is None else _read(table, table.file, folder)
     with located(place):
         whole = _processed(bare, table)
         return tuple(_scaled(whole, table))
@@ -54,7 +54,7 @@ def _read(table: MotionTable, file: str, folder: Path) -> GroundMotion:
         )
 
 
-def _made(table: MotionTable, seed: int) -> GroundMotion:
+def _synthetic(table: MotionTable, seed: int) -> GroundMotion:
     for name in ("unit", "column", "channel"):
         if getattr(table, name) is not None:
             table.place.within(name).refuse(

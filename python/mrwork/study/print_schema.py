@@ -25,10 +25,10 @@ def schema_text() -> str:
     """Every table with its keys, their meanings, units and defaults, for `mrwork respond --schema`."""
     blocks = []
     for heading, kind in tables():
-        says = textwrap.wrap(
+        prose = textwrap.wrap(
             " ".join((kind.__doc__ or "").split()), width=_WIDTH, initial_indent="  ", subsequent_indent="  "
         )
-        blocks.append("\n".join([heading or "at the top", *says, *key_lines(kind)]))
+        blocks.append("\n".join([heading or "at the top", *prose, *key_lines(kind)]))
         if kind is StudyTable:
             blocks.append("\n".join(["[building]", *_building_lines()]))
     return "\n\n".join(blocks)
@@ -92,10 +92,14 @@ def key_lines(kind: type) -> list[str]:
     lines = []
     for entry, hint in keys:
         unit = entry.metadata["unit"]
-        says = f"{entry.metadata['says']} ({in_words(hint)}{f' [{unit}]' if unit else ''})"
+        meaning = f"{entry.metadata['says']} ({in_words(hint)}{f' [{unit}]' if unit else ''})"
         head = f"  {entry.name:<{names}}  {_default(entry):<{defaults}}  "
         lines += textwrap.wrap(
-            says, width=_WIDTH, initial_indent=head, subsequent_indent=" " * len(head), break_long_words=False
+            meaning,
+            width=_WIDTH,
+            initial_indent=head,
+            subsequent_indent=" " * len(head),
+            break_long_words=False,
         )
     return lines
 

@@ -114,13 +114,13 @@ def _drawn(
     for label in table.controllers:
         if label not in labels:
             near = suggestion(label, labels)
-            where.within("controllers").refuse(f"nothing is called {label!r}{near}")
+            where.within("controllers").refuse(f"no arrangement is called {label!r}{near}")
     largest = int(np.argmax([motion.peak for motion in motions]))
     detailed = largest if table.motion is None else names.index(table.motion)
-    wanted = [
+    drawn = [
         number for number, label in enumerate(labels) if not table.controllers or label in table.controllers
     ]
-    return detailed, tuple(wanted)
+    return detailed, tuple(drawn)
 
 
 def _facts(
@@ -132,7 +132,9 @@ def _facts(
     for device, damper in zip(devices, chosen, strict=True):
         count = f"{device.count} x " if device.count > 1 else ""
         pair = ", a differential pair" if device.differential else ""
-        fixed = "" if damper.follows else ", which follows no command: all its parameters are constant"
+        fixed = (
+            "" if damper.follows_command else ", which follows no command: all its parameters are constant"
+        )
         facts.append((device.name[:1].upper() + device.name[1:], f"{count}{device.spec.title}{pair}{fixed}"))
     facts += [("Parameters", text) for text in dict.fromkeys(damper.source for damper in chosen)]
     facts.append(
@@ -153,8 +155,8 @@ def hardware_of(table: HardwareTable, place: Place, seed: int) -> Hardware:
     SettingError
         If its numbers contradict each other; the message has the line.
     """
-    apart = ("fault", "measured_floors")
-    plain = {entry.name: getattr(table, entry.name) for entry in fields(table) if entry.name not in apart}
+    converted = ("fault", "measured_floors")
+    plain = {entry.name: getattr(table, entry.name) for entry in fields(table) if entry.name not in converted}
     faults = []
     for fault in table.fault:
         if fault.end <= fault.start:

@@ -19,7 +19,7 @@ from mrwork.units import STANDARD_GRAVITY
 Key = tuple[int, int]
 """Indices of the row and the motion of a run."""
 
-# Columns of a summary beside the label of a row.
+# Motions in the summary.
 _MOTIONS_SHOWN = 5
 
 OFF_BALANCE = (
@@ -50,7 +50,7 @@ class MotionFacts:
 class StudyCriteria(Summarised, ABC):
     """Criteria of a study by (row, motion), and the ratios, scores and warnings that follow from them.
 
-    The first rows are the building without dampers and i = 0. `halved` are the runs with half the step, if asked for.
+    The first rows are the building without dampers and i = 0. `halved` are the runs with half the step, if requested.
     """
 
     __slots__ = ()
@@ -85,14 +85,14 @@ class StudyCriteria(Summarised, ABC):
         return len(self.ends) + len(self.checked or ())
 
     @property
-    def wanted(self) -> int:
+    def total(self) -> int:
         """Number of runs of the whole study."""
         return len(self.rows) * len(self.motions) * (1 if self.checked is None else 2)
 
     @property
     def complete(self) -> bool:
         """Whether all runs are done."""
-        return self.done == self.wanted
+        return self.done == self.total
 
     def finished(self, motion: int) -> list[int]:
         """The rows whose run under a motion finished."""
@@ -124,9 +124,9 @@ class StudyCriteria(Summarised, ABC):
         reference = self.row_of("passive_off")
         if reference is None:
             return float("nan")
-        ours = [self.criteria(row, motion) for motion in range(len(self.motions))]
+        controlled = [self.criteria(row, motion) for motion in range(len(self.motions))]
         passive = [self.criteria(reference, motion) for motion in range(len(self.motions))]
-        pairs = [(one, other) for one, other in zip(ours, passive, strict=True) if one and other]
+        pairs = [(one, other) for one, other in zip(controlled, passive, strict=True) if one and other]
         if len(pairs) < len(self.motions):
             return float("nan")
         arrays = [
@@ -141,7 +141,7 @@ class StudyCriteria(Summarised, ABC):
 
     def warnings(self) -> list[str]:
         """Warnings of runs that did not finish or whose energies do not balance."""
-        said = []
+        warnings = []
         for number, row in enumerate(self.rows):
             runs = [
                 (self.motions[motion].name, run)
@@ -150,17 +150,17 @@ class StudyCriteria(Summarised, ABC):
             ]
             for name, run in runs:
                 if run.outcome != "finished":
-                    lost = "" if run.finished else " It has no criteria."
-                    said.append(f"{row.label} under {name} {run.end}.{lost}")
-            # A balance that is not a number counts as an error, too.
+                    consequence = "" if run.finished else " It has no criteria."
+                    warnings.append(f"{row.label} under {name} {run.end}.{consequence}")
+            # An energy error that is not a number counts as the largest.
             off = [(run.energy_error, name) for name, run in runs if run.finished and not run.balanced]
             if off:
                 worst, name = max(off, key=lambda each: math.inf if math.isnan(each[0]) else each[0])
-                said.append(
-                    f"{row.label}: the energies miss each other by up to {worst:.1e} of what was turned over, under "
+                warnings.append(
+                    f"{row.label}: the energies do not balance, by up to {worst:.1e} of the largest energy, under "
                     f"{name}; {len(off)} of {len(runs)} runs are above {ENERGY_TOLERANCE:.0e}."
                 )
-        return said
+        return warnings
 
     def _summary(self) -> Summary:
         drifts = [
@@ -172,7 +172,7 @@ class StudyCriteria(Summarised, ABC):
             for row in range(len(self.rows))
         ]
         return Summary(
-            title=f"{self.title}: {self.done} of {self.wanted} runs",
+            title=f"{self.title}: {self.done} of {self.total} runs",
             facts=(
                 *([("dampers", listed(self.device_names))] if self.device_names else []),
                 ("motions", listed([motion.name for motion in self.motions])),
@@ -243,22 +243,22 @@ def _relative_change(value: float, other: float) -> float:
 class StepChange:
     """The largest relative change of a criterion of a row with half the step, and its motion.
 
-    `lost` are the motions under which one of the two runs did not finish; `criterion` is empty if all are lost.
+    `unfinished` are the motions under which one of the two runs did not finish; `criterion` is empty if these are all.
     """
 
     row: int
     change: float = 0.0
     criterion: str = ""
     motion: int = 0
-    lost: tuple[int, ...] = ()
+    unfinished: tuple[int, ...] = ()
 
     def in_words(self, results: StudyCriteria) -> str:
         """The criterion and the motion, and the motions that are not compared."""
         found = ""
         if self.criterion:
             found = f"{criterion(self.criterion).title}, {results.motions[self.motion].name}"
-        lost = ", ".join(results.motions[motion].name for motion in self.lost)
-        return "; ".join(part for part in (found, f"not compared: {lost}" if lost else "") if part)
+        others = ", ".join(results.motions[motion].name for motion in self.unfinished)
+        return "; ".join(part for part in (found, f"not compared: {others}" if others else "") if part)
 
 
 def largest_step_changes(results: StudyCriteria) -> tuple[StepChange, ...]:
@@ -272,16 +272,16 @@ def largest_step_changes(results: StudyCriteria) -> tuple[StepChange, ...]:
 
 def _largest(results: StudyCriteria, row: int, motions: list[int]) -> StepChange:
     largest: tuple[float, str, int] | None = None
-    lost = []
+    unfinished = []
     for motion in motions:
         changes = results.step_changes(row, motion)
         if changes is None:
-            lost.append(motion)
+            unfinished.append(motion)
             continue
         name = max(changes, key=lambda each: changes[each])
         if largest is None or changes[name] > largest[0]:
             largest = (changes[name], name, motion)
     if largest is None:
-        return StepChange(row=row, lost=tuple(lost))
+        return StepChange(row=row, unfinished=tuple(unfinished))
     change, name, motion = largest
-    return StepChange(row=row, change=change, criterion=name, motion=motion, lost=tuple(lost))
+    return StepChange(row=row, change=change, criterion=name, motion=motion, unfinished=tuple(unfinished))

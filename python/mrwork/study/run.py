@@ -26,7 +26,7 @@ from mrwork.study.run_result import RunHistory, RunResult, history_of, result_of
 from mrwork.study.study import Arrangement, Row, Study, digest_of_run, fingerprint_of
 from mrwork.units import STANDARD_GRAVITY
 
-# Histories of more than this are simulated one at a time.
+# Histories that need more memory than this are simulated one at a time.
 _MOST_HISTORY_BYTES = 2.0**28
 
 LEVELS = 21
@@ -38,7 +38,7 @@ class StudyProgress:
     """Progress of a study: runs done and in total, the label of the present ones, elapsed time [s]."""
 
     done: int
-    wanted: int
+    total: int
     label: str
     seconds: float
 
@@ -68,7 +68,7 @@ def run_study(
     journal
         Records the runs, and recalls those of a study that was interrupted; `None` for no record.
     kept
-        Whether the history of a (row, motion) is stored already; a lost one is simulated again.
+        Whether the history of a (row, motion) is stored already; a missing one is simulated again.
     keep
         Stores the history of a (row, motion).
     check_step
@@ -98,13 +98,13 @@ def run_study(
     def results() -> StudyResults:
         return _results_of(study, tuple(each.row for each in arrangements), runs, halved)
 
-    def say(label: str) -> None:
+    def report(label: str) -> None:
         so_far, seconds = results(), time.perf_counter() - began
-        on_progress(StudyProgress(done=so_far.done, wanted=so_far.wanted, label=label, seconds=seconds))
+        on_progress(StudyProgress(done=so_far.done, total=so_far.total, label=label, seconds=seconds))
 
     try:
         for row, arrangement in enumerate(arrangements):
-            say(arrangement.row.label)
+            report(arrangement.row.label)
             known: Mapping[int, RunResult] = {}
             if arrangement.law is None:
                 arrangements[row], known = _with_best_constant(study, arrangement, journal, threads)
@@ -121,7 +121,7 @@ def run_study(
         # After all other runs, so that a study without this check can be resumed with it.
         if halved is not None:
             for row, arrangement in enumerate(arrangements):
-                say(f"{arrangement.row.label}, half the step")
+                report(f"{arrangement.row.label}, half the step")
                 for motion, result in _runs(study, arrangement, journal, {}, threads, step_factor=2):
                     halved[row, motion] = result
     except KeyboardInterrupt:
@@ -135,7 +135,7 @@ def _results_of(
     runs: Mapping[Key, RunResult],
     halved: Mapping[Key, RunResult] | None,
 ) -> StudyResults:
-    """The results of the runs so far; `halved` are those with half the step, if asked for."""
+    """The results of the runs so far; `halved` are those with half the step, if requested."""
     bare = study.building
     return StudyResults(
         title=study.title,
@@ -187,12 +187,12 @@ def _runs(
             yield motion, rebuilt(RunResult, recalled)
             continue
         if motion not in simulated:
-            wanted = [number for number in study.histories if number >= motion and step_factor == 1]
+            stored = [number for number in study.histories if number >= motion and step_factor == 1]
             responses = simulated_by(
                 arrangement,
                 study.motions[motion:],
                 study,
-                histories=bool(wanted) and _history_bytes(study, arrangement, motion) < _MOST_HISTORY_BYTES,
+                histories=bool(stored) and _history_bytes(study, arrangement, motion) < _MOST_HISTORY_BYTES,
                 step_factor=step_factor,
                 threads=threads,
             )
@@ -200,7 +200,7 @@ def _runs(
                 simulated[motion + run] = result_of(responses, run, arrangement)
             if responses.histories is not None:
                 histories = {
-                    number: history_of(responses.histories[number - motion], arrangement) for number in wanted
+                    number: history_of(responses.histories[number - motion], arrangement) for number in stored
                 }
         if journal is not None:
             journal.record(step, inputs, plain(simulated[motion]))

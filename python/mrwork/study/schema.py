@@ -41,7 +41,7 @@ class BraceTable:
 class DamperTable:
     """A damper across a storey: a published set, a run of `mrwork identify`, or given parameters."""
 
-    storey: int | str = key("storey it stands in: its number from 1, or its name")
+    storey: int | str = key("storey of the damper: its number from 1, or its name")
     preset: str | None = key("published set, as kwok2006; see mrwork models NAME", default=None)
     run: str | None = key("folder of an identified run, relative to the study file", default=None)
     model: str | None = key(

@@ -17,7 +17,7 @@ from mrwork.study.study import Study
 class Histories:
     """Histories of the study to be written to `path`, in single precision except for time.
 
-    While the study runs they lie in a folder beside `path`; a resumed study also finds those in `path`.
+    While the study runs, they are stored in a folder beside `path`; a resumed study also reads those in `path`.
     """
 
     def __init__(self, path: Path, study: Study, *, resume: bool) -> None:

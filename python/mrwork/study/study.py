@@ -26,12 +26,12 @@ class Row:
 
     label: str
     kind: Kind
-    says: str = ""
+    description: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arrangement:
-    """A building with devices under one law; without a law it gets the best constant command.
+    """A building with devices under one law; without a law, it gets the best constant command.
 
     `floors` and `storeys` are the indices of the floors and storeys of the bare building, since an arrangement may add
     a base slab or a storey of isolators. `strokes` are the indices of the added storeys.
@@ -76,8 +76,8 @@ class Study(Summarised):
                 ("sample time", f"{self.hardware.sample_time:g} s"),
                 ("motions", listed([motion.name for motion in self.motions])),
             ),
-            columns=("arrangement", "what it is"),
-            rows=[(each.row.label, each.row.says) for each in self.arrangements],
+            columns=("arrangement", "description"),
+            rows=[(each.row.label, each.row.description) for each in self.arrangements],
         )
 
 
@@ -86,8 +86,8 @@ def arranged(
 ) -> Arrangement:
     """An arrangement with the indices of its floors and storeys that belong to the bare building."""
     floors = tuple(building.floor_names.index(name) for name in bare.floor_names)
-    own = bare.storey_names[: len(bare.drifts)]
-    storeys = tuple(building.storey_names.index(name) for name in own)
+    drifts = bare.storey_names[: len(bare.drifts)]
+    storeys = tuple(building.storey_names.index(name) for name in drifts)
     strokes = tuple(number for number in range(len(building.storey_names)) if number not in storeys)
     return Arrangement(
         row=row, building=building, devices=devices, law=law, floors=floors, storeys=storeys, strokes=strokes

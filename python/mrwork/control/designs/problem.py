@@ -47,8 +47,8 @@ class DesignProblem:
             return device.spec, theta
         if self.amplitude is None or self.velocity is None:
             raise SettingError(
-                f"this law wants the force over the command, for which {device.spec.name} is replaced by a static "
-                "model; give the [[damper]] its amplitude and velocity, as amplitude = [1e-4, 1e-2]"
+                f"this law needs the force as a function of the command, for which {device.spec.name} is replaced by a "
+                "static model; give the [[damper]] its amplitude and velocity, as amplitude = [1e-4, 1e-2]"
             )
         found = static_counterpart(
             device.spec,

@@ -51,7 +51,7 @@ PEER_AT2 = Format(name="a PEER AT2 record", recognises=_recognises, read=_read)
 
 
 def refuse_false_at2(lines: Lines) -> None:
-    """Refuse a file with the extension .AT2 but another content, and say why.
+    """Refuse a file that has the extension .AT2 but not the header of the format; the message states the difference.
 
     Raises
     ------

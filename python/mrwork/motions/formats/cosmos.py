@@ -60,7 +60,7 @@ def _read(lines: Lines, stated: Stated) -> GroundMotion:
             f"{number} {shown(series.title)}" for number, series in enumerate(channels, start=1)
         )
         raise RecordError(
-            f"{lines.path}: holds {len(channels)} channels ({listed}); say which with `channel`"
+            f"{lines.path}: holds {len(channels)} channels ({listed}); choose one with `channel`"
         )
     number = 1 if stated.channel is None else stated.channel
     if not 1 <= number <= len(channels):
@@ -115,7 +115,7 @@ def _block(lines: Lines, place: int, what: str) -> tuple[NDArray[np.float64], in
     announced = _BLOCK.match(lines.at(place))
     if announced is None:
         raise RecordError(
-            f"{lines.where(place)}: expected the line before the {what}, which says how many numbers follow and in "
+            f"{lines.where(place)}: expected the line before the {what}, which states how many numbers follow and in "
             f"which format, found '{shown(lines.at(place))}'; the file is cut off or damaged"
         )
     n_numbers, per_line, width = (int(announced[group]) for group in (1, 2, 3))

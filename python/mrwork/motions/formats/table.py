@@ -61,12 +61,13 @@ def acceleration_column(names: Sequence[str], stated: Stated, *, source: str) ->
     unit = _unit_in(name)
     if unit is None and stated.unit is None:
         raise UnitError(
-            f"{source}: column '{name}' does not say its unit; state it as `unit`, one of {known_units('acceleration')}"
+            f"{source}: column '{name}' does not state its unit; give it as `unit`, one of "
+            f"{known_units('acceleration')}"
         )
     factor = factor_to_si(stated.unit or unit or "", "acceleration", context=f"{source}: `unit`")
     if unit is not None and factor != factor_of(unit, "acceleration"):
         raise SettingError(
-            f"{source}: `unit` is '{stated.unit}' where column '{name}' says {unit}; leave it out"
+            f"{source}: `unit` is '{stated.unit}' where column '{name}' states {unit}; leave it out"
         )
     return Column(name=name, factor=factor)
 
@@ -138,8 +139,8 @@ def motion_of_table(table: ColumnTable, stated: Stated, path: Path) -> GroundMot
     """
     acceleration = acceleration_column(table.names, stated, source=str(path))
     time = time_column(table.names, source=str(path))
-    wanted = [acceleration] if time is None else [time, acceleration]
-    columns = table.read([column.name for column in wanted])
+    needed = [acceleration] if time is None else [time, acceleration]
+    columns = table.read([column.name for column in needed])
     samples = acceleration.factor * columns[acceleration.name]
     if time is not None and stated.dt is not None:
         raise SettingError(f"{path}: column '{time.name}' holds the times; leave out `dt`")
@@ -185,7 +186,7 @@ def _read(lines: Lines, stated: Stated) -> GroundMotion:
         )
     if stated.unit is None:
         raise UnitError(
-            f"{lines.path}: does not say the unit of its second column; state it as `unit`, one of "
+            f"{lines.path}: does not state the unit of its second column; give it as `unit`, one of "
             f"{known_units('acceleration')}"
         )
     return motion_of_table(_table(lines, texts, _NAMELESS), stated, lines.path)
@@ -199,7 +200,7 @@ def _series(lines: Lines, first: int, stated: Stated) -> GroundMotion:
     """Read all numbers in order as accelerations."""
     if stated.unit is None or stated.dt is None:
         raise UnitError(
-            f"{lines.path}: does not say the unit of its numbers; state it as `unit`, one of "
+            f"{lines.path}: does not state the unit of its numbers; give it as `unit`, one of "
             f"{known_units('acceleration')}"
         )
     if "," in lines.at(first) or ";" in lines.at(first):

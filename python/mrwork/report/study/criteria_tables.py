@@ -129,8 +129,8 @@ def _best(results: StudyResults, columns: Sequence[Sequence[float]]) -> frozense
     candidates = [number for number, row in enumerate(results.rows) if row.kind != "uncontrolled"]
     strong = set()
     for place, column in enumerate(columns, start=1):
-        told = [column[number] for number in candidates if not math.isnan(column[number])]
-        if len(told) > 1:
-            least = significant(min(told), 3)
+        known = [column[number] for number in candidates if not math.isnan(column[number])]
+        if len(known) > 1:
+            least = significant(min(known), 3)
             strong |= {(number, place) for number in candidates if significant(column[number], 3) == least}
     return frozenset(strong)

@@ -78,10 +78,10 @@ def _criteria_section(results: StudyResults) -> Section:
 def _best(results: StudyResults) -> tuple[int, float] | None:
     """The control law with the lowest score."""
     scores = [(results.score(row), row) for row in range(len(results.rows))]
-    told = [
+    known = [
         (score, row) for score, row in scores if score == score and results.rows[row].kind == "controller"
     ]
-    return (min(told)[1], min(told)[0]) if told else None
+    return (min(known)[1], min(known)[0]) if known else None
 
 
 def _best_in_words(results: StudyResults) -> str:
@@ -108,6 +108,6 @@ def _banner(results: StudyResults) -> str:
     if results.complete:
         return ""
     return (
-        f"This study was interrupted: {results.done} of {results.wanted} runs are done. "
+        f"This study was interrupted: {results.done} of {results.total} runs are done. "
         "Run it with --resume to continue."
     )
