@@ -88,7 +88,7 @@ def test_corners_of_the_admissible_box_fail_by_name_or_not_at_all(spec):
 def test_most_corners_of_the_scaled_box_finish(spec):
     form = identifiable_form(spec, {})
     box = scaled_box(form.spec)
-    outcome = assert_outcomes_are_consistent(spec, form.back(corners(form.spec, box.lower, box.upper)))
+    outcome = assert_outcomes_are_consistent(spec, form.to_model(corners(form.spec, box.lower, box.upper)))
     assert np.mean(outcome == Outcome.FINISHED) > 0.5
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from damper_samples import noise, noise_free_test
 
 from mrwork.dampers.coordinates import Box
-from mrwork.identification.levenberg_marquardt_twin import refine
+from mrwork.identification.levenberg_marquardt_twin import find_minimum_on_twin
 from mrwork.identification.objective import Objective
 from mrwork.identification.polish import jacobian
 
@@ -34,7 +34,7 @@ def test_nominal_parameters_are_recovered(spec):
     box = Box.of(spec)
     away = start(spec, 1)
     assert objective(away[None])[0] > 1e-2
-    refined = refine(objective, box, away)
+    refined = find_minimum_on_twin(objective, box, away)
     assert refined.misfit < 1e-6
     # Directions that the force does not feel (Bouc-Wen has one, a scaling of its state) stay where the start
     # put them; the data fix the others. Sensitivities are to relative changes, so that units do not matter.

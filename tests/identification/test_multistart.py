@@ -14,7 +14,7 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.identify import identify
-from mrwork.identification.levenberg_marquardt import descend, descend_all
+from mrwork.identification.levenberg_marquardt import find_minima, find_minimum
 from mrwork.identification.multistart import (
     Multistart,
     MultistartResult,
@@ -41,9 +41,9 @@ def starts() -> NDArray[np.float64]:
 
 
 def test_a_descent_does_not_know_of_those_beside_it(starts: NDArray[np.float64]) -> None:
-    together = descend_all(objective(), FORM.box, starts, max_iterations=12)
+    together = find_minima(objective(), FORM.box, starts, max_iterations=12)
     for index, start in enumerate(starts):
-        alone = descend_all(objective(), FORM.box, start[None], max_iterations=12)
+        alone = find_minima(objective(), FORM.box, start[None], max_iterations=12)
         np.testing.assert_array_equal(together.theta[index], alone.theta[0])
         assert together.misfit[index] == alone.misfit[0]
 
@@ -51,11 +51,11 @@ def test_a_descent_does_not_know_of_those_beside_it(starts: NDArray[np.float64])
 def test_a_descent_never_ends_above_its_start_and_ends_where_another_method_does(
     starts: NDArray[np.float64],
 ) -> None:
-    minima = descend_all(objective(), FORM.box, starts, max_iterations=80)
+    minima = find_minima(objective(), FORM.box, starts, max_iterations=80)
     assert np.all(minima.misfit <= objective()(starts))
     best = int(np.argmin(minima.misfit))
-    assert minima.arrived[best]
-    there = descend(objective(), FORM.box, minima.theta[best], max_evaluations=60)
+    assert minima.converged[best]
+    there = find_minimum(objective(), FORM.box, minima.theta[best], max_evaluations=60)
     assert there.misfit == pytest.approx(minima.misfit[best], rel=1e-6)
 
 
@@ -63,9 +63,9 @@ def test_starts_that_cannot_be_simulated_are_left_where_they_are(starts: NDArray
     stiff = starts.copy()
     stiff[1, FORM.spec.names.index("rho")] = 0.9 * FORM.box.upper[FORM.spec.names.index("rho")]
     assert not np.isfinite(objective()(stiff[1:2])[0])
-    minima = descend_all(objective(), FORM.box, stiff, max_iterations=5)
+    minima = find_minima(objective(), FORM.box, stiff, max_iterations=5)
     np.testing.assert_allclose(minima.theta[1], stiff[1], rtol=1e-9)
-    assert not minima.arrived[1]
+    assert not minima.converged[1]
     assert np.isfinite(minima.misfit[[0, 2, 3, 4]]).all()
 
 
@@ -125,7 +125,7 @@ def test_a_parameter_that_nothing_feels_stays_where_it_is() -> None:
     fixed = {name: (value, value) for name, value in nominal.items() if name != "x0"}
     form = identifiable_form(damper("normalised_bouc_wen"), fixed)
     start = np.array([list(nominal.values())])
-    minima = descend_all(objective(), form.box, start, max_iterations=9)
+    minima = find_minima(objective(), form.box, start, max_iterations=9)
     np.testing.assert_allclose(minima.theta, start, rtol=1e-9)
     assert minima.misfit[0] == objective()(start)[0]
 

@@ -20,8 +20,8 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.identify import identify
-from mrwork.identification.levenberg_marquardt import descend, descend_all
-from mrwork.identification.levenberg_marquardt_twin import TwinResiduals, arrays_of, refine
+from mrwork.identification.levenberg_marquardt import find_minima, find_minimum
+from mrwork.identification.levenberg_marquardt_twin import TwinResiduals, arrays_of, find_minimum_on_twin
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.nuisance import NuisanceName, offsets_left_to
 from mrwork.identification.objective import Objective
@@ -64,7 +64,7 @@ def record(
 
 def near(form: Form, theta: np.ndarray) -> np.ndarray:
     """A start some 10 % away, in the form that is identified."""
-    inner = np.asarray(form.forth(theta))
+    inner = np.asarray(form.from_model(theta))
     away = inner * np.exp(0.1 * np.random.default_rng(1).standard_normal(inner.size))
     return np.asarray(form.box.inside(np.clip(away, form.box.lower, form.box.upper)))
 
@@ -84,12 +84,12 @@ def joint_tests() -> tuple[DamperTest, ...]:
 
 def assert_one_minimum(objective: Objective, form: Form, start: np.ndarray) -> None:
     """All engines end at one misfit, and at parameters that differ by a small share of their standard errors."""
-    lanes = descend(objective, form.box, start, max_evaluations=100)
-    beside = descend_all(objective, form.box, start[None], max_iterations=100)
-    twin = refine(objective, form.box, start)
+    lanes = find_minimum(objective, form.box, start, max_evaluations=100)
+    beside = find_minima(objective, form.box, start[None], max_iterations=100)
+    twin = find_minimum_on_twin(objective, form.box, start)
     assert objective(start[None])[0] > 1.2 * lanes.misfit
     assert lanes.converged
-    assert beside.arrived[0]
+    assert beside.converged[0]
     assert twin.converged
     assert twin.misfit == pytest.approx(lanes.misfit, rel=1e-6)
     assert beside.misfit[0] == pytest.approx(lanes.misfit, rel=1e-6)
@@ -97,7 +97,7 @@ def assert_one_minimum(objective: Objective, form: Form, start: np.ndarray) -> N
     known = np.isfinite(errors)
     assert np.count_nonzero(known) >= len(form.box.free) - 1
     for other in (twin.theta, beside.theta[0]):
-        off = np.asarray(form.back(other)) - np.asarray(form.back(lanes.theta))
+        off = np.asarray(form.to_model(other)) - np.asarray(form.to_model(lanes.theta))
         # A misfit larger by 1e-6 of itself leaves sqrt(2 n 1e-6) standard errors open, 0.04 of one for 800 samples.
         assert np.all(np.abs(off[known]) <= 0.05 * errors[known])
 
@@ -121,8 +121,8 @@ def test_both_engines_say_that_a_parameter_is_at_its_bound() -> None:
     form = identifiable_form(spec, {"rho": (10.0, 0.5 * spec.nominal[index])})
     objective = Objective.of(spec, (record(spec, spec.nominal),))
     start = near(form, spec.nominal)
-    lanes = descend(objective, form.box, start, max_evaluations=100)
-    twin = refine(objective, form.box, start)
+    lanes = find_minimum(objective, form.box, start, max_evaluations=100)
+    twin = find_minimum_on_twin(objective, form.box, start)
     for theta in (lanes.theta, twin.theta):
         remarks = [remark_of(form.box, each, float(theta[each])) for each in range(len(theta))]
         assert [remark for remark in remarks if remark] == ["at upper bound"]
@@ -188,7 +188,7 @@ from collections import Counter
 from dataclasses import replace
 import jax
 from mrwork.identification.objective import Objective
-from mrwork.identification.levenberg_marquardt_twin import refine
+from mrwork.identification.levenberg_marquardt_twin import find_minimum_on_twin
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import damper
 from mrwork.synthetic import synthetic_test
@@ -200,7 +200,7 @@ spec = damper("dahl")
 test = synthetic_test("rd1005_1a")
 for factor in (1.0, 1.1):
     other = replace(test, dt=factor * test.dt, force=factor * test.force)
-    refine(Objective.of(spec, (other,)), Box.of(spec), factor * spec.nominal)
+    find_minimum_on_twin(Objective.of(spec, (other,)), Box.of(spec), factor * spec.nominal)
     print(json.dumps(told))
     told.clear()
 """

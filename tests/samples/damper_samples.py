@@ -100,7 +100,7 @@ def random_theta(spec, n_batch, *, rng):
     """
     form = identifiable_form(spec, {})
     box = scaled_box(form.spec)
-    return form.back(box.theta_from_unit(np.random.default_rng(rng).random((n_batch, len(box.free)))))
+    return form.to_model(box.theta_from_unit(np.random.default_rng(rng).random((n_batch, len(box.free)))))
 
 
 def without_offsets(spec, theta):

@@ -12,7 +12,7 @@ from benchmarks.command_line import main
 from benchmarks.refine import bench_refine, format_refine
 from benchmarks.refine_job import RefineJob, joint_job, reference_job
 from mrwork.errors import SettingError
-from mrwork.identification.levenberg_marquardt import descend, descend_all
+from mrwork.identification.levenberg_marquardt import find_minima, find_minimum
 
 EXTRA = "is not installed; pip install 'mrwork[bench]'"
 
@@ -46,12 +46,12 @@ def test_numba_has_our_residuals(job: RefineJob, block: int, fastmath: bool, for
 
 
 def test_both_engines_meet_in_one_minimum(job: RefineJob) -> None:
-    from mrwork.identification.levenberg_marquardt_twin import refine
+    from mrwork.identification.levenberg_marquardt_twin import find_minimum_on_twin
 
     start = job.starts[0]
-    scipy = descend(job.objective, job.box, start, max_evaluations=100)
-    lanes = descend_all(job.objective, job.box, start[None], max_iterations=100)
-    twin = refine(job.objective, job.box, start)
+    scipy = find_minimum(job.objective, job.box, start, max_evaluations=100)
+    lanes = find_minima(job.objective, job.box, start[None], max_iterations=100)
+    twin = find_minimum_on_twin(job.objective, job.box, start)
     assert scipy.converged
     # They stop where the squared misfit falls by less than 1e-7 and 1e-8 of itself.
     assert scipy.misfit == pytest.approx(twin.misfit, rel=1e-6)

@@ -16,7 +16,7 @@ def test_slope_is_that_of_the_residuals_over_the_position(model: str) -> None:
     target = SamplingProblem.of_fit(
         fit, (small_test(),), noise="iid", priors={}, tempering=0.5, walkers=32, rng=0, threads=1
     ).target
-    theta = np.asarray(target.form.box.inside(target.form.forth(np.array(fit.theta))))
+    theta = np.asarray(target.form.box.inside(target.form.from_model(np.array(fit.theta))))
     values = target.space.box.inside(np.concatenate([theta, NOISES["iid"].parameters and [0.05]]))
     position = np.asarray(target.space.position(values))
     residual, slope = residual_slope(target, position)

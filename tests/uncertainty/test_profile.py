@@ -14,7 +14,7 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted, MrworkError, SettingError, UnknownNameError
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify
-from mrwork.identification.levenberg_marquardt import descend
+from mrwork.identification.levenberg_marquardt import find_minimum
 from mrwork.identification.objective import Objective
 from mrwork.records import DamperTest
 from mrwork.records.window import cut
@@ -133,7 +133,7 @@ def test_no_other_descent_finds_less_at_a_point(fit: Fit, test: DamperTest, foun
     box = Box.of(SPEC).with_bounds({"k": (value, value)})
     start = np.array(fit.theta)
     start[SPEC.names.index("k")] = value
-    other = descend(objective, box, start, max_evaluations=60)
+    other = find_minimum(objective, box, start, max_evaluations=60)
     fall = 2.0 * found.n_effective * np.log(misfit / other.misfit)
     assert fall < 0.02
 

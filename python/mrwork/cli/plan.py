@@ -144,7 +144,7 @@ def _draws(
     stored = draws.theta(opened.fit.spec.names)
     few = stored[rng.choice(len(stored), size=min(2 * _DRAWS, len(stored)), replace=False)]
     form = identifiable_form(opened.fit.spec, opened.fit.settings.bounds)
-    return np.asarray(form.forth(few)), "the posterior"
+    return np.asarray(form.from_model(few)), "the posterior"
 
 
 def _numbers(text: str, option: str) -> list[float]:

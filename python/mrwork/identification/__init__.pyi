@@ -6,9 +6,9 @@ from .fit import SearchTrace as SearchTrace
 from .level_search import LevelFit as LevelFit
 from .level_search import joint_starts as joint_starts
 from .level_search import levels_of as levels_of
-from .levenberg_marquardt import descend as descend
-from .levenberg_marquardt import descend_all as descend_all
-from .levenberg_marquardt_twin import refine as refine
+from .levenberg_marquardt import find_minima as find_minima
+from .levenberg_marquardt import find_minimum as find_minimum
+from .levenberg_marquardt_twin import find_minimum_on_twin as find_minimum_on_twin
 from .multistart import Multistart as Multistart
 from .multistart import MultistartResult as MultistartResult
 from .multistart import search_starts as search_starts

@@ -25,16 +25,17 @@ from mrwork.errors import SettingError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Form:
-    """The model that is searched, its bounds, the conversions from and to the model asked for, parameters held fixed.
+    """The model whose parameters are searched, with its bounds and the conversions to and from the requested model.
 
-    `mirrored` parameters can change sign together with little effect: a small k of either sign gives the same offset
-    -k x0, but a descent cannot cross k = 0, where x0 is infinite.
+    Parameters of the requested model in `held` are fixed by the form. Parameters in `mirrored` (indices) can change
+    sign together with little effect: a small k of either sign gives the same offset -k x0, but a local minimisation
+    cannot cross k = 0, where x0 is infinite.
     """
 
     spec: DamperSpec
     box: Box
-    back: Conversion
-    forth: Conversion
+    to_model: Conversion
+    from_model: Conversion
     held: tuple[str, ...] = ()
     mirrored: tuple[int, ...] = ()
 
@@ -43,7 +44,7 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
     """Return the form in which a model is identified, with the user's bounds.
 
     A Spencer form of Bouc-Wen is searched in its normalised form: alpha, gamma, beta and A are determined only up to
-    a common scale. A is held at the fixed value of the bounds, or at its nominal one.
+    a common scale. A is fixed at the value that the bounds give, or else at its nominal value.
 
     Raises
     ------
@@ -58,7 +59,9 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
         )
     if equivalent is None:
         box = Box.of(spec).with_bounds(bounds)
-        return Form(spec=spec, box=box, back=_SAME, forth=_SAME, mirrored=_mirrored(spec, box))
+        return Form(
+            spec=spec, box=box, to_model=_IDENTITY, from_model=_IDENTITY, mirrored=_mirrored(spec, box)
+        )
     checked = Box.of(spec).with_bounds(bounds)
     index = spec.names.index("A")
     scale = spec.parameters[index].nominal
@@ -66,8 +69,8 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
     for name, (lower, upper) in bounds.items():
         if name == "A" and lower == upper:
             scale = checked.lower[index]
-        elif name in equivalent.same:
-            translated[equivalent.same[name]] = (lower, upper)
+        elif name in equivalent.shared:
+            translated[equivalent.shared[name]] = (lower, upper)
         else:
             raise SettingError(
                 f"bounds of {name} cannot be kept: in {spec.name} the data settle alpha, gamma, beta and A only up to "
@@ -78,8 +81,8 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
     return Form(
         spec=normalised,
         box=box,
-        back=equivalent.back.at(scale),
-        forth=equivalent.forth,
+        to_model=equivalent.to_model.at(scale),
+        from_model=equivalent.from_model,
         held=("A",),
         mirrored=_mirrored(normalised, box),
     )
@@ -93,31 +96,31 @@ def _mirrored(spec: DamperSpec, box: Box) -> tuple[int, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Equivalent:
-    """The normalised form of a model, the conversions from and to it, and the parameters that both have."""
+    """The normalised form of a model, the conversions to and from the model, and the parameters that both have."""
 
     name: str
-    back: Conversion
-    forth: Conversion
-    same: Mapping[str, str]
+    to_model: Conversion
+    from_model: Conversion
+    shared: Mapping[str, str]
 
 
-_SAME = Conversion(convert=lambda theta: theta, jacobian=lambda theta: np.eye(theta.shape[-1]))
+_IDENTITY = Conversion(convert=lambda theta: theta, jacobian=lambda theta: np.eye(theta.shape[-1]))
 
 _EQUIVALENTS = {
     "bouc_wen": _Equivalent(
         name="normalised_bouc_wen",
-        back=Conversion(convert=bouc_wen_from_normalised, jacobian=bouc_wen_from_normalised_jacobian),
-        forth=Conversion(convert=normalised_from_bouc_wen, jacobian=normalised_from_bouc_wen_jacobian),
-        same={"c0": "c", "k0": "k", "x0": "x0", "n": "n"},
+        to_model=Conversion(convert=bouc_wen_from_normalised, jacobian=bouc_wen_from_normalised_jacobian),
+        from_model=Conversion(convert=normalised_from_bouc_wen, jacobian=normalised_from_bouc_wen_jacobian),
+        shared={"c0": "c", "k0": "k", "x0": "x0", "n": "n"},
     ),
     "modified_bouc_wen": _Equivalent(
         name="normalised_modified_bouc_wen",
-        back=Conversion(
+        to_model=Conversion(
             convert=modified_bouc_wen_from_normalised, jacobian=modified_bouc_wen_from_normalised_jacobian
         ),
-        forth=Conversion(
+        from_model=Conversion(
             convert=normalised_from_modified_bouc_wen, jacobian=normalised_from_modified_bouc_wen_jacobian
         ),
-        same={name: name for name in ("c0", "k0", "c1", "k1", "x0", "n")},
+        shared={name: name for name in ("c0", "k0", "c1", "k1", "x0", "n")},
     ),
 }

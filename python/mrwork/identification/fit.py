@@ -52,7 +52,7 @@ class FitQuality:
     """Error of a free-run simulation on one measured test, over the `n_time` samples that count.
 
     The first `settle_seconds` are simulated but not compared, see `DamperTest`. The `observation` model and the
-    `nuisance` parameters were applied to the simulated force.
+    `nuisance` parameters were applied to the simulated force before the comparison.
     """
 
     test: str
@@ -72,7 +72,8 @@ class FitQuality:
 class SearchTrace:
     """One entry per generation: simulations so far, least and median misfit (NRMSE) of the population.
 
-    For `Multistart` an entry is one iteration of all running descents, and `ends` are their final misfits, best first.
+    For `Multistart` an entry is one iteration of all running local minimisations, and `ends` are their final misfits,
+    best first.
     """
 
     evaluations: tuple[int, ...]
@@ -150,17 +151,17 @@ class Fit(Summarised):
         return FitSettings.of_record(self.provenance.settings | separate)
 
     def reading(self, *, origin: str = "this fit") -> Reading:
-        """How its tests were read from their files; `origin` names the fit in messages.
+        """How the tests of the fit were read from their files; `origin` names the fit in messages.
 
         Raises
         ------
         RecordError
-            Where that is not recorded, as for a fit of tests in memory.
+            Where this is not recorded, as in a fit of tests that were not read from files.
         """
         return Reading.of_record(self.provenance.settings.get(_READING), origin=origin)
 
     def with_command(self, command: str, reading: Reading) -> Fit:
-        """The fit with the command line that it comes from, and how that read the tests."""
+        """The fit with a record of its command line, and of how that read the tests."""
         settings = self.provenance.settings | {"command": command, _READING: reading.as_record()}
         return replace(self, provenance=replace(self.provenance, settings=settings))
 
@@ -176,15 +177,15 @@ class Fit(Summarised):
         return document
 
     def _summary(self) -> Summary:
-        window = "" if len(self.quality) == 1 else f" on {len(self.quality)} tests"
-        doubts = () if self.identifiability is None else self.identifiability.verdicts
+        tests = "" if len(self.quality) == 1 else f" on {len(self.quality)} tests"
+        verdicts = () if self.identifiability is None else self.identifiability.verdicts
         remarks = {
             each.name: f"{VERDICT_IN_WORDS[each.verdict]}: {each.reason}"
-            for each in doubts
+            for each in verdicts
             if each.verdict != "identifiable"
         }
         return Summary(
-            title=f"Fit of {self.model}{window}: {self.fit_percent:.2f} %, {self.status.replace('_', ' ')}",
+            title=f"Fit of {self.model}{tests}: {self.fit_percent:.2f} %, {self.status.replace('_', ' ')}",
             facts=(
                 ("tests", listed([quality.test for quality in self.quality])),
                 ("error", f"{self.rmse_n:.4g} N rms, {100.0 * self.nrmse:.3g} % of the force's deviation"),
@@ -243,7 +244,7 @@ class Change:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Direction:
-    """A combined change of parameters with little effect on the residuals, or none where not `seen`.
+    """A combined change of parameters that has little effect on the residuals, or none where `seen` is false.
 
     `effect` is the root mean square of the resulting change of force, per standard deviation of the force.
     """

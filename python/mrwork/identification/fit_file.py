@@ -1,4 +1,4 @@
-"""The files of a fit: written into a run folder, and read back with the tests that it was identified from."""
+"""Files of a fit: write a run folder, and read the fit back with the tests that it was identified from."""
 
 from __future__ import annotations
 
@@ -48,32 +48,32 @@ def write_run(
     documents: Mapping[str, object] | None = None,
     flush: bool = True,
 ) -> Path:
-    """Write the run folder of a fit, in place of an earlier run if there is one.
+    """Write the run folder of a fit; it replaces an earlier run of the same name.
 
-    It holds `manifest.json`, `fit.json`, `journal.jsonl`, `report.html`, the figures and the documents. Files that a
-    person has added to the earlier run are kept.
+    The folder contains `manifest.json`, `fit.json`, `journal.jsonl`, `report.html`, the figures and the documents.
+    Files that the user has added to the earlier run are kept.
 
     Parameters
     ----------
     path
-        The folder; its parents are made.
+        The folder; parent folders are created.
     figures
-        Contents of image files, by the path inside the folder.
+        Contents of image files, by path inside the folder.
     manifest
-        Facts about the run. Like all that is written as JSON it may hold numpy numbers and paths; numbers that are not
-        finite become `null`.
+        Facts about the run. All JSON documents may contain numpy numbers and paths; numbers that are not finite become
+        `null`.
     journal
-        File with the steps of the run, which is copied.
+        File with the steps of the run; it is copied.
     documents
-        More to be written as JSON, by the path inside the folder.
+        Further JSON documents, by path inside the folder.
     flush
-        Wait until it is on the disk, unless the fit was interrupted.
+        Wait until the files are on the disk, unless the fit was interrupted.
 
     Raises
     ------
     OutputError
-        If `path` is a file or somebody else's folder, or if anything cannot be written. The place is then as it was
-        before.
+        If `path` is a file or a folder that is no run folder, or if a file cannot be written. What was at `path` is
+        then unchanged.
     """
     texts = {MANIFEST: manifest, FIT: fit.as_dict()} | dict(documents or {})
     contents = {name: json_document(document).encode() for name, document in texts.items()}
@@ -83,7 +83,7 @@ def write_run(
         copied={JOURNAL: Path(journal)},
         folders=(FIGURES,),
         written=_WRITTEN,
-        # After Ctrl-C the prompt must come back at once; the system flushes that run later.
+        # After Ctrl-C the command must return at once; the operating system flushes the files later.
         flush=flush and fit.status != "interrupted",
     )
     return Path(path)
@@ -113,7 +113,7 @@ def read_fit(path: str | Path) -> Fit:
 
 
 def fit_from_json(text: str, *, origin: str) -> Fit:
-    """The `Fit` that `json_document(fit.as_dict())` wrote; `origin` names it in messages.
+    """Undo `json_document(fit.as_dict())`; `origin` names the document in messages.
 
     Raises
     ------
@@ -125,7 +125,7 @@ def fit_from_json(text: str, *, origin: str) -> Fit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpenedRun:
-    """The fit of a run folder, and its tests: cut, repaired and with their observation model as in the fit."""
+    """The fit of a run folder with its tests, cut, repaired and with the observation models of the fit."""
 
     place: Path
     fit: Fit
@@ -138,14 +138,14 @@ def reopen(path: str | Path) -> OpenedRun:
     Raises
     ------
     RecordError
-        Where it is no run folder, does not say how its tests were read, a file is gone, or one is not what it was.
+        Where it is no run folder, has no record of how its tests were read, or a file is missing or has changed.
     """
     place = Path(path)
     fit = read_fit(place)
     tests = fit.reading(origin=str(place / FIT)).tests()
     if len(tests) != len(fit.quality):
         raise RecordError(
-            f"{place / FIT} judges {len(fit.quality)} tests where {len(tests)} were read; "
+            f"{place / FIT} compares {len(fit.quality)} tests where {len(tests)} were read; "
             "run `mrwork identify` again"
         )
     known = set(fit.provenance.inputs.values())

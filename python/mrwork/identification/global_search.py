@@ -36,8 +36,8 @@ OnSearch = Callable[[int, float, float, float], None]
 class StartingPoints:
     """Starting points, shape (n_starts, n_params), best first, and the trace of the search that found them.
 
-    They are compared by `objective` and fitted inside the box of `form`. Where they are `minima` already, no short
-    descents are needed to select the best.
+    `objective` compares them, and they are fitted inside the box of `form`. Where they are `minima` already, no
+    screening is needed to select the best.
     """
 
     objective: Objective
@@ -47,30 +47,30 @@ class StartingPoints:
     minima: bool = False
 
     def with_given(self, spec: DamperSpec, given: Sequence[Start]) -> StartingPoints:
-        """The same with starts that were `given` for the model asked for, `spec`, after those that were found.
+        """The same with the starts that the user gave, in parameters of the requested model `spec`, appended.
 
         A parameter that a start does not name has the value of the best point found; a value outside the bounds is
         moved inside.
         """
         box = self.form.box
-        best = np.asarray(self.form.back(self.theta[0]))
+        best = np.asarray(self.form.to_model(self.theta[0]))
         whole = [
             np.array([start.get(name, own) for name, own in zip(spec.names, best, strict=True)])
             for start in given
         ]
-        inside = [box.inside(np.clip(self.form.forth(theta), box.lower, box.upper)) for theta in whole]
+        inside = [box.inside(np.clip(self.form.from_model(theta), box.lower, box.upper)) for theta in whole]
         return replace(self, theta=np.array([*self.theta, *inside]))
 
 
 def points_from_multistart(problem: Problem, search: Multistart, *, on_search: OnSearch) -> StartingPoints:
-    """The best minima of descents from many starts.
+    """The best minima of a multistart search.
 
     Raises
     ------
     SimulationError
         Where no candidate could be simulated.
     Interrupted
-        On Ctrl-C, carrying `StartingPoints` with the best point so far alone.
+        On Ctrl-C, carrying `StartingPoints` with only the best point so far.
     """
     objective, form, rng = problem.objective, problem.form, problem.settings.rng
     box = search_box(form.spec, form.box, objective.tests)
@@ -89,7 +89,7 @@ def points_from_multistart(problem: Problem, search: Multistart, *, on_search: O
             raise KeyboardInterrupt from interrupt
         raise interrupted_at(found.theta[0], objective, form, _trace_of(found)) from interrupt
     if not len(found.theta):
-        raise _nothing_found(form.spec, found.evaluations[-1])
+        raise _no_simulation(form.spec, found.evaluations[-1])
     return StartingPoints(
         objective=objective,
         form=form,
@@ -110,14 +110,14 @@ def _trace_of(found: MultistartResult) -> SearchTrace:
 
 
 def points_from_optimiser(problem: Problem, search: Optimiser[Any], *, on_search: OnSearch) -> StartingPoints:
-    """The distinct best finds of an optimiser on a model without current laws.
+    """The elite of an optimiser (its best points that are far apart), for a model without current laws.
 
     Raises
     ------
     SimulationError
         Where no candidate could be simulated.
     Interrupted
-        On Ctrl-C, carrying `StartingPoints` with the best point so far alone.
+        On Ctrl-C, carrying `StartingPoints` with only the best point so far.
     """
     objective, form, rng = problem.objective, problem.form, problem.settings.rng
     box = search_box(form.spec, form.box, objective.tests)
@@ -131,7 +131,7 @@ def points_from_optimiser(problem: Problem, search: Optimiser[Any], *, on_search
             raise KeyboardInterrupt from interrupt
         theta = np.asarray(box.theta_from_unit(result.best_unit))
         raise interrupted_at(theta, objective, form, joined_trace([result])) from interrupt
-    refuse_nothing_found(form.spec, found)
+    refuse_empty_elite(form.spec, found)
     theta = np.asarray(box.theta_from_unit(found.elite[:_STARTS]))
     return StartingPoints(objective=objective, form=form, theta=theta, trace=joined_trace([found]))
 
@@ -160,7 +160,7 @@ def optimise_in_box(
 def generation_reporter(
     search: Optimiser[Any], on_search: OnSearch, *, n_searches: int = 1
 ) -> Callable[[GenerationEvent[Any]], None]:
-    """Pass the generations of a search on to `on_search`, as one of `n_searches` searches of equal length."""
+    """Callback that reports the generations of one of `n_searches` searches of equal length to `on_search`."""
 
     def on_generation(event: GenerationEvent[Any]) -> None:
         share = event.generation / search.stop.max_generations
@@ -178,7 +178,7 @@ def interrupted_at(
 
 
 def joined_trace(searches: Sequence[SearchResult[Any]]) -> SearchTrace:
-    """Traces of several searches one after the other; `evaluations` accumulate."""
+    """Concatenated traces of successive searches; `evaluations` accumulate."""
     evaluations: list[int] = []
     for search in searches:
         before = evaluations[-1] if evaluations else 0
@@ -191,19 +191,19 @@ def joined_trace(searches: Sequence[SearchResult[Any]]) -> SearchTrace:
     )
 
 
-def refuse_nothing_found(spec: DamperSpec, found: SearchResult[Any]) -> None:
+def refuse_empty_elite(spec: DamperSpec, found: SearchResult[Any]) -> None:
     """Refuse a search in which every simulation failed.
 
     Raises
     ------
     SimulationError
-        Where nothing was found.
+        Where the search has no elite.
     """
     if len(found.elite) == 0:
-        raise _nothing_found(spec, found.evaluations)
+        raise _no_simulation(spec, found.evaluations)
 
 
-def _nothing_found(spec: DamperSpec, evaluations: int) -> SimulationError:
+def _no_simulation(spec: DamperSpec, evaluations: int) -> SimulationError:
     return SimulationError(
         f"none of {evaluations} candidates of {spec.name} could be simulated on these tests; "
         "check the units of the record, or narrow the bounds"

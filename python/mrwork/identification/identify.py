@@ -47,31 +47,31 @@ def identify(
 ) -> Fit:
     """Identify one damper model from one or several tests of the same damper.
 
-    The starting points of a plain model come from Levenberg-Marquardt descents from many random starts, or from
-    another search if `search` names one; those of a model with current laws from fits of the plain model at each
-    command. The final least-squares fit uses exact derivatives; it can run on the JAX twin for comparison.
+    The starting points of a plain model are found by local minimisations (Levenberg-Marquardt) from many random starts,
+    or by another `search`; those of a model with current laws by fits of the plain model at each command. The final
+    least-squares fit uses exact derivatives; it can run on the JAX twin for comparison.
 
     Parameters
     ----------
     model
         A model or its name.
     tests
-        One test or several; each weighs the same, whatever its length and force, unless `power` says otherwise.
+        One test or several. With `power` 2 all have the same weight, whatever their length and force.
     search
         A search with its settings, or its name in the registry; default `Multistart()`, for a model with current laws
         `EfficientGA()`.
     bounds
-        Parameter name to (lower, upper); equal bounds hold it fixed. Others have their admissible range.
+        Parameter name to (lower, upper); equal bounds fix the parameter. Others have their admissible range.
     nuisances
         Parameters of the force channel that are estimated for each test along with the damper: "offset", "level" or
-        "delay". With "offset" the model's own force offset is held at zero, because the two cannot be distinguished.
+        "delay". With "offset" the model's own force offset is fixed at zero, because the two cannot be distinguished.
     starts
-        Starts, by parameter name, that are fitted from beside those of the search; `start_from` takes them from an
+        Starts of the final fit, by parameter name, in addition to those of the search; `start_from` takes them from an
         earlier fit. A parameter that is not named has the value of the best point found; a value outside the bounds is
         moved inside.
     power
-        The objective is (mean NRMSE^power)^(1/power) over the tests: 2 is the root mean square, a higher power weighs
-        the worst test more.
+        The objective is (mean NRMSE^power)^(1/power) over the tests: 2 is the root mean square, a higher power gives
+        more weight to the worst test.
     engine
         Where the final fit runs: "lanes", or "twin", which takes about eighty times as long to reach the same minimum.
     rng
@@ -79,11 +79,12 @@ def identify(
     threads
         Threads of the simulation, 0 for all.
     on_progress
-        Called after every generation, descent and refinement step that was computed, not recalled. Where it returns
-        true the run ends with the best parameters so far and the status "stopped".
+        Called after every generation of the search, every minimisation of the screening and every step of the final
+        fit, except where they are recalled from the journal. Where it returns true the run ends with the best
+        parameters so far and the status "stopped".
     journal
-        Records every generation, descent and refinement; a resumed journal supplies those it has. The caller closes
-        it; a run that is stopped or interrupted closes it itself.
+        Records every generation and every local minimisation; a resumed journal supplies those that it has recorded.
+        The caller closes it; a run that is stopped or interrupted closes it itself.
 
     Returns
     -------
@@ -95,11 +96,11 @@ def identify(
     ------
     SettingError
         Where a bound or a power is impossible, a start cannot be used, `Multistart` is to search current laws, or the
-        twin is asked to follow an observation model.
+        engine is the twin and a test has an observation model.
     UnknownNameError
-        Where a start names what the model does not have, or there is no such search.
+        Where a start names a parameter that the model does not have, or there is no such search.
     SimulationError
-        Where no candidate at all could be simulated.
+        Where no candidate could be simulated.
     JournalError
         Where the journal belongs to another identification; the message names what differs.
     Interrupted
@@ -153,9 +154,9 @@ def identify_with(
         reporter.report("search", count, "simulations", misfit, share, generation=generation, median=median)
 
     def ended(interrupt: KeyboardInterrupt, theta: NDArray[np.float64], trace: SearchTrace) -> Fit:
-        """The best found so far: returned where the callback wanted no more, else carried by an interrupt."""
+        """The fit at the best point so far: returned where it was stopped by the callback, else raised."""
         if journal is not None:
-            # A refinement whose thread was abandoned must not write any more.
+            # The abandoned thread of a local minimisation must not write to it any more.
             journal.close()
 
         def so_far(trace: SearchTrace, status: FitStatus) -> Fit:
@@ -216,7 +217,7 @@ def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:
     SimulationError
         Where no candidate could be simulated.
     Interrupted
-        On Ctrl-C, carrying `StartingPoints` with the best point so far alone.
+        On Ctrl-C, carrying `StartingPoints` with only the best point so far.
     """
     search = problem.search
     if isinstance(search, Multistart):
@@ -237,7 +238,7 @@ def identify_again(
 ) -> Fit:
     """Identify from other tests with the model and the settings of an earlier fit, in lanes.
 
-    Neither the earlier fit nor its starts are used as starts: they depend on tests that may have been left out.
+    The earlier fit and its starts are not used as starts, because they depend on tests that may have been left out.
     """
     settings = replace(fit.settings, starts=(), engine="lanes")
     return identify_with(fit.spec, tests, settings, threads=threads, on_progress=on_progress)

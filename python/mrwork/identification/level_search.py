@@ -1,4 +1,4 @@
-"""Starting points of a model with current laws: fits of the plain model at each command, and laws through them."""
+"""Starting points of a model with current laws: the plain model is fitted at each command, then the laws to these."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from mrwork.identification.global_search import (
     interrupted_at,
     joined_trace,
     optimise_in_box,
-    refuse_nothing_found,
+    refuse_empty_elite,
 )
-from mrwork.identification.levenberg_marquardt import LocalMinimum, descend
+from mrwork.identification.levenberg_marquardt import LocalMinimum, find_minimum
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.identification.search_ranges import search_box
@@ -35,15 +35,16 @@ from mrwork.simulate import loading_of
 
 # Starting points of the joint fit.
 _JOINT_STARTS = 8
-# Starts of the descents at each command, residuals of each descent, how many minima are kept, residuals of theirs.
+# Local minimisations at each command: number of starts, evaluations of each; number of minima that are refined,
+# evaluations of each of these.
 _STARTS = 12
 _EVALUATIONS = 15
 _MINIMA = 5
 _LAST_EVALUATIONS = 60
-# Descents at one command may leave the searched range by this factor only: laws are drawn through what they find, and
-# an insensitive parameter at the end of its admissible range would spoil them.
-_BEYOND = 10.0
-# Standard deviation of the random factor on the values that further starting points are drawn through.
+# Local minimisations at one command may leave the searched range by this factor only: laws are fitted to the minima,
+# and an insensitive parameter at the end of its admissible range would distort them.
+_RANGE_FACTOR = 10.0
+# Standard deviation of the logarithm of the random factor on the values to which laws of further starts are fitted.
 _SPREAD = 0.25
 # Largest exponent of a law [1/A or 1/V], either sign.
 _EXPONENT = 5.0
@@ -53,7 +54,7 @@ _MARGIN = 10.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LevelFit:
-    """The plain model at one command [A or V]: minima, shape (n_minima, n_plain), best first; the search, if any."""
+    """Minima of the plain model at one command [A or V], shape (n_minima, n_plain), best first; the search, if any."""
 
     command: float
     minima: NDArray[np.float64]
@@ -61,17 +62,17 @@ class LevelFit:
 
 
 def points_from_levels(problem: Problem, search: Optimiser[Any], *, on_search: OnSearch) -> StartingPoints:
-    """Fit the plain model at each command, and draw the laws through the fits.
+    """Fit the plain model at each command, then the laws to the minima.
 
-    The plain model is searched at the middle command; at each further command the descents start from the minima at
-    the neighbouring one.
+    The global search runs at the middle command only; at each other command local minimisations start from the minima
+    at the neighbouring one.
 
     Raises
     ------
     SimulationError
         Where no candidate could be simulated.
     Interrupted
-        On Ctrl-C, carrying `StartingPoints` with one point, of laws through the fits so far.
+        On Ctrl-C, carrying `StartingPoints` with one point: the laws fitted to the minima so far.
     """
     objective, form, rng = problem.objective, problem.form, problem.settings.rng
     excerpts = tuple(excerpt(test) for test in objective.tests)
@@ -104,7 +105,7 @@ def points_from_levels(problem: Problem, search: Optimiser[Any], *, on_search: O
         fits.append(first)
         if first.search is not None:
             searches.append(first.search)
-            refuse_nothing_found(form.spec, first.search)
+            refuse_empty_elite(form.spec, first.search)
         for outward in (commands[middle + 1 :], commands[:middle][::-1]):
             neighbour, there = first, at(first.command)
             for command in outward:
@@ -172,7 +173,7 @@ def search_level(
     rng: int,
     on_generation: Callable[[GenerationEvent[Any]], None],
 ) -> LevelFit:
-    """Fit the plain model at one command by a global search followed by descents."""
+    """Fit the plain model at one command by a global search followed by local minimisations."""
     searched = search_box(objective.spec, box, objective.tests)
     found = optimise_in_box(search, objective, searched, rng=rng, on_generation=on_generation)
     starts = np.asarray(searched.theta_from_unit(found.elite[:_STARTS]))
@@ -182,7 +183,10 @@ def search_level(
 def follow_level(
     objective: Objective, box: Box, command: float, neighbour: LevelFit, neighbours: Objective
 ) -> LevelFit:
-    """Fit the plain model at one command from the minima at a neighbouring one, as they are and scaled by the force."""
+    """Fit the plain model at one command from the minima at a neighbouring one.
+
+    Each minimum gives two starts: unchanged, and with its forces scaled by the ratio of the measured ones.
+    """
     searched = search_box(objective.spec, box, objective.tests)
     ratio = _force(objective) / _force(neighbours)
     is_force = np.array([parameter.unit.startswith("N") for parameter in objective.spec.parameters])
@@ -202,13 +206,13 @@ def _minima(
     """The best minima, best first, shape (n_minima, n_params)."""
     near = box.with_bounds(_widened(searched, box))
 
-    def descents(starts: NDArray[np.float64], evaluations: int) -> list[LocalMinimum]:
-        found = (descend(objective, near, start, max_evaluations=evaluations) for start in starts)
+    def minimised(starts: NDArray[np.float64], evaluations: int) -> list[LocalMinimum]:
+        found = (find_minimum(objective, near, start, max_evaluations=evaluations) for start in starts)
         return sorted(found, key=lambda minimum: minimum.misfit)
 
     inside = np.clip(starts, near.lower, near.upper)
-    first = np.array([minimum.theta for minimum in descents(inside, _EVALUATIONS)[:_MINIMA]])
-    return np.array([minimum.theta for minimum in descents(first, _LAST_EVALUATIONS)])
+    first = np.array([minimum.theta for minimum in minimised(inside, _EVALUATIONS)[:_MINIMA]])
+    return np.array([minimum.theta for minimum in minimised(first, _LAST_EVALUATIONS)])
 
 
 def _widened(searched: Box, box: Box) -> dict[str, tuple[float, float]]:
@@ -216,19 +220,19 @@ def _widened(searched: Box, box: Box) -> dict[str, tuple[float, float]]:
     for index, name in enumerate(searched.names):
         lower, upper = searched.lower[index], searched.upper[index]
         if searched.log[index]:
-            lower, upper = lower / _BEYOND, upper * _BEYOND
+            lower, upper = lower / _RANGE_FACTOR, upper * _RANGE_FACTOR
         else:
             middle, half = (lower + upper) / 2, (upper - lower) / 2
-            lower, upper = middle - _BEYOND * half, middle + _BEYOND * half
+            lower, upper = middle - _RANGE_FACTOR * half, middle + _RANGE_FACTOR * half
         bounds[name] = (max(lower, box.lower[index]), min(upper, box.upper[index]))
     return bounds
 
 
 def joint_starts(spec: DamperSpec, levels: list[LevelFit], n_starts: int, *, rng: int) -> NDArray[np.float64]:
-    """Coefficients of the laws drawn through fits at several commands, shape (n_starts, n_params).
+    """Coefficients of laws that are fitted to minima at several commands, shape (n_starts, n_params).
 
-    The first start passes through the best minimum at each command, the others through a random one, each parameter
-    multiplied by a log-normal factor with a standard deviation of a quarter.
+    The laws of the first start are fitted to the best minimum at each command, those of the others to a random one,
+    each parameter multiplied by a log-normal factor (standard deviation of the logarithm 0.25).
     """
     random = np.random.default_rng([rng, n_starts])
     commands = np.array([level.command for level in levels])
@@ -239,14 +243,14 @@ def joint_starts(spec: DamperSpec, levels: list[LevelFit], n_starts: int, *, rng
         )
         if start > 0:
             values = values * np.exp(_SPREAD * random.standard_normal(values.shape))
-        starts.append(_through(spec, commands, values))
+        starts.append(_fitted_laws(spec, commands, values))
     return np.array(starts)
 
 
-def _through(
+def _fitted_laws(
     spec: DamperSpec, commands: NDArray[np.float64], values: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Coefficients of the laws that fit `values`, shape (n_levels, n_plain), in the least-squares sense."""
+    """Coefficients of the laws, shape (n_params,), by least squares from `values`, shape (n_levels, n_plain)."""
     if spec.current is None:
         return np.asarray(values[0])
     theta: list[float] = []
@@ -254,15 +258,15 @@ def _through(
         if current_laws()[law].degree == 0:
             theta.append(float(np.median(column)))
             continue
-        wanted = _fitted_degree(law)
-        degree = min(wanted, len(commands) - 1)
-        straight = list(np.polyfit(commands, column, degree)[::-1]) + [0.0] * (wanted - degree)
+        full = _fitted_degree(law)
+        degree = min(full, len(commands) - 1)
+        polynomial = list(np.polyfit(commands, column, degree)[::-1]) + [0.0] * (full - degree)
         if current_laws()[law].degree is None:
-            # a + b exp(-u) with the end values of the straight line.
+            # a + b exp(-u) with the values of the straight line at the lowest and highest command.
             lowest, highest = commands.min(), commands.max()
-            rise = straight[1] * (highest - lowest) / (np.exp(-highest) - np.exp(-lowest) or 1.0)
-            straight = [straight[0] + straight[1] * lowest - rise * np.exp(-lowest), rise, -1.0]
-        theta += straight
+            rise = polynomial[1] * (highest - lowest) / (np.exp(-highest) - np.exp(-lowest) or 1.0)
+            polynomial = [polynomial[0] + polynomial[1] * lowest - rise * np.exp(-lowest), rise, -1.0]
+        theta += polynomial
     if spec.current.lagged:
         theta.append(spec.parameters[-1].nominal)
     box = Box.of(spec)
@@ -270,7 +274,7 @@ def _through(
 
 
 def law_box(spec: DamperSpec, searched: Box, commands: NDArray[np.float64], *, margin: float = 1.0) -> Box:
-    """Ranges of the coefficients of the laws, from `margin` times the searched ranges of the plain model.
+    """Ranges of the coefficients of the laws, `margin` times as wide as the searched ranges of the plain model imply.
 
     A coefficient may have either sign, and at the largest command its term reaches the end of the parameter's range.
     """
@@ -292,9 +296,9 @@ def law_box(spec: DamperSpec, searched: Box, commands: NDArray[np.float64], *, m
 
 
 def _limited(form: Form, limits: Box) -> Box:
-    """The box of a form, with coefficients that have no bounds of the user no wider than `limits`.
+    """The box of a form, where parameters that the user has not bounded have the range of `limits`.
 
-    Descents run in the logit of the range; over 1e9 either way the logit resolves useful values poorly.
+    Local minimisations run in the logit of the range; for a range of +-1e9 the logit resolves useful values poorly.
     """
     whole = Box.of(form.spec)
     narrowed = {}
@@ -306,6 +310,6 @@ def _limited(form: Form, limits: Box) -> Box:
 
 
 def _fitted_degree(law: LawName) -> int:
-    """Degree of the polynomial that is fitted over the commands; an exponential starts from a straight line."""
+    """Degree of the polynomial that is fitted to values over the command; 1 for an exponential law."""
     degree = current_laws()[law].degree
     return 1 if degree is None else degree

@@ -1,9 +1,9 @@
-"""Levenberg-Marquardt with exact Jacobians, simulated in lanes: SciPy's from one start, and a batch from many starts.
+"""Levenberg-Marquardt method with exact Jacobians, simulated in lanes: one start (SciPy), or a batch of starts.
 
-Residuals and Jacobian come from one simulation, which takes a quarter longer than one of the residuals alone. One
-simulation of a few candidates takes as long as one of about fifty, because the time steps of a record are sequential.
-The batch therefore simulates the Jacobians of all starts together, and also all trial steps, several of different
-damping for each start.
+Residuals and Jacobian come from one simulation, which takes a quarter longer than a simulation of the residuals alone.
+A few candidates take as long to simulate as about fifty, because the time steps of a record are sequential. The batch
+therefore simulates the Jacobians of all starts together, and likewise all trial steps, several of different damping
+for each start.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from mrwork.dampers.coordinates import Box
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
 
-# Convergence: the share by which squared misfits still fall; for SciPy also the relative length of a step.
+# Convergence: relative decrease of the squared misfit in a step; for SciPy also the relative length of the step.
 _TOLERANCE = 1e-7
-# SciPy's longest first step, in root sum of squares of the normalised residuals.
+# Bound of SciPy's first step: about the change of the residuals (root sum of squares, misfit units) it may cause.
 _FIRST_STEP = 0.3
-# Of the batch: rows whose Jacobians are held in memory at once.
+# Of the batch: number of Jacobians in memory at once.
 _ROWS = 16
 # Floor for insensitive parameters; keeps the normal matrix non-singular.
 _LEAST_SENSITIVITY = 1e-150
 # Factors on the present damping that are tried together.
-_LADDER = (0.1, 1.0, 10.0)
+_DAMPING_FACTORS = (0.1, 1.0, 10.0)
 _FIRST_DAMPING = 0.1
-# With more damping steps are too short to lower the misfit: the descent has converged.
+# Above this damping steps are too short to lower the misfit: the minimisation has converged.
 _MOST_DAMPING = 1e8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LocalMinimum:
-    """End of a descent: parameters (n_params,), misfit, number of residuals computed, whether it converged."""
+    """Result of a local minimisation: parameters (n_params,), misfit, number of evaluations, whether it converged."""
 
     theta: NDArray[np.float64]
     misfit: float
@@ -43,7 +43,7 @@ class LocalMinimum:
     converged: bool
 
 
-def descend(
+def find_minimum(
     objective: Objective,
     box: Box,
     start: NDArray[np.float64],
@@ -51,26 +51,26 @@ def descend(
     max_evaluations: int,
     on_step: Callable[[int, float], None] | None = None,
 ) -> LocalMinimum:
-    """Minimise from `start`, shape (n_params,), inside `box`, by the Levenberg-Marquardt method of SciPy.
+    """Minimise the misfit from `start`, shape (n_params,), inside `box`, by the Levenberg-Marquardt method of SciPy.
 
     Parameters
     ----------
     max_evaluations
-        Largest number of residuals with their Jacobians.
+        Largest number of evaluations of the residuals with their Jacobian.
     on_step
-        Called with the number of residuals so far and their misfit; not if the descent is recalled from a journal.
+        Called with the number of evaluations so far and the misfit; not if the result is recalled from a journal.
     """
     return objective.once(
         "descent",
         LocalMinimum,
-        lambda: _descended(objective, box, start, max_evaluations, on_step),
+        lambda: _minimised(objective, box, start, max_evaluations, on_step),
         box,
         start,
         max_evaluations,
     )
 
 
-def _descended(
+def _minimised(
     objective: Objective,
     box: Box,
     start: NDArray[np.float64],
@@ -114,25 +114,25 @@ def _descended(
 
 
 class _Linearisations:
-    """Residuals and their derivative in latent coordinates; those of the last two points are kept."""
+    """Residuals and their derivative in latent coordinates; a cache keeps those of the last two points."""
 
     def __init__(self, objective: Objective, box: Box, on_step: Callable[[int, float], None] | None) -> None:
         self.objective = objective
         self.box = box
         self.on_step = on_step
         self.evaluations = 0
-        self._known: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]] = []
+        self._cache: list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]] = []
 
     def __call__(self, latent: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Residuals (n_residuals,) and derivative (n_free, n_residuals)."""
-        for known, residuals, jacobian in self._known:
-            if np.array_equal(known, latent):
+        for cached, residuals, jacobian in self._cache:
+            if np.array_equal(cached, latent):
                 return residuals, jacobian
         theta = np.asarray(self.box.theta_from_latent(latent))
         (residuals,), (jacobian,) = linearised(self.objective, theta[None], self.box.free)
         jacobian *= np.exp(self.box.log_slope(latent))[:, None]
-        # Two, because after a rejected step the method asks for the point before it.
-        self._known = [(latent.copy(), residuals, jacobian), *self._known[:1]]
+        # Two, because after a rejected step the method evaluates the point before it again.
+        self._cache = [(latent.copy(), residuals, jacobian), *self._cache[:1]]
         self.evaluations += 1
         if self.on_step is not None:
             self.on_step(self.evaluations, float(np.linalg.norm(residuals)))
@@ -141,15 +141,15 @@ class _Linearisations:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LocalMinima:
-    """Ends of several descents: parameters (n_starts, n_params), misfits (n_starts,), which converged, iterations."""
+    """Results of a batch: parameters (n_starts, n_params), misfits (n_starts,), which converged, iterations."""
 
     theta: NDArray[np.float64]
     misfit: NDArray[np.float64]
-    arrived: NDArray[np.bool_]
+    converged: NDArray[np.bool_]
     iterations: int
 
 
-def descend_all(
+def find_minima(
     objective: Objective,
     box: Box,
     starts: NDArray[np.float64],
@@ -157,7 +157,7 @@ def descend_all(
     max_iterations: int,
     on_iteration: Callable[[LocalMinima], None] | None = None,
 ) -> LocalMinima:
-    """Minimise from every start, shape (n_starts, n_params), inside `box`, by the batched Levenberg-Marquardt method.
+    """Minimise the misfit from each start, shape (n_starts, n_params), inside `box`, in one Levenberg-Marquardt batch.
 
     Damping is relative to the sensitivity of each parameter, the largest so far (Moré, Lecture Notes in Mathematics
     630, 1978, 105-116). The result of a start does not depend on the other starts.
@@ -165,13 +165,13 @@ def descend_all(
     Parameters
     ----------
     on_iteration
-        Called after each iteration with the present points of the descents.
+        Called after each iteration with the present points.
     """
-    state = _begun(objective, box, starts)
+    state = _initial(objective, box, starts)
     iterations = 0
     while iterations < max_iterations and state.running.any():
         iterations += 1
-        state = _recorded_iteration(objective, box, state)
+        state = _iteration(objective, box, state)
         if on_iteration is not None:
             on_iteration(_minima(box, state, iterations))
     return _minima(box, state, iterations)
@@ -179,7 +179,11 @@ def descend_all(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _State:
-    """State of the descents, one row each; `normal` and `gradient` are those at the last accepted point."""
+    """State of the batch, one row for each start, as it is recorded in the journal.
+
+    `normal` (matrix) and `gradient` are those of the last linearisation; `moved` starts have accepted a step since,
+    `arrived` starts have converged.
+    """
 
     latent: NDArray[np.float64]
     misfit: NDArray[np.float64]
@@ -192,7 +196,7 @@ class _State:
     running: NDArray[np.bool_]
 
 
-def _begun(objective: Objective, box: Box, starts: NDArray[np.float64]) -> _State:
+def _initial(objective: Objective, box: Box, starts: NDArray[np.float64]) -> _State:
     latent = np.asarray(box.latent_from_theta(box.inside(starts)))
     misfit = objective(np.asarray(box.theta_from_latent(latent)))
     n_starts, n_free = latent.shape
@@ -209,11 +213,11 @@ def _begun(objective: Objective, box: Box, starts: NDArray[np.float64]) -> _Stat
     )
 
 
-def _recorded_iteration(objective: Objective, box: Box, state: _State) -> _State:
+def _iteration(objective: Objective, box: Box, state: _State) -> _State:
     return objective.once(
         "iteration",
         _State,
-        lambda: _iteration(objective, box, state),
+        lambda: _iterated(objective, box, state),
         box,
         state.latent,
         state.misfit,
@@ -222,8 +226,8 @@ def _recorded_iteration(objective: Objective, box: Box, state: _State) -> _State
     )
 
 
-def _iteration(objective: Objective, box: Box, state: _State) -> _State:
-    """Linearise the descents that have moved, then try several dampings for every running descent."""
+def _iterated(objective: Objective, box: Box, state: _State) -> _State:
+    """Linearise at the points that have moved, then try several dampings for every running start."""
     latent, misfit, damping = state.latent.copy(), state.misfit.copy(), state.damping.copy()
     sensitivity, normal, gradient = state.sensitivity.copy(), state.normal.copy(), state.gradient.copy()
     moved, arrived, running = state.moved.copy(), state.arrived.copy(), state.running.copy()
@@ -235,29 +239,29 @@ def _iteration(objective: Objective, box: Box, state: _State) -> _State:
     active = np.flatnonzero(running)
     floor = 1e-9 * sensitivity[active].max(axis=1, keepdims=True)
     weight = np.maximum(sensitivity[active], np.maximum(floor, _LEAST_SENSITIVITY)) ** 2
-    ladder = damping[active, None] * np.array(_LADDER)
-    # (active, rung, free, free)
-    damped = normal[active, None] + ladder[..., None, None] * (
+    dampings = damping[active, None] * np.array(_DAMPING_FACTORS)
+    # (active, factor, free, free)
+    damped = normal[active, None] + dampings[..., None, None] * (
         weight[:, None, :, None] * np.eye(latent.shape[1])
     )
     step = -np.linalg.solve(damped, gradient[active, None, :, None])[..., 0]
     tried = latent[active, None] + step
     before = misfit[active]
     theta = np.asarray(box.theta_from_latent(tried))
-    after = objective(theta.reshape(-1, theta.shape[-1]), np.repeat(before, len(_LADDER)))
-    after = after.reshape(-1, len(_LADDER))
-    rung = np.argmin(after, axis=1)
+    after = objective(theta.reshape(-1, theta.shape[-1]), np.repeat(before, len(_DAMPING_FACTORS)))
+    after = after.reshape(-1, len(_DAMPING_FACTORS))
+    best = np.argmin(after, axis=1)
     each = np.arange(active.size)
-    better = after[each, rung] < before
+    better = after[each, best] < before
     moved[active] = better
-    winners = active[better]
-    latent[winners] = tried[each, rung][better]
-    misfit[winners] = after[each, rung][better]
-    # A third of the damping that was best; above all that were tried where none lowered the misfit.
-    factor = np.where(better, np.array(_LADDER)[rung] / 3.0, 100.0)
+    accepted = active[better]
+    latent[accepted] = tried[each, best][better]
+    misfit[accepted] = after[each, best][better]
+    # A third of the best damping; ten times the largest that was tried where none lowered the misfit.
+    factor = np.where(better, np.array(_DAMPING_FACTORS)[best] / 3.0, 100.0)
     damping[active] = np.maximum(damping[active] * factor, 1e-12)
-    fall = 1.0 - (misfit[active] / before) ** 2
-    arrived[active] = np.where(better, fall < _TOLERANCE, damping[active] > _MOST_DAMPING)
+    decrease = 1.0 - (misfit[active] / before) ** 2
+    arrived[active] = np.where(better, decrease < _TOLERANCE, damping[active] > _MOST_DAMPING)
     running[active] = ~arrived[active]
     return _State(
         latent=latent,
@@ -276,7 +280,7 @@ def _minima(box: Box, state: _State, iterations: int) -> LocalMinima:
     return LocalMinima(
         theta=np.asarray(box.theta_from_latent(state.latent)),
         misfit=state.misfit,
-        arrived=state.arrived,
+        converged=state.arrived,
         iterations=iterations,
     )
 

@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt on the JAX twin, in latent coordinates."""
+"""Levenberg-Marquardt method on the JAX twin, in latent coordinates."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ from mrwork.twins._base import keep_compiled, simulate
 
 
 class RecordArrays(NamedTuple):
-    """One test: sampling step [s], motion at the stage times, command [A or V], measured force [N], its weight.
+    """One test: sampling step [s], motion at the stage times, command [A or V], measured force [N], weight.
 
-    The weight makes the sum of squared residuals of all tests the squared misfit.
+    With these weights the sum of squared residuals of all tests is the squared misfit.
     """
 
     dt: jax.Array
@@ -39,7 +39,7 @@ class RecordArrays(NamedTuple):
 class TwinResiduals:
     """Static inputs of the residuals; equal values share one compilation.
 
-    `n_settle` are the samples of each test that do not count.
+    `n_settle` are the numbers of samples at the start of each test that are not compared.
     """
 
     spec: DamperSpec
@@ -49,7 +49,7 @@ class TwinResiduals:
 
     @classmethod
     def of(cls, objective: Objective) -> TwinResiduals:
-        """The residuals of `objective.residuals` on the twin.
+        """The twin's form of `objective.residuals`.
 
         Raises
         ------
@@ -65,7 +65,7 @@ class TwinResiduals:
         )
 
     def __call__(self, theta: jax.Array, tests: tuple[RecordArrays, ...]) -> jax.Array:
-        """Residuals of one set of parameters, (n_params,), shape (n_residuals,); one where they are not finite."""
+        """Residuals, shape (n_residuals,), of one set of parameters, (n_params,); 1 where they are not finite."""
         parts = [
             _without_nuisance(force[n_settle:], force[n_settle:] - test.force, self.nuisances) * test.weight
             for force, test, n_settle in zip(self._forces(theta, tests), tests, self.n_settle, strict=True)
@@ -76,27 +76,30 @@ class TwinResiduals:
             factors = (jnp.sqrt(squared) / misfit) ** (self.power / 2.0 - 1.0)
             parts = [factor * part for factor, part in zip(factors, parts, strict=True)]
         residuals = jnp.concatenate(parts)
-        # A step to unstable parameters is then rejected as one that does not lower the misfit.
+        # With these values a step to unstable parameters raises the misfit and is rejected.
         return jnp.where(jnp.isfinite(residuals), residuals, 1.0)
 
     def _forces(self, theta: jax.Array, tests: tuple[RecordArrays, ...]) -> list[jax.Array]:
-        """Force of each test, (n_time,); tests of equal sub-steps are one scan, for thirty take minutes to compile."""
+        """Force of each test, (n_time,).
+
+        Tests with equal numbers of sub-steps share one scan, because thirty scans take minutes to compile.
+        """
         forces: dict[int, jax.Array] = {}
         for n_stages in sorted({test.motion.shape[1] for test in tests}):
             own = {index: test for index, test in enumerate(tests) if test.motion.shape[1] == n_stages}
             longest = max(len(test.motion) for test in own.values())
-            found = jax.vmap(lambda *test: simulate(self.spec, theta, *test))(
+            force = jax.vmap(lambda *test: simulate(self.spec, theta, *test))(
                 jnp.stack([_lengthened(test.motion, longest) for test in own.values()]),
                 jnp.stack([test.dt for test in own.values()]),
                 jnp.stack([test.command for test in own.values()]),
             )
             for row, (index, test) in enumerate(own.items()):
-                forces[index] = found[row, : len(test.motion) + 1]
+                forces[index] = force[row, : len(test.motion) + 1]
         return [forces[index] for index in range(len(tests))]
 
 
 def arrays_of(objective: Objective, substeps: tuple[int, ...]) -> tuple[RecordArrays, ...]:
-    """The tests of an objective as arrays for the twin, with these numbers of sub-steps."""
+    """The tests of an objective as arrays of the twin, each with its number of sub-steps."""
     entries = []
     for each, count in zip(objective.compared, substeps, strict=True):
         command = loading_of(each.test, objective.spec).command
@@ -126,11 +129,11 @@ def _without_nuisance(force: jax.Array, residuals: jax.Array, names: tuple[Nuisa
     return residuals - (jnp.linalg.pinv(unit @ unit.T) @ (unit @ residuals)) @ unit
 
 
-# A descent has converged when this many steps together lower the squared misfit by less than this share.
+# The minimisation has converged when this number of steps together lowers the squared misfit by less than this share.
 _PATIENCE = 6
 _TOLERANCE = 1e-8
 _MAX_STEPS = 120
-# A minimum that needs other sub-steps than its descent used is fitted again with these.
+# Largest number of minimisations: one is repeated if its minimum needs other numbers of sub-steps than it used.
 _ROUNDS = 3
 
 OnStep = Callable[[int, float], None]
@@ -139,7 +142,7 @@ _Data = tuple[RecordArrays, ...]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwinMinimum:
-    """A local minimum: parameters (n_params,), misfit, steps taken, whether the descent converged."""
+    """Result of a local minimisation: parameters (n_params,), misfit, number of steps, whether it converged."""
 
     theta: NDArray[np.float64]
     misfit: float
@@ -147,52 +150,52 @@ class TwinMinimum:
     converged: bool
 
 
-def refine(
+def find_minimum_on_twin(
     objective: Objective, box: Box, start: NDArray[np.float64], *, on_step: OnStep | None = None
 ) -> TwinMinimum:
-    """Descend from `start`, shape (n_params,), to a minimum of the misfit.
+    """Minimise the misfit from `start`, shape (n_params,), inside `box`, on the twin.
 
-    The Rust core evaluates the misfit of the result with the sub-steps that its stiffness bound requires, so the
-    minimum does not depend on too coarse a step of the twin.
+    The misfit of the result is that of the Rust core, with the numbers of sub-steps that the stiffness bound requires.
+    Where these differ from those of the minimisation, it is repeated with them.
 
     Parameters
     ----------
     on_step
-        Called after every step with the number of steps so far and the misfit; not if the refinement is recalled
-        from a journal.
+        Called after every step with the number of steps so far and the misfit; not if the result is recalled from a
+        journal.
     """
     return objective.once(
-        "refinement", TwinMinimum, lambda: _refined(objective, box, start, on_step), box, start
+        "refinement", TwinMinimum, lambda: _minimised(objective, box, start, on_step), box, start
     )
 
 
-def _refined(
+def _minimised(
     objective: Objective, box: Box, start: NDArray[np.float64], on_step: OnStep | None
 ) -> TwinMinimum:
-    refined = TwinMinimum(theta=start, misfit=float(objective(start[None])[0]), steps=0, converged=False)
+    minimum = TwinMinimum(theta=start, misfit=float(objective(start[None])[0]), steps=0, converged=False)
     for _ in range(_ROUNDS):
-        substeps = _substeps(objective, refined.theta)
-        refined = _descend(objective, box, refined, substeps, on_step)
-        # Fewer sub-steps would suffice but change the minimum, which is to be that of the lanes.
-        if refined.converged and _substeps(objective, refined.theta) == substeps:
+        substeps = _substeps(objective, minimum.theta)
+        minimum = _minimised_with(objective, box, minimum, substeps, on_step)
+        # Fewer sub-steps would suffice too, but the minimum would differ from that of the lanes.
+        if minimum.converged and _substeps(objective, minimum.theta) == substeps:
             break
-    return refined
+    return minimum
 
 
-def _descend(
+def _minimised_with(
     objective: Objective, box: Box, start: TwinMinimum, substeps: tuple[int, ...], on_step: OnStep | None
 ) -> TwinMinimum:
-    """One descent with fixed sub-steps; the result is not worse than the start."""
-    descent = _descent(TwinResiduals.of(objective), box)
+    """One minimisation with fixed sub-steps; the result is not worse than the start."""
+    method = _method(TwinResiduals.of(objective), box)
     data = arrays_of(objective, substeps)
     latent = jnp.asarray(box.latent_from_theta(box.inside(start.theta)))
-    args = (latent, descent.scale(latent, data), data)
+    args = (latent, method.scale(latent, data), data)
     position = jnp.zeros_like(latent)
-    state = descent.init(position, args)
+    state = method.init(position, args)
     squared: list[float] = []
     converged = False
     while len(squared) < _MAX_STEPS and not converged:
-        position, state, done, value = descent.step(position, args, state)
+        position, state, done, value = method.step(position, args, state)
         squared.append(float(value))
         if on_step is not None:
             on_step(start.steps + len(squared), squared[-1] ** 0.5)
@@ -210,7 +213,7 @@ def _substeps(objective: Objective, theta: NDArray[np.float64]) -> tuple[int, ..
     return tuple(max(1, int(misfits.substeps[0])) for misfits in objective.misfits(theta[None]))
 
 
-class _Descent(NamedTuple):
+class _Method(NamedTuple):
     """A Levenberg-Marquardt method compiled for one model, box and shape of the data."""
 
     scale: Callable[[jax.Array, _Data], jax.Array]
@@ -219,9 +222,9 @@ class _Descent(NamedTuple):
 
 
 @cache
-def _descent(twin: TwinResiduals, box: Box) -> _Descent:
+def _method(twin: TwinResiduals, box: Box) -> _Method:
     keep_compiled()
-    method: Any = optx.LevenbergMarquardt(rtol=1e-9, atol=1e-9)
+    solver: Any = optx.LevenbergMarquardt(rtol=1e-9, atol=1e-9)
     options = {"jac": "fwd"}
     tags: frozenset[object] = frozenset()
 
@@ -231,8 +234,8 @@ def _descent(twin: TwinResiduals, box: Box) -> _Descent:
 
     @eqx.filter_jit
     def scale(latent: jax.Array, data: _Data) -> jax.Array:
-        # Latent coordinates of unit sensitivity, as in Marquardt's scaling: parameters with ranges of very different
-        # width then take steps of similar effect.
+        # Scale to unit sensitivity, as in Marquardt's scaling: steps then have similar effects along parameters with
+        # ranges of very different width.
         args = (latent, jnp.ones_like(latent), data)
         sensitivity = jax.jacfwd(lambda position: residuals(position, args)[0])(jnp.zeros_like(latent))
         norm = jnp.linalg.norm(sensitivity, axis=0)
@@ -241,12 +244,12 @@ def _descent(twin: TwinResiduals, box: Box) -> _Descent:
     @eqx.filter_jit
     def init(position: jax.Array, args: Any) -> Any:
         f_struct, aux_struct = jax.eval_shape(residuals, position, args)
-        return method.init(residuals, position, args, options, f_struct, aux_struct, tags)
+        return solver.init(residuals, position, args, options, f_struct, aux_struct, tags)
 
     @eqx.filter_jit
     def step(position: jax.Array, args: Any, state: Any) -> tuple[jax.Array, Any, jax.Array, jax.Array]:
-        position, state, _ = method.step(residuals, position, args, options, state, tags)
-        done, _ = method.terminate(residuals, position, args, options, state, tags)
+        position, state, _ = solver.step(residuals, position, args, options, state, tags)
+        done, _ = solver.terminate(residuals, position, args, options, state, tags)
         return position, state, done, jnp.sum(state.f_info.residual**2)
 
-    return _Descent(scale=scale, init=init, step=step)
+    return _Method(scale=scale, init=init, step=step)

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from mrwork.identification.objective import Objective
 
-# Numbers of a Jacobian that are held in memory beside the one that is returned: 64 MiB.
-_NUMBERS = 1 << 23
+# Largest block of a Jacobian, in numbers, that is in memory beside the whole: 64 MiB.
+_BLOCK_SIZE = 1 << 23
 
 
 def linearised(
@@ -18,12 +18,11 @@ def linearised(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Residuals and their exact derivatives with respect to columns of `theta`, from one simulation of each row.
 
-    Shapes (n_batch, n_residuals) and (n_batch, n_columns, n_residuals), per unit of the column; zero where a
-    simulation failed. Exact also where the force was observed, relieved of nuisance parameters, or weighed by
-    another power than 2.
+    Shapes (n_batch, n_residuals) and (n_batch, n_columns, n_residuals), per unit of the column; derivatives are zero
+    where a simulation failed. They include the observation model, the nuisance parameters and the power of the misfit.
     """
-    held = max(1, _NUMBERS // (objective.n_time * max(len(columns), 1)))
-    blocks = [_block(objective, theta[at : at + held], columns) for at in range(0, len(theta), held)]
+    n_rows = max(1, _BLOCK_SIZE // (objective.n_time * max(len(columns), 1)))
+    blocks = [_block(objective, theta[at : at + n_rows], columns) for at in range(0, len(theta), n_rows)]
     if len(blocks) == 1:
         return blocks[0]
     n_columns = len(columns)
@@ -52,12 +51,12 @@ def _block(
 
     _for_each_test(objective, fill)
     if not objective.is_plain:
-        _weigh(objective, residuals, jacobian, slices)
+        _apply_power(objective, residuals, jacobian, slices)
     return residuals, jacobian
 
 
 def _for_each_test(objective: Objective, work: Callable[[int, int], None]) -> None:
-    """Call `work(index, threads)` for every test; several tests run side by side, one thread each."""
+    """Call `work(index, threads)` for every test; several tests run in parallel, one thread each."""
     n_tests = len(objective.tests)
     if n_tests == 1 or objective.threads == 1:
         for index in range(n_tests):
@@ -70,7 +69,7 @@ def _for_each_test(objective: Objective, work: Callable[[int, int], None]) -> No
             pass
 
 
-def _weigh(
+def _apply_power(
     objective: Objective,
     residuals: NDArray[np.float64],
     jacobian: NDArray[np.float64],

@@ -1,9 +1,9 @@
 """Multistart least squares, the default search of a plain model.
 
-Levenberg-Marquardt descents run from the best of many samples, round after round, until several of them have reached
-the lowest minimum. The misfit of a hysteresis model is smooth except for a few kinks, so a descent of two hundred
-simulations reaches a minimum that a population-based search only approaches in thousands. Repeated descents are needed
-to tell whether that minimum is the lowest.
+Local minimisations (Levenberg-Marquardt) start from the best of many samples, in rounds, until several of them have
+reached the least misfit. The misfit of a hysteresis model is smooth except for a few kinks, so a local minimisation of
+two hundred simulations reaches a minimum that a population-based search only approaches in thousands. Only repeated
+local minimisations show whether that minimum is the global one.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import Interrupted, SettingError
-from mrwork.identification.levenberg_marquardt import LocalMinima, descend_all
+from mrwork.identification.levenberg_marquardt import LocalMinima, find_minima
 from mrwork.identification.objective import Objective
 from mrwork.search.unit_cube import Streams, latin_hypercube
 
@@ -34,17 +34,17 @@ class Multistart:
     Parameters
     ----------
     samples
-        Points of the Latin hypercube per free parameter; descents start from the best of them.
+        Points of the Latin hypercube per free parameter; local minimisations start from the best of them.
     starts
-        Descents of a round, which run in one batch.
+        Local minimisations of a round, which run in one batch.
     most_rounds
         Largest number of rounds.
     found
-        The search ends after the round in which this number of descents has reached the least misfit.
+        The search ends after the round in which this number of minimisations has reached the least misfit.
     closeness
         Misfits that differ by less than this share belong to the same minimum.
     most_iterations
-        Largest number of iterations of a descent.
+        Largest number of iterations of a local minimisation.
     """
 
     samples: int = 20
@@ -66,8 +66,8 @@ class Multistart:
 class MultistartResult:
     """Minima, best first, shape (n_minima, n_params), with their misfits (n_minima,), and why the search ended.
 
-    The trace of the search, shape (n_iterations,) each: `evaluations` so far, `best` misfit, and `median` misfit of the
-    running descents.
+    The trace of the search has one entry per iteration: `evaluations` so far, `best` misfit so far, and `median` misfit
+    of the present round.
     """
 
     theta: NDArray[np.float64]
@@ -88,15 +88,15 @@ def search_starts(
     mirrored: tuple[int, ...] = (),
     on_iteration: Callable[[MultistartResult, float], None] | None = None,
 ) -> MultistartResult:
-    """Run descents inside `box` from starts that are sampled in the narrower box `searched`.
+    """Run local minimisations inside `box` from starts that are sampled in the narrower box `searched`.
 
     Parameters
     ----------
     rng
         Seed; the same seed gives the same bits on any number of threads.
     mirrored
-        Parameters whose signs can be changed together with little effect, but across a barrier that no descent
-        crosses; a further descent starts from the mirror image of the best minimum.
+        Parameters whose signs can be changed together with little effect, but across a barrier that no local
+        minimisation crosses; a further one starts from the mirror image of the best minimum.
     on_iteration
         Called after every iteration with the result so far and the share of the allowed iterations that is used up.
 
@@ -112,33 +112,33 @@ def search_starts(
     misfit = objective(starts)
     order = np.argsort(misfit, kind="stable")
     order = order[np.isfinite(misfit[order])]
-    descents = _Descents(objective, starts[order], misfit[order])
+    rounds = _Rounds(objective, starts[order], misfit[order])
     most = settings.most_rounds * settings.most_iterations
 
-    def descend(chosen: NDArray[np.float64]) -> None:
-        def tell(minima: LocalMinima) -> None:
-            descents.advance(minima)
+    def run_round(starts: NDArray[np.float64]) -> None:
+        def advance(minima: LocalMinima) -> None:
+            rounds.advance(minima)
             if on_iteration is not None:
-                on_iteration(descents.found(""), min(len(descents.best) / most, 1.0))
+                on_iteration(rounds.found(""), min(len(rounds.best) / most, 1.0))
 
-        descents.end(
-            descend_all(objective, box, chosen, max_iterations=settings.most_iterations, on_iteration=tell)
+        rounds.end(
+            find_minima(objective, box, starts, max_iterations=settings.most_iterations, on_iteration=advance)
         )
 
     reason = "max_rounds"
     try:
         for first in range(0, min(order.size, settings.most_rounds * settings.starts), settings.starts):
-            descend(starts[order[first : first + settings.starts]])
-            if descents.n_at_best(settings.closeness) >= settings.found:
+            run_round(starts[order[first : first + settings.starts]])
+            if rounds.n_at_best(settings.closeness) >= settings.found:
                 reason = "found_again"
                 break
         if mirrored and order.size:
-            image = descents.found("").theta[:1].copy()
+            image = rounds.found("").theta[:1].copy()
             image[:, list(mirrored)] *= -1.0
-            descend(image)
+            run_round(image)
     except KeyboardInterrupt as interrupt:
-        raise Interrupted(descents.found("interrupted"), "search") from interrupt
-    return descents.found(reason)
+        raise Interrupted(rounds.found("interrupted"), "search") from interrupt
+    return rounds.found(reason)
 
 
 def distinct_minima(box: Box, theta: NDArray[np.float64], misfit: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -155,8 +155,8 @@ def distinct_minima(box: Box, theta: NDArray[np.float64], misfit: NDArray[np.flo
     return theta[[0, *others[:1]]]
 
 
-class _Descents:
-    """State of the search: the samples, the minima of finished descents, the running descents."""
+class _Rounds:
+    """State of the search: the best sample, the minima of the rounds that have ended, those of the present round."""
 
     def __init__(self, objective: Objective, theta: NDArray[np.float64], misfit: NDArray[np.float64]) -> None:
         self.objective = objective
@@ -178,7 +178,7 @@ class _Descents:
         self.ended.append(minima)
 
     def n_at_best(self, closeness: float) -> int:
-        """Number of descents that ended at the least misfit."""
+        """Number of local minimisations that ended at the least misfit."""
         misfit = np.concatenate([minima.misfit for minima in self.ended])
         return int(np.count_nonzero(misfit <= (1.0 + closeness) * misfit.min()))
 

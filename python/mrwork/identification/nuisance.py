@@ -24,7 +24,7 @@ class Nuisance:
 
     @property
     def in_words(self) -> str:
-        """The estimates, for people; empty where nothing was estimated."""
+        """The estimates as text; empty where nothing was estimated."""
         parts = [
             (self.offset, f"offset by {self.offset:.4g} N"),
             (self.level - 1.0, f"times {self.level:.4g}"),
@@ -33,15 +33,17 @@ class Nuisance:
         return ", ".join(text for value, text in parts if value != 0.0)
 
     def applied(self, force: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
-        """`force` [N], shape (n_time,), sampled every `dt` [s], as the channel of this test would have it."""
+        """Apply the estimates to `force` [N], shape (n_time,), which is sampled every `dt` [s]."""
         return np.asarray(self.level * delayed(force, self.delay / dt) + self.offset)
 
 
 NONE = Nuisance()
 
 
-def offsets_left_to(names: tuple[NuisanceName, ...], spec: DamperSpec) -> dict[str, tuple[float, float]]:
-    """Bounds that hold the model's own force offset at zero, where each test has an offset of its own."""
+def bounds_without_offsets(
+    names: tuple[NuisanceName, ...], spec: DamperSpec
+) -> dict[str, tuple[float, float]]:
+    """Bounds that fix the model's own force offset at zero, where the offset is a nuisance parameter of each test."""
     if "offset" not in names:
         return {}
     shifts = {each.name for each in spec.plain if each.scale == "offset" and each.unit in ("N", "m")}
@@ -53,7 +55,7 @@ def without_nuisance(
 ) -> NDArray[np.float64]:
     """Residuals [N] of `force`, shape (n_batch, n_time), with the nuisance parameters at their least-squares values.
 
-    The residuals are linear in them (in the delay to first order), so they follow in closed form for each row.
+    The residuals are linear in these parameters (in the delay to first order), so their values have a closed form.
     """
     residuals = force - measured
     if names:
@@ -68,9 +70,9 @@ def linearised_without_nuisance(
     measured: NDArray[np.float64],
     names: tuple[NuisanceName, ...],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The same with derivatives, from those of the force, shape (n_batch, n_params, n_time).
+    """Residuals as in `without_nuisance`, with derivatives from those of the force, shape (n_batch, n_params, n_time).
 
-    Residuals are r = y - C c with c = C^+ y, and the columns C, except that of the offset, depend on the force. So
+    Residuals are r = y - C c with c = C^+ y. The columns C, except that of the offset, depend on the force, hence
 
         dr = P (dy - dC c) - (C^+)' dC' r,  P = 1 - C C^+
 
@@ -122,9 +124,9 @@ def _best(
 
 
 def columns_of(force: Any, names: tuple[NuisanceName, ...]) -> Any:
-    """Derivative of the residuals by each nuisance parameter, shape (n_names, ..., n_time).
+    """Derivative of the residuals with respect to each nuisance parameter, shape (n_names, ..., n_time).
 
-    `force`, (..., n_time), is an array of NumPy or, on the twin, of JAX; so is the result.
+    `force`, shape (..., n_time), and the result are arrays of NumPy or, on the twin, of JAX.
     """
     return force.__array_namespace__().stack([_column(name, force) for name in names])
 
@@ -132,7 +134,8 @@ def columns_of(force: Any, names: tuple[NuisanceName, ...]) -> Any:
 def scaled(columns: Any) -> tuple[Any, Any]:
     """Columns of unit length, and their lengths, shape (n_names, ...).
 
-    Without the scaling the normal equations are ill-conditioned: a force of 1e3 N exceeds its slope per sample by far.
+    Without this scaling the normal equations are ill-conditioned: a force of 1e3 N is far larger than its change per
+    sample.
     """
     xp = columns.__array_namespace__()
     length = xp.maximum(xp.linalg.norm(columns, axis=-1), np.finfo(float).tiny)
@@ -140,7 +143,7 @@ def scaled(columns: Any) -> tuple[Any, Any]:
 
 
 def _column(name: NuisanceName, force: Any) -> Any:
-    """Derivative of the residuals by one nuisance parameter, to first order."""
+    """Derivative of the residuals with respect to one nuisance parameter, to first order."""
     xp = force.__array_namespace__()
     if name == "offset":
         return xp.ones_like(force)
@@ -148,5 +151,5 @@ def _column(name: NuisanceName, force: Any) -> Any:
 
 
 def _slope(name: NuisanceName, slope: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Derivative of the column by the parameters of the model, from that of the force."""
+    """Derivative of the column with respect to the parameters of the model, from that of the force."""
     return np.zeros_like(slope) if name == "offset" else np.asarray(_column(name, slope))

@@ -1,4 +1,4 @@
-"""Misfit of candidates to the measured tests, one number per candidate, simulated in lanes."""
+"""Misfit of candidates with respect to the measured tests, one number per candidate, simulated in lanes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from mrwork.store import Journal, digest_of
 
 # Rows whose residuals are held in memory at once where a misfit needs the whole history.
 _ROWS = 64
-# Factor of limits above their thresholds: their sums are rounded in another order than those of the misfit.
+# Factor between limits and thresholds: limits allow for sums that are rounded in another order than the misfit.
 _MARGIN = 1.0 + 1e-9
 # Power of the root mean square, that of least squares.
 ROOT_MEAN_SQUARE = 2.0
@@ -33,10 +33,10 @@ T = TypeVar("T")
 class Objective:
     """Free-run misfit of a model against one or several tests.
 
-    The misfit is the power mean over tests of the NRMSE, (mean NRMSE^power)^(1/power). With power 2 all tests weigh
-    the same, whatever their length and force; a higher power weighs the worst more. The observation model of the test
-    and the nuisance parameters are applied to the simulated force before the comparison. Costly steps are recorded in
-    the `journal`, if any.
+    The misfit is the power mean over tests of the NRMSE, (mean NRMSE^power)^(1/power). With power 2 all tests have the
+    same weight, whatever their length and force; a higher power gives more weight to the worst. The observation model
+    of the test and the nuisance parameters are applied to the simulated force before the comparison. Costly steps are
+    recorded in the `journal`, if any.
     """
 
     spec: DamperSpec
@@ -59,7 +59,7 @@ class Objective:
         tally: Tally | None = None,
         journal: Journal | None = None,
     ) -> Objective:
-        """Make the splines of the tests' motions, once for all candidates."""
+        """Objective on these tests; the splines of their motions are computed here, once for all candidates."""
         if not tests:
             raise RecordError("no test was given to identify from; name at least one file")
         return cls(
@@ -85,7 +85,7 @@ class Objective:
         )
 
     def once(self, step: str, kind: type[T], compute: Callable[[], T], *inputs: object) -> T:
-        """The result of `compute` for these inputs, a dataclass `kind`; recalled if the journal has it."""
+        """Result of `compute` for these inputs, a dataclass `kind`; recalled where the journal has recorded it."""
         if self.journal is None:
             return compute()
         names = [test.name for test in self.tests]
@@ -108,12 +108,12 @@ class Objective:
 
     @property
     def plain(self) -> Objective:
-        """The same with the root mean square of the NRMSE."""
+        """The objective with the root mean square of the NRMSE."""
         return replace(self, power=ROOT_MEAN_SQUARE)
 
     @property
     def is_direct(self) -> bool:
-        """Whether the simulated force is compared as it is, without observation models and nuisance parameters."""
+        """Whether the simulated force is compared directly, without observation models and nuisance parameters."""
         return not self.nuisances and all(test.observation == AS_IT_IS for test in self.tests)
 
     def refuse_observation(self) -> None:
@@ -133,7 +133,7 @@ class Objective:
 
     @property
     def n_time(self) -> int:
-        """Samples that count, of all tests together."""
+        """Number of samples that are compared, of all tests together."""
         return sum(test.n_time - test.n_settle for test in self.tests)
 
     def __call__(
@@ -142,7 +142,7 @@ class Objective:
         """Misfit of each row of `theta`, shape (n_batch,); infinite where a simulation failed.
 
         With `thresholds`, shape (n_batch,), the simulation of a row ends when its misfit reaches its threshold, and the
-        misfit is infinite; other rows are the same to the last bit as without. Observation models and nuisance
+        misfit is infinite; other rows have the same bits as without thresholds. Observation models and nuisance
         parameters need the whole force: with them thresholds have no effect.
         """
         if not self.is_direct:
@@ -156,7 +156,11 @@ class Objective:
         return self._mean(np.array(squared))
 
     def _limited(self, theta: NDArray[np.float64], thresholds: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Misfits with thresholds, first of the test that has added most per step; the mean keeps the tests' order."""
+        """Misfits with thresholds.
+
+        The tests are simulated in descending order of what they have added to the misfit per step; the mean is taken
+        in the order of the tests.
+        """
         n_tests = len(self.tests)
         self.tally.simulations += len(theta)
         squared = np.zeros((n_tests, len(theta)))
@@ -164,17 +168,17 @@ class Objective:
         substeps = np.ones(len(theta), dtype=np.int64)
         # Amount that the remaining tests may still add to the sum of powers of the NRMSE.
         allowance = n_tests * thresholds**self.power
-        for index in sorted(range(n_tests), key=lambda index: -self.tally.told.get(index, np.inf)):
+        for index in sorted(range(n_tests), key=lambda index: -self.tally.added_per_step.get(index, np.inf)):
             test = self.compared[index].test
             weight = self.compared[index].weight(1) ** 2
             allowed = np.maximum(allowance[remaining], 0.0) ** (2.0 / self.power)
             run = self._simulated(index, theta[remaining], allowed * (_MARGIN / weight))
             substeps[remaining] = run.substeps
-            # Of all rows; those that reached their thresholds before have no steps here.
+            # Counted over all rows: those that reached their thresholds in earlier tests have no steps here.
             self.tally.spared += int(test.n_time * substeps.sum() - run.steps.sum())
             reached = np.where(run.outcome == Outcome.ABANDONED, allowed, run.squared_error * weight)
-            told = float(np.sum(reached, where=np.isfinite(reached)))
-            self.tally.told[index] = told / max(int(run.steps.sum()), 1)
+            added = float(np.sum(reached, where=np.isfinite(reached)))
+            self.tally.added_per_step[index] = added / max(int(run.steps.sum()), 1)
             squared[index, remaining] = reached
             finite = np.isfinite(run.squared_error)
             remaining = remaining[finite]
@@ -222,8 +226,8 @@ class Objective:
     def residuals(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         """Residuals of each row of `theta`, shape (n_batch, n_residuals); the sum of squares is the squared misfit.
 
-        Residuals of a simulation that failed are one, far above those of any fit. For a power other than 2, those of
-        a test are multiplied by (NRMSE/misfit)^(power/2 - 1).
+        Residuals of a simulation that failed are 1, far above those of any fit. For a power other than 2, the residuals
+        of a test are multiplied by (NRMSE/misfit)^(power/2 - 1).
         """
         parts = list(self._parts(theta, failure=1.0))
         if not self.is_plain:

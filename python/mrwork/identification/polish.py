@@ -12,18 +12,19 @@ from numpy.typing import NDArray
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.equivalent import Form
 from mrwork.identification.global_search import StartingPoints
-from mrwork.identification.levenberg_marquardt import LocalMinimum, descend, descend_all
+from mrwork.identification.levenberg_marquardt import LocalMinimum, find_minima, find_minimum
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.multistart import distinct_minima
 from mrwork.identification.objective import Objective
 from mrwork.identification.result import remark_of
 from mrwork.identification.settings import Engine
 
-# Residuals of the final fit; of the selection: residuals from every start, how many go on, residuals from these.
-_LAST_EVALUATIONS = 100
-_FIRST_EVALUATIONS = 15
-_SEMIFINALISTS = 4
-_SCREENING_EVALUATIONS = 60
+# Largest number of evaluations: of the final fit, of the screening of each start, and of the second screening, which
+# takes this number of the best.
+_FINAL_EVALUATIONS = 100
+_FIRST_SCREENING = 15
+_SECOND_SCREENING = 60
+_SCREENED_TWICE = 4
 
 # Called with the steps so far and the misfit.
 OnStep = Callable[[int, float], None]
@@ -47,32 +48,32 @@ def polish(
     on_start: Callable[[LocalMinimum, float], None],
     on_step: OnStep,
 ) -> Polished:
-    """Select the best starting points by short descents, then fit from these to convergence.
+    """Screen the starting points by short local minimisations, then fit from the best to convergence.
 
-    Points that are minima already need no selection; there the final steps use iterations that the search did not have
-    and cover starts that were given. Standard errors are those of least squares at the minimum.
+    Points that are minima already are not screened: there the final fit continues beyond the iterations of the search,
+    and includes the starts of the user. Standard errors are those of least squares at the minimum.
     """
     form = points.form
-    finalists = points.theta
+    starts = points.theta
     if not points.minima:
-        finalists = best_few(points.objective, form.box, finalists, mirrored=form.mirrored, on_start=on_start)
+        starts = screened(points.objective, form.box, starts, mirrored=form.mirrored, on_start=on_start)
     if engine == "twin":
-        ended = _on_the_twin(objective, form, finalists, on_step)
+        ended = _on_the_twin(objective, form, starts, on_step)
     elif points.minima:
-        ended = _side_by_side(objective, form, finalists, on_step)
+        ended = _in_a_batch(objective, form, starts, on_step)
     else:
-        ended = _one_by_one(objective, form, finalists, on_step)
+        ended = _one_by_one(objective, form, starts, on_step)
     return _with_standard_errors(objective, form, ended)
 
 
-def _side_by_side(
+def _in_a_batch(
     objective: Objective, form: Form, starts: NDArray[np.float64], on_step: OnStep
 ) -> LocalMinimum:
-    minima = descend_all(
+    minima = find_minima(
         objective,
         form.box,
         starts,
-        max_iterations=_LAST_EVALUATIONS,
+        max_iterations=_FINAL_EVALUATIONS,
         on_iteration=lambda minima: on_step(minima.iterations, float(minima.misfit.min())),
     )
     best = int(np.argmin(minima.misfit))
@@ -80,38 +81,38 @@ def _side_by_side(
         theta=minima.theta[best],
         misfit=float(minima.misfit[best]),
         evaluations=minima.iterations,
-        converged=bool(minima.arrived[best]),
+        converged=bool(minima.converged[best]),
     )
 
 
 def _one_by_one(
     objective: Objective, form: Form, starts: NDArray[np.float64], on_step: OnStep
 ) -> LocalMinimum:
-    descents = (
-        descend(objective, form.box, start, max_evaluations=_LAST_EVALUATIONS, on_step=on_step)
+    minima = (
+        find_minimum(objective, form.box, start, max_evaluations=_FINAL_EVALUATIONS, on_step=on_step)
         for start in starts
     )
-    return min(descents, key=lambda minimum: minimum.misfit)
+    return min(minima, key=_misfit)
 
 
 def _on_the_twin(
     objective: Objective, form: Form, starts: NDArray[np.float64], on_step: OnStep
 ) -> LocalMinimum:
     # The only import of JAX that pyproject.toml allows here: it takes a second to load.
-    from mrwork.identification.levenberg_marquardt_twin import refine
+    from mrwork.identification.levenberg_marquardt_twin import find_minimum_on_twin
 
-    refinements = (refine(objective, form.box, start, on_step=on_step) for start in starts)
-    refined = min(refinements, key=lambda refined: refined.misfit)
+    minima = (find_minimum_on_twin(objective, form.box, start, on_step=on_step) for start in starts)
+    best = min(minima, key=lambda minimum: minimum.misfit)
     return LocalMinimum(
-        theta=refined.theta,
-        misfit=refined.misfit,
-        evaluations=refined.steps,
-        converged=refined.converged,
+        theta=best.theta,
+        misfit=best.misfit,
+        evaluations=best.steps,
+        converged=best.converged,
     )
 
 
 def _with_standard_errors(objective: Objective, form: Form, ended: LocalMinimum) -> Polished:
-    """A minimum with its standard errors, which are those of least squares also where the power is another."""
+    """A minimum with its standard errors, which are those of least squares whatever the power of the objective."""
     plain = objective.plain
     misfit = ended.misfit if objective.is_plain else float(plain(ended.theta[None])[0])
     errors = standard_errors(partial(jacobian, plain), form, ended.theta, misfit)
@@ -120,7 +121,7 @@ def _with_standard_errors(objective: Objective, form: Form, ended: LocalMinimum)
     )
 
 
-def best_few(
+def screened(
     objective: Objective,
     box: Box,
     starts: NDArray[np.float64],
@@ -128,38 +129,36 @@ def best_few(
     mirrored: tuple[int, ...],
     on_start: Callable[[LocalMinimum, float], None],
 ) -> NDArray[np.float64]:
-    """Run a short descent from every start, shape (n_starts, n_params), and longer ones from the best of them.
+    """Run a short local minimisation from every start, shape (n_starts, n_params), then longer ones from the best.
 
     Returns the `distinct_minima`, shape (1 or 2, n_params).
 
     Parameters
     ----------
     mirrored
-        Parameters whose signs can be changed together with little effect, but across a barrier that no descent
-        crosses; a further descent starts from the mirror image of the best minimum.
+        Parameters whose signs can be changed together with little effect, but across a barrier that no local
+        minimisation crosses; a further one starts from the mirror image of the best minimum.
     on_start
-        Called after every descent with the best so far and the share of the work done.
+        Called after every minimisation with the best so far and the share of the work that is done.
     """
     done = 0
-    total = len(starts) + min(_SEMIFINALISTS, len(starts)) + bool(mirrored)
+    total = len(starts) + min(_SCREENED_TWICE, len(starts)) + bool(mirrored)
     found: list[LocalMinimum] = []
 
-    def follow(start: NDArray[np.float64], max_evaluations: int) -> LocalMinimum:
+    def minimised(start: NDArray[np.float64], max_evaluations: int) -> LocalMinimum:
         nonlocal done
-        minimum = descend(objective, box, start, max_evaluations=max_evaluations)
+        minimum = find_minimum(objective, box, start, max_evaluations=max_evaluations)
         found.append(minimum)
         done += 1
         on_start(min(found, key=_misfit), done / total)
         return minimum
 
-    first = sorted((follow(start, _FIRST_EVALUATIONS) for start in starts), key=_misfit)
-    last = sorted(
-        (follow(each.theta, _SCREENING_EVALUATIONS) for each in first[:_SEMIFINALISTS]), key=_misfit
-    )
+    first = sorted((minimised(start, _FIRST_SCREENING) for start in starts), key=_misfit)
+    last = sorted((minimised(each.theta, _SECOND_SCREENING) for each in first[:_SCREENED_TWICE]), key=_misfit)
     if mirrored:
         image = last[0].theta.copy()
         image[list(mirrored)] *= -1.0
-        last = sorted([*last, follow(image, _SCREENING_EVALUATIONS)], key=_misfit)
+        last = sorted([*last, minimised(image, _SECOND_SCREENING)], key=_misfit)
     return distinct_minima(
         box, np.array([each.theta for each in last]), np.array([each.misfit for each in last])
     )
@@ -185,9 +184,9 @@ def standard_errors(
     theta: NDArray[np.float64],
     misfit: float,
 ) -> NDArray[np.float64]:
-    """Standard error of each parameter of the model asked for, shape (n_params,); 0 for those that do not vary.
+    """Standard error of each parameter of the requested model, shape (n_params,); 0 for those that do not vary.
 
-    A parameter on its bound counts as known.
+    A parameter on its bound is treated as known.
 
     Parameters
     ----------
@@ -204,7 +203,7 @@ def standard_errors(
             lower[index] = upper[index] = float(theta[index])
         free = Box(names=box.names, lower=tuple(lower), upper=tuple(upper), log=box.log)
         cov[np.ix_(interior, interior)] = covariance(derivative(free, theta), misfit)
-    return spread_through(form.back.jacobian(theta), cov)
+    return spread_through(form.to_model.jacobian(theta), cov)
 
 
 def covariance(jacobian: NDArray[np.float64], misfit: float) -> NDArray[np.float64]:
@@ -233,7 +232,7 @@ def covariance(jacobian: NDArray[np.float64], misfit: float) -> NDArray[np.float
 
 
 def spread_through(map_jacobian: NDArray[np.float64], cov: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Standard errors of mapped parameters, shape (n_mapped,), by the delta method; NaN is passed on."""
+    """Standard errors of mapped parameters, shape (n_mapped,), by the delta method; NaN propagates."""
     errors = np.empty(len(map_jacobian))
     for index, row in enumerate(map_jacobian):
         used = np.flatnonzero(row)

@@ -1,4 +1,4 @@
-"""The problem that an identification solves, its fingerprint and provenance, and starting values that are given."""
+"""The problem of an identification, its fingerprint and provenance, and starting values from earlier fits."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.multistart import Multistart
-from mrwork.identification.nuisance import offsets_left_to
+from mrwork.identification.nuisance import bounds_without_offsets
 from mrwork.identification.objective import ROOT_MEAN_SQUARE, Objective
 from mrwork.identification.settings import FitSettings, Search, Start, search_named
 from mrwork.records import DamperTest
@@ -35,7 +35,7 @@ class Problem:
     """A model `spec` with the settings of its identification, and the objective on the tests.
 
     `form` is the equivalent model that is searched, see `identifiable_form`; the `objective` is of that form. The
-    settings are complete: they name the search, and hold offsets of the model that nuisance parameters replace.
+    settings are complete: they include the search, and bounds that fix offsets which nuisance parameters replace.
     """
 
     spec: DamperSpec
@@ -59,7 +59,7 @@ class Problem:
         ------
         SettingError
             Where a bound is impossible, nothing is free, a start cannot be used, `Multistart` is to search current
-            laws, or the twin is asked to follow an observation model.
+            laws, or the engine is the twin and a test has an observation model.
         UnknownNameError
             Where a start or a bound names a parameter that the model does not have.
         RecordError
@@ -83,7 +83,7 @@ class Problem:
     def of_fit(cls, fit: Fit, tests: tuple[DamperTest, ...], *, threads: int = 0) -> Problem:
         """The problem that a fit solved, on its own tests or others of the same damper.
 
-        The objective is that of least squares also where the fit used another power, for use in likelihoods.
+        The power of the objective is always 2, because likelihoods are based on least squares.
         """
         settings = replace(_completed(fit.settings, fit.spec), power=ROOT_MEAN_SQUARE)
         return cls._prepared(fit.spec, tests, settings, threads=threads)
@@ -111,14 +111,14 @@ class Problem:
 
     @property
     def search(self) -> Search:
-        """The search; complete settings always have one."""
+        """The search, which complete settings always have."""
         assert self.settings.search is not None
         return self.settings.search
 
     def inside(self, theta: ArrayLike) -> NDArray[np.float64]:
-        """Parameters of the model asked for, (n_params,), converted to the form and moved inside its box."""
+        """Parameters of the requested model, (n_params,), converted to the form and moved inside its box."""
         box = self.form.box
-        converted = np.asarray(self.form.forth(np.asarray(theta, dtype=np.float64)))
+        converted = np.asarray(self.form.from_model(np.asarray(theta, dtype=np.float64)))
         return np.asarray(box.inside(np.clip(converted, box.lower, box.upper)))
 
 
@@ -127,7 +127,7 @@ def _completed(settings: FitSettings, spec: DamperSpec) -> FitSettings:
     return replace(
         settings,
         search=settings.search or (Multistart() if spec.current is None else search_named("genetic")),
-        bounds=offsets_left_to(settings.nuisances, spec) | dict(settings.bounds),
+        bounds=bounds_without_offsets(settings.nuisances, spec) | dict(settings.bounds),
     )
 
 
@@ -163,7 +163,7 @@ def fingerprint_of(problem: Problem) -> dict[str, object]:
         "model": problem.spec.name,
         "current_laws": None if problem.spec.current is None else asdict(problem.spec.current),
         "seed": settings.pop("rng"),
-        # The order in which bounds are given has no effect.
+        # The order of the bounds has no effect on the result.
         "bounds": dict(sorted(settings.pop("bounds").items())),
         **settings,
         "test": [
@@ -175,7 +175,7 @@ def fingerprint_of(problem: Problem) -> dict[str, object]:
                 "current": test.current,
                 "voltage": test.voltage,
                 "observation": test.observation.in_words,
-                # Differs after any change of windows, repairs or units of columns.
+                # Changes with windows, repairs and units of columns.
                 "signals": digest_of(test.dt, test.displacement, test.velocity, test.force, test.observation),
             }
             for test in problem.objective.tests
@@ -185,14 +185,14 @@ def fingerprint_of(problem: Problem) -> dict[str, object]:
 
 
 def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
-    """Start of a model from an earlier fit: values of the parameters that both have, by name and unit.
+    """Start of a model from an earlier fit: values of the parameters with the same name and unit in both models.
 
-    A law may be the same or of a higher degree; the further coefficients then start at values without effect.
+    A law may be the same or of a higher degree; the additional coefficients then start at values without effect.
 
     Raises
     ------
     SettingError
-        Where no parameter is shared, a law cannot be transferred, or the laws take another command.
+        Where no parameter is shared, a law cannot be transferred, or the laws depend on another kind of command.
     """
     earlier = fit.spec
     plain, earlier_plain = damper(model.name), damper(earlier.name)
@@ -205,14 +205,14 @@ def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
     values = dict(zip(earlier.names, fit.theta, strict=True))
     start: dict[str, float] = {}
     for name in (each.name for each in plain.parameters if units.get(each.name) == each.unit):
-        was, law = _law_of(earlier, name), _law_of(model, name)
-        if law != was and not current_laws()[was].raised_to(current_laws()[law]):
+        old, new = _law_of(earlier, name), _law_of(model, name)
+        if new != old and not current_laws()[old].raised_to(current_laws()[new]):
             raise SettingError(
-                f"{name} is {was} in the earlier fit and {law} in {model.name}; "
+                f"{name} is {old} in the earlier fit and {new} in {model.name}; "
                 "a start can keep a law or raise its degree"
             )
         for parameter in model.parameters:
-            if parameter.name == name or (was == "constant" and parameter.name == f"{name}.0"):
+            if parameter.name == name or (old == "constant" and parameter.name == f"{name}.0"):
                 start[parameter.name] = values[name]
             elif parameter.name.startswith(f"{name}."):
                 start[parameter.name] = values.get(parameter.name, parameter.nominal)

@@ -17,7 +17,7 @@ Unit = Literal["simulations", "%", "steps"]
 
 T = TypeVar("T")
 
-# Interval at which a wait for compiled code looks for Ctrl-C [s].
+# Interval at which Ctrl-C is noticed while compiled code runs [s].
 _POLL_SECONDS = 0.05
 
 
@@ -25,15 +25,15 @@ _POLL_SECONDS = 0.05
 class Tally:
     """How many candidates have been simulated, in how many time steps, and how many steps were saved.
 
-    A candidate that was simulated with its derivatives counts once. `spared` are the steps after a candidate reached
-    its threshold; in a test that was not started at all, they are counted with the sub-steps of the last one that was.
-    `told` is what each test has added to squared misfits per step so far.
+    A candidate that was simulated with its derivatives counts once. `spared` are the steps saved after a candidate
+    reached its threshold; those of a test that was not started are estimated from the sub-steps of the last one that
+    was. `added_per_step` is what each test has added to squared misfits per step; its key in a journal is `told`.
     """
 
     simulations: int = 0
     steps: int = 0
     spared: int = 0
-    told: dict[int, float] = field(default_factory=dict)
+    added_per_step: dict[int, float] = field(default_factory=dict)
 
     def as_record(self) -> Mapping[str, object]:
         """The counts, for a journal."""
@@ -41,22 +41,22 @@ class Tally:
             "simulations": self.simulations,
             "steps": self.steps,
             "spared": self.spared,
-            "told": self.told,
+            "told": self.added_per_step,
         }
 
     def restore(self, record: Mapping[str, Any]) -> None:
         """Set the counts to those of a journal."""
         self.simulations, self.steps = record["simulations"], record["steps"]
         self.spared = record["spared"]
-        self.told = {int(index): float(each) for index, each in record["told"].items()}
+        self.added_per_step = {int(index): float(each) for index, each in record["told"].items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
-    """Where an identification stands; `share` is the part of the stage's allowance that is used up.
+    """Progress of an identification; `share` is the used part of what the stage allows at most.
 
-    `generation` of the search with the `median_percent` of its population's fits; 0 and NaN outside a search.
-    `evaluations` and time `steps` were simulated so far.
+    `generation` is that of the search and `median_percent` the median fit of its population; 0 and NaN outside a
+    search. `evaluations` and `steps` are the candidates and time steps simulated so far.
     """
 
     stage: Stage
@@ -72,11 +72,11 @@ class Progress:
 
 
 class Stopped(KeyboardInterrupt):
-    """The progress callback asked to stop: the run ends as on Ctrl-C, but returns its result."""
+    """Raised where the progress callback returns true: the run ends as on Ctrl-C, but returns its result."""
 
 
 def was_stopped(interrupt: BaseException | None) -> bool:
-    """Whether the callback ended the run, also where `Stopped` is a cause of `interrupt`."""
+    """Whether the callback ended the run: `interrupt` or one of its causes is `Stopped`."""
     while interrupt is not None and not isinstance(interrupt, Stopped):
         interrupt = interrupt.__cause__
     return interrupt is not None

@@ -1,6 +1,6 @@
 """Residuals of a model on one test: simulation, observation model, nuisance parameters, weight.
 
-Every comparison of a model with tests uses them: misfits, descents, likelihoods, predictions.
+Misfits, local minimisations, likelihoods and predictions all use them.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ObservedTest:
-    """One test that a model is compared with; the splines of its `history` are made once for all candidates.
+    """One test that a model is compared with; the splines of its `history` are computed once for all candidates.
 
-    Residuals are the model's force less the measured one [N], over the samples that count, with the nuisance
+    Residuals are the model's force minus the measured one [N], over the samples that are compared, with the nuisance
     parameters at their least-squares values for each candidate.
     """
 
@@ -42,17 +42,17 @@ class ObservedTest:
 
     @classmethod
     def of(cls, spec: DamperSpec, test: DamperTest, nuisances: tuple[NuisanceName, ...] = ()) -> ObservedTest:
-        """Spline the motion of the test."""
+        """Compute the splines of the test's motion."""
         return cls(spec=spec, test=test, history=loading_of(test, spec).history(), nuisances=nuisances)
 
     @property
     def measured(self) -> Array:
-        """The measured force that counts [N], shape (n_counted,)."""
+        """The measured force that is compared [N], shape (n_counted,)."""
         return self.test.force[self.test.counted]
 
     @property
     def deviation(self) -> float:
-        """Standard deviation of the measured force that counts [N]."""
+        """Standard deviation of the measured force that is compared [N]."""
         return float(np.std(self.measured))
 
     def weight(self, n_tests: int) -> float:
@@ -63,7 +63,7 @@ class ObservedTest:
     def forces(self, theta: Array, *, threads: int = 0) -> tuple[Array, NDArray[np.bool_]]:
         """Force of each row of `theta` as recorded [N], shape (n_batch, n_time), and which rows failed.
 
-        The force of a row that failed is the observed force of zero.
+        For a row that failed, the observation model is applied to a force of zero.
         """
         run = simulate_forces(self.spec, theta, self.history, threads=threads)
         failed = run.outcome != Outcome.FINISHED
@@ -96,13 +96,13 @@ class ObservedTest:
         )
         return residuals, derivative, failed
 
-    def relieved(self, force: Array) -> tuple[Array, Nuisance]:
-        """A recorded `force` [N], shape (n_time,), with the best nuisance parameters applied, and these."""
+    def with_nuisance(self, force: Array) -> tuple[Array, Nuisance]:
+        """Apply the least-squares nuisance parameters to a recorded `force` [N], shape (n_time,); return them too."""
         nuisance = nuisance_of(force[self.test.counted], self.measured, self.test.dt, self.nuisances)
         return nuisance.applied(force, self.test.dt) if self.nuisances else force, nuisance
 
     def predicted(self, theta: Array, *, substep_factor: int = 1) -> tuple[Array, Nuisance, int]:
-        """Force of one set of parameters as recorded [N], shape (n_time,), its nuisance parameters, its sub-steps.
+        """Force of one set of parameters as recorded [N], shape (n_time,), nuisance parameters, number of sub-steps.
 
         Raises
         ------
@@ -115,5 +115,5 @@ class ObservedTest:
             raise SimulationError(
                 f"{self.spec.name} on {self.test.name} ended as {outcome.name.lower()}: {outcome.remedy}"
             )
-        force, nuisance = self.relieved(self.test.observation.observe(run.force[0], self.test.dt))
+        force, nuisance = self.with_nuisance(self.test.observation.observe(run.force[0], self.test.dt))
         return force, nuisance, int(run.substeps[0])

@@ -1,4 +1,4 @@
-"""From a minimum to a fit: free runs on the tests, estimates of the parameters."""
+"""The fit at a minimum: free runs on the tests, estimates of the parameters."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def free_run(
     nuisances: tuple[NuisanceName, ...] = (),
     substep_factor: int = 1,
 ) -> tuple[NDArray[np.float64], FitQuality]:
-    """Simulate a model freely on a test: its force as recorded [N], shape (n_time,), and its quality.
+    """Free-run simulation of a model on a test: the force as recorded [N], shape (n_time,), and its quality.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def free_run(
 def fit_quality(
     test: DamperTest, force: NDArray[np.float64], *, substeps: int, nuisance: Nuisance = NONE
 ) -> FitQuality:
-    """Compare a simulated force [N], shape (n_time,), as the rig would have recorded it, with the measured one.
+    """Compare a simulated force as recorded, that is after the observation model [N], shape (n_time,), with the test.
 
     `E_t = e_t/s_F` and likewise `E_x`, `E_v`, with `e_t^2 = int r^2 dt`, `e_x^2 = int r^2 |x'| dt`,
     `e_v^2 = int r^2 |v'| dt` and `s_F^2 = int (F - mean F)^2 dt` (Spencer et al. 1997, eqs. 13-16);
@@ -97,9 +97,9 @@ def estimates_of(
     errors: NDArray[np.float64] | None,
     bounds: Mapping[str, tuple[float, float]],
 ) -> tuple[Estimate, ...]:
-    """Estimates in the order of the model asked for; without `errors` they have no standard errors."""
-    asked = Box.of(spec).with_bounds(bounds)
-    values = np.asarray(form.back(theta))
+    """Estimates in the parameters of the requested model; without `errors` they have no standard errors."""
+    requested = Box.of(spec).with_bounds(bounds)
+    values = np.asarray(form.to_model(theta))
     result = []
     for index, parameter in enumerate(spec.parameters):
         value = float(values[index])
@@ -119,8 +119,8 @@ def estimates_of(
                 unit=parameter.unit,
                 value=value,
                 standard_error=error,
-                lower=asked.lower[index],
-                upper=asked.upper[index],
+                lower=requested.lower[index],
+                upper=requested.upper[index],
                 remark=remark,
             )
         )
@@ -128,7 +128,7 @@ def estimates_of(
 
 
 def remark_of(box: Box, index: int, value: float) -> Remark:
-    """Remark on a parameter that is fixed or lies on a bound of the box; empty for others."""
+    """Remark on a parameter that is fixed or on a bound of the box; empty for others."""
     lower, upper = box.lower[index], box.upper[index]
     if lower == upper:
         return "fixed"
@@ -155,12 +155,12 @@ def fit_at(
     Parameters
     ----------
     errors
-        Standard errors, shape (n_params,), of the model asked for, where they are known.
+        Standard errors, shape (n_params,), of the requested model, where they are known.
     steps
         Number of steps of the final fit.
     """
     spec, objective = problem.spec, problem.objective
-    values = np.asarray(problem.form.back(theta))
+    values = np.asarray(problem.form.to_model(theta))
     runs = [free_run(spec, values, test, nuisances=objective.nuisances) for test in objective.tests]
     quality = tuple(each for _, each in runs)
     nrmse = _rms([each.nrmse for each in quality])

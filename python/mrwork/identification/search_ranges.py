@@ -10,7 +10,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.records import DamperTest
 
 # Smallest and largest multiple of the tests' scale of each unit: for example damping that gives a thousandth of the
-# measured force up to twice that force. The models' admissible ranges are far wider; descents may use all of them.
+# measured force up to twice that force. The models' admissible ranges are far wider; local minimisations may use them.
 _POSITIVE = {
     "N s/m": (1e-3, 2.0),
     "N/m": (1e-2, 1e3),
@@ -20,7 +20,7 @@ _POSITIVE = {
     "s/m": (0.1, 1e3),
     "m/s": (1e-2, 2.0),
     "1/s": (1e-3, 3.0),
-    # Ratio of unloading to loading stiffness of a Bouc-Wen loop; beyond these values loops no longer differ visibly.
+    # Ratio of unloading to loading stiffness of a Bouc-Wen loop; outside these values loops do not differ visibly.
     "1": (0.1, 100.0),
 }
 _SIGNED = {"N/m": (-1.0, 1.0), "m": (-2.0, 2.0), "N": (-1.0, 1.0), "1": (-4.0, 4.0), "m/s": (-0.5, 0.5)}
@@ -29,7 +29,7 @@ _SIGNED = {"N/m": (-1.0, 1.0), "m": (-2.0, 2.0), "N": (-1.0, 1.0), "1": (-4.0, 4
 def search_box(spec: DamperSpec, bounds: Box, tests: tuple[DamperTest, ...]) -> Box:
     """Narrow the bounds to the range that suits the stroke, speed and force of the tests.
 
-    Parameters whose range would be empty, or whose unit has no scale, keep their bounds.
+    Parameters for which that range would be empty, or whose unit has no scale, keep their bounds.
     """
     stroke = max(np.ptp(test.displacement) / 2 for test in tests)
     speed = max(np.ptp(test.velocity) / 2 for test in tests)

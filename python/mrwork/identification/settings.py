@@ -1,4 +1,4 @@
-"""Settings of an identification, and how its tests were read from their files."""
+"""Settings of an identification, and settings with which its tests were read from files."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ Start = Mapping[str, float]
 _SYNTHETIC = "synthetic:"
 _MULTISTART = "multistart"
 
-# With a higher power the better tests vanish in rounding, and descents no longer converge.
+# With a higher power the better tests are lost in rounding errors, and local minimisations no longer converge.
 _LARGEST_POWER = 16.0
 
 
@@ -104,9 +104,9 @@ class Reading:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitSettings:
-    """Settings of `identify`, which describes each. All of them are recorded with a fit and in its journal.
+    """Settings of `identify`, where each is described. The fields are recorded with a fit and in its journal.
 
-    The record and the fingerprint of a run follow from the fields. `search` is `None` for the default of the model.
+    `search` is `None` for the default search of the model.
 
     Raises
     ------
@@ -137,12 +137,12 @@ class FitSettings:
             )
 
     def as_record(self) -> dict[str, Any]:
-        """Plain values of all fields, for JSON; that of a search has its name as `kind`."""
+        """Plain values of all fields, for JSON; a search is a record with its name as `kind`."""
         return {each.name: _plain(getattr(self, each.name)) for each in fields(self)}
 
     @classmethod
     def of_record(cls, record: Mapping[str, Any]) -> FitSettings:
-        """Undo `as_record`. Fields that the record lacks have their defaults; unknown keys are ignored.
+        """Undo `as_record`. Missing fields have their defaults; unknown keys are ignored.
 
         Raises
         ------
@@ -209,7 +209,8 @@ def _kind_of(search: Any) -> str:
 def searches() -> Mapping[str, Search]:
     """Every search with its default settings, by the name that users and records use.
 
-    The first call loads the optimisers, which takes a tenth of the time of a small fit; by default that needs none.
+    The first call imports the optimisers, which takes a tenth of the time of a small fit; the default search of a plain
+    model does not need them.
     """
     from mrwork.search.registry import OPTIMISERS, PEERS
 

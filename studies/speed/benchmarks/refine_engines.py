@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.refine_job import RefineJob
-from mrwork.identification import descend, descend_all
+from mrwork.identification import find_minima, find_minimum
 
 Array = NDArray[np.float64]
 _MOST = 100
@@ -48,15 +48,17 @@ def engines(job: RefineJob, *, twin: bool, peer: Callable[[Array], Array] | None
         return ended
 
     def scipy_on_rust(starts: Array) -> Array:
-        return np.array([descend(objective, box, start, max_evaluations=_MOST).misfit for start in starts])
+        return np.array(
+            [find_minimum(objective, box, start, max_evaluations=_MOST).misfit for start in starts]
+        )
 
     def side_by_side(starts: Array) -> Array:
-        return descend_all(objective, box, starts, max_iterations=_MOST).misfit
+        return find_minima(objective, box, starts, max_iterations=_MOST).misfit
 
     def optimistix(starts: Array) -> Array:
-        from mrwork.identification import refine
+        from mrwork.identification import find_minimum_on_twin
 
-        return np.array([refine(objective, box, start).misfit for start in starts])
+        return np.array([find_minimum_on_twin(objective, box, start).misfit for start in starts])
 
     found = [
         Engine(name="rust, SciPy lm", run=counted(scipy_on_rust)),
@@ -82,7 +84,7 @@ def _on_peer(job: RefineJob, peer: Callable[[Array], Array]) -> Callable[[Array]
 
 
 def _descended(job: RefineJob, peer: Callable[[Array], Array], start: Array) -> tuple[float, int]:
-    """The descent of `descend` with forward differences, all columns in one batch; residuals there are known."""
+    """The descent of `find_minimum` with forward differences, all columns in one batch; residuals there are known."""
     from scipy.optimize import least_squares
 
     box = job.box

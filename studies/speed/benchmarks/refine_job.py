@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from benchmarks.search_job import REFERENCE, data_folder, record
 from mrwork.dampers import Box, DamperSpec, LawName, damper
-from mrwork.identification import LevelFit, Objective, descend_all, joint_starts, levels_of, search_box
+from mrwork.identification import LevelFit, Objective, find_minima, joint_starts, levels_of, search_box
 from mrwork.records import DamperTest, cut, read_damper_tests, repair
 from mrwork.search import Streams, latin_hypercube
 
@@ -90,7 +90,7 @@ def _find(objective: Objective, box: Box, searched: Box) -> NDArray[np.float64]:
     streams = Streams(rng=0, replicate=np.zeros(1, dtype=np.int64), generation=np.zeros(1, dtype=np.int64))
     sample = np.asarray(searched.theta_from_unit(latin_hypercube(streams, _SAMPLES * n_free, n_free)[0]))
     best = sample[np.argsort(objective(sample), kind="stable")[:8]]
-    minima = descend_all(objective, box, best, max_iterations=_FIRST_ITERATIONS)
+    minima = find_minima(objective, box, best, max_iterations=_FIRST_ITERATIONS)
     return np.asarray(minima.theta[np.argmin(minima.misfit)])
 
 

@@ -273,7 +273,9 @@ def _parameter_draws(
     except (SettingError, np.linalg.LinAlgError):
         return None
     values = np.asarray(target.space.values(position)[0])[:, : target.space.n_params]
-    return _ParameterDraws(theta=np.asarray(form.back(values)), origin="the Fisher ellipsoid about the fit")
+    return _ParameterDraws(
+        theta=np.asarray(form.to_model(values)), origin="the Fisher ellipsoid about the fit"
+    )
 
 
 def _drawn_forces(fit: Fit, draws: _ParameterDraws, test: DamperTest) -> Array | None:
@@ -288,7 +290,7 @@ def _drawn_forces(fit: Fit, draws: _ParameterDraws, test: DamperTest) -> Array |
     if not fit.nuisances:
         return forces
     observed = ObservedTest.of(fit.spec, test, fit.nuisances)
-    return np.array([observed.relieved(force)[0] for force in forces])
+    return np.array([observed.with_nuisance(force)[0] for force in forces])
 
 
 BANDS = SectionKind(make=_section)

@@ -210,7 +210,7 @@ class SharedLikelihood:
             threads=own.threads,
         )
         rows = np.linspace(0, len(draws.theta) - 1, min(N_DRAWS, len(draws.theta))).round().astype(int)
-        theta = np.stack([np.asarray(target.form.forth(row)) for row in draws.theta[rows]])
+        theta = np.stack([np.asarray(target.form.from_model(row)) for row in draws.theta[rows]])
         return theta, draws.noise[rows]
 
 

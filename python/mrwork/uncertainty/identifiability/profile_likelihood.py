@@ -98,7 +98,7 @@ def profile(
     began = time.perf_counter()
     problem = Problem.of_fit(fit, tuple(tests), threads=threads)
     objective, spec, box = problem.objective, problem.form.spec, problem.form.box
-    theta = np.clip(problem.form.forth(np.array(fit.theta)), box.lower, box.upper)
+    theta = np.clip(problem.form.from_model(np.array(fit.theta)), box.lower, box.upper)
     wanted = _wanted(box, parameters)
     scaled = Scaled.of(spec, box, Scale.of(spec, box, objective.tests, theta), theta)
     derivatives = linearise(objective, box.free)

@@ -84,7 +84,7 @@ def _linearised(
 def _through(problem: Problem, theta: NDArray[np.float64]) -> NDArray[np.float64]:
     """Derivative for a model with redundant parameters, by the chain rule through its identifiable form."""
     form = problem.form
-    mapped = form.forth.jacobian(theta)
+    mapped = form.from_model.jacobian(theta)
     _, jacobian = _linearised(problem.objective, form.box, problem.inside(theta))
     return np.asarray(jacobian @ mapped[list(form.box.free)])
 

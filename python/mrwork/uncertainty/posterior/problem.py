@@ -151,7 +151,7 @@ class SamplingProblem:
         rows = kept(ensemble.n_steps)
         space = self.target.space
         values = np.moveaxis(np.asarray(space.values(ensemble.positions[rows])[0]), 0, 1)
-        chains = np.asarray(self.target.form.back(values[..., : space.n_params]))
+        chains = np.asarray(self.target.form.to_model(values[..., : space.n_params]))
         noise_chains = values[..., space.n_params :]
         summaries = self._summaries(np.concatenate([chains, noise_chains], axis=-1))
         longest = float(np.nanmax([1.0, *diagnosis.tau]))
