@@ -160,9 +160,9 @@ def test_polynomial_laws_are_those_of_the_core_in_the_order_of_their_degree():
     assert current_laws()["exponential"].degree is None
 
 
-def test_a_law_is_raised_to_those_that_contain_it():
+def test_a_law_is_a_special_case_of_those_that_contain_it():
     raised = {
-        law.name: [other.name for other in current_laws().values() if law.raised_to(other)]
+        law.name: [other.name for other in current_laws().values() if law.is_special_case_of(other)]
         for law in current_laws().values()
     }
     assert raised == {

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from mrwork.dampers.spec import damper
 from mrwork.records import DamperTest, Finding, build_damper_test, mislabelled
 from mrwork.records.build import examine
-from mrwork.records.detectors.breakaway import breakaway_overshoot
-from mrwork.records.detectors.clipping import clipped_share
+from mrwork.records.checks import breakaway_overshoot, clipped_share
 from mrwork.records.detectors.cycles import drift_finding, loop_drift, moving_mass
 from mrwork.records.detectors.delay import delay_finding, force_delay
 from mrwork.records.motion import whole_cycles

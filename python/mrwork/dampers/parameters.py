@@ -107,8 +107,8 @@ class CurrentLaw:
         """Whether this is `p.0 + p.1 exp(p.2 u)`, the only law that is not polynomial."""
         return self.degree is None
 
-    def raised_to(self, other: CurrentLaw) -> bool:
-        """Whether this law is a special case of the other, with further coefficients at zero."""
+    def is_special_case_of(self, other: CurrentLaw) -> bool:
+        """Whether this law is the other one with some coefficients at zero."""
         if self.degree is None:
             return False
         return self.degree == 0 if other.degree is None else self.degree < other.degree
@@ -140,19 +140,13 @@ def _coefficients(parameter: ParamSpec, law: CurrentLaw, unit: CommandUnit) -> l
     for power in range(law.n_coefficients):
         exponent = law.is_exponential and power == 2
         bound = 20.0 if exponent else widest
-        divisor = (
-            ""
-            if power == 0 or (law.is_exponential and not exponent)
-            else unit
-            if power == 1 or exponent
-            else f"{unit}^{power}"
-        )
-        own = "" if exponent else parameter.unit
+        # An exponential law has two coefficients in the unit of the parameter, and the exponent in 1/unit.
+        order = int(exponent) if law.is_exponential else power
         entries.append(
             replace(
                 parameter,
                 name=f"{parameter.name}.{power}",
-                unit=_per(own, divisor),
+                unit=_per("" if exponent else parameter.unit, unit, order),
                 scale="linear",
                 lower=-bound,
                 upper=bound,
@@ -171,10 +165,11 @@ def _equation(name: str, law: CurrentLaw) -> str:
     return f"{name} = " + " + ".join(f"{name}.{power}{factor}" for power, factor in enumerate(powers))
 
 
-def _per(unit: str, divisor: str) -> str:
-    """`unit` divided by `divisor`, in the notation of this package: N/(m A), 1/A."""
-    if not divisor:
+def _per(unit: str, command: CommandUnit, power: int) -> str:
+    """`unit` divided by a power of the unit of the command, in the notation of this package: N/(m A), 1/A."""
+    if power == 0:
         return unit
+    divisor = command if power == 1 else f"{command}^{power}"
     if unit in ("", "1"):
         return f"1/{divisor}"
     numerator, slash, denominator = unit.partition("/")

@@ -206,7 +206,7 @@ def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
     start: dict[str, float] = {}
     for name in (each.name for each in plain.parameters if units.get(each.name) == each.unit):
         old, new = _law_of(earlier, name), _law_of(model, name)
-        if new != old and not current_laws()[old].raised_to(current_laws()[new]):
+        if new != old and not current_laws()[old].is_special_case_of(current_laws()[new]):
             raise SettingError(
                 f"{name} is {old} in the earlier fit and {new} in {model.name}; "
                 "a start can keep a law or raise its degree"

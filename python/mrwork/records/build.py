@@ -14,8 +14,6 @@ from mrwork.errors import RecordError
 from mrwork.records import checks
 from mrwork.records.command import constant_command, motion_matches_name
 from mrwork.records.damper_test import DamperTest, Finding, frozen
-from mrwork.records.detectors.breakaway import breakaway_finding
-from mrwork.records.detectors.clipping import clipping_findings
 from mrwork.records.detectors.cycles import drift_finding, mass_finding
 from mrwork.records.detectors.delay import delay_finding
 from mrwork.records.detectors.smoothing import smoothing_finding
@@ -28,8 +26,8 @@ _DETECTORS: Final[tuple[Callable[[DamperTest], tuple[Finding, ...]], ...]] = (
     smoothing_finding,
     delay_finding,
     mass_finding,
-    breakaway_finding,
-    clipping_findings,
+    checks.breakaway_finding,
+    checks.clipping_findings,
     drift_finding,
 )
 

@@ -1,4 +1,4 @@
-"""Checks of the signals of a test: dead channels, sampling, rest before the motion, sign and offset of the force."""
+"""Checks of the signals of a test: constant or clipped channels, sampling, rest, breakaway, force sign and offset."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from mrwork.records.damper_test import Finding, Measured
+from mrwork.records.damper_test import DamperTest, Finding, Measured
+from mrwork.records.motion import Smoother, motion_of
 
 _SMALLEST_RANGE: Final = 1e-9
 _FEWEST_PER_CYCLE: Final = 20.0
@@ -29,6 +30,62 @@ def check_varies(samples: NDArray[np.float64], quantity: str, unit: str, *, sour
     if np.ptp(samples) < _SMALLEST_RANGE:
         value = "zero" if abs(samples[0]) < _SMALLEST_RANGE else f"constant at {samples[0]:g} {unit}"
         raise RecordError(f"{source}: the {quantity} is {value} throughout; check the channel and its wiring")
+
+
+_SHORTEST_RUN: Final = 3
+_FEWEST_RUNS: Final = 2
+# A parabola with slope s per sample at the cut would have risen by s n / 4 over the n samples cut. Rounding alone
+# gives less than one step of the resolution.
+_OVERSHOOT_STEPS: Final = 4.0
+
+
+def clipped_share(samples: NDArray[np.float64]) -> float:
+    """Fraction of the samples of a channel, shape (n_time,), in clipped peaks.
+
+    A clipped peak is a run of three or more samples at the extreme value of the channel, with slopes beside it so steep
+    that the curve would have continued by more than four steps of its resolution. A single one does not count, because
+    it may be rest.
+    """
+    levels = np.unique(samples)
+    if levels.size < 2 * _SHORTEST_RUN:
+        return 0.0
+    resolution = float(np.diff(levels).min())
+    flat = sum(_flat_samples(side * samples, resolution) for side in (1.0, -1.0))
+    return flat / samples.size
+
+
+def clipping_findings(test: DamperTest) -> tuple[Finding, ...]:
+    """Warn of clipped channels."""
+    channels = [("displacement", test.displacement), ("force", test.force)]
+    if test.velocity_source == "measured":
+        channels.append(("velocity", test.velocity))
+    shares = [(name, clipped_share(samples)) for name, samples in channels]
+    return tuple(
+        Finding(
+            code="clipped",
+            severity="warning",
+            message=f"the {name} is clipped at its extreme in {100 * share:.2g} % of its samples: the channel "
+            "exceeded its range; measure again with a wider one, or omit these parts",
+            measured=Measured(value=share, unit=""),
+        )
+        for name, share in shares
+        if share > 0.0
+    )
+
+
+def _flat_samples(samples: NDArray[np.float64], resolution: float) -> int:
+    """Number of samples in runs at the maximum with steep flanks."""
+    at_top = np.concatenate([[False], samples == samples.max(), [False]])
+    edges = np.flatnonzero(np.diff(at_top))
+    begin, end = edges[::2], edges[1::2]
+    inside = (end - begin >= _SHORTEST_RUN) & (begin >= 2) & (end + 2 <= samples.size)
+    begin, end = begin[inside], end[inside]
+    rise = 0.5 * (samples[begin] - samples[begin - 2])
+    fall = 0.5 * (samples[end - 1] - samples[end + 1])
+    # Both flanks must be steep; with one steep flank only, it may be a start from rest.
+    overshoot = np.minimum(rise, fall) * (end - begin) / 4.0
+    cut = overshoot > _OVERSHOOT_STEPS * resolution
+    return int(np.sum((end - begin)[cut])) if np.count_nonzero(cut) >= _FEWEST_RUNS else 0
 
 
 def samples_per_cycle(frequency: float, dt: float) -> tuple[Finding, ...]:
@@ -63,6 +120,47 @@ def rest_before_motion(displacement: NDArray[np.float64], dt: float, frequency: 
     return (Finding(code="rest_before_motion", severity="note", message=message, measured=measured),)
 
 
+# The start ends at this fraction of the peak-to-peak stroke. The overshoot must exceed this fraction of the half range
+# of the force, and this number of standard errors.
+_BREAKAWAY_STROKE: Final = 0.05
+_BREAKAWAY_SHARE: Final = 0.05
+_BREAKAWAY_ERRORS: Final = 4.0
+
+
+def breakaway_overshoot(test: DamperTest) -> Measured | None:
+    """Excess of the force at the first movement over all later forces [N]; `None` if there is no rest before.
+
+    Forces are relative to their mean over the distance travelled. The standard error is the noise of the force.
+    """
+    motion = motion_of(test.displacement, test.dt)
+    rest = samples_at_rest(test.displacement)
+    if rest * test.dt * motion.frequency < _REST_CYCLES:
+        return None
+    moved = np.abs(test.displacement - test.displacement[0]) > _BREAKAWAY_STROKE * np.ptp(test.displacement)
+    started = int(np.argmax(moved))
+    force = np.abs(test.force - mean_over_travel(test.force, motion.velocity))
+    smoother = Smoother(window=5, dt=test.dt)
+    noise = smoother.noise(test.force - smoother.smooth(test.force))
+    first = slice(max(rest - 2, 0), started + 1)
+    overshoot = float(force[first].max() - force[started + 1 :].max())
+    return Measured(value=overshoot, standard_error=noise * float(np.sqrt(2.0)), unit="N")
+
+
+def breakaway_finding(test: DamperTest) -> tuple[Finding, ...]:
+    """Note a breakaway force above all later forces by at least 5 % of the half range."""
+    overshoot = breakaway_overshoot(test)
+    if overshoot is None or overshoot.standard_error is None:
+        return ()
+    least = max(_BREAKAWAY_SHARE * half_range(test.force), _BREAKAWAY_ERRORS * overshoot.standard_error)
+    if overshoot.value < least:
+        return ()
+    message = (
+        f"the damper broke away from rest with {overshoot.value:.3g} N more than any later force: stiction, "
+        "which the models do not include; --repair rest removes the start"
+    )
+    return (Finding(code="breakaway", severity="note", message=message, measured=overshoot),)
+
+
 def mean_over_travel(force: NDArray[np.float64], velocity: NDArray[np.float64]) -> float:
     """Mean force over the distance travelled, int F |v| dt / int |v| dt [N].
 
@@ -70,6 +168,11 @@ def mean_over_travel(force: NDArray[np.float64], velocity: NDArray[np.float64]) 
     offset remains. The mean of the peaks is no substitute, because measured loops are not symmetric there.
     """
     return float(np.average(force, weights=np.abs(velocity)))
+
+
+def half_range(force: NDArray[np.float64]) -> float:
+    """Half the range of a force [N] between its percentiles 0.5 and 99.5, which outliers do not affect."""
+    return 0.5 * float(np.ptp(np.percentile(force, [0.5, 99.5])))
 
 
 def force_sign(
@@ -103,13 +206,12 @@ def force_sign(
 
 
 def force_offset(force: NDArray[np.float64], velocity: NDArray[np.float64]) -> tuple[Finding, ...]:
-    """Warn of a static offset above 5 % of the half range of the force (percentiles 0.5 and 99.5)."""
+    """Warn of a static offset above 5 % of the half range of the force."""
     offset = mean_over_travel(force, velocity)
-    lower, upper = np.percentile(force, [0.5, 99.5])
-    half_range = 0.5 * float(upper - lower)
-    if abs(offset) <= _OFFSET_SHARE * half_range:
+    scale = half_range(force)
+    if abs(offset) <= _OFFSET_SHARE * scale:
         return ()
-    relative = f"{100 * abs(offset) / half_range:.0f} % of its half range of {half_range:.4g} N"
+    relative = f"{100 * abs(offset) / scale:.0f} % of its half range of {scale:.4g} N"
     message = (
         f"the force has a static offset of {offset:+.4g} N, {relative}: gas pressure or load-cell zero; "
         "it stays in the record unless --repair offset subtracts it"

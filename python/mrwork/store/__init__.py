@@ -1,6 +1,6 @@
-"""What a program keeps on the disk: journals, run folders, codec, fingerprints.
+"""Mechanism of files: journals, run folders, codec, fingerprints.
 
-Mechanism only: the files of a type stand beside the type.
+The file of a type is defined beside the type.
 """
 
 from mrwork.store.fingerprint import digest_of

@@ -1,12 +1,12 @@
-"""Typed values as JSON and back, in two forms.
+"""Conversion of typed values to JSON and back, in two forms.
 
-For programs (`plain`, `rebuilt`, the journals): to the same bits. JSON has no infinity and no NaN, so these are written
-as the strings "inf", "-inf" and "nan"; every other float as the shortest text that reads back as the same number.
-Two-dimensional arrays are written as the bytes of their numbers in hexadecimal, which takes a tenth of the time.
+Exact form, for journals (`plain`, `rebuilt`): reading restores the same bits. JSON has no infinity and no NaN, so these
+are written as the strings "inf", "-inf" and "nan"; every other float as the shortest text that reads back as the same
+number. Two-dimensional arrays are written as the bytes of their numbers in hexadecimal, in a tenth of the time.
 
-For people (`json_document`, `record_from_json`, the files of a run folder): indented, strict JSON. A number that is
-not finite is written as `null`, and read again as what it must have been where the field says so (an absent bound, the
-misfit of a diverged population), as NaN elsewhere.
+Readable form, for the files of a run folder (`json_document`, `record_from_json`): indented, strict JSON. A number that
+is not finite is written as `null`. It is read as infinity in the fields where only that can have been meant (an absent
+bound, the misfit of a diverged population), and as NaN elsewhere.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _WHERE_NULL = {"lower": -math.inf, "upper": math.inf, "best": math.inf, "median"
 
 
 def plain(value: object) -> Any:
-    """`value` in terms of JSON: dataclasses and mappings as objects, arrays and sequences as lists."""
+    """Exact JSON form of a value: dataclasses and mappings as objects, arrays and sequences as lists."""
     if isinstance(value, np.ndarray) and value.dtype.kind == "f":
         if value.ndim > 1:
             return {"shape": value.shape, _HEX: value.astype(_LITTLE_ENDIAN).tobytes().hex()}
@@ -55,13 +55,13 @@ def plain(value: object) -> Any:
 
 
 def rebuilt(kind: type[T], record: Mapping[str, Any]) -> T:
-    """Undo `plain` for a dataclass of numbers, flags and arrays of them."""
+    """Inverse of `plain` for a dataclass of numbers, flags and arrays of them."""
     hints = get_type_hints(kind)
     return kind(**{name: _entry(hints[name], value) for name, value in record.items()})
 
 
 def array_of(numbers: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
-    """Undo `plain` for an array of float64."""
+    """Inverse of `plain` for an array of float64."""
     if isinstance(numbers, Mapping):
         table = np.frombuffer(bytes.fromhex(numbers[_HEX]), dtype=_LITTLE_ENDIAN)
         return table.astype(np.float64).reshape(numbers["shape"])
@@ -81,12 +81,21 @@ def _floats(value: Any) -> Any:
 
 
 def json_document(value: object) -> str:
-    """JSON, indented for people; numbers that are not finite become `null`."""
+    """Readable JSON form of a value, indented; numbers that are not finite become `null`."""
     return json.dumps(finite(value), allow_nan=False, ensure_ascii=False, indent=2) + "\n"
 
 
 def record_from_json(kind: type[T], text: str, *, origin: str, name: str, verb: str) -> T:
-    """The dataclass `kind` that `json_document` wrote, called `name` in messages and made by `mrwork VERB`.
+    """Read a dataclass of type `kind` that `json_document` has written.
+
+    Parameters
+    ----------
+    kind
+        Type of the record.
+    text
+        The document.
+    origin, name, verb
+        For messages: path of the document, name of such a record, and the verb of `mrwork` that writes it.
 
     Raises
     ------
@@ -104,7 +113,7 @@ def record_from_json(kind: type[T], text: str, *, origin: str, name: str, verb: 
 
 
 def read_document(kind: type[T], path: Path, *, name: str, verb: str) -> T | None:
-    """The record in the file at `path`, `None` where there is no such file; as `record_from_json` otherwise."""
+    """Read the record in the file at `path` as `record_from_json` does; `None` if there is no such file."""
     if not path.is_file():
         return None
     try:
@@ -117,11 +126,11 @@ def read_document(kind: type[T], path: Path, *, name: str, verb: str) -> T | Non
 
 
 class _MismatchError(Exception):
-    """What was expected at which place of the document."""
+    """A value of another type than its field; the message names the field and the expected type."""
 
 
 def finite(value: object) -> Any:
-    """`value` with `None` in place of numbers that are not finite, as JSON wants it."""
+    """`value` with `None` in place of numbers that are not finite, which JSON cannot hold."""
     if isinstance(value, np.generic | np.ndarray):
         return finite(value.tolist())
     if isinstance(value, float):

@@ -1,4 +1,4 @@
-"""Fingerprints of inputs, and what two records of facts do not agree in."""
+"""Fingerprints of the inputs of a run: digests, versions of packages, and the differences between two fingerprints."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from typing import Any
 
 import numpy as np
 
-# Half of a SHA-256: two inputs of one run share it with a chance of 1e-38.
+# Half of a SHA-256: two different inputs have the same digest with a probability of 1e-38.
 _LENGTH = 32
 _ABSENT = "absent"
 _LONGEST = 40
 
 
 def digest_of(*inputs: object) -> str:
-    """Digest of arrays by their bytes, of all else by its `repr`, which for a number tells every bit."""
+    """Digest of values: of an array by its bytes, of others by their `repr`, which states every bit of a number."""
     digest = hashlib.sha256()
     for value in inputs:
         if isinstance(value, np.ndarray):
@@ -31,7 +31,7 @@ def digest_of(*inputs: object) -> str:
 
 
 def package_version(name: str) -> str:
-    """Version of an installed package, "unknown" where it is not installed."""
+    """Version of an installed package; "unknown" if it is not installed."""
     return _installed().get(name) or _described(name)
 
 
@@ -59,7 +59,7 @@ def _described(name: str) -> str:
 
 
 def differences(recorded: Any, stated: Any, name: str = "") -> list[str]:
-    """One phrase for each fact that differs, as in "seed is 1 there and 2 here"; nested names have dots."""
+    """One phrase for each fact that differs, such as "seed is 1 there and 2 here"; nested names are joined by dots."""
     if isinstance(recorded, Mapping) and isinstance(stated, Mapping):
         names = [*recorded, *(key for key in stated if key not in recorded)]
         pairs = [(key, recorded.get(key, _ABSENT), stated.get(key, _ABSENT)) for key in names]

@@ -1,8 +1,8 @@
-"""A write-ahead memo of a deterministic run: a step that is recorded is recalled, any other is done and recorded.
+"""Journal of a deterministic run, from which an interrupted run resumes with the same result.
 
-A run asks the journal for each of its costly steps, in their order. Resuming asks again from the first: recorded
-steps come back at once, to the bit, and the run goes on where the record ends. So the result is that of a run that
-was never interrupted.
+A run asks the journal for the result of each of its expensive steps, in order. A recorded result is returned to the
+bit; any other step is computed and recorded. A resumed run asks again from the first step, and so continues where the
+record ends.
 """
 
 from __future__ import annotations
@@ -22,39 +22,39 @@ from mrwork.store.journal_file import FORMAT, line_of, locked, read_lines
 
 T = TypeVar("T")
 
-# The disk is waited for so that it takes at most this share of the run: a process that is killed loses nothing
-# that was written, only a power cut does.
+# Largest share of the run time spent waiting for the disk. Lines that were written survive the death of the process;
+# only a power cut loses those that have not reached the disk.
 _DISK_SHARE = 0.01
 _SHOWN = 3
 
 
 class Counters(Protocol):
-    """What a run counts as it goes, which every line carries."""
+    """Counters of a run, such as its simulations; every line of a journal states them."""
 
     def as_record(self) -> Mapping[str, object]:
-        """The counts."""
+        """Return the counts by name."""
 
     def restore(self, record: Mapping[str, Any]) -> None:
-        """Count as a record says."""
+        """Set the counters to recorded counts."""
 
 
 class Journal:
-    """Steps of a run in a file, one line each.
+    """Steps of a run in a file, one per line.
 
     Parameters
     ----------
     path
-        The file; its folder must exist. It is made when the first line is written, in place of what was there.
+        The file; its folder must exist. The first line that is written replaces an existing file.
     resume
-        Keep what is there and go on from it.
+        Whether to continue an existing file.
     note
-        Told in a sentence if the end of the file is damaged and does not count.
+        Called with a sentence if the end of the file is damaged and ignored.
 
     Raises
     ------
     JournalError
-        On resuming, if there is no such file, it is no journal or damaged before its end. If another process is
-        writing it: on resuming, or at the first step.
+        On resuming: if there is no such file, if it is not a journal, or if it is damaged before its end. On resuming
+        or at the first step: if another process is writing the file.
     OutputError
         If a line cannot be written.
     """
@@ -66,7 +66,7 @@ class Journal:
         self._recorded: list[dict[str, Any]] = []
         self._asked = 0
         self._counters: Counters | None = None
-        # A refinement that an interrupt left behind on its thread must not write into a journal that was closed.
+        # After an interrupt, a refinement may still run on its thread; it must not write to a closed journal.
         self._writing = threading.Lock()
         self._closed = False
         self._file: int | None = None
@@ -78,12 +78,12 @@ class Journal:
 
     @property
     def seconds_before(self) -> float:
-        """Time that the recorded steps took [s]."""
+        """Duration of the recorded steps [s]."""
         return float(self._recorded[-1]["seconds"]) if self._recorded else 0.0
 
     @property
     def is_own(self) -> bool:
-        """Whether the file has been opened here, so that nobody else is writing it."""
+        """Whether this process has opened the file, so that no other process can write it."""
         return self._own
 
     @property
@@ -92,16 +92,23 @@ class Journal:
         return self._asked < len(self._recorded)
 
     def carry(self, counters: Counters) -> None:
-        """Write these counts into every line from here on, and restore them with every step that is recalled."""
+        """Record these counters in every following line, and restore them with every recorded step."""
         self._counters = counters
 
     def agree(self, subject: str, facts: Mapping[str, object]) -> None:
-        """Write down what a run rests on, or check that a resumed run rests on the same.
+        """Record the fingerprint of a run, or compare it with that of the run being resumed.
+
+        Parameters
+        ----------
+        subject
+            Kind of the run, which names the step.
+        facts
+            The fingerprint.
 
         Raises
         ------
         JournalError
-            Where it does not; the message names what differs.
+            If the two differ; the message names the differences.
         """
         stated = plain(facts)
         recorded = self._next(subject)
@@ -117,32 +124,37 @@ class Journal:
             )
 
     def recall(self, step: str, inputs: str) -> dict[str, Any] | None:
-        """Result of the next step if it is recorded, `None` if it is to be done; `inputs` is a digest.
+        """Return the recorded result of the next step, or `None` if the step must be computed.
+
+        Parameters
+        ----------
+        step, inputs
+            Name of the step, and the digest of its inputs.
 
         Raises
         ------
         JournalError
-            Where something else is recorded.
+            If another step, or the same step with other inputs, is recorded.
         """
         recorded = self._next(step)
         if recorded is None:
             return None
         if recorded.get("inputs") != inputs:
-            raise self._astray(recorded, step)
+            raise self._mismatch(recorded, step)
         if self._counters is not None and "counters" in recorded:
             self._counters.restore(recorded["counters"])
         result: dict[str, Any] = recorded["result"]
         return result
 
     def record(self, step: str, inputs: str, result: Mapping[str, object]) -> None:
-        """Record the result of a step that `recall` did not know."""
+        """Record the result of a step for which `recall` has returned `None`."""
         entry: dict[str, object] = {"inputs": inputs, "result": result}
         if self._counters is not None:
             entry["counters"] = self._counters.as_record()
         self._append(step, entry)
 
     def once(self, step: str, inputs: str, kind: type[T], compute: Callable[[], T]) -> T:
-        """What `compute` returns, recalled or recorded: a dataclass `kind` of numbers, flags and arrays of them."""
+        """Return the recorded result of a step, or compute and record it; `kind` is a dataclass as for `rebuilt`."""
         recalled = self.recall(step, inputs)
         if recalled is not None:
             return rebuilt(kind, recalled)
@@ -151,7 +163,7 @@ class Journal:
         return result
 
     def close(self) -> None:
-        """Write no more; whoever tries is told so."""
+        """Close the file; a later step is refused."""
         with self._writing:
             self._closed = True
             if self._file is not None:
@@ -160,16 +172,16 @@ class Journal:
                 self._file = None
 
     def _next(self, step: str) -> dict[str, Any] | None:
-        """The next recorded line, which must be of this step; `None` past the last."""
+        """Next recorded line, which must be of this step; `None` after the last."""
         if not self.recalling:
             return None
         recorded = self._recorded[self._asked]
         self._asked += 1
         if recorded.get("step") != step:
-            raise self._astray(recorded, step)
+            raise self._mismatch(recorded, step)
         return recorded
 
-    def _astray(self, recorded: Mapping[str, Any], step: str) -> JournalError:
+    def _mismatch(self, recorded: Mapping[str, Any], step: str) -> JournalError:
         return JournalError(
             f"line {recorded['line']} of {self.path} is a {recorded.get('step')} where this run comes to another "
             f"{step}: the program or the machine has changed since; run again without --resume"
@@ -211,7 +223,7 @@ class Journal:
                 if file is None:
                     file = self._open()
                     os.ftruncate(file, 0)
-                # One call for the whole line, so that it is there or not, but on a full disk.
+                # A single call writes the whole line or nothing, except on a full disk.
                 if os.write(file, line) < len(line):
                     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
                 self._sync(file)

@@ -1,7 +1,4 @@
-"""The file of a journal: one process writes it, and every line is a JSON object with a checksum.
-
-The checksum tells damage from data.
-"""
+"""File of a journal: JSON objects, one per line, each with a checksum that detects damage; written by one process."""
 
 from __future__ import annotations
 
@@ -16,7 +13,7 @@ from typing import Any
 from mrwork.errors import JournalError, OutputError
 from mrwork.store.codec import plain
 
-# Raised whenever what a journal holds is named or ordered differently, so that an older one is refused as such.
+# Increased whenever names or order of the entries change, so that older journals are refused.
 FORMAT = 2
 
 _SUM = ', "crc32": "'
@@ -25,24 +22,25 @@ _DIGITS = 8
 
 
 def line_of(entry: Mapping[str, object]) -> bytes:
-    """The line of an entry; its last key is the CRC-32 of all before it."""
+    """Line of an entry; its last key is the CRC-32 of the text before it."""
     text = json.dumps(plain(entry), allow_nan=False, ensure_ascii=False)[:-1]
     return f"{text}{_SUM}{zlib.crc32(text.encode()):08x}{_END}".encode()
 
 
 def read_lines(content: bytes, path: Path) -> tuple[list[dict[str, Any]], int]:
-    """Entries of a journal, and how many bytes of it they take.
+    """Read the entries of a journal; return them and the number of bytes that they occupy.
 
-    A process that dies tears the last line at most. A power cut may take the last few, for the disk is not waited
-    for after each. So a damaged end does not count; damage before a sound line is an error.
+    If the process dies, at most the last line is incomplete. A power cut may damage the last few lines, because the
+    program does not wait for the disk after each. A damaged end is therefore ignored; damage before an intact line is
+    an error.
 
     Raises
     ------
     JournalError
-        If the file is no journal, of another format, or damaged before its end.
+        If the file is not a journal, has another format, or is damaged before its end.
     """
     lines = content.split(b"\n")
-    # Nothing follows the newline of a sound last line.
+    # An intact last line ends with a newline, after which `split` returns an empty item.
     lines = [line + b"\n" for line in lines[:-1]] + ([lines[-1]] if lines[-1] else [])
     entries = [_entry_of(line) for line in lines]
     sound = 0
@@ -71,7 +69,7 @@ def read_lines(content: bytes, path: Path) -> tuple[list[dict[str, Any]], int]:
 
 
 def _entry_of(line: bytes) -> dict[str, Any] | None:
-    """The entry of a sound line; `None` where anything about it is wrong."""
+    """Entry of an intact line; `None` if the line is damaged."""
     try:
         text = line.decode()
     except UnicodeDecodeError:
@@ -84,14 +82,14 @@ def _entry_of(line: bytes) -> dict[str, Any] | None:
 
 
 def locked(path: Path) -> int:
-    """Open a file to append to, made if need be, for this process alone; a process that dies gives it free.
+    """Open a file for appending, and lock it for this process; the lock ends with the process.
 
     Raises
     ------
     JournalError
-        If another process has it.
+        If another process has locked the file.
     OutputError
-        If it cannot be opened.
+        If the file cannot be opened.
     """
     try:
         file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)

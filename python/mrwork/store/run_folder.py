@@ -1,8 +1,8 @@
-"""The folder of a run: its file names, and how it is written whole or not at all.
+"""Folder of a run: names of its files, and atomic writing.
 
-A run is written into a hidden folder beside its place and then renamed into it, so that an earlier run there stays as
-it was until the new one is complete on the disk. A file that is added later is written beside its place and renamed.
-What a file holds is known to the module of its type.
+A run is written to a hidden folder in the same directory, which is then renamed, so that an earlier run is replaced
+only when the new one is complete on the disk. Files added later are written to a temporary name and renamed. The
+contents of each file are defined in the module of its type.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ JOURNAL = "journal.jsonl"
 REPORT = "report.html"
 FIGURES = "figures"
 FIT = "fit.json"
-# Added to the folder of a fit by later verbs; they belong to that fit and go when another takes its place.
+# Added to the folder of a fit by later verbs; removed when another fit replaces it.
 CHAIN = "posterior.h5"
 DRAWS = "posterior.nc"
 PROFILES = "profiles.json"
@@ -30,7 +30,7 @@ PLAN = "plan.json"
 CALIBRATION = "calibration.json"
 FOLDS = "left_out"
 PREDICTIONS = "predictions.npz"
-# Added by a comparison of models: the ranking, and the fit of every model in a folder of its own.
+# Added by a comparison of models: the ranking, and a folder with the fit of each model.
 RANKING = "ranking.json"
 MODELS = "models"
 # Written by a study of buildings.
@@ -43,12 +43,12 @@ _DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
 
 def check_destination(path: str | Path) -> None:
-    """Refuse a place where a run must not or cannot be written, before any work is done for it.
+    """Check that a run can be written to `path`, before any computation.
 
     Raises
     ------
     OutputError
-        If `path` is a file, a folder with something else in it, or lies where nothing can be written.
+        If `path` is a file or a folder that is not a run folder, or if nothing can be written there.
     """
     place = real_place(path)
     try:
@@ -72,27 +72,27 @@ def write_folder(
     written: Collection[str],
     flush: bool = True,
 ) -> None:
-    """Write a folder at `path`, whole or not at all, in place of an earlier one.
+    """Write a folder to `path` atomically, replacing an earlier run.
 
     Parameters
     ----------
     contents
-        Files by their paths inside the folder, a manifest among them.
+        Path inside the folder to content; one file is the manifest.
     copied
-        Existing files to be copied, by their paths inside the folder.
+        Path inside the folder to an existing file to copy.
     linked
-        The same for files that do not change any more: they get a second name where the file system can do that.
+        The same for files that no longer change: hard links, or copies if the file system has no links.
     folders
-        Folders to be made even if nothing lies in them.
+        Folders to create even if they stay empty.
     written
-        Names that runs of this kind write; whatever else lies in the earlier one is a person's, and kept.
+        Names that runs of this kind write. Other files in the earlier folder are the user's and are kept.
     flush
-        Wait until it is on the disk.
+        Whether to wait until the folder is on the disk.
 
     Raises
     ------
     OutputError
-        If `path` is a file or somebody else's folder, or if anything cannot be written. The place is then as it was.
+        If `path` is a file or a folder that is not a run folder, or if writing fails; the earlier run is unchanged.
     """
     place = real_place(path)
     try:
@@ -119,12 +119,12 @@ def write_folder(
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A path beside `path`, for the block to write a file to, which is renamed to `path` at the end of the block.
+    """Temporary path to which the block writes a file; it is renamed to `path` at the end of the block.
 
     Raises
     ------
     OutputError
-        Where the file cannot be written; what was at `path` is then as it was.
+        If the file cannot be written; an earlier file at `path` is then unchanged.
     """
     beside = path.with_name(f".{path.name}.{os.getpid()}.new")
     try:
@@ -140,12 +140,12 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def write_files(folder: Path, contents: Mapping[str, bytes]) -> None:
-    """Write files into a run folder, each whole or not at all, in place of earlier ones; keys are paths inside it.
+    """Write files into a run folder, each atomically; keys are paths inside the folder.
 
     Raises
     ------
     OutputError
-        Where one cannot be written.
+        If a file cannot be written.
     """
     for name, content in contents.items():
         with replacing(folder / name) as beside:
@@ -153,7 +153,7 @@ def write_files(folder: Path, contents: Mapping[str, bytes]) -> None:
 
 
 def real_place(path: str | Path) -> Path:
-    """Where the run folder at `path` really lies: a link to one stays a link."""
+    """Path with symbolic links resolved, so that writing to a link replaces its target and not the link."""
     return Path(os.path.realpath(path))
 
 
@@ -189,7 +189,7 @@ def _fill(
 
 
 def _keep_additions(place: Path, fresh: Path, written: Collection[str]) -> None:
-    """Copy what a person has put into the earlier run, which must stay whole until the swap."""
+    """Copy the user's files from the earlier run, which must stay complete until the swap."""
     if not place.exists():
         return
     for entry in place.iterdir():
@@ -202,7 +202,7 @@ def _keep_additions(place: Path, fresh: Path, written: Collection[str]) -> None:
 
 
 def _swap(fresh: Path, place: Path, aside: Path) -> None:
-    """Put `fresh` at `place`; what was there goes `aside`, or back if anything fails."""
+    """Move `place` to `aside` and `fresh` to `place`; undo the first move if the second fails."""
     try:
         if place.exists():
             place.rename(aside)
@@ -214,19 +214,19 @@ def _swap(fresh: Path, place: Path, aside: Path) -> None:
 
 
 def _discard(beside: Path, place: Path) -> None:
-    # While nothing stands at `place`, the earlier run in here is the only one there is.
+    # If nothing is at `place`, the folder holds the only copy of the earlier run.
     if place.exists() or not (beside / "old").exists():
         shutil.rmtree(beside, ignore_errors=True)
 
 
 def _flush(folder: Path) -> None:
-    """Make a folder and all in it last through a power cut, before it takes the place of an earlier run."""
+    """Flush a folder and its files to the disk, so that they survive a power cut."""
     for path in (*folder.rglob("*"), folder):
         descriptor = os.open(path, os.O_RDONLY)
         try:
             os.fsync(descriptor)
         except OSError as reason:
-            # Some systems cannot flush a folder; a full disk is another matter.
+            # Some systems cannot flush a folder, which is harmless; a full disk is an error.
             if path.is_file() or reason.errno in _DISK_FULL:
                 raise
         finally:

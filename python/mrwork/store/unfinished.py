@@ -1,4 +1,4 @@
-"""Journals of runs that are not finished: in a folder beside the place of the run, until the run is written."""
+"""Journals of unfinished runs, in a folder `RUN.part` beside the run folder until the run is written."""
 
 from __future__ import annotations
 
@@ -18,30 +18,32 @@ _COPYING = "copying"
 
 
 def begin_journal(path: str | Path) -> Journal:
-    """A fresh journal for the run folder at `path`; an earlier run there stays as it is.
+    """Begin a journal for the run folder at `path`; an earlier run there does not change.
 
     Raises
     ------
     OutputError
-        If no folder can be made for it, or there is one with something else in it.
+        If the folder for the journal cannot be created, or holds other files.
     """
     return Journal(_folder(path) / JOURNAL)
 
 
 def resume_journal(path: str | Path, *, note: Callable[[str], None]) -> Journal:
-    """The journal of a run to `path` that was killed, or else of the run that is there: it may have been interrupted.
+    """Resume the journal of an unfinished run to `path`, or that of the run at `path`, which may have been interrupted.
 
     Parameters
     ----------
+    path
+        The run folder.
     note
-        Told in a sentence if the end of the journal is damaged and does not count.
+        Called with a sentence if the end of the journal is damaged and ignored.
 
     Raises
     ------
     JournalError
-        If there is none, it is damaged before its end, or in use.
+        If there is no journal, if it is damaged before its end, or if another process is writing it.
     OutputError
-        If it cannot be written.
+        If the journal cannot be written.
     """
     kept = real_place(path) / JOURNAL
     begun = part_of(path) / JOURNAL
@@ -53,7 +55,7 @@ def resume_journal(path: str | Path, *, note: Callable[[str], None]) -> Journal:
             )
         copy = _folder(path) / _COPYING
         try:
-            # By way of a name that nothing looks for, so that a copy cut short is not taken for a journal.
+            # Copied under another name first, so that an incomplete copy is not taken for a journal.
             shutil.copyfile(kept, copy)
             copy.rename(begun)
         except OSError as reason:
@@ -62,45 +64,45 @@ def resume_journal(path: str | Path, *, note: Callable[[str], None]) -> Journal:
 
 
 def discard_journal(journal: Journal) -> None:
-    """Remove a journal and its folder beside the run: that is written, or not worth resuming."""
+    """Remove a journal that is no longer needed, and its folder."""
     with suppress(OSError):
         if journal.is_own:
             journal.path.unlink()
-        # Where another run has a journal in there, it stays.
+        # Fails, and keeps the folder, if it holds another journal.
         journal.path.parent.rmdir()
 
 
 def is_copy(path: str | Path, journal: Journal) -> bool:
-    """Whether a journal holds no more than that of the run folder at `path`."""
+    """Whether a journal equals that of the run folder at `path`."""
     with suppress(OSError):
         return cmp(journal.path, real_place(path) / JOURNAL, shallow=False)
     return False
 
 
 def part_of(path: str | Path) -> Path:
-    """The folder beside the run folder at `path` that holds the journal until the run is finished."""
+    """Folder for the journal of an unfinished run to `path`."""
     place = real_place(path)
     return place.with_name(place.name + _SUFFIX)
 
 
 class StepJournals:
-    """A journal for each step of a comparison, such as `dahl/fit`, in `models` of the folder beside the run.
+    """Journals of the steps of a comparison of models, such as `dahl/fit`.
 
     Parameters
     ----------
     path
-        Where the run will be written.
+        The run folder.
     resume
-        Keep what is there and go on from it; else what an earlier comparison left there goes.
+        Whether to continue existing journals; otherwise they are removed.
     note
-        Told in a sentence if the end of a journal is damaged and does not count.
+        Called with a sentence if the end of a journal is damaged and ignored.
 
     Raises
     ------
     JournalError
-        On resuming, if there is nothing to go on from.
+        On resuming, if there are no journals.
     OutputError
-        If the folder cannot be written.
+        If the folder for the journals cannot be written.
     """
 
     def __init__(self, path: str | Path, *, resume: bool, note: Callable[[str], None] | None = None) -> None:
@@ -123,20 +125,20 @@ class StepJournals:
             ) from reason
 
     def __call__(self, step: str) -> Journal:
-        """The journal of a step: fresh, or resumed where there is one."""
+        """Journal of a step: resumed if there is one, else begun."""
         path = self.path(step)
         path.parent.mkdir(exist_ok=True)
         return Journal(path, resume=self._resume and path.is_file(), note=self._note)
 
     def path(self, step: str) -> Path:
-        """Where the journal of a step lies."""
+        """Path of the journal of a step."""
         return self._folder / f"{step}{_STEP_SUFFIX}"
 
     def discard(self) -> None:
-        """Remove them: the run is written, or not worth resuming."""
+        """Remove the journals, which are no longer needed."""
         with suppress(OSError):
             shutil.rmtree(self._folder)
-            # Where a run has a journal in there, it stays.
+            # Fails, and keeps the folder, if it holds another journal.
             self._folder.parent.rmdir()
 
 

@@ -1,1 +1,1 @@
-"""Detectors of defects of a test, one file each."""
+"""Detectors of defects in a test, one algorithm per file."""

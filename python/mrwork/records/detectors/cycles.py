@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.records.checks import mean_over_travel
+from mrwork.records.checks import half_range, mean_over_travel
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.motion import motion_of, whole_cycles
 
@@ -35,9 +35,8 @@ def moving_mass(test: DamperTest) -> Measured | None:
     masses = np.array([_in_phase(test.force[span], motion.acceleration[span]) for span in spans])
     mass = float(masses.mean())
     error = float(masses.std(ddof=1) / np.sqrt(masses.size))
-    half_range = 0.5 * float(np.ptp(np.percentile(test.force, [0.5, 99.5])))
     peak = float(np.percentile(np.abs(motion.acceleration), 99.5))
-    if mass < _SIGNIFICANT * error or mass * peak < _SHARE_OF_RANGE * half_range:
+    if mass < _SIGNIFICANT * error or mass * peak < _SHARE_OF_RANGE * half_range(test.force):
         return None
     return Measured(value=mass, standard_error=error, unit="kg")
 

@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.records.checks import half_range
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.detectors.smoothing import detect_smoothing
 from mrwork.records.motion import motion_of, turning_points
@@ -105,8 +106,7 @@ def _folded(
     rows = np.round(place).astype(np.intp)[:, np.newaxis] + offsets
     rows = np.clip(rows, 0, force.size - 1)
     since = (rows - place[:, np.newaxis]) / period
-    lower, upper = np.percentile(force, [0.5, 99.5])
-    falling = direction[:, np.newaxis] * force[rows] / (0.5 * (upper - lower))
+    falling = direction[:, np.newaxis] * force[rows] / half_range(force)
     # Offset and stiffness shift the turns at one end of the stroke relative to the other.
     ahead = (since <= -_BEFORE[0]) & (since > -_BEFORE[1])
     if not ahead.any(axis=1).all():
@@ -150,7 +150,7 @@ def _until_fallen(
     delay: float,
     before: float,
 ) -> NDArray[np.bool_]:
-    """Samples from `before` the corner until the force has left its branch, a parabola, by the required fall."""
+    """Samples from `before` the corner until the force has fallen enough from its branch, a parabola."""
     ahead = (time > delay - before) & (time <= delay)
     if np.count_nonzero(ahead) < _FEWEST // 2:
         return np.zeros_like(ahead)
