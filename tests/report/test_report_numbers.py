@@ -99,7 +99,7 @@ def test_an_equation_is_set_as_mathematics() -> None:
         "<i>w</i>′ = <i>ρ</i> |<i>w</i>|<sup><i>n</i>−1</sup> − tanh(<i>x</i><sub>0</sub>)"
     )
     assert equation_html("k_w = k_w.0 + k_w.1 u [A]") == (
-        "<i>k</i><sub>w</sub> = <i>k</i><sub>w,0</sub> + <i>k</i><sub>w,1</sub> <i>u</i> [<i>A</i>]"
+        "<i>k</i><sub>w</sub> = <i>k</i><sub>w,0</sub> + <i>k</i><sub>w,1</sub> <i>u</i> [A]"
     )
     assert equation_html("|f| < f_y & v<sub>0</sub>") == (
         "|<i>f</i>| &lt; <i>f</i><sub>y</sub> &amp; <i>v</i><sub>0</sub>"

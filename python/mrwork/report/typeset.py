@@ -37,6 +37,7 @@ _TOKEN = re.compile(
     r"|\^\((?P<power>[^()]*)\)"
     r"|\^(?P<exponent>-?\w+)"
     r"|(?P<name>[A-Za-z]\w*(?:\.\d)?)(?P<primes>'*)"
+    r"|(?P<unit>\[[AV]\])"
     r"|(?P<minus>-)"
     r"|(?P<other>.)",
     re.DOTALL,
@@ -62,13 +63,14 @@ def symbol(name: str) -> str:
 
 
 def breakable(name: str) -> str:
-    """A file's name that may go on in the next line after an underscore."""
-    return escape(name).replace("_", "_<wbr>")
+    """A name that may be broken after an underscore, but not between a number and its unit."""
+    return re.sub(r"(?<=\d) (?=[A-Za-z]{1,2}\b)", "\N{NO-BREAK SPACE}", escape(name)).replace("_", "_<wbr>")
 
 
 def coded(sentence: str) -> str:
-    """A sentence whose `commands` stand between backticks, as HTML; a per cent sign stays with its number."""
+    """A sentence with `commands` between backticks as HTML; a per cent sign and `i = 0` are not broken apart."""
     bound = escape(sentence).replace(" %", "\N{NO-BREAK SPACE}%")
+    bound = bound.replace("i = 0", "i\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}0")
     return re.sub(r"`([^`]+)`", r"<code>\1</code>", bound)
 
 
@@ -88,6 +90,8 @@ def _set(match: re.Match[str]) -> str:
         return f"<sup>{equation_html(power)}</sup>"
     if match["name"]:
         return _name(match["name"]) + "′" * len(match["primes"])
+    if match["unit"]:
+        return match["unit"]
     if match["minus"]:
         return "\N{MINUS SIGN}"
     return escape(match["other"])

@@ -194,7 +194,7 @@ def _window_title(comparison: Comparison) -> str:
 def _thinning(n_time: int, drawn: int) -> str:
     if n_time <= drawn:
         return ""
-    return f"About {drawn} of {numbers.fixed(n_time, 0)} samples are drawn; the model line is whole."
+    return f"About {drawn} of {numbers.fixed(n_time, 0)} samples are drawn, and the model force at every sample."
 
 
 def _quantity(value: float | None, unit: str) -> str:

@@ -151,7 +151,7 @@ def _own_groups(
             ),
             panel(
                 f"b{number}-error",
-                "The same minus the model force",
+                "Force minus model force over the same cycle",
                 error_figure(banded, unit),
                 f"Force minus model force over one cycle of test {comparison.test.name} with its bands",
             ),
@@ -178,7 +178,7 @@ def _left_out_groups(
     whole = Group(
         title=f"A test left out: {prediction.test.name}",
         synthetic=prediction.test.synthetic,
-        prose=(f"The band is {band.basis}; this test is not among them.",),
+        prose=(f"Band {band.basis}; this test is excluded from its calibration.",),
         panels=(
             panel(
                 f"l{number}-displacement",

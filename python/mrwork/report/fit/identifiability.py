@@ -47,13 +47,13 @@ def _summary(verdicts: Mapping[str, VerdictName]) -> str:
 def _prose(found: Identifiability) -> tuple[str, ...]:
     worth = numbers.fixed(found.n_effective, 0)
     text = (
-        f"The {numbers.fixed(found.n_time, 0)} residuals are correlated and count as about {worth} independent ones. "
+        f"To allow for autocorrelation, the {numbers.fixed(found.n_time, 0)} residuals count as {worth} effective samples. "
         "The standard errors here use this number, so they are larger than those in the table of parameters. They "
         "assume that the force is linear in the parameters over that range; profiles and posterior draws do not."
     )
     if found.n_effective > 0.9 * found.n_time:
         text = (
-            "The residuals are hardly correlated, so every sample counts. The standard errors assume that the force is "
+            "The residuals are almost uncorrelated, so every sample counts. The standard errors assume that the force is "
             "linear in the parameters over that range; profiles and posterior draws do not."
         )
     unsettled = [each.name for each in found.verdicts if each.verdict != "identifiable"]

@@ -88,8 +88,10 @@ def relative_error(value: float, error: float | None) -> str:
 
 
 def shown_unit(unit: str) -> str:
-    """A unit that does not break, nothing for none."""
-    return "" if unit in {"", "-", "1"} else unit.replace(" ", "\N{NO-BREAK SPACE}")
+    """A unit with no-break spaces and raised powers; empty for a dimensionless quantity."""
+    if unit in {"", "-", "1"}:
+        return ""
+    return unit.replace(" ", "\N{NO-BREAK SPACE}").replace("^2", "²").replace("^3", "³")
 
 
 def _aligned(texts: Sequence[str]) -> list[Aligned]:

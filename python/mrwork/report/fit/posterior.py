@@ -111,10 +111,10 @@ def _summary(draws: StoredDraws) -> str:
 
 def _prose(draws: StoredDraws) -> tuple[str, ...]:
     counted = (
-        f"The residuals are modelled as {draws.noise} noise. As they are correlated, they count as "
-        f"{numbers.significant(100 * draws.temper, 2)} % of their number. "
+        f"The noise model is {draws.noise}. To allow for autocorrelation, the log-likelihood is multiplied by "
+        f"{numbers.significant(draws.temper, 2)}, the share of effective samples. "
         if draws.temper < 1.0
-        else f"The residuals are modelled as {draws.noise} noise, and every sample counts. "
+        else f"The noise model is {draws.noise}; every sample counts in full. "
     )
     return (
         f"{draws.verdict}",
@@ -160,7 +160,7 @@ def trace_figure(name: str, chain: Array) -> Figure:
         axes.plot(kept, walker[kept], color=style.DATA, linewidth=0.6)
     axes.plot(kept, median, color=style.MODEL, linewidth=1.3)
     axes.set_xlim(0, max(int(kept[-1]), 1))
-    _finish(axes, name, "Draw of a walker")
+    _finish(axes, name, "Draw")
     return figure
 
 
@@ -252,7 +252,7 @@ def _label(axes: Axes, below: str, left: str) -> None:
     axes.set(xlabel=below, ylabel=left)
     for axis, name in ((axes.xaxis, below), (axes.yaxis, left)):
         if name:
-            axis.set_major_locator(MaxNLocator(nbins=2, steps=[1, 2, 4, 5, 10], prune="upper"))
+            axis.set_major_locator(MaxNLocator(nbins=2, steps=[1, 2, 4, 5, 10], prune="both"))
     plain_ticks(axes, 4, "x")
     plain_ticks(axes, 4, "y")
 

@@ -162,8 +162,8 @@ def _draw_profile(axes: Axes, profile: Profile, threshold: float) -> None:
     for closed, way in zip(inner, (-1, 1), strict=True):
         if not closed:
             _mark_open(axes, way)
-    unit = f" ({profile.unit})" if profile.unit not in ("", "1") else ""
-    axes.set_title(f"{profile.name}{unit}", loc="left", pad=6)
+    unit = shown_unit(profile.unit)
+    axes.set_title(f"{profile.name} ({unit})" if unit else profile.name, loc="left", pad=6)
 
 
 def _tick(value: float) -> str:

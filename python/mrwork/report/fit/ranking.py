@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrwork.report import numbers, style
-from mrwork.report.canvas import blank, name_ordinate
+from mrwork.report.canvas import blank, name_ordinate, room_for
 from mrwork.report.comparison import Comparison
 from mrwork.report.fit.kind import SectionKind
 from mrwork.report.ranking_rows import HEADINGS, ranking_rows
@@ -20,7 +20,8 @@ from mrwork.uncertainty.choice.ranking import Ranking, Standing
 
 _ROW = 0.27
 _AROUND = 1.35
-_WIDTH = 7.2
+# Width beside the names.
+_WIDTH = 3.0
 # Range [points] below the best that is drawn to scale; worse models are marked at the edge with their number.
 _RANGE = 40.0
 
@@ -57,9 +58,9 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
                         "",
                         ranking_figure(ranking),
                         f"Left-out fit of {len(judged)} models with its standard error; {chosen.title} is chosen",
+                        f"Mean and standard error over {ranking.held_out}.",
                     ),
                 ),
-                layout="whole",
             ),
         ),
     )
@@ -69,14 +70,14 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
 def ranking_figure(ranking: Ranking) -> Figure:
     """Left-out fit of every family that was judged, best on top, with the number of its parameters."""
     judged = [each for each in ranking.standings if each.left_out_percent is not None]
-    figure, axes = blank((_WIDTH, _AROUND + _ROW * len(judged)))
+    names = [f"{each.title}, {each.n_params}" for each in judged]
+    figure, axes = blank((_WIDTH + room_for(names), _AROUND + _ROW * len(judged)))
     best = judged[0].left_out_percent or 0.0
     least = min(max(each.left_out_percent or 0.0, best - _RANGE) for each in judged)
     margin = 0.06 * max(best - least, 1.0)
     edge = least - margin
     for row, each in enumerate(judged):
         _draw(axes, row, each, edge)
-    names = [f"{each.title}, {each.n_params}" for each in judged]
     axes.set_yticks(np.arange(len(judged)), names)
     for label, each in zip(axes.get_yticklabels(), judged, strict=True):
         label.set_fontweight("bold" if each.verdict == "chosen" else "normal")
@@ -85,7 +86,7 @@ def ranking_figure(ranking: Ranking) -> Figure:
     axes.set_xlim(edge - margin, min(farthest + margin, 100.5))
     axes.grid(visible=True, axis="x")
     axes.xaxis.set_major_locator(MaxNLocator(nbins=7, steps=[1, 2, 2.5, 5, 10]))
-    axes.set_xlabel(f"Left-out fit (%), mean and standard error over\n{ranking.held_out}")
+    axes.set_xlabel("Left-out fit (%), standard error")
     name_ordinate(axes, "Model, free parameters")
     return figure
 
@@ -131,6 +132,6 @@ RANKING = SectionKind(
     absent=Absent(
         title="Choice of model",
         command="mrwork identify TESTS --model all",
-        says="compares families of models on tests that their fits have not seen, in a run of its own.",
+        says="compares families of models on tests that their fits have not seen, and writes a run folder of its own.",
     ),
 )

@@ -63,7 +63,7 @@ def residual_section(comparisons: Sequence[Comparison]) -> Section:
 def _summary(found: Sequence[ResidualTests]) -> str:
     coloured = sum(not each.is_white for each in found)
     if coloured == 0:
-        return "Residuals: nothing speaks against white noise."
+        return "Residuals: consistent with white noise."
     repeating = _repeating(found)
     said = f"Residuals: correlated on {tests_of(coloured, len(found))}"
     if not repeating:
