@@ -1,4 +1,4 @@
-"""Points of the cube and random numbers: hypercube, reflection, draws of others, streams, distinct finds."""
+"""Points of the cube and random numbers: hypercube, reflection, draws of others, streams, elite."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def test_others_are_different_and_every_choice_is_equally_likely():
     assert np.all(np.abs(counts / n_draws - 1 / 24) < 5 * math.sqrt(1 / 24 / n_draws))
 
 
-# Distinct finds
+# Elite
 
 
 def taken_of(population, misfit, count, distance):

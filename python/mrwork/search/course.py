@@ -17,11 +17,11 @@ from mrwork.search.unit_cube import Streams
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Proposal:
-    """One generation of the replicates that run, to be simulated in one call.
+    """One generation of the running replicates, to be simulated in one call.
 
-    `population` (n_running, n_population, n_params) with `known` misfits (n_running, n_population). The `changed`
-    candidates are to be simulated; `known` is `inf` there. A misfit at or above its `limit` (n_running, n_population)
-    counts as a failure, so its simulation may stop there. `number` (n_running,) are the numbers of the replicates.
+    `population` (n_running, n_population, n_params) with `known` misfits (n_running, n_population). Only the `changed`
+    members are simulated; `known` is `inf` for these. A misfit at or above its `limit` (n_running, n_population) counts
+    as a failure, so its simulation may stop there. `number` (n_running,) are the numbers of the replicates.
     """
 
     number: NDArray[np.int64]
@@ -75,11 +75,11 @@ class Proposal:
             )
         return np.where(misfit >= self.threshold, math.inf, misfit)
 
-    def told(self, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Accepted misfits by candidate, shape (n_running, n_population), `inf` where none was simulated."""
-        told = np.full(self.known.shape, math.inf)
-        told[self.changed] = self.accepted(misfit)
-        return told
+    def member_misfits(self, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Accepted misfits of all members, shape (n_running, n_population), `inf` for those not simulated."""
+        members = np.full(self.known.shape, math.inf)
+        members[self.changed] = self.accepted(misfit)
+        return members
 
 
 ScalarT = TypeVar("ScalarT", bound=np.generic)
@@ -90,7 +90,7 @@ class Trace:
     """Progress, one entry per generation, each of shape (n_replicates, n_generations).
 
     Number of `evaluations` so far, `best` misfit so far, `median` misfit of the population (`inf` while half of it
-    fails). A replicate that has ended repeats its last entries.
+    fails). The last entries of a replicate that has ended are repeated.
     """
 
     evaluations: NDArray[np.int64]
@@ -105,8 +105,8 @@ class Course:
     `replicate` (n,) are the numbers of the replicates, which determine their random numbers together with the seed
     `rng`. `generation` (n,) and `evaluations` (n,) are counts so far. `ended` (n,) is the code of the rule that ended a
     replicate, 0 while it runs. `best_unit` (n, n_params) has `best_misfit` (n,), `inf` while every simulation has
-    failed. `elite_unit` (n, n_elite, n_params) are good, mutually distant finds of the whole run with `elite_misfit`
-    (n, n_elite), best first, padded with zeros of misfit `inf`.
+    failed. `elite_unit` (n, n_elite, n_params) are the best mutually distant points of the whole run with
+    `elite_misfit` (n, n_elite), best first, padded with zeros of misfit `inf`.
     """
 
     rng: int
@@ -171,14 +171,14 @@ class Course:
 
     @property
     def streams(self) -> Streams:
-        """Random numbers of the next generation of the replicates that run."""
+        """Random numbers of the next generation of the running replicates."""
         rows = self.running
         return Streams(rng=self.rng, replicate=self.replicate[rows], generation=self.generation[rows])
 
     def after(
         self,
         proposal: Proposal,
-        told: NDArray[np.float64],
+        simulated: NDArray[np.float64],
         *,
         population: NDArray[np.float64],
         misfit: NDArray[np.float64],
@@ -191,23 +191,23 @@ class Course:
         ----------
         proposal
             The candidates that were simulated.
-        told
-            Misfits of `Proposal.told`, shape (n_running, n_population).
+        simulated
+            Result of `Proposal.member_misfits`, shape (n_running, n_population).
         population, misfit
             The resulting generation, (n_running, n_population, n_params) and (n_running, n_population).
         elite, stop
-            Which finds are kept, and when replicates end.
+            Which points are kept, and when replicates end.
         """
         rows = self.running
         among = np.arange(rows.size)
         leader = np.argmin(misfit, axis=1)
         least = misfit[among, leader]
-        # Strictly, so that of equal finds the first stays. The first generation has a leader even where all failed.
+        # A strict inequality keeps the first of equal points. The first generation has a best even where all failed.
         better = (least < self.best_misfit[rows]) | (self.generation[rows] == 0)
         best_misfit = np.where(better, least, self.best_misfit[rows])
         best_unit = np.where(better[:, None], population[among, leader], self.best_unit[rows])
         found_unit = np.concatenate([self.elite_unit[rows], proposal.population], axis=1)
-        found_misfit = np.concatenate([self.elite_misfit[rows], told], axis=1)
+        found_misfit = np.concatenate([self.elite_misfit[rows], simulated], axis=1)
         kept = distinct_best(found_unit, found_misfit, elite)
         evaluations = self.evaluations[rows] + np.count_nonzero(proposal.changed, axis=1)
         grown = replace(
@@ -223,9 +223,9 @@ class Course:
                 self.elite_misfit, rows, np.where(kept < 0, math.inf, found_misfit[among[:, None], kept])
             ),
             trace=Trace(
-                evaluations=_longer(self.trace.evaluations, rows, evaluations),
-                best=_longer(self.trace.best, rows, best_misfit),
-                median=_longer(self.trace.median, rows, np.median(misfit, axis=1)),
+                evaluations=_extended(self.trace.evaluations, rows, evaluations),
+                best=_extended(self.trace.best, rows, best_misfit),
+                median=_extended(self.trace.median, rows, np.median(misfit, axis=1)),
             ),
         )
         ended = stop.ended(
@@ -243,7 +243,7 @@ def put(old: NDArray[ScalarT], rows: NDArray[np.int64], new: NDArray[ScalarT]) -
     return copy
 
 
-def _longer(old: NDArray[ScalarT], rows: NDArray[np.int64], entry: NDArray[ScalarT]) -> NDArray[ScalarT]:
+def _extended(old: NDArray[ScalarT], rows: NDArray[np.int64], entry: NDArray[ScalarT]) -> NDArray[ScalarT]:
     """A trace with one more column; rows that are not in `rows` repeat their last entry."""
     grown = np.concatenate([old, old[:, -1:]], axis=1) if old.shape[1] else np.empty((len(old), 1), old.dtype)
     grown[rows, -1] = entry

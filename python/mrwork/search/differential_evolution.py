@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
 from mrwork.search.course import Course, Proposal
-from mrwork.search.population import PopulationState, better_told, proposed
+from mrwork.search.population import PopulationState, proposed, with_better_members
 from mrwork.search.rules import EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, others, reflect
 
@@ -40,7 +40,7 @@ class DifferentialEvolution:
     stop
         When to end.
     elite
-        Which finds of the run are kept.
+        Which points of the run are kept as starts of a local minimisation.
     """
 
     population: int = 60
@@ -90,5 +90,5 @@ class DifferentialEvolution:
     def tell(
         self, state: PopulationState, proposal: Proposal, misfit: NDArray[np.float64]
     ) -> PopulationState:
-        """State after the simulations asked for; `misfit` (n_ask,), `inf` marks a failed one."""
-        return better_told(state, proposal, misfit, elite=self.elite, stop=self.stop)
+        """State after the simulations of the proposal; `misfit` (n_ask,), `inf` marks a failed one."""
+        return with_better_members(state, proposal, misfit, elite=self.elite, stop=self.stop)

@@ -7,11 +7,11 @@ changed are simulated again. Details that the source leaves open (our definition
   fitness 0. Where all errors are equal the first chromosome has fitness 1 and the others 0, so that the best never
   mutates, the others always do, and there is no division by zero.
 - *One simulation per generation*: crossover, mutation and elitism all use the fitness before the generation. A
-  chromosome that is drawn twice in the `P` crossover draws changes twice, one after the other.
-- *Ties* go to the lower index, so that the best is one definite chromosome, which never changes; of two failures
-  neither is fitter, and both stay.
+  chromosome that is drawn twice in the `P` crossover draws changes twice in succession.
+- *Ties* are broken in favour of the lower index, so that the best is a single chromosome, which never changes; of two
+  failures neither is fitter, and both remain.
 - *Spread* of the initial population is its standard deviation per gene, about `1/sqrt(12)` of the box. It does not
-  shrink, so mutation explores to the end and convergence comes from crossover alone.
+  shrink, so mutation explores throughout the search and only crossover converges.
 - *Genes that leave the box* are reflected at its faces, see `reflect`.
 - *Elite copies* replace random slots after mutation; their misfit is known and needs no simulation. The best is one
   chromosome; its copies have fitness 0, so they mutate in the next generation and explore its neighbourhood. With the
@@ -30,7 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.search.course import Course, Proposal
-from mrwork.search.population import Ceiling, PopulationState, generation_told, proposed, relative_fitness
+from mrwork.search.population import Ceiling, proposed, relative_fitness, with_generation
 from mrwork.search.rules import EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
 
@@ -65,7 +65,7 @@ class EfficientGA:
     stop
         When to end.
     elite
-        Which finds of the run are kept.
+        Which points of the run are kept as starts of a local minimisation.
 
     Examples
     --------
@@ -111,15 +111,8 @@ class EfficientGA:
         return proposed(course, population, known=known, changed=changed, limit=self.ceiling.limit(course))
 
     def tell(self, state: GAState, proposal: Proposal, misfit: NDArray[np.float64]) -> GAState:
-        """State after the simulations asked for; `misfit` (n_ask,), `inf` marks a failed one."""
-        told = PopulationState(course=state.course, population=state.population, misfit=state.misfit)
-        told = generation_told(told, proposal, misfit, elite=self.elite, stop=self.stop)
-        return GAState(
-            course=told.course,
-            population=told.population,
-            misfit=told.misfit,
-            mutation_spread=state.mutation_spread,
-        )
+        """State after the simulations of the proposal; `misfit` (n_ask,), `inf` marks a failed one."""
+        return with_generation(state, proposal, misfit, elite=self.elite, stop=self.stop)
 
     def _offspring(
         self, state: GAState, before: NDArray[np.float64], misfit: NDArray[np.float64]
@@ -134,7 +127,7 @@ class EfficientGA:
         normal = course.streams.normal(np.count_nonzero(chosen, axis=1) * before.shape[2])
         spread = np.broadcast_to(state.mutation_spread[rows][:, None], before.shape)[chosen]
         population[chosen] = reflect(population[chosen] + spread * normal.reshape(spread.shape))
-        # Compared with the old population: crossover of equal chromosomes changes nothing and needs no simulation.
+        # Compared with the old population, because crossover of equal chromosomes changes nothing.
         changed = np.any(population != before, axis=2)
         copies = max(1, round(self.elite_share * size))
         slots = np.argpartition(drawn[:, 2], copies - 1, axis=1)[:, :copies]
@@ -169,7 +162,7 @@ def _crossover(
     share: NDArray[np.float64],
     pairs: NDArray[np.int64],
 ) -> NDArray[np.float64]:
-    """The less fit of each pair moves by a common share r towards the fitter, which stays; pair after pair."""
+    """In each pair, one pair after the other, the less fit moves by a share r towards the fitter, which stays."""
     n_replicates, size, n_params = population.shape
     rank = np.empty(misfit.shape, dtype=np.int64)
     np.put_along_axis(rank, np.argsort(misfit, axis=1, kind="stable"), np.arange(size)[None], axis=1)
@@ -199,9 +192,9 @@ def _independent(to: NDArray[np.int64], at: NDArray[np.int64], size: int) -> NDA
     """
     order = np.arange(at.size)
     first_to_move = np.full(size, at.size)
-    first_to_look = np.full(size, at.size)
+    first_to_guide = np.full(size, at.size)
     # Of repeated indices the last assignment remains; in reversed order that is the first pair.
     first_to_move[at[::-1]] = order[::-1]
-    first_to_look[to[::-1]] = order[::-1]
-    alone = (first_to_move[at] == order) & (first_to_move[to] > order) & (first_to_look[at] > order)
+    first_to_guide[to[::-1]] = order[::-1]
+    alone = (first_to_move[at] == order) & (first_to_move[to] > order) & (first_to_guide[at] > order)
     return np.asarray(alone)

@@ -1,8 +1,8 @@
 """The ask/tell loop: one call of the objective per generation, progress reports, interrupts, journal.
 
-An optimiser is pure (state in, state out), and the objective is a batch function on the unit cube; only the loop knows
-both. `on_generation` serves progress bars and early stops: it gets the state of every generation with the misfits that
-led to it.
+An optimiser is a pure function of its state, the objective is a batch function on the unit cube, and the loop connects
+the two. `on_generation` is for progress bars and early stops: it receives the state after every generation with the
+misfits from which it follows.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ class AbortableObjective:
 class Optimiser(Protocol[StateT]):
     """Settings of a derivative-free minimiser on the unit cube; all progress is in its states.
 
-    A replicate depends on the seed, its number, its generation and its misfits, never on other replicates, and a
-    stored state resumes as if it had not been interrupted. For an optimiser of another library this holds as far as
-    the library allows.
+    A replicate depends on the seed, its number, its generation and its misfits, never on other replicates. A search
+    that is resumed from a stored state gives the same result as one without interruption; for an optimiser of another
+    library, as far as the library allows it.
     """
 
     @property
@@ -55,7 +55,7 @@ class Optimiser(Protocol[StateT]):
 
     @property
     def elite(self) -> EliteRule:
-        """Which finds are kept."""
+        """Which points of the run are kept as starts of a local minimisation."""
 
     def start(self, n_params: int, rng: int, replicates: Sequence[int] = (0,)) -> StateT:
         """Initial state of the replicates with these numbers, before the first simulation."""
@@ -71,10 +71,10 @@ class Optimiser(Protocol[StateT]):
 class GenerationEvent(Generic[StateT]):
     """Progress after one generation of all running replicates.
 
-    `evaluations` is the sum over replicates; `best_misfit` and `best_unit` (n_params,) are of the best replicate,
-    `median_misfit` is the median of the medians of their populations; `n_running` replicates continue. `seconds` is the
-    time since this call of the loop began. `misfit` (n_ask,) are the accepted misfits, see `Proposal.accepted`, with
-    which `tell` gives the same `state` again.
+    `evaluations` is the sum over replicates; `best_misfit` and `best_unit` (n_params,) are those of the best replicate;
+    `median_misfit` is the median over replicates of the median of the population; `n_running` replicates continue.
+    `seconds` is the time since this call of the loop began. `misfit` (n_ask,) are the accepted misfits, see
+    `Proposal.accepted`, from which `tell` computed `state`.
     """
 
     generation: int
@@ -158,14 +158,14 @@ def run_replicates(
     n_params
         Dimension of the cube.
     replicates
-        Numbers of the replicates. The result of a number does not depend on the other replicates.
+        Numbers of the replicates. The result of a replicate does not depend on the others.
     state
         A stored state to resume from; it must come from the same `rng`, `n_params` and `replicates`.
     on_generation
-        Called after every generation; where it returns true all stop, with reason "callback".
+        Called after every generation; where it returns true all replicates stop, with reason "callback".
     journal
-        Records every generation. A resumed journal supplies the generations it has, then the search continues; the
-        caller must `agree` with it on the inputs of the objective.
+        Records every generation. A resumed journal supplies the generations that it has recorded, then the search
+        continues; the caller must check with `Journal.agree` that the inputs of the objective are the same.
 
     Returns
     -------
@@ -229,17 +229,17 @@ def _misfits(objective: Objective | AbortableObjective, proposal: Proposal) -> N
 
 def _check_same_search(state: SearchState, rng: int, n_params: int, replicates: Sequence[int]) -> None:
     stored = (state.course.rng, state.population.shape[2], state.course.replicate.tolist())
-    asked = (rng, n_params, list(replicates))
-    if stored != asked:
+    requested = (rng, n_params, list(replicates))
+    if stored != requested:
         raise SettingError(
             f"the stored state is of a search with rng={stored[0]} and n_params={stored[1]}, replicates "
-            f"{stored[2]}, asked for rng={rng} and n_params={n_params}, replicates {asked[2]}; "
+            f"{stored[2]}, asked for rng={rng} and n_params={n_params}, replicates {requested[2]}; "
             "resume with its own or start afresh"
         )
 
 
 def _event(state: StateT, misfit: NDArray[np.float64], began: float) -> GenerationEvent[StateT]:
-    """Progress for the callback."""
+    """Progress after a generation."""
     course = state.course
     leader = int(np.argmin(course.best_misfit))
     return GenerationEvent(
@@ -289,7 +289,7 @@ def agree_on_search(journal: Journal, optimiser: object, state: SearchState) -> 
 
 
 def recalled_generation(journal: Journal, proposal: Proposal) -> Generation | None:
-    """The recorded generation of this proposal, `None` where there is none."""
+    """The generation that the journal has recorded for this proposal, `None` where there is none."""
     recalled = journal.recall(_STEP, _digest(proposal)) if journal.recalling else None
     if recalled is None:
         return None
@@ -299,7 +299,7 @@ def recalled_generation(journal: Journal, proposal: Proposal) -> Generation | No
 def record_generation(
     journal: Journal, proposal: Proposal, state: SearchState, generation: Generation
 ) -> None:
-    """Record a generation: the data needed to resume, and progress for readers of the journal."""
+    """Record a generation: the data for a resumed search, and progress for readers of the journal."""
     course = state.course
     journal.record(
         _STEP,

@@ -1,15 +1,16 @@
 """Particle swarm optimisation (Kennedy & Eberhart, ICNN 1995), as used for dampers by Kwok et al. (2006).
 
-Particle i remembers its own best `p` and knows the best `g` of all; in each generation, with u1, u2 ~ U(0, 1) per gene,
+Particle i has a personal best position `p`; `g` is the best position of the swarm. In each generation, with
+u1, u2 ~ U(0, 1) per gene,
 
     v <- w v + c1 u1 (p - x) + c2 u2 (g - x),   |v| <= v_max,   x <- x + v
 
-with the inertia w falling from 0.9 to 0.4 over the generations allowed (Shi & Eberhart, CEC 1998). `CONSTRICTION`
-is the other usual choice, w = 0.7298 and c1 = c2 = 1.49618 throughout, which is the same equation (Clerc & Kennedy,
-IEEE Trans. Evol. Comput. 6, 2002, 58-73).
+where the inertia w decreases from 0.9 to 0.4 over the generations allowed (Shi & Eberhart, CEC 1998). `CONSTRICTION`
+is the other usual choice in the same equation, constant w = 0.7298 and c1 = c2 = 1.49618 (Clerc & Kennedy, IEEE
+Trans. Evol. Comput. 6, 2002, 58-73).
 
 A particle that leaves the box is reflected, and its velocity becomes the displacement that resulted (our definition).
-There is no attraction to failures. The misfit of a particle is used only if it is below that of its own best, so a
+Failures do not attract. The misfit of a particle is used only if it is below that of its personal best, so a
 simulation may stop at that threshold.
 """
 
@@ -17,13 +18,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.search.course import Course, Proposal, put
-from mrwork.search.population import PopulationState, better_told, proposed
+from mrwork.search.population import proposed, with_better_members
 from mrwork.search.rules import EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
 
@@ -32,7 +33,7 @@ from mrwork.search.unit_cube import latin_hypercube, reflect
 class SwarmState:
     """State of a swarm.
 
-    `population` (n_replicates, n_population, n_params) are the particles' own bests with `misfit`
+    `population` (n_replicates, n_population, n_params) are the personal bests of the particles with `misfit`
     (n_replicates, n_population). `position` and `velocity` (n_replicates, n_population, n_params) are the present
     positions and last displacements; at generation 0 the initial ones, before the first simulation.
     """
@@ -53,15 +54,15 @@ class ParticleSwarm:
     population
         Particles, at least 2.
     inertia
-        Inertia w of the first and of the last allowed generation.
+        Inertia w in the first and in the last generation that `stop` allows.
     own_attraction, common_attraction
-        Attraction to the particle's own best, c1, and to the best of all, c2.
+        Attraction to the personal best, c1, and to the best of the swarm, c2.
     velocity_limit
         Largest change of a gene in a generation, a share of the box.
     stop
         When to end.
     elite
-        Which finds of the run are kept.
+        Which points of the run are kept as starts of a local minimisation.
     """
 
     population: int = 60
@@ -88,7 +89,7 @@ class ParticleSwarm:
         """Initial state with Latin hypercube samples of the unit cube and velocities up to the limit."""
         course = Course.begun(n_params, rng, replicates, self.elite)
         position = latin_hypercube(course.streams, self.population, n_params)
-        # The hypercube has used the first numbers of the stream.
+        # The hypercube used the first numbers of the stream.
         drawn = course.streams.uniform(3 * position[0].size)[:, 2 * position[0].size :]
         return SwarmState(
             course=course,
@@ -120,16 +121,12 @@ class ParticleSwarm:
         return proposed(course, reflect(position + limited), limit=misfit)
 
     def tell(self, state: SwarmState, proposal: Proposal, misfit: NDArray[np.float64]) -> SwarmState:
-        """State after the simulations asked for; `misfit` (n_ask,), `inf` marks a failed one."""
+        """State after the simulations of the proposal; `misfit` (n_ask,), `inf` marks a failed one."""
         rows = state.course.running
-        own = PopulationState(course=state.course, population=state.population, misfit=state.misfit)
-        own = better_told(own, proposal, misfit, elite=self.elite, stop=self.stop)
-        # There is no displacement before the first move: the initial velocity stays.
+        # The first generation is simulated at the initial positions and keeps the initial velocities.
         moved = state.velocity if state.course.is_first else proposal.population - state.position[rows]
-        return SwarmState(
-            course=own.course,
-            population=own.population,
-            misfit=own.misfit,
+        return replace(
+            with_better_members(state, proposal, misfit, elite=self.elite, stop=self.stop),
             position=put(state.position, rows, proposal.population),
             velocity=put(state.velocity, rows, moved),
         )

@@ -1,8 +1,8 @@
-"""Optimisers of other libraries behind the same ask and tell; install them with the extra `peers`.
+"""Optimisers of other libraries with the ask/tell interface; install them with the extra `peers`.
 
-A library keeps its progress in an object that changes when it is told. A state of such a search can therefore be told
-only once; to continue from an earlier state, start again and tell the same misfits, which a journal keeps. The rest of
-the contract holds: each replicate is a search of its own with its own seed.
+A library keeps its progress in an object that `tell` changes. `tell` can therefore be called only once for a state of
+such a search; to continue from an earlier state, start again and tell the same misfits, which a journal has recorded.
+Otherwise the contract of `Optimiser` applies: each replicate is an independent search with its own seed.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
-from mrwork.search.course import Course, Proposal, put
-from mrwork.search.population import proposed
+from mrwork.search.course import Course, Proposal
+from mrwork.search.population import proposed, with_generation
 from mrwork.search.rules import EliteRule, StopRules, check_ranges
 
-# Libraries compute with misfits, so a failure is told as a finite number above any misfit.
+# Misfit of a failed simulation for a library that needs finite numbers, above any misfit.
 _FAILURE = 1e100
 
 
@@ -44,35 +44,35 @@ def library(name: str) -> ModuleType:
 
 
 class Peer(Protocol):
-    """What a library does in one generation of one replicate."""
+    """One replicate of a search by another library."""
 
     def ask(self) -> NDArray[np.float64]:
         """Candidates, shape (n_ask, n_params); at most the population size of the settings."""
 
     def tell(self, misfit: NDArray[np.float64]) -> None:
-        """Misfits of the candidates, shape (n_ask,), all finite."""
+        """Take the misfits of the candidates, shape (n_ask,), all finite."""
 
 
 class PeerSearch:
-    """A peer with the candidates that it has asked and not yet been told."""
+    """A peer with its pending candidates, whose misfits have not been told yet."""
 
     def __init__(self, peer: Peer) -> None:
         self._peer = peer
         self._generation = 0
-        self._asked: NDArray[np.float64] | None = None
+        self._pending: NDArray[np.float64] | None = None
 
     def ask(self, generation: int) -> NDArray[np.float64]:
-        """Candidates of this generation, the same however often they are asked."""
+        """Candidates of this generation, the same in every call."""
         self._check(generation)
-        if self._asked is None:
-            self._asked = np.clip(self._peer.ask(), 0.0, 1.0)
-        return self._asked
+        if self._pending is None:
+            self._pending = np.clip(self._peer.ask(), 0.0, 1.0)
+        return self._pending
 
     def tell(self, generation: int, misfit: NDArray[np.float64]) -> None:
-        """Misfits of all candidates of this generation, shape (n_ask,)."""
+        """Take the misfits of all candidates of this generation, shape (n_ask,)."""
         self._check(generation)
         self._peer.tell(np.where(np.isfinite(misfit), misfit, _FAILURE))
-        self._generation, self._asked = generation + 1, None
+        self._generation, self._pending = generation + 1, None
 
     def _check(self, generation: int) -> None:
         if generation != self._generation:
@@ -86,7 +86,8 @@ class PeerSearch:
 class PeerState:
     """Searches of another library, one for each replicate.
 
-    `population` (n_replicates, n_population, n_params) with `misfit` (n_replicates, n_population) were told last.
+    `population` (n_replicates, n_population, n_params) with `misfit` (n_replicates, n_population) is the last
+    generation that was simulated.
     """
 
     course: Course
@@ -96,14 +97,14 @@ class PeerState:
 
 
 class PeerOptimiser(ABC):
-    """Ask and tell of another library; a subclass holds the settings and starts one peer for each replicate."""
+    """Ask/tell interface to another library; a subclass has the settings and starts one peer for each replicate."""
 
     __slots__ = ()
 
     @property
     @abstractmethod
     def population(self) -> int:
-        """Candidates of one replicate, at most."""
+        """Largest number of candidates of a replicate in one generation."""
 
     @property
     @abstractmethod
@@ -113,7 +114,7 @@ class PeerOptimiser(ABC):
     @property
     @abstractmethod
     def elite(self) -> EliteRule:
-        """Which finds of the run are kept."""
+        """Which points of the run are kept as starts of a local minimisation."""
 
     @abstractmethod
     def _starter(self, course: Course, n_params: int) -> Callable[[int], Peer]:
@@ -132,36 +133,23 @@ class PeerOptimiser(ABC):
         )
 
     def ask(self, state: PeerState) -> Proposal:
-        """What the searches of the running replicates ask; a slot that a library leaves empty is not simulated."""
+        """Candidates of the running replicates; slots that a library leaves unused are not simulated."""
         course, rows = state.course, state.course.running
         population = state.population[rows].copy()
         changed = np.zeros(population.shape[:2], np.bool_)
         for index, row in enumerate(rows):
-            asked = state.searches[row].ask(int(course.generation[row]))
-            population[index, : len(asked)] = asked
-            changed[index, : len(asked)] = True
+            candidates = state.searches[row].ask(int(course.generation[row]))
+            population[index, : len(candidates)] = candidates
+            changed[index, : len(candidates)] = True
         return proposed(course, population, known=state.misfit[rows], changed=changed)
 
     def tell(self, state: PeerState, proposal: Proposal, misfit: NDArray[np.float64]) -> PeerState:
-        """State after the simulations asked for, `misfit` (n_ask,); the state before cannot be told again."""
-        course, rows = state.course, state.course.running
-        told = proposal.told(misfit)
-        for index, row in enumerate(rows):
-            state.searches[row].tell(int(course.generation[row]), told[index, proposal.changed[index]])
-        after = np.where(proposal.changed, told, proposal.known)
-        return PeerState(
-            course=course.after(
-                proposal,
-                told,
-                population=proposal.population,
-                misfit=after,
-                elite=self.elite,
-                stop=self.stop,
-            ),
-            population=put(state.population, rows, proposal.population),
-            misfit=put(state.misfit, rows, after),
-            searches=state.searches,
-        )
+        """State after the simulations of the proposal, `misfit` (n_ask,); the given state cannot be used again."""
+        simulated = proposal.member_misfits(misfit)
+        for index, row in enumerate(state.course.running):
+            generation = int(state.course.generation[row])
+            state.searches[row].tell(generation, simulated[index, proposal.changed[index]])
+        return with_generation(state, proposal, misfit, elite=self.elite, stop=self.stop)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,13 +159,13 @@ class CMAEvolution(PeerOptimiser):
     Parameters
     ----------
     population
-        Candidates of a generation; 10 is the library's own choice for 8 parameters.
+        Candidates of a generation; 10 is the library's default for 8 parameters.
     deviation
         Initial standard deviation of each gene, a share of the box.
     stop
         When to end.
     elite
-        Which finds of the run are kept.
+        Which points of the run are kept as starts of a local minimisation.
     """
 
     population: int = 10
@@ -199,7 +187,7 @@ class CMAEvolution(PeerOptimiser):
                 "bounds": [0.0, 1.0],
                 "popsize": self.population,
                 "verbose": -9,
-                # By default the library seeds and uses NumPy's global generator.
+                # By default the library seeds and uses the global generator of NumPy.
                 "seed": math.nan,
                 "randn": lambda *shape: generator.standard_normal(shape),
             }
@@ -211,14 +199,14 @@ class CMAEvolution(PeerOptimiser):
 class _CMAPeer:
     def __init__(self, strategy: Any) -> None:
         self._strategy = strategy
-        self._asked: list[NDArray[np.float64]] = []
+        self._pending: list[NDArray[np.float64]] = []
 
     def ask(self) -> NDArray[np.float64]:
-        self._asked = self._strategy.ask()
-        return np.array(self._asked)
+        self._pending = self._strategy.ask()
+        return np.array(self._pending)
 
     def tell(self, misfit: NDArray[np.float64]) -> None:
-        self._strategy.tell(self._asked, misfit.tolist())
+        self._strategy.tell(self._pending, misfit.tolist())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -234,7 +222,7 @@ class PymooGA(PeerOptimiser):
     stop
         When to end.
     elite
-        Which finds of the run are kept.
+        Which points of the run are kept as starts of a local minimisation.
     """
 
     population: int = 60
@@ -260,13 +248,13 @@ class PymooGA(PeerOptimiser):
 class _PymooPeer:
     def __init__(self, algorithm: Any) -> None:
         self._algorithm = algorithm
-        self._asked: Any = None
+        self._pending: Any = None
 
     def ask(self) -> NDArray[np.float64]:
-        self._asked = self._algorithm.ask()
-        return np.asarray(self._asked.get("X"), dtype=np.float64)
+        self._pending = self._algorithm.ask()
+        return np.asarray(self._pending.get("X"), dtype=np.float64)
 
     def tell(self, misfit: NDArray[np.float64]) -> None:
         problem = library("pymoo.problems.static").StaticProblem(self._algorithm.problem, F=misfit[:, None])
-        library("pymoo.core.evaluator").Evaluator().eval(problem, self._asked)
-        self._algorithm.tell(infills=self._asked)
+        library("pymoo.core.evaluator").Evaluator().eval(problem, self._pending)
+        self._algorithm.tell(infills=self._pending)

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.search.course import Course, Proposal, put
+from mrwork.search.result import SearchState
 from mrwork.search.rules import EliteRule, StopRules, check_ranges
+
+StateT = TypeVar("StateT", bound=SearchState)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -37,9 +41,10 @@ def proposed(
     changed: NDArray[np.bool_] | None = None,
     limit: NDArray[np.float64] | float = math.inf,
 ) -> Proposal:
-    """Proposal of this population of the running replicates; only `changed` candidates if the others are `known`.
+    """Proposal of this population for the running replicates.
 
-    Misfits at or above `limit`, one number, (n_running, 1) or (n_running, n_population), count as failures.
+    Only `changed` members are simulated, by default all; the misfits of the others are `known`. Misfits at or above
+    `limit`, a number or an array (n_running, 1) or (n_running, n_population), count as failures.
     """
     shape = population.shape[:2]
     changed = np.ones(shape, np.bool_) if changed is None else changed
@@ -52,51 +57,42 @@ def proposed(
     )
 
 
-def generation_told(
-    state: PopulationState,
-    proposal: Proposal,
-    misfit: NDArray[np.float64],
-    *,
-    elite: EliteRule,
-    stop: StopRules,
-) -> PopulationState:
-    """State after a generation that replaces the old population."""
-    told = proposal.told(misfit)
-    after = np.where(proposal.changed, told, proposal.known)
-    return _replaced(state, proposal, told, proposal.population, after, elite, stop)
+def with_generation(
+    state: StateT, proposal: Proposal, misfit: NDArray[np.float64], *, elite: EliteRule, stop: StopRules
+) -> StateT:
+    """State after a generation that replaces the old population; `misfit` (n_ask,) is that of `Proposal.unit`."""
+    simulated = proposal.member_misfits(misfit)
+    after = np.where(proposal.changed, simulated, proposal.known)
+    return _replaced(state, proposal, simulated, proposal.population, after, elite, stop)
 
 
-def better_told(
-    state: PopulationState,
-    proposal: Proposal,
-    misfit: NDArray[np.float64],
-    *,
-    elite: EliteRule,
-    stop: StopRules,
-) -> PopulationState:
+def with_better_members(
+    state: StateT, proposal: Proposal, misfit: NDArray[np.float64], *, elite: EliteRule, stop: StopRules
+) -> StateT:
     """State after a generation in which each proposed member replaces the old one if it is better."""
     rows = state.course.running
-    told = proposal.told(misfit)
-    better = told < state.misfit[rows]
+    simulated = proposal.member_misfits(misfit)
+    better = simulated < state.misfit[rows]
     population = np.where(better[..., None], proposal.population, state.population[rows])
-    after = np.where(better, told, state.misfit[rows])
-    return _replaced(state, proposal, told, population, after, elite, stop)
+    after = np.where(better, simulated, state.misfit[rows])
+    return _replaced(state, proposal, simulated, population, after, elite, stop)
 
 
 def _replaced(
-    state: PopulationState,
+    state: StateT,
     proposal: Proposal,
-    told: NDArray[np.float64],
+    simulated: NDArray[np.float64],
     population: NDArray[np.float64],
     misfit: NDArray[np.float64],
     elite: EliteRule,
     stop: StopRules,
-) -> PopulationState:
-    """State in which the running replicates have this population with these misfits."""
+) -> StateT:
+    """State in which the running replicates have this population with these misfits; other fields are the same."""
     rows = state.course.running
-    return PopulationState(
+    return replace(  # type: ignore[type-var] # a state is a dataclass
+        state,
         course=state.course.after(
-            proposal, told, population=population, misfit=misfit, elite=elite, stop=stop
+            proposal, simulated, population=population, misfit=misfit, elite=elite, stop=stop
         ),
         population=put(state.population, rows, population),
         misfit=put(state.misfit, rows, misfit),
@@ -106,8 +102,8 @@ def _replaced(
 def relative_fitness(misfit: NDArray[np.float64]) -> NDArray[np.float64]:
     """`F = (e_max - e)/(e_max - e_min)` in each population, shape (n_replicates, n_population).
 
-    The extremes are those of the simulations that succeeded. Failures have fitness 0; so have all where all errors are
-    equal.
+    The extremes are those of the simulations that succeeded. Failures have fitness 0; where all errors are equal, all
+    have fitness 0.
     """
     succeeded = np.isfinite(misfit)
     best = np.min(misfit, axis=1, keepdims=True)
@@ -122,8 +118,8 @@ def relative_fitness(misfit: NDArray[np.float64]) -> NDArray[np.float64]:
 class Ceiling:
     """Misfit at or above which a chromosome counts as failed; the lower of the two limits applies, `None` is no limit.
 
-    In a genetic algorithm every misfit has a rank, so a simulation that stops early would change later generations. A
-    ceiling changes them on purpose, by a stated rule, and the result does not depend on early stopping any more.
+    In a genetic algorithm the rank of every misfit matters, so a simulation that stops early would change later
+    generations. With a ceiling, misfits above it have no rank, so that the result does not depend on early stopping.
 
     On 2000 samples of a measured test (10 mm, 1 Hz, 0.5 A), with the non-symmetric Bouc-Wen model, 8 free parameters
     and 24 replicates of 120 generations of the efficient algorithm; the share of steps is estimated, assuming that the
@@ -140,15 +136,15 @@ class Ceiling:
     1 and 1 times              5427         0.0673              0.88          0.66
     =========================  ===========  ==================  ============  ==========
 
-    No ceiling reduced the quality (0.79 and 0.96 of 24 differ by little more than chance). Failures mutate, so more
-    chromosomes change and are simulated, yet the number of steps decreases.
+    None of the ceilings reduced the quality (the difference between 0.79 and 0.96 of 24 is little more than chance).
+    Failures mutate, so more chromosomes change and are simulated, yet the number of steps decreases.
 
     Parameters
     ----------
     absolute
         A misfit. The natural value for an NRMSE is 1, the misfit of a constant force.
     over_median
-        A multiple, at least 1, of the median misfit of the generation before.
+        A multiple, at least 1, of the median misfit of the previous generation.
     """
 
     absolute: float | None = None

@@ -1,4 +1,4 @@
-"""States of a search, also as plain arrays, and its results."""
+"""States of a search, their conversion to plain arrays, and results of a search."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ T = TypeVar("T")
 
 
 def select(state: T, rows: Sequence[int]) -> T:
-    """The state of these replicates only, in this order; traces are cut to the longest of them."""
+    """The state of these replicates only, in this order; traces have the length of the longest of them."""
     index = np.asarray(rows, dtype=np.int64)
 
     def part(value: Any) -> Any:
@@ -59,7 +59,7 @@ def select(state: T, rows: Sequence[int]) -> T:
 
 
 def arrays_of(state: object) -> dict[str, NDArray[Any]]:
-    """A state as plain arrays by field name, such as `course.best_unit`."""
+    """Plain arrays of a state by field name, such as `course.best_unit`."""
     arrays: dict[str, NDArray[Any]] = {}
     for field in dataclasses.fields(state):  # type: ignore[arg-type] # an `object` that is a dataclass
         value = getattr(state, field.name)
@@ -107,9 +107,9 @@ class SearchResult(Summarised, Generic[StateT]):
     """Result of one replicate, its stop reason, and the state from which it can be resumed alone.
 
     `best_unit` (n_params,) has `best_misfit`, `inf` if no simulation succeeded. `elite` (n_elite, n_params) are the
-    distinct good finds of the whole run with `elite_misfit` (n_elite,), best first, empty if no simulation succeeded;
-    they are starts for a local refinement. `evaluations` and `generations` count from the start of the search,
-    `seconds` is the time of this call, for all replicates together.
+    best mutually distant points of the whole run with `elite_misfit` (n_elite,), best first, empty if no simulation
+    succeeded; they are starts for a local minimisation. `evaluations` and `generations` count from the start of the
+    search, `seconds` is the time of this call, for all replicates together.
     """
 
     replicate: int
@@ -133,14 +133,14 @@ class SearchResult(Summarised, Generic[StateT]):
                     f"{self.stop_reason} after {self.generations} generations, {self.evaluations} simulations",
                 ),
                 ("seconds", rounded(self.seconds, 3)),
-                ("distinct finds", str(len(self.elite))),
+                ("elite", str(len(self.elite))),
             ),
         )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReplicatedSearch(Generic[StateT]):
-    """Results of replicates that ran together, and the state from which all can be resumed."""
+    """Results of replicates that ran in one call, and the state from which all can be resumed."""
 
     results: tuple[SearchResult[StateT], ...]
     seconds: float

@@ -1,4 +1,4 @@
-"""Settings that every optimiser takes: rules that end a replicate, and finds that are kept; range checks."""
+"""Settings of every optimiser: rules that end a replicate, and points that are kept as elite; range checks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from mrwork.errors import SettingError
 from mrwork.search.termination import hypothesis_test, stalled, threshold
 
-# The index is the code in `Course.ended`. Of several rules that apply the first is reported.
+# The index is the code in `Course.ended`. Where several rules apply, the first is reported.
 _REASONS = (
     None,
     "target",
@@ -32,17 +32,17 @@ def reason_of(code: int) -> str | None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopRules:
-    """Rules that end a replicate, and their names as stop reasons. `None` switches a rule off.
+    """Rules that end a replicate; the description of each begins with its stop reason. `None` switches a rule off.
 
     Parameters
     ----------
     target
         `target`: the best misfit is at or below this.
     max_generations
-        `max_generations`: this number of generations is done.
+        `max_generations`: this number of generations has been simulated.
     max_evaluations
-        `max_evaluations`: another whole population might exceed this number of simulations of a replicate, which is
-        therefore never exceeded.
+        `max_evaluations`: one more population could exceed this number of simulations of a replicate. The number is
+        never exceeded.
     spread_tolerance
         `spread`: half the population lies within this distance (largest gene difference) of the best.
     confidence, floor_share
@@ -53,11 +53,11 @@ class StopRules:
         `stall`: the best misfit has not fallen by this share within this number of generations (our definition). It
         ends searches on measured data, where the published test is rarely met.
     min_generations
-        `spread`, `hypothesis_test` and `stall` do not end a replicate before; the others always do.
+        `spread`, `hypothesis_test` and `stall` do not apply before this generation.
     max_seconds
-        `max_seconds`: the loop has run for this time; checked between generations. The only rule that depends on the
-        machine and not on the seed, so it is no part of a state: the loop applies it to all running replicates, whose
-        state can be resumed.
+        `max_seconds`: the loop has run for this time; checked between generations. This rule alone depends on the
+        machine, so it does not change the state: the loop applies it to all running replicates, and their state can
+        be resumed.
     """
 
     target: float | None = None
@@ -96,7 +96,7 @@ class StopRules:
         population: NDArray[np.float64],
         best_unit: NDArray[np.float64],
     ) -> NDArray[np.int8]:
-        """Code of the rule that ends each replicate, shape (n,), 0 for none; `reason_of` names it.
+        """Code of the rule that ends each replicate, shape (n,), 0 for none; `reason_of` gives its name.
 
         Parameters
         ----------
@@ -137,14 +137,14 @@ class StopRules:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EliteRule:
-    """Distinct finds of a run that are kept as starts of a refinement.
+    """Elite of a run: its best mutually distant points, which are kept as starts of a local minimisation.
 
     Parameters
     ----------
     count
-        Largest number of finds; 1 keeps the best alone.
+        Largest number of points; with 1 only the best is kept.
     distance
-        Least distance (largest gene difference) of any two, a share of the box; 0 allows copies.
+        Least distance (largest gene difference) between any two, a share of the box; 0 allows copies.
     """
 
     count: int = 16
@@ -157,24 +157,24 @@ class EliteRule:
 def distinct_best(
     population: NDArray[np.float64], misfit: NDArray[np.float64], rule: EliteRule
 ) -> NDArray[np.int64]:
-    """Members of each population that are good and mutually distant.
+    """Best mutually distant members of each population.
 
-    Greedy: the best first, then the next best whose distance to all that were selected is at least that of the rule.
-    Refinements from near copies would end at the same minimum.
+    Greedy selection: the best first, then the next best whose distance to all selected ones is at least that of the
+    rule. Local minimisations from close points would end at the same minimum.
 
     Parameters
     ----------
     population
         Candidates in the unit cube, shape (n_replicates, n, n_params).
     misfit
-        Shape (n_replicates, n); failures (`inf`) are never taken.
+        Shape (n_replicates, n); failures (`inf`) are never selected.
     rule
         Number and least distance.
 
     Returns
     -------
     NDArray of int
-        Shape (n_replicates, rule.count): indices, best first, padded with -1 where fewer are distant enough.
+        Indices, shape (n_replicates, rule.count), best first, padded with -1 where fewer are distant enough.
     """
     n_replicates, size = misfit.shape
     n_params = population.shape[2]

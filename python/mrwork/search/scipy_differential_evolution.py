@@ -1,4 +1,4 @@
-"""Differential evolution of SciPy behind ask and tell."""
+"""Differential evolution of SciPy with the ask/tell interface."""
 
 from __future__ import annotations
 
@@ -25,11 +25,11 @@ class ScipyDifferentialEvolution(PeerOptimiser):
     Parameters
     ----------
     population
-        Members, at least 5; 120 is SciPy's own choice for 8 parameters.
+        Members, at least 5; 120 is SciPy's default for 8 parameters.
     stop
         When to end.
     elite
-        Which finds of the run are kept.
+        Which points of the run are kept as starts of a local minimisation.
     """
 
     population: int = 120
@@ -45,41 +45,41 @@ class ScipyDifferentialEvolution(PeerOptimiser):
 
 
 class _ScipyPeer:
-    """SciPy calls the objective, so it runs in a thread that waits there for the misfits of a whole generation.
+    """SciPy calls the objective, so it runs in a thread, where the objective waits for the misfits of a generation.
 
-    The thread ends with the search, or when nothing refers to this object.
+    The thread ends with the search, or when this object is garbage-collected.
     """
 
     def __init__(self, population: NDArray[np.float64], seed: int) -> None:
-        self._asked: SimpleQueue[NDArray[np.float64] | Exception] = SimpleQueue()
-        self._told: SimpleQueue[NDArray[np.float64] | None] = SimpleQueue()
-        arguments = (population, seed, self._asked, self._told)
+        self._candidates: SimpleQueue[NDArray[np.float64] | Exception] = SimpleQueue()
+        self._misfits: SimpleQueue[NDArray[np.float64] | None] = SimpleQueue()
+        arguments = (population, seed, self._candidates, self._misfits)
         threading.Thread(target=_evolve, args=arguments, daemon=True).start()
-        weakref.finalize(self, self._told.put, None)
+        weakref.finalize(self, self._misfits.put, None)
 
     def ask(self) -> NDArray[np.float64]:
-        asked = self._asked.get()
-        if isinstance(asked, Exception):
-            raise asked
-        return asked
+        candidates = self._candidates.get()
+        if isinstance(candidates, Exception):
+            raise candidates
+        return candidates
 
     def tell(self, misfit: NDArray[np.float64]) -> None:
-        self._told.put(misfit)
+        self._misfits.put(misfit)
 
 
 class _AbandonedError(Exception):
-    """No more misfits will be told."""
+    """The search was abandoned: there are no more misfits."""
 
 
 def _evolve(
     population: NDArray[np.float64],
     seed: int,
-    asked: SimpleQueue[NDArray[np.float64] | Exception],
-    told: SimpleQueue[NDArray[np.float64] | None],
+    candidates: SimpleQueue[NDArray[np.float64] | Exception],
+    misfits: SimpleQueue[NDArray[np.float64] | None],
 ) -> None:
-    def misfits(units: NDArray[np.float64]) -> NDArray[np.float64]:
-        asked.put(units.T.copy())
-        answer = told.get()
+    def objective(units: NDArray[np.float64]) -> NDArray[np.float64]:
+        candidates.put(units.T.copy())
+        answer = misfits.get()
         if answer is None:
             raise _AbandonedError
         return answer
@@ -88,14 +88,14 @@ def _evolve(
         from scipy.optimize import Bounds, differential_evolution
 
         differential_evolution(
-            misfits,  # type: ignore[arg-type] # the stubs know no vectorised objective
+            objective,  # type: ignore[arg-type] # the stubs do not have vectorised objectives
             Bounds(np.zeros(population.shape[1]), np.ones(population.shape[1])),
             init=population,
             rng=np.random.default_rng(seed),
             vectorized=True,
             updating="deferred",
             polish=False,
-            # The stop rules end it, not the library's tolerances.
+            # Our stop rules end the search, not the tolerances of SciPy.
             tol=0.0,
             atol=-1.0,
             maxiter=10**9,
@@ -104,4 +104,4 @@ def _evolve(
         pass
     except Exception as error:
         # Passed on to `ask`, which would otherwise wait for ever.
-        asked.put(error)
+        candidates.put(error)

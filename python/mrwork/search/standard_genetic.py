@@ -3,12 +3,12 @@
 Real-coded in the unit cube: roulette selection (Holland 1975; Goldberg 1989), arithmetic crossover (Michalewicz
 1992), Gaussian mutation, elitism. Details that the sources leave open (our definitions):
 
-- *Fitness* is that of the efficient algorithm, `F = (e_max - e)/(e_max - e_min)`, 0 for failures. Where it is 0
-  for all, all have the same probability of selection.
+- *Fitness* is that of the efficient algorithm, `F = (e_max - e)/(e_max - e_min)`, 0 for failures. Where all have
+  fitness 0, all have the same probability of selection.
 - *Crossover* of parents a and b gives the children `a + l (b - a)` and `b + l (a - b)`, one `l ~ U(0, 1)` per pair.
 - *Mutation* affects each gene independently and adds N(0, deviation); genes that leave the box are reflected.
-- *A child equal to its parent* has its parent's misfit and is not simulated again. With 8 parameters that is about one
-  in eight; the efficient algorithm saves simulations in the same way.
+- *A child equal to its parent* has its parent's misfit and is not simulated again. With 8 parameters about one child
+  in eight is equal to its parent; the efficient algorithm saves simulations in the same way.
 - *Elitism*: the best chromosome is copied unchanged to the first slot.
 """
 
@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.search.course import Course, Proposal
-from mrwork.search.population import Ceiling, PopulationState, generation_told, proposed, relative_fitness
+from mrwork.search.population import Ceiling, PopulationState, proposed, relative_fitness, with_generation
 from mrwork.search.rules import EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
 
@@ -46,7 +46,7 @@ class StandardGA:
     stop
         When to end; by default after 200 generations at most.
     elite
-        Which finds of the run are kept.
+        Which points of the run are kept as starts of a local minimisation.
     """
 
     population: int = 60
@@ -86,9 +86,9 @@ class StandardGA:
         first, second = chosen[:, :pairs], chosen[:, pairs:]
         crossed = uniform[:, 2 * pairs : 3 * pairs] < self.crossover_probability
         share = np.where(crossed, uniform[:, 3 * pairs : 4 * pairs], 0.0)[..., None]
-        way = parents[among, second] - parents[among, first]
+        difference = parents[among, second] - parents[among, first]
         children = np.concatenate(
-            [parents[among, first] + share * way, parents[among, second] - share * way], axis=1
+            [parents[among, first] + share * difference, parents[among, second] - share * difference], axis=1
         )[:, :size]
         of = np.concatenate([first, second], axis=1)[:, :size]
         mutated = uniform[:, 4 * pairs :].reshape(children.shape) < self.mutation_probability
@@ -111,8 +111,8 @@ class StandardGA:
     def tell(
         self, state: PopulationState, proposal: Proposal, misfit: NDArray[np.float64]
     ) -> PopulationState:
-        """State after the simulations asked for; `misfit` (n_ask,), `inf` marks a failed one."""
-        return generation_told(state, proposal, misfit, elite=self.elite, stop=self.stop)
+        """State after the simulations of the proposal; `misfit` (n_ask,), `inf` marks a failed one."""
+        return with_generation(state, proposal, misfit, elite=self.elite, stop=self.stop)
 
 
 def _roulette(fitness: NDArray[np.float64], uniform: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -120,5 +120,5 @@ def _roulette(fitness: NDArray[np.float64], uniform: NDArray[np.float64]) -> NDA
     slot = np.cumsum(np.where(fitness.any(axis=1, keepdims=True), fitness, 1.0), axis=1)
     ball = uniform * slot[:, -1:]
     member = np.count_nonzero(slot[:, None, :] <= ball[:, :, None], axis=2)
-    # Rounding may place a ball at the end of the wheel.
+    # By rounding a ball may equal the end of the last slot.
     return np.asarray(np.minimum(member, fitness.shape[1] - 1))

@@ -10,17 +10,17 @@ significance `a_s = 1 - confidence` the errors have decayed significantly and th
 The exact statistic is our definition; that of the source was not available.
 
 **Floor.** On a measured record a model error `e_inf > 0` remains however long the search is. The ratio then
-tends to `e_inf / e_g0`, which stays above the threshold unless the initial error is three times the final
-one. Of 32 searches of 300 generations on measured damper tests (static and normalised Bouc-Wen, two tests
-each, eight seeds) the published test ended one. Two alternatives, both our definition:
+tends to `e_inf / e_g0`, which is above the threshold unless the initial error is at least three times the final
+one. The published test ended only one of 32 searches of 300 generations on measured damper tests (static and
+normalised Bouc-Wen, two tests each, eight seeds). There are two alternatives, both our definition:
 
 - `stalled`: the best misfit has not fallen by a given share for a given number of generations. By default the
-  search uses it together with the published test and reports the first that applies. With it the same searches
-  ended after 127 to 300 generations (the limit) within 14 % of the best error known, 4 % in the median.
+  search uses it together with the published test and reports the first that applies. The same searches then ended
+  after 127 to 300 generations (the limit) within 14 % of the best known error, 4 % in the median.
 - `floor`: the same statistic on `e_g - floor`. With the least misfit so far as floor it measures the share of the
-  attainable decay, and meets the threshold on every trace that falls twice and then levels off. It is met early:
-  on the same tests first after 4 to 23 generations (once 130), at 1.1 to 2.3 times the best error known. Use it
-  only with enough `min_generations`.
+  attainable decay, and meets the threshold on every trace that decreases twice and then levels off. It applies
+  early: on the same tests first after 4 to 23 generations (once 130), at 1.1 to 2.3 times the best known error. Use
+  it only with enough `min_generations`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from mrwork.errors import SettingError
 
 
 class ExpectedTermination(NamedTuple):
-    """Generation at which the test is expected to stop, and the probability of just that generation."""
+    """Generation at which the test is expected to stop, and the probability of this generation."""
 
     generation: int | None
     likelihood: float
@@ -183,8 +183,8 @@ def _rate_to(limit: float, length: int) -> float:
 
 
 def _normal_between(lower: float, upper: float, *, mean: float, deviation: float) -> float:
-    """Probability of [lower, upper) under a normal distribution, a point mass when it has no width."""
-    # The residual of an exact exponential is rounding alone; treat it as no spread.
+    """Probability of [lower, upper) under a normal distribution; 1 where its deviation is only rounding."""
+    # The residual of an exact exponential is rounding error.
     if deviation <= 1e-12 * mean:
         return 1.0
     scale = deviation * math.sqrt(2.0)

@@ -1,6 +1,6 @@
 """Random numbers of a search, and points of the unit cube.
 
-The random numbers of a generation are a function of (seed, replicate, generation) alone. Philox is a counter-based
+The random numbers of a generation are a function of seed, replicate and generation. Philox is a counter-based
 generator: `key` and `counter` are its whole state, so the stream of any generation is available without drawing those
 before it. The key is (seed, replicate), the upper half of the counter (purpose, generation); the lower half counts the
 numbers drawn (Salmon et al., SC'11, 2011).
@@ -25,8 +25,7 @@ def latin_hypercube(streams: Streams, count: int, n_params: int) -> NDArray[np.f
 def reflect(unit: NDArray[np.float64]) -> NDArray[np.float64]:
     """Reflect the real line into [0, 1] at 0 and 1; points inside keep their bits.
 
-    Clipping would collect points exactly on the faces, as if optimal parameters were there; reflection keeps a uniform
-    population uniform.
+    Clipping would concentrate points on the faces of the cube; reflection keeps a uniform population uniform.
     """
     folded = unit.copy()
     outside = (unit < 0.0) | (unit > 1.0)
@@ -35,7 +34,7 @@ def reflect(unit: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def others(uniform: NDArray[np.float64], size: int) -> NDArray[np.int64]:
-    """For each member of a group of `size`, different other members.
+    """Distinct other members for each member of a group of `size`.
 
     Parameters
     ----------
@@ -47,12 +46,12 @@ def others(uniform: NDArray[np.float64], size: int) -> NDArray[np.int64]:
     Returns
     -------
     NDArray of int
-        Members, shape (..., size, n_others), all such choices equally likely.
+        Members, shape (..., size, n_others); all choices are equally likely.
     """
     n_others = uniform.shape[-1]
     taken = np.broadcast_to(np.arange(size)[:, None], (*uniform.shape[:-1], 1))
     for k in range(n_others):
-        # Index among the remaining members: skip those taken, lowest first.
+        # Index among the remaining members, converted to an index among all by skipping those taken, lowest first.
         member = (uniform[..., k] * (size - 1 - k)).astype(np.int64)
         for lower in np.moveaxis(np.sort(taken, axis=-1), -1, 0):
             member += member >= lower
@@ -60,7 +59,7 @@ def others(uniform: NDArray[np.float64], size: int) -> NDArray[np.int64]:
     return taken[..., 1:]
 
 
-_UNIFORM, _NORMAL, _FOREIGN = range(3)
+_UNIFORM, _NORMAL, _LIBRARY_SEED = range(3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -88,10 +87,12 @@ class Streams:
 
     def seeds(self) -> NDArray[np.int64]:
         """Seed in [0, 2^31) of each replicate for a library that takes one, shape (n,)."""
-        return np.array([int(each.integers(2**31)) for each in self._generators(_FOREIGN)], dtype=np.int64)
+        return np.array(
+            [int(each.integers(2**31)) for each in self._generators(_LIBRARY_SEED)], dtype=np.int64
+        )
 
     def _generators(self, purpose: int) -> Iterator[np.random.Generator]:
-        # One generator is set to each stream; a new generator would take twenty times as long.
+        # One generator is set to each stream in turn; a new generator for each would take twenty times as long.
         philox = np.random.Philox(key=0)
         generator = np.random.Generator(philox)
         state = philox.state
