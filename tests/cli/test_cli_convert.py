@@ -72,7 +72,7 @@ def test_opensees_is_printed_as_its_command_with_the_dashpot_beside_it(convert) 
     ("arguments", "words"),
     [
         (["spencer", *SPENCER, "--to", "spencer"], ["already"]),
-        (["spencer", *SPENCER[1:-1], "--to", "normalised"], ["wants n"]),
+        (["spencer", *SPENCER[1:-1], "--to", "normalised"], ["also needs n"]),
         (["spencer", *SPENCER, "n=3", "--to", "normalised"], ["twice"]),
         (["spencer", *SPENCER, "ko=3", "--to", "normalised"], ["ko", "alpha"]),
         (["spencer", *SPENCER, "x0", "--to", "normalised"], ["NAME=VALUE"]),

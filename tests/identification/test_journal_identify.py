@@ -225,7 +225,7 @@ def test_after_ctrl_c_the_run_goes_on(whole: Path, tmp_path: Path) -> None:
         timeout=PATIENCE,
     )
     assert interrupted.returncode == 130, interrupted.stderr
-    assert "--resume goes on" in interrupted.stderr
+    assert "with --resume to continue" in interrupted.stderr
     assert json.loads((place / "fit.json").read_text())["status"] == "interrupted"
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
     assert mrwork(*COMMAND, "--out", place, "--resume").returncode == 0

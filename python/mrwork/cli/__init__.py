@@ -21,9 +21,9 @@ _VERBS = {
     "identify": "identify a damper model from test records",
     "profile": "compute intervals of the parameters of a fit by profile likelihood",
     "sample": "sample the posterior of the parameters of a fit",
-    "calibrate": "calibrate prediction bands of a fit on tests that it has not seen",
+    "calibrate": "calibrate prediction bands of a fit on tests that were not used for it",
     "predict": "simulate other tests with a fit and compare the force",
-    "plan": "rank the next tests by how much each narrows a band",
+    "plan": "rank possible next tests by the variance reduction of a band",
     "respond": "simulate a building with MR dampers under earthquakes",
     "convert": "convert Bouc-Wen parameters between conventions",
 }
@@ -37,11 +37,11 @@ class _Parser(argparse.ArgumentParser):
 
 
 def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
-    """The parser: in full for the first verb among `arguments`; of the others only the name and the purpose.
+    """Command line parser, with the options of the first verb among `arguments` only.
 
-    A verb may need libraries that take a second to load, for which neither the others nor the help should wait.
+    A verb may need libraries that take a second to load, which should not delay the other verbs and the help.
     """
-    wanted = next((each for each in arguments if each in _VERBS), "")
+    requested = next((each for each in arguments if each in _VERBS), "")
     root = _Parser(
         prog="mrwork",
         description="Identify magnetorheological dampers from test records.",
@@ -50,7 +50,7 @@ def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
     root.add_argument("--version", action="version", version=f"mrwork {__version__}")
     verbs = root.add_subparsers(title="verbs", metavar="VERB", required=True, parser_class=_Parser)
     for verb, purpose in _VERBS.items():
-        if verb == wanted:
+        if verb == requested:
             import_module(f"mrwork.cli.{verb}").add_parser(verbs)
         else:
             verbs.add_parser(verb, help=purpose)
@@ -58,10 +58,10 @@ def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
-    """Run a command line and leave the process with its exit status."""
+    """Run a command line and exit with its status."""
     arguments = sys.argv[1:] if arguments is None else arguments
     try:
-        # Inside, for the modules of a verb take a moment to load, and Ctrl-C may come then.
+        # Inside the block, because the modules of a verb take a moment to load and Ctrl-C may occur meanwhile.
         options = parser(arguments).parse_args(arguments)
         status = int(options.run(options))
         sys.stdout.flush()
@@ -72,11 +72,11 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
         print("mrwork: interrupted", file=sys.stderr)
         status = 130
     except BrokenPipeError:
-        # The reader of our output has closed the pipe; the interpreter must not report that again at exit.
+        # The reader of the output has closed the pipe; the interpreter must not report that again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         status = 0
     if status == 130:
-        # Another thread may still be in compiled code that does not notice the interrupt; nothing is left to write.
+        # Another thread may still run compiled code that does not notice the interrupt; all files are written.
         sys.stdout.flush()
         sys.stderr.flush()
         os._exit(status)

@@ -1,4 +1,4 @@
-"""`mrwork calibrate`: prediction bands of a fit, calibrated on tests that it has not seen."""
+"""`mrwork calibrate`: prediction bands of a fit, calibrated on tests that were not used for it."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb."""
     parser = verbs.add_parser(
         "calibrate",
-        description="Calibrate prediction bands on the errors of the model on tests that the fit has not seen, and "
-        "write them into the run folder; mrwork predict RUN --level then uses them. Without files, the run's own "
-        "tests are left out in turn, and each is predicted by a fit to the others.",
+        description="Calibrate prediction bands with the errors of the model on tests that were not used for the fit, "
+        "and write them into the run folder, where mrwork predict RUN --level uses them. Without files, the tests of "
+        "the run are left out in turn, and each is predicted by a fit to the others.",
     )
     add_run(parser)
     add_files(parser, required=False)
@@ -55,7 +55,7 @@ def add_parser(verbs: Any) -> None:
         "--leave-out",
         choices=get_args(Fold),
         default="test",
-        help="without files: the tests that are left out together: each test (default), all of one motion, or all at "
+        help="without files: tests that are left out together: each test alone (default), all of one motion, or all at "
         "one command",
     )
     add_threads(parser)
@@ -83,12 +83,12 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:
-    """Predictions of the files by the fit of the run, which must not have seen them."""
+    """Predictions of the files by the fit of the run, for which they must not have been used."""
     fit = read_fit(options.run_folder)
-    tests = tuple(observed(test, options) for test in read_tests(options))
-    seen = set(fit.provenance.inputs.values())
+    tests = observed(read_tests(options), options)
+    used = set(fit.provenance.inputs.values())
     for test in tests:
-        if test.sha256 in seen:
+        if test.sha256 in used:
             raise SettingError(
                 f"{test.label} is one of the tests that {options.run_folder} was identified from; "
                 "give tests that it has not seen, or none to leave its own out in turn"
@@ -98,7 +98,7 @@ def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:
 
 
 def _left_out(options: argparse.Namespace) -> tuple[Prediction, ...]:
-    """Predictions of the run's own tests, each by a fit to the others."""
+    """Predictions of the tests of the run, each by a fit to the others."""
     opened = reopen(options.run_folder)
     folds = Folds(opened.place, opened.fit)
     prefix = ""

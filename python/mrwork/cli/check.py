@@ -6,12 +6,12 @@ import argparse
 import json
 import sys
 from collections.abc import Iterable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
 
-from mrwork.cli.options import add_files, add_json, read_tests
+from mrwork.cli.options import add_files, add_json, reading_of
 from mrwork.errors import MrworkError
 from mrwork.records import DamperTest, Finding, mislabelled
 
@@ -20,8 +20,8 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb."""
     parser = verbs.add_parser(
         "check",
-        description="Read test records and report what the checks find: signs, offsets, delays, smoothing, clipping, "
-        "drift and others.",
+        description="Read test records and report findings: wrong signs, offsets, delays, smoothing, clipping, drift "
+        "and others.",
     )
     add_files(parser)
     add_json(parser)
@@ -35,7 +35,7 @@ def run(options: argparse.Namespace) -> int:
     tests: list[DamperTest] = []
     for path in options.files:
         try:
-            (test,) = read_tests(argparse.Namespace(**(vars(options) | {"files": [path]})))
+            (test,) = replace(reading_of(options), files=(path,)).tests()
         except MrworkError as error:
             status = 2
             rows.append({"file": path, "error": str(error)})

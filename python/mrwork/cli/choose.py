@@ -1,4 +1,4 @@
-"""`mrwork identify --model all`: families of models identified from the same tests, and ranked."""
+"""`mrwork identify --model all`: identify several models from the same tests, and rank them."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def add_choice(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--leave-out",
         choices=get_args(Fold),
-        help="with several models: which tests are left out together and predicted: each test (default), all tests of "
+        help="with several models: tests that are left out together and predicted: each test alone (default), all of "
         "one motion, or all at one command",
     )
     parser.add_argument(
@@ -51,12 +51,12 @@ def add_choice(parser: argparse.ArgumentParser) -> None:
 
 
 def is_choice(options: argparse.Namespace) -> bool:
-    """Whether the command line asks for a comparison.
+    """Whether the command line is for a comparison of models.
 
     Raises
     ------
     SettingError
-        Where an option belongs to a comparison only and there is none, or is impossible in one.
+        Where an option belongs only to a comparison and there is none, or is impossible in a comparison.
     """
     several = options.model == ALL or "," in options.model
     if not several and (options.leave_out or options.posterior):
@@ -68,12 +68,12 @@ def is_choice(options: argparse.Namespace) -> bool:
 
 def run(options: argparse.Namespace, settings: FitSettings) -> int:
     """Identify and rank the models, write the run folder with the report of the best, print the ranking."""
-    # Loads SciPy, which other identifications need later or not at all.
+    # SciPy's optimisers are slow to load.
     from mrwork.uncertainty.choice.choose import choose_model
 
     models: str | list[str] = ALL if options.model == ALL else options.model.split(",")
     reading = reading_of(options)
-    tests = tuple(observed(test, options) for test in reading.tests())
+    tests = observed(reading.tests(), options)
     folder = options.out or Path("out") / f"{stem_of(tests)}-models"
     check_destination(folder)
     journals = StepJournals(folder, resume=options.resume, note=note)
@@ -101,7 +101,7 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
         raise
     except KeyboardInterrupt:
         line.close()
-        note("interrupted before any model was judged; the same with --resume goes on")
+        note("interrupted before any model was identified; run the same command with --resume to continue")
         return 130
     finally:
         line.close()
@@ -125,7 +125,9 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
     if status == 0 and not options.json:
         print("\n" + text_of(best, tests, folder))
     if status == 130:
-        note(f"interrupted; the models that were done are in {folder}, the same with --resume goes on")
+        note(
+            f"interrupted; the models identified so far are in {folder}; run the same command with --resume to continue"
+        )
     return status
 
 

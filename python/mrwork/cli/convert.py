@@ -36,8 +36,8 @@ _NAMES: dict[Convention, tuple[str, ...]] = {
     "normalised": _NORMALISED,
     "opensees": _OPENSEES,
 }
-# Zero where they are not given.
-_ABSENT = ("c0", "k0", "x0", "c", "k", "deltaA", "deltaNu", "deltaEta")
+# Parameters that are zero by default.
+_OPTIONAL = ("c0", "k0", "x0", "c", "k", "deltaA", "deltaNu", "deltaEta")
 
 
 def add_parser(verbs: Any) -> None:
@@ -63,8 +63,8 @@ def add_parser(verbs: Any) -> None:
         "--scale",
         type=float,
         metavar="VALUE",
-        help="A of spencer or Ao of opensees, a free scale that changes no force; default: that of the source, "
-        "120 from normalised, Ao 1",
+        help="A of spencer or Ao of opensees, a scale that does not affect the force; default: that of the source, 120 "
+        "from normalised, Ao 1",
     )
     add_json(parser)
     parser.set_defaults(run=run)
@@ -122,9 +122,9 @@ def _parse(convention: Convention, texts: list[str]) -> dict[str, float]:
             values[name] = float("nan")
         if not isfinite(values[name]):
             raise SettingError(f"{number!r} in {text!r} is not a number; write it as 1500 or 1.5e3")
-    missing = [name for name in names if name not in values and name not in _ABSENT]
+    missing = [name for name in names if name not in values and name not in _OPTIONAL]
     if missing:
-        raise SettingError(f"{convention} wants {', '.join(missing)} too; give each as NAME=VALUE")
+        raise SettingError(f"{convention} also needs {', '.join(missing)}; give each as NAME=VALUE")
     return {name: values.get(name, 0.0) for name in names}
 
 

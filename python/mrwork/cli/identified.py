@@ -1,4 +1,4 @@
-"""Run folder, summary and text of an identification, for the verbs that identify."""
+"""Run folder, summary and text of an identification, of one model or of the best of several."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def stem_of(tests: tuple[DamperTest, ...]) -> str:
 
 
 def with_command(fit: Fit, reading: Reading) -> Fit:
-    """The fit with this command line, and how its tests were read, so that `reopen` can read them again."""
+    """The fit with a record of this command line and of how its tests were read, which `reopen` needs."""
     return fit.with_command(shlex.join(["mrwork", *sys.argv[1:]]), reading)
 
 
@@ -50,7 +50,7 @@ def write_identification(
     ranking: Ranking | None = None,
     documents: Mapping[str, object] | None = None,
 ) -> None:
-    """Write the run folder; that of an interrupted run has no figures, which take time."""
+    """Write the run folder; without figures, which take time, after an interrupt."""
     manifest = {"kind": "identification", "model": fit.model, "status": fit.status} | asdict(fit.provenance)
     if not with_figures:
         write_run(
@@ -89,7 +89,7 @@ def write_identification(
 _INTERRUPTED = (
     "<!doctype html><html lang=en><meta charset=utf-8><title>mrwork: interrupted</title>"
     "<p>This identification was interrupted. The best parameters found so far are in fit.json; "
-    "run the same command with <code>--resume</code> to go on and for the full report.</p></html>\n"
+    "run the same command with <code>--resume</code> to continue and to write the full report.</p></html>\n"
 )
 
 

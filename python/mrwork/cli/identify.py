@@ -1,4 +1,4 @@
-"""`mrwork identify`: from test records to an identified damper and its report."""
+"""`mrwork identify`: identify a damper model from test records and write the report."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def add_parser(verbs: Any) -> None:
         "--model",
         default="normalised_bouc_wen",
         metavar="NAME",
-        help="damper model, see mrwork models; all, or A,B,C, compares models and ranks them",
+        help="damper model, see mrwork models; all, or A,B,C, identifies several models and ranks them",
     )
     parser.add_argument(
         "--bound",
@@ -94,7 +94,7 @@ def add_parser(verbs: Any) -> None:
         default=[],
         type=Path,
         metavar="RUN",
-        help="start also from an earlier fit of this model, or of one with some of its parameters; repeat for more",
+        help="also start from an earlier fit of this model, or of a model with some of its parameters; repeat for more",
     )
     parser.add_argument(
         "--power",
@@ -102,26 +102,26 @@ def add_parser(verbs: Any) -> None:
         default=2.0,
         metavar="P",
         help="minimise (mean NRMSE^P)^(1/P) over the files: 2, the default, is the root mean square; a higher power "
-        "weighs the worst file more",
+        "gives more weight to the worst file",
     )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the search, default 0")
     parser.add_argument(
         "--search",
         choices=list(searches()),
-        help="search of the parameters; default multistart (least squares from many starts), for a model with laws "
-        "genetic (the efficient genetic algorithm)",
+        help="global search; default multistart (least squares from many starts), for a model with laws genetic (the "
+        "efficient genetic algorithm)",
     )
     parser.add_argument(
         "--engine",
         choices=get_args(Engine),
         default="lanes",
-        help="where the final fit runs: in lanes (default), or on the JAX twin, slower, for comparison",
+        help="engine of the final fit: lanes (default), or twin (JAX), which is slower and serves comparisons",
     )
     parser.add_argument(
         "--population",
         type=int,
         metavar="N",
-        help="candidates of a generation; not for multistart",
+        help="number of candidates in a generation; not for multistart",
     )
     parser.add_argument(
         "--generations", type=int, metavar="N", help="largest number of generations; not for multistart"
@@ -162,7 +162,7 @@ def run(options: argparse.Namespace) -> int:
         return choose.run(options, settings)
     plain = damper(options.model)
     reading = reading_of(options)
-    tests = tuple(observed(test, options) for test in reading.tests())
+    tests = observed(reading.tests(), options)
     spec = _with_laws(plain, tests, options)
     starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
     folder = options.out or Path("out") / f"{stem_of(tests)}-{spec.name}"
@@ -183,8 +183,8 @@ def run(options: argparse.Namespace) -> int:
         fit, status = interrupt.result, 130
     except MrworkError as error:
         # An impossible identification cannot be resumed; one that failed to write its files can.
-        hopeless = not options.resume and not isinstance(error, JournalError | OutputError)
-        if hopeless or is_copy(folder, journal):
+        impossible = not options.resume and not isinstance(error, JournalError | OutputError)
+        if impossible or is_copy(folder, journal):
             discard_journal(journal)
         raise
     finally:
@@ -197,18 +197,20 @@ def run(options: argparse.Namespace) -> int:
     discard_journal(journal)
     print(json.dumps(summary_of(fit, folder)) if options.json else text_of(fit, tests, folder))
     if status == 130:
-        note(f"interrupted; the best found so far is in {folder}, the same with --resume goes on")
+        note(
+            f"interrupted; the best fit so far is in {folder}; run the same command with --resume to continue"
+        )
     return status
 
 
 def _with_laws(plain: DamperSpec, tests: tuple[DamperTest, ...], options: argparse.Namespace) -> DamperSpec:
-    """The model with the laws that the command line gives."""
+    """The model with the current laws of the command line."""
     laws = laws_of(options)
     return plain.with_current_laws(laws, unit=command_unit(tests, options)) if laws else plain
 
 
 def _search(options: argparse.Namespace) -> Search | None:
-    """The search that the command line gives; `None` selects the default of the model."""
+    """The search of the command line; `None` for the default of the model."""
     sized = options.population is not None or options.generations is not None
     if options.search is None and not sized:
         return None
@@ -219,7 +221,7 @@ def _search(options: argparse.Namespace) -> Search | None:
                 "--search multistart takes neither --population, --generations nor --law; leave them or --search out"
             )
         return search
-    # The protocol does not say so, but every search of the registry is a dataclass.
+    # Any, because the protocol does not declare that every search of the registry is a dataclass.
     settings: Any = search
     if options.population is not None:
         settings = replace(settings, population=options.population)

@@ -36,7 +36,7 @@ def run(options: argparse.Namespace) -> int:
 
 def _as_dict(spec: DamperSpec) -> dict[str, Any]:
     entry = asdict(spec)
-    # The same as the parameters where no law has replaced them.
+    # A model without current laws has the same parameters as its plain form.
     del entry["plain"]
     return entry | {"presets": [asdict(spec.preset(name)) for name in spec.presets]}
 

@@ -1,4 +1,4 @@
-"""Options that several verbs share, and the tests, bounds and laws that they ask for."""
+"""Options that several verbs share, and the tests, bounds and laws that follow from them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _DETECT = "detect"
 
 
 def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
-    """FILE... and the options that say how the files are read."""
+    """FILE... and the options for reading the files."""
     parser.add_argument(
         "files",
         nargs="+" if required else "*",
@@ -41,7 +41,7 @@ def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None
         action="append",
         default=[],
         metavar="QUANTITY=NAME:UNIT",
-        help="name and unit of a column whose heading is not recognised, as in force=F:kN; repeat for more",
+        help="heading and unit of a column that is not recognised, as in force=F:kN; repeat for more",
     )
     parser.add_argument(
         "--from", dest="start", type=float, metavar="S", help="use the record from this time [s]"
@@ -55,8 +55,8 @@ def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None
         action="append",
         default=[],
         metavar="KIND[=AMOUNT]",
-        help=f"repair the records: {', '.join(REPAIR_KINDS)}; an amount [s, N, kg] replaces the one that is estimated "
-        "from the record, as in delay=0.002; repeat for more",
+        help=f"repair the records: {', '.join(REPAIR_KINDS)}; an amount [s, N, kg] replaces the estimate from "
+        "the record, as in delay=0.002; repeat for more",
     )
     parser.add_argument(
         "--settle",
@@ -74,9 +74,9 @@ def add_observation(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="WHAT=VALUE",
-        help="observation model: what the measurement did to the force, applied to the model force before the two are "
-        "compared: average=S (or 0.1T, a share of the period), lowpass=HZ, delay=S, gain=G, offset=N; detect looks "
-        "for a moving average; repeat for more",
+        help="observation model: effect of the measurement on the force, which is applied to the model force before "
+        "the comparison: average=S (or 0.1T, a share of the period), lowpass=HZ, delay=S, gain=G, offset=N; detect "
+        "estimates a moving average; repeat for more",
     )
     parser.add_argument(
         "--nuisance",
@@ -118,7 +118,7 @@ def check_not_negative(options: argparse.Namespace) -> None:
 
 
 def reading_of(options: argparse.Namespace) -> Reading:
-    """The tests that the command line names, and how they are read."""
+    """The test files of the command line, and the settings for reading them."""
     return Reading(
         files=tuple(options.files),
         folder=str(Path.cwd()),
@@ -132,7 +132,7 @@ def reading_of(options: argparse.Namespace) -> Reading:
 
 
 def read_tests(options: argparse.Namespace) -> tuple[DamperTest, ...]:
-    """The tests that the command line names, first cut, then repaired."""
+    """The tests of the command line, first cut, then repaired."""
     return reading_of(options).tests()
 
 
@@ -171,25 +171,29 @@ def laws_of(options: argparse.Namespace) -> dict[str, LawName]:
 
 
 def command_unit(tests: tuple[DamperTest, ...], options: argparse.Namespace) -> CommandUnit:
-    """Unit of the command that the laws depend on: as asked for, or amperes where the tests have a current."""
+    """Unit of the command in the laws: that of the command line, or else amperes where the tests have a current."""
     in_amperes = any(test.current is not None for test in tests)
     unit: CommandUnit = options.command_unit or ("A" if in_amperes else "V")
     return unit
 
 
 def nuisances_of(options: argparse.Namespace) -> tuple[NuisanceName, ...]:
-    """The nuisance parameters asked for, each once."""
+    """The nuisance parameters of the command line, each once."""
     return tuple(name for name in get_args(NuisanceName) if name in options.nuisance)
 
 
-def observed(test: DamperTest, options: argparse.Namespace) -> DamperTest:
-    """The test with the observation model that the command line gives.
+def observed(tests: tuple[DamperTest, ...], options: argparse.Namespace) -> tuple[DamperTest, ...]:
+    """The tests with the observation model of the command line.
 
     Raises
     ------
     SettingError
-        Where an observation is not of the form WHAT=VALUE, or makes no sense.
+        Where an observation is not of the form WHAT=VALUE, or its value is impossible.
     """
+    return tuple(_observed(test, options) for test in tests)
+
+
+def _observed(test: DamperTest, options: argparse.Namespace) -> DamperTest:
     values: dict[str, float] = {}
     for text in options.observe:
         if text == _DETECT:

@@ -1,4 +1,4 @@
-"""`mrwork plan`: the next test, chosen by the variance reduction that it would bring."""
+"""`mrwork plan`: rank possible next tests by the variance reduction of a band."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from mrwork.uncertainty.planning.plan import LinearisedPosterior
     from mrwork.uncertainty.planning.plan_draws import Check
 
-# Rows of the table; all are in the document.
+# Number of rows in the printed table; the document has all.
 _SHOWN = 15
 _DRAWS = 400
 
@@ -40,7 +40,7 @@ def add_parser(verbs: Any) -> None:
         "--band",
         default="force",
         metavar="BAND",
-        help="the band to narrow: force (default) or energy, mean over the targets, or a parameter by its name",
+        help="quantity whose band is to be narrowed: force (default) or energy, mean over the targets, or a parameter",
     )
     parser.add_argument(
         "--candidates",
@@ -54,7 +54,7 @@ def add_parser(verbs: Any) -> None:
         ("currents", "their currents or voltages, where the model has current laws"),
     ):
         parser.add_argument(
-            f"--{name}", default="", metavar="LIST", help=f"{what}; default: around those tested"
+            f"--{name}", default="", metavar="LIST", help=f"{what}; default: about those of the tests"
         )
     parser.add_argument(
         "--stroke", type=float, metavar="M", help="largest stroke of the rig, peak to peak [m]"
@@ -85,15 +85,15 @@ def run(options: argparse.Namespace) -> int:
     opened = reopen(options.run_folder)
     spec = opened.fit.spec
     limits = Limits(stroke=options.stroke, peak_velocity=options.peak_velocity)
-    candidates = _candidates(options, opened)
+    candidates = _candidates(options, opened, limits)
     targets = () if options.targets is None else read_candidates(options.targets, spec, limits=None)
     ranked = plan(
         opened.fit, opened.tests, candidates, band=options.band, targets=targets, threads=options.threads
     )
-    known = LinearisedPosterior.of(opened.fit, opened.tests, threads=options.threads)
+    posterior = LinearisedPosterior.of(opened.fit, opened.tests, threads=options.threads)
     rng = np.random.default_rng(options.seed)
-    draws, origin = _draws(opened, known, rng)
-    check = checked_with_draws(ranked, known, draws, targets=targets, rng=rng)
+    draws, origin = _draws(opened, posterior, rng)
+    check = checked_with_draws(ranked, posterior, draws, targets=targets, rng=rng)
     unit = None if spec.current is None else spec.current.unit
     document = asdict(check) | {"draws": origin, "limits": asdict(limits)}
     # Matplotlib is slow to load.
@@ -108,13 +108,12 @@ def run(options: argparse.Namespace) -> int:
     else:
         print(_text(check, origin, unit, opened.place))
     if ranked.left_out and not options.quiet:
-        left = "; ".join(each.in_words(unit) for each in ranked.left_out)
-        note(f"not ranked, as they could not be simulated: {left}")
+        failed = "; ".join(each.in_words(unit) for each in ranked.left_out)
+        note(f"not ranked, as they could not be simulated: {failed}")
     return 0
 
 
-def _candidates(options: argparse.Namespace, opened: OpenedRun) -> tuple[Candidate, ...]:
-    limits = Limits(stroke=options.stroke, peak_velocity=options.peak_velocity)
+def _candidates(options: argparse.Namespace, opened: OpenedRun, limits: Limits) -> tuple[Candidate, ...]:
     if options.candidates is None:
         return candidate_grid(
             opened.fit.spec,
@@ -132,19 +131,19 @@ def _candidates(options: argparse.Namespace, opened: OpenedRun) -> tuple[Candida
 
 
 def _draws(
-    opened: OpenedRun, known: LinearisedPosterior, rng: np.random.Generator
+    opened: OpenedRun, posterior: LinearisedPosterior, rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], str]:
-    """Draws with the parameters in the order of `known`, and their distribution in words."""
+    """Draws of the parameters in the order of `posterior`, and the name of their distribution."""
     from mrwork.uncertainty.planning.plan_draws import normal_draws
     from mrwork.uncertainty.posterior.draws_file import read_draws
 
     draws = read_draws(opened.place, opened.fit)
     if draws is None:
-        return normal_draws(known, _DRAWS, rng), "the linearised posterior"
+        return normal_draws(posterior, _DRAWS, rng), "the linearised posterior"
     stored = draws.theta(opened.fit.spec.names)
-    few = stored[rng.choice(len(stored), size=min(2 * _DRAWS, len(stored)), replace=False)]
+    chosen = stored[rng.choice(len(stored), size=min(2 * _DRAWS, len(stored)), replace=False)]
     form = identifiable_form(opened.fit.spec, opened.fit.settings.bounds)
-    return np.asarray(form.from_model(few)), "the posterior"
+    return np.asarray(form.from_model(chosen)), "the posterior"
 
 
 def _numbers(text: str, option: str) -> list[float]:
@@ -162,7 +161,7 @@ def _text(check: Check, origin: str, unit: CommandUnit | None, place: Path) -> s
         for value in (plan.deviation, best.deviation)
     ]
     lines = [
-        f"Of {len(plan.gains)} tests the one that narrows the band of {plan.band} most: "
+        f"Of {len(plan.gains)} tests this one narrows the band of {plan.band} most: "
         f"{best.candidate.in_words(unit)}",
         f"The standard deviation of the band is {deviations[0]} now and {deviations[1]} after this test, if the "
         "model is valid there.",

@@ -29,7 +29,7 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb."""
     parser = verbs.add_parser(
         "predict",
-        description="Simulate the motion of other tests with a stored fit and compare the force.",
+        description="Simulate other tests with a stored fit and compare the simulated force with the measured one.",
     )
     add_run(parser)
     add_files(parser)
@@ -59,10 +59,9 @@ def run(options: argparse.Namespace) -> int:
     spec, theta = fit.spec, np.array(fit.theta)
     rows: list[dict[str, Any]] = []
     nuisances = nuisances_of(options)
-    for test in read_tests(options):
-        recorded = observed(test, options)
+    for test in observed(read_tests(options), options):
         force, quality = free_run(
-            spec, theta, recorded, nuisances=nuisances, substep_factor=options.substep_factor
+            spec, theta, test, nuisances=nuisances, substep_factor=options.substep_factor
         )
         rows.append(
             {
@@ -81,12 +80,12 @@ def run(options: argparse.Namespace) -> int:
             }
         )
         if calibration is not None:
-            band = calibration.band(Prediction(test=recorded, model_force=force), options.level)
-            judged = score(band, recorded.force[recorded.counted])
+            band = calibration.band(Prediction(test=test, model_force=force), options.level)
+            scored = score(band, test.force[test.counted])
             rows[-1]["band"] = {
                 "level": band.level,
-                "half_width_n": 0.5 * judged.width,
-                "inside": judged.coverage,
+                "half_width_n": 0.5 * scored.width,
+                "inside": scored.coverage,
             }
     basis = None if calibration is None else calibration.basis
     if options.json:

@@ -34,7 +34,7 @@ def add_parser(verbs: Any) -> None:
         action="append",
         default=[],
         metavar="NAME",
-        help="profile this one only; repeat for more",
+        help="profile this parameter only; repeat for more",
     )
     parser.add_argument(
         "--level", type=float, default=0.95, metavar="P", help="level of the intervals, default 0.95"
@@ -69,8 +69,8 @@ def run(options: argparse.Namespace) -> int:
         profiles, status = interrupt.result, 130
     finally:
         line.close()
-    seen = identifiability_of(opened.fit, opened.tests, threads=options.threads)
-    document = asdict(profiles) | {"directions": [asdict(each) for each in seen.directions]}
+    identifiability = identifiability_of(opened.fit, opened.tests, threads=options.threads)
+    document = asdict(profiles) | {"directions": [asdict(each) for each in identifiability.directions]}
     figures: dict[str, bytes] = {}
     if status == 0:
         # Matplotlib is slow to load.
@@ -83,13 +83,13 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print_json(document | {"out": str(opened.place / PROFILES)})
     else:
-        print(_text(opened.fit, profiles, seen, opened.place))
+        print(_text(opened.fit, profiles, identifiability, opened.place))
     if status == 130:
-        note(f"interrupted; what was profiled is in {opened.place / PROFILES}")
+        note(f"interrupted; the profiles computed so far are in {opened.place / PROFILES}")
     return status
 
 
-def _text(fit: Fit, profiles: Profiles, seen: Identifiability, place: Path) -> str:
+def _text(fit: Fit, profiles: Profiles, identifiability: Identifiability, place: Path) -> str:
     share = 100.0 * profiles.level
     form = "" if profiles.model == fit.model else f", in the form {profiles.model}"
     lines = [
@@ -99,7 +99,7 @@ def _text(fit: Fit, profiles: Profiles, seen: Identifiability, place: Path) -> s
         *result_lines(profiles),
         "",
     ]
-    sentences = [*(each.sentence for each in seen.directions), *filter(None, [profiles.remark])]
+    sentences = [*(each.sentence for each in identifiability.directions), *filter(None, [profiles.remark])]
     if sentences:
         lines += [*(f"- {sentence}" for sentence in sentences), ""]
     lines += [f"{profiles.evaluations} simulations, {profiles.seconds:.1f} s. Figure: {place / 'figures'}"]

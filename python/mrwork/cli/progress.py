@@ -21,15 +21,15 @@ Report = TypeVar("Report")
 # Seconds between two updates of the line.
 _EVERY = 0.2
 PATIENCE = 2.0
-"""Seconds after which the line of a computation appears that is often over sooner."""
+"""Seconds until the progress line appears, for computations that are often shorter."""
 _THOUSAND = 1000.0
 _MINUTE, _HOUR = 60.0, 3600.0
 
 
 class ProgressLine(Generic[Report]):
-    """Shows each report of a computation in place of the one before it.
+    """Line that shows the latest progress report of a computation.
 
-    It writes on a terminal only, so that logs stay readable, after `patience` [s], and five times a second at most.
+    It is written to terminals only, so that logs stay readable, after `patience` [s], and at most five times a second.
     """
 
     def __init__(self, described: Callable[[Report], str], *, quiet: bool, patience: float = 0.0) -> None:
@@ -39,7 +39,7 @@ class ProgressLine(Generic[Report]):
         self._width = 0
 
     def __call__(self, progress: Report) -> None:
-        """Show where the computation stands."""
+        """Show a progress report."""
         if not self._active:
             return
         text = self._described(progress)
@@ -59,7 +59,7 @@ class ProgressLine(Generic[Report]):
 
 
 class IdentificationInWords:
-    """Describes the progress of an identification; `prefix` says which of several it is."""
+    """Describes the progress of an identification; the line begins with `prefix`."""
 
     def __init__(self, prefix: str = "") -> None:
         self._prefix = prefix
@@ -73,7 +73,7 @@ class IdentificationInWords:
 
 
 def profile_described(progress: ProfileProgress) -> str:
-    """Progress in one line: sides of profiles that are done, points on them, and the rate."""
+    """Progress in one line: completed sides of profiles, points on them, and the rate."""
     return (
         f"{progress.ended} of {progress.sides} sides, {progress.points} points, "
         f"{progress.evaluations / progress.seconds:.0f} evaluations/s, {progress.seconds:.0f} s"
@@ -81,7 +81,7 @@ def profile_described(progress: ProfileProgress) -> str:
 
 
 def study_described(progress: StudyProgress) -> str:
-    """Progress in one line: how many runs are done, which are next, how long it may take."""
+    """Progress in one line: completed runs, the next ones, the remaining time."""
     parts = [f"{progress.done} of {progress.total} runs", progress.label, _duration(progress.seconds)]
     if progress.done:
         left = progress.seconds * (progress.total - progress.done) / progress.done
@@ -90,7 +90,7 @@ def study_described(progress: StudyProgress) -> str:
 
 
 def choice_described(progress: ChoiceProgress) -> str:
-    """Progress in one line: which model, how many there are, what is being fitted, how long it may take."""
+    """Progress in one line: the model and its number, the task, the remaining time."""
     parts = [f"{progress.model}, model {progress.number} of {progress.n_models}", progress.task]
     if progress.within is not None:
         parts.append(f"best {progress.within.fit_percent:.2f} %")
@@ -101,7 +101,7 @@ def choice_described(progress: ChoiceProgress) -> str:
 
 
 def sampling_described(progress: SamplingProgress) -> str:
-    """Progress in one line; the time left is that to the most steps allowed, as convergence cannot be foreseen."""
+    """Progress in one line; the remaining time is that of the most steps, as convergence cannot be predicted."""
     parts = [f"step {progress.steps}", f"{_short(progress.steps_per_second)} steps/s"]
     if progress.diagnosis is not None:
         rhat = float(progress.diagnosis.rhat.max())
@@ -114,7 +114,7 @@ def sampling_described(progress: SamplingProgress) -> str:
 
 
 def described(progress: Progress, began: Progress) -> str:
-    """Progress in one line; rates and the time left are counted since the stage `began`."""
+    """Progress in one line; rates and the remaining time are measured since the stage `began`."""
     generation = f" {progress.generation}" if progress.generation else ""
     parts = [f"{progress.stage}{generation}", f"best {progress.fit_percent:.2f} %"]
     if math.isfinite(progress.median_percent):

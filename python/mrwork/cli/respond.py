@@ -1,4 +1,4 @@
-"""`mrwork respond`: the response of a building with MR dampers to ground motions, from a study file."""
+"""`mrwork respond`: response of a building with MR dampers to ground motions, as defined in a study file."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def add_parser(verbs: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Simulate, write the folder, print the result."""
     if options.schema or options.laws:
-        print(_asked_for(options))
+        print(_listing(options))
         return 0
     if options.study is None:
         raise SettingError("no study is given; give a STUDY.toml, or --schema to see what it may say")
@@ -105,8 +105,8 @@ def run(options: argparse.Namespace) -> int:
     except Interrupted as interrupt:
         results, status = interrupt.result, 130
     except MrworkError as error:
-        hopeless = not options.resume and not isinstance(error, JournalError | OutputError)
-        if hopeless or is_copy(place, journal):
+        impossible = not options.resume and not isinstance(error, JournalError | OutputError)
+        if impossible or is_copy(place, journal):
             histories.discard()
             discard_journal(journal)
         raise
@@ -125,11 +125,13 @@ def run(options: argparse.Namespace) -> int:
     else:
         print(_text(results, place))
     if status == 130:
-        note(f"interrupted; the runs that are done are in {place}, the same with --resume goes on")
+        note(
+            f"interrupted; the completed runs are in {place}; run the same command with --resume to continue"
+        )
     return status
 
 
-def _asked_for(options: argparse.Namespace) -> str:
+def _listing(options: argparse.Namespace) -> str:
     if options.schema:
         from mrwork.study.print_schema import schema_text
 
@@ -186,7 +188,7 @@ def _write(
 
 
 def _text(results: StudyResults, folder: Path) -> str:
-    """A table for each motion, the scores, the check of the step, warnings, and where the page is."""
+    """A table for each motion, the scores, the check of the step, warnings, and the path of the page."""
     from mrwork.study.results import OFF_BALANCE
 
     lines = [results.title, ""]
@@ -200,7 +202,7 @@ def _text(results: StudyResults, folder: Path) -> str:
 
 
 def _motion_lines(results: StudyResults, motion: int) -> list[str]:
-    """The criteria under one motion, and their ratios to those at i = 0, or without dampers."""
+    """Criteria under one motion, and their ratios to those of the passive damper (i = 0), or without dampers."""
     against: Kind = "uncontrolled" if results.row_of("passive_off") is None else "passive_off"
     over = "i = 0" if against == "passive_off" else "uncontrolled"
     table = [("", "drift mm", "m/s2", "force N", *_RATIOS.values())]

@@ -23,8 +23,8 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb."""
     parser = verbs.add_parser(
         "sample",
-        description="Sample the posterior of the parameters of a fit, given the tests of the fit. Writes the growing "
-        f"chain, {CHAIN}, and the draws for ArviZ, {DRAWS}, into the run folder.",
+        description="Sample the posterior of the parameters of a fit, given its tests. Writes the Markov chain, "
+        f"{CHAIN}, and the draws for ArviZ, {DRAWS}, into the run folder.",
     )
     add_run(parser)
     parser.add_argument(
@@ -44,11 +44,13 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--tempering",
         metavar="SHARE",
-        help="factor of the log-likelihood, or effective: the share of independent residuals at the fit. Default "
-        "effective, 1 for noise models with correlation",
+        help="factor of the log-likelihood, or effective: the ratio of effective to all samples at the fit. "
+        "Default effective, 1 for noise models with correlation",
     )
     parser.add_argument("--walkers", type=int, default=64, metavar="N", help="number of walkers, default 64")
-    parser.add_argument("--steps", type=int, default=20_000, metavar="N", help="most steps, default 20000")
+    parser.add_argument(
+        "--steps", type=int, default=20_000, metavar="N", help="largest number of steps, default 20000"
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the walkers, default 0")
     add_threads(parser)
     parser.add_argument(
@@ -87,8 +89,8 @@ def run(options: argparse.Namespace) -> int:
     except Interrupted as interrupt:
         line.close()
         note(
-            f"interrupted; {interrupt.result.n_steps} steps are kept in {opened.place / CHAIN}, "
-            "the same with --resume goes on"
+            f"interrupted; {interrupt.result.n_steps} steps are kept in {opened.place / CHAIN}; "
+            "run the same command with --resume to continue"
         )
         return 130
     finally:
