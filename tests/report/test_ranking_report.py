@@ -10,7 +10,7 @@ from mrwork.report.fit.ranking import ranking_figure
 from mrwork.report.ranking_rows import ranking_rows
 from mrwork.report.svg import svg_bytes
 from mrwork.uncertainty.choice.leave_one_out import LeaveOneOut
-from mrwork.uncertainty.choice.ranking import Evidence, Ranking, concluded, rank
+from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank, ranking_of
 
 
 def family(model: str, n_params: int, *left_out: float, reason: str = "") -> Evidence:
@@ -38,7 +38,7 @@ def ranking() -> Ranking:
         family("lost", 5, 2.0, 8.0, 0.1),
         family("broken", 6, reason="it diverged"),
     ]
-    return concluded(rank(families, 100.0), held_out="3 tests", n_folds=3, n_blocks=2, n_effective=100.0)
+    return ranking_of(rank(families, 100.0), held_out="3 tests", n_folds=3, n_blocks=2, n_effective=100.0)
 
 
 def test_every_family_is_a_row_and_the_reasons_are_there(ranking: Ranking) -> None:
@@ -78,7 +78,7 @@ def test_the_figure_has_every_family_that_was_judged_within_its_axes(ranking: Ra
 
 
 def test_a_single_family_on_a_single_fold_can_be_drawn() -> None:
-    alone = concluded(
+    alone = ranking_of(
         rank([family("only", 2, 0.1)], None),
         held_out="later cycles",
         n_folds=1,

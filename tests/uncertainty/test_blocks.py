@@ -11,7 +11,7 @@ from sinusoidal_tests import PER_CYCLE, sinusoidal_test
 from mrwork.dampers.spec import damper
 from mrwork.records import DamperTest
 from mrwork.uncertainty.autocorrelation import autocorrelation_time
-from mrwork.uncertainty.choice.leave_one_out import blocks_of, longest_memory
+from mrwork.uncertainty.choice.leave_one_out import blocks_of, longest_autocorrelation_times
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def test_blocks_outlast_the_memory_of_every_model(ten_cycles: DamperTest) -> Non
     n_counted = ten_cycles.n_time - ten_cycles.n_settle
     white = rng.standard_normal(n_counted)
     slow = np.convolve(rng.standard_normal(n_counted + 199), np.ones(200), mode="valid")
-    least = longest_memory([(white,), (slow,)])
+    least = longest_autocorrelation_times([(white,), (slow,)])
     assert least == (autocorrelation_time(slow),)
     assert least[0] > PER_CYCLE
     assert all(block.stop - block.start >= least[0] for block in blocks_of(ten_cycles, least[0]))

@@ -85,7 +85,7 @@ def test_a_family_that_fails_is_a_row(tests: tuple[DamperTest, ...]) -> None:
     assert (last.model, last.verdict, last.status) == ("lugre", "failed", "failed")
     assert "sigma_0" in last.reason
     assert choice.ranking.chosen == "dahl"
-    assert "Not judged: " in choice.ranking.sentence
+    assert "Failed: " in choice.ranking.sentence
 
 
 @pytest.mark.parametrize(

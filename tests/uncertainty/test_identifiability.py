@@ -17,7 +17,7 @@ from mrwork.synthetic import synthetic_test
 from mrwork.uncertainty.identifiability.information import (
     WEAK,
     changes_along,
-    judged,
+    identifiability_from,
     simple_combinations,
     sparse_basis,
 )
@@ -132,7 +132,7 @@ def columns() -> NDArray[np.float64]:
 
 
 def test_the_size_of_a_column_does_not_make_it_unseen(columns: NDArray[np.float64]) -> None:
-    found = judged(columns, names="abcd", of_range=[False] * 4, misfit=1e-9, n_effective=60.0)
+    found = identifiability_from(columns, names="abcd", of_range=[False] * 4, misfit=1e-9, n_effective=60.0)
     assert found.directions == ()
     assert {each.verdict for each in found.verdicts} == {"identifiable"}
 
@@ -140,7 +140,7 @@ def test_the_size_of_a_column_does_not_make_it_unseen(columns: NDArray[np.float6
 def test_two_redundancies_are_told_one_by_one(columns: NDArray[np.float64]) -> None:
     # p = a b and q = c/d: two products, four parameters.
     both = np.stack([columns[:, 0], columns[:, 0], columns[:, 3], -columns[:, 3]], axis=1)
-    found = judged(both, names="abcd", of_range=[False] * 4, misfit=1e-9, n_effective=60.0)
+    found = identifiability_from(both, names="abcd", of_range=[False] * 4, misfit=1e-9, n_effective=60.0)
     assert [{each.name for each in direction.changes} for direction in found.directions] == [
         {"a", "b"},
         {"c", "d"},
@@ -156,7 +156,7 @@ def test_two_redundancies_are_told_one_by_one(columns: NDArray[np.float64]) -> N
 def test_a_parameter_that_nothing_feels_is_named(columns: NDArray[np.float64]) -> None:
     deaf = columns.copy()
     deaf[:, 2] = 0.0
-    found = judged(deaf, names="abcd", of_range=[False] * 4, misfit=1e-9, n_effective=60.0)
+    found = identifiability_from(deaf, names="abcd", of_range=[False] * 4, misfit=1e-9, n_effective=60.0)
     assert {each.name: each.verdict for each in found.verdicts}["c"] == "not"
     assert [each.sentence for each in found.directions] == ["the residuals do not depend on c"]
 
@@ -165,7 +165,7 @@ def test_a_weak_direction_begins_with_what_it_leaves_open_most(columns: NDArray[
     # a is told ten times better than b along a + 10 b, which is all but a multiple of the third column.
     nearly = columns / np.linalg.norm(columns, axis=0)
     nearly[:, 0] = -10.0 * nearly[:, 1] + 1e-3 * nearly[:, 0]
-    found = judged(nearly, names="abcd", of_range=[False] * 4, misfit=0.1, n_effective=60.0)
+    found = identifiability_from(nearly, names="abcd", of_range=[False] * 4, misfit=0.1, n_effective=60.0)
     weak = found.directions[0]
     assert weak.seen
     assert [each.name for each in weak.changes] == ["b", "a"]
@@ -175,7 +175,7 @@ def test_a_weak_direction_begins_with_what_it_leaves_open_most(columns: NDArray[
 
 def test_correlated_residuals_widen_standard_errors(columns: NDArray[np.float64]) -> None:
     few, many = (
-        judged(columns, names="abcd", of_range=[False] * 4, misfit=1e-9, n_effective=n).verdicts
+        identifiability_from(columns, names="abcd", of_range=[False] * 4, misfit=1e-9, n_effective=n).verdicts
         for n in (15.0, 60.0)
     )
     for one, other in zip(few, many, strict=True):
@@ -186,7 +186,9 @@ def test_a_verdict_turns_weak_at_the_stated_share() -> None:
     column = np.ones((101, 1)) / np.sqrt(101.0)
     # One column of unit length: the standard error is misfit / sqrt(100).
     for factor, verdict in ((0.99, "identifiable"), (1.01, "weakly")):
-        found = judged(column, names=["a"], of_range=[False], misfit=10.0 * WEAK * factor, n_effective=101.0)
+        found = identifiability_from(
+            column, names=["a"], of_range=[False], misfit=10.0 * WEAK * factor, n_effective=101.0
+        )
         assert found.verdicts[0].verdict == verdict
         assert found.verdicts[0].standard_error == pytest.approx(WEAK * factor)
 

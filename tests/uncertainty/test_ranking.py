@@ -7,7 +7,7 @@ import pytest
 
 from mrwork.errors import SettingError
 from mrwork.uncertainty.choice.leave_one_out import LeaveOneOut
-from mrwork.uncertainty.choice.ranking import Evidence, Ranking, Standing, concluded, rank
+from mrwork.uncertainty.choice.ranking import Evidence, Ranking, Standing, rank, ranking_of
 
 TESTS = np.array([0.10, 0.14, 0.08, 0.12, 0.11, 0.13])
 
@@ -42,7 +42,7 @@ def verdicts(*evidence: Evidence, n_effective: float = 100.0) -> dict[str, str]:
 
 
 def ranking(*evidence: Evidence, missing: tuple[str, ...] = ()) -> Ranking:
-    return concluded(
+    return ranking_of(
         rank(evidence, 100.0),
         held_out="6 tests, each predicted without itself",
         n_folds=6,
@@ -147,7 +147,7 @@ def test_the_sentence_tells_choice_margin_and_where_criteria_disagree() -> None:
         "PSIS-LOO prefers Large",
         "Pareto k of 3 blocks is above 0.7",
         "BIC prefers Large",
-        "Not judged: Broken",
+        "Failed: Broken",
         "lacks other",
     ):
         assert words in found.sentence

@@ -39,9 +39,9 @@ def test_white_noise_is_accused_as_often_as_the_level_says() -> None:
     # Of 200 at 1 %, more than 7 come about with a probability of 0.1 %.
     found = [residual_tests(with_residual(white(rng))) for rng in range(200)]
     assert sum(not each.is_white for each in found) <= 7
-    assert sum(not each.is_even for each in found) <= 7
+    assert sum(not each.has_constant_variance for each in found) <= 7
     # Probabilities of what is so are even between 0 and 1: the mean of 200 is 0.5 within 4 * 0.29 / sqrt(200).
-    assert abs(np.mean([each.white_p for each in found]) - 0.5) < 0.082
+    assert abs(np.mean([each.ljung_box_p for each in found]) - 0.5) < 0.082
 
 
 def test_correlated_residuals_are_not_taken_for_noise_and_count_for_less() -> None:
@@ -56,7 +56,7 @@ def test_residuals_that_grow_with_speed_are_found_and_measured() -> None:
     made = comparison(n_time=N_TIME)
     speed = np.abs(made.test.velocity) / np.abs(made.test.velocity).max()
     found = residual_tests(with_residual((0.2 + speed) * white(2)))
-    assert not found.is_even
+    assert not found.has_constant_variance
     assert found.fast_to_slow > 1.5
     assert residual_tests(with_residual(white(2))).fast_to_slow == pytest.approx(1.0, abs=0.1)
 
@@ -72,7 +72,7 @@ def test_the_share_that_comes_back_every_cycle_is_recovered(share: float) -> Non
 
 def test_a_model_that_leaves_nothing_is_not_judged() -> None:
     found = residual_tests(with_residual(np.zeros(N_TIME)))
-    assert np.isnan([found.white_p, found.even_p, found.repeating]).all()
+    assert np.isnan([found.ljung_box_p, found.breusch_pagan_p, found.repeating]).all()
     assert found.is_white
 
 
@@ -98,7 +98,7 @@ def test_the_section_says_what_the_tests_found() -> None:
     short = residual_section([replace(once, test=replace(once.test, force=once.model_force + coloured(5)))])
     assert short.summary == "Residuals: correlated on this test."
     assert any(
-        "cannot be told apart without repeated cycles" in sentence for sentence in short.groups[0].prose
+        "cannot be distinguished without repeated cycles" in sentence for sentence in short.groups[0].prose
     )
     table = both.groups[0].table
     assert table is not None

@@ -1,4 +1,4 @@
-"""The one canvas of all figures: empty axes of fixed sizes, and what is done alike to any axes.
+"""Canvas of all figures: empty axes of fixed sizes, and their titles, ticks, legends and points.
 
 Draw inside `style.drawn_in_style()`, a context or a decorator. Sizes are in inches, and margins are the same in every
 panel, so that the axes of neighbours line up.
@@ -74,7 +74,7 @@ def small_axes(*, labelled: bool = False) -> tuple[Figure, Axes]:
 
 
 def grid_of_axes(count: int, columns: int, size: tuple[float, float]) -> tuple[Figure, list[Axes]]:
-    """So many axes in rows of at most `columns`, each with its labels of this size; matplotlib sets the margins."""
+    """`count` axes in rows of at most `columns`, each of this size with its labels; matplotlib sets the margins."""
     columns = min(columns, count)
     rows = -(-count // columns)
     figure = Figure(figsize=(columns * size[0], rows * size[1]), layout="constrained")
@@ -119,13 +119,13 @@ def name_small_axes(axes: Axes, title: str, abscissa: str) -> None:
 
 
 def plain_ticks(axes: Axes, digits: int, axis: Literal["x", "y"] = "x") -> None:
-    """Numbers at the ticks with at most so many digits, and without zeros that say nothing."""
+    """Tick labels with at most `digits` significant digits, without trailing zeros."""
     chosen = axes.xaxis if axis == "x" else axes.yaxis
     chosen.set_major_formatter(FuncFormatter(lambda value, _: shortest(value, digits)))
 
 
 def logarithmic(axes: Axes, values: NDArray[np.float64]) -> None:
-    """A logarithmic ordinate for positive `values`, with ticks wherever they are."""
+    """A logarithmic ordinate for positive `values`, with ticks over any range."""
     axes.set_yscale("log")
     low, high = (float(values.min()), float(values.max())) if values.size else (0.1, 1.0)
     margin = (high / low) ** 0.08 if high > low else 1.2
@@ -133,7 +133,7 @@ def logarithmic(axes: Axes, values: NDArray[np.float64]) -> None:
     axes.set_ylim(low, high)
     decades = np.log10(high / low)
     if decades < 0.7:
-        # 1-2-5 ticks may miss so short a range altogether: even ticks read well on it.
+        # A short range may contain no tick at 1, 2 or 5; evenly spaced ticks are set there.
         ticks = MaxNLocator(nbins=4, steps=_COARSE).tick_values(low, high)
         axes.yaxis.set_major_locator(FixedLocator([tick for tick in ticks if low <= tick <= high]))
     else:
@@ -178,6 +178,6 @@ def draw_points(
 def tested_points(
     axes: Axes, abscissa: NDArray[np.float64], force: NDArray[np.float64], cycle: slice
 ) -> None:
-    """One cycle of a test as points, thinned until they can be told apart."""
+    """One cycle of a test as points, thinned so that they can be distinguished."""
     drawn = slice(cycle.start, cycle.stop, max(1, (cycle.stop - cycle.start) // _LOOP_POINTS))
     draw_points(axes, abscissa[drawn], force[drawn], size=4.5)

@@ -51,38 +51,38 @@ def zoom_window(displacement: NDArray[np.float64]) -> Window:
 
 
 def even_samples(
-    abscissa: NDArray[np.float64], ordinate: NDArray[np.float64], wanted: int, *, aspect: float
+    abscissa: NDArray[np.float64], ordinate: NDArray[np.float64], most: int, *, aspect: float
 ) -> NDArray[np.intp]:
-    """At most `wanted` samples at equal steps along the drawn curve, shape (n_drawn,).
+    """At most `most` samples at equal steps along the drawn curve, shape (n_drawn,).
 
     Equal steps in time would crowd where the curve is flat and leave gaps where it is steep. `aspect`
     is the width of the drawing over its height.
     """
-    return _nearest_samples(abscissa, ordinate, np.arange(wanted) / wanted, aspect)
+    return _nearest_samples(abscissa, ordinate, np.arange(most) / most, aspect)
 
 
 def scattered_samples(
-    abscissa: NDArray[np.float64], ordinate: NDArray[np.float64], wanted: int
+    abscissa: NDArray[np.float64], ordinate: NDArray[np.float64], most: int
 ) -> NDArray[np.intp]:
-    """At most `wanted` samples spread along a loop that is passed many times, shape (n_drawn,).
+    """At most `most` samples spread along a loop that is passed many times, shape (n_drawn,).
 
-    Equal steps can coincide with the cycles and draw the same few places repeatedly; a reproducible
+    Equal steps can coincide with the cycles and draw the same few points repeatedly; a reproducible
     golden-ratio jitter within each step avoids that.
     """
-    number = np.arange(wanted)
-    return _nearest_samples(abscissa, ordinate, (number + number * _GOLDEN % 1.0) / wanted, 1.0)
+    number = np.arange(most)
+    return _nearest_samples(abscissa, ordinate, (number + number * _GOLDEN % 1.0) / most, 1.0)
 
 
 def _nearest_samples(
     abscissa: NDArray[np.float64],
     ordinate: NDArray[np.float64],
-    places: NDArray[np.float64],
+    shares: NDArray[np.float64],
     aspect: float,
 ) -> NDArray[np.intp]:
-    """The samples at `places`, given as shares of the curve's length, each sample once."""
-    if ordinate.size <= places.size:
+    """The samples at `shares` of the length of the curve, each sample once."""
+    if ordinate.size <= shares.size:
         return np.arange(ordinate.size)
     across = aspect * np.diff(abscissa) / (float(np.ptp(abscissa)) or 1.0)
     up = np.diff(ordinate) / (float(np.ptp(ordinate)) or 1.0)
     along = np.concatenate(([0.0], np.cumsum(np.hypot(across, up))))
-    return np.unique(np.minimum(np.searchsorted(along, places * along[-1]), ordinate.size - 1))
+    return np.unique(np.minimum(np.searchsorted(along, shares * along[-1]), ordinate.size - 1))

@@ -10,7 +10,7 @@ _THIN_SPACE = "\N{NARROW NO-BREAK SPACE}"
 _NONE = "\N{EN DASH}"
 _SUPERSCRIPTS = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 
-# Between these powers of ten numbers are written out.
+# Numbers between these powers of ten are written without a power of ten.
 _PLAIN = (-6, 7)
 _DIGITS_OF_ERROR = 2
 _DIGITS_ALONE = 5
@@ -19,7 +19,7 @@ _LEAST_PROBABILITY = 0.001
 
 
 def fixed(value: float | None, decimals: int) -> str:
-    """A number with so many decimals and separated thousands; a dash for none, a sign for infinity."""
+    """A number with fixed decimals and separated thousands; a dash for a missing one, a sign for infinity."""
     if value is None or math.isnan(value):
         return _NONE
     if math.isinf(value):
@@ -33,7 +33,7 @@ def fixed(value: float | None, decimals: int) -> str:
 
 
 def significant(value: float | None, digits: int) -> str:
-    """A number with so many significant digits, in powers of ten where it is very large or small."""
+    """A number to `digits` significant digits, with a power of ten where it is very large or small."""
     if value is None or not math.isfinite(value) or value == 0:
         return fixed(value, 0)
     exponent = leading_exponent(value, digits)

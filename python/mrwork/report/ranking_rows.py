@@ -38,7 +38,7 @@ class RankingRow:
 
     @property
     def cells(self) -> tuple[str, ...]:
-        """What stands below `HEADINGS` from the second on."""
+        """Cells below `HEADINGS` from the second on."""
         return (
             self.n_params,
             self.fit,
@@ -52,7 +52,7 @@ class RankingRow:
 
 
 def ranking_rows(ranking: Ranking) -> list[RankingRow]:
-    """A row per family, best first; those that could not be judged come last."""
+    """A row per family, best first; failed ones come last."""
     return [_row(each) for each in ranking.standings]
 
 

@@ -1,4 +1,4 @@
-"""What a section of a page consists of: sentences, tables and figures, ready to be set."""
+"""Contents of a section of a page: text, tables and figures."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from mrwork.report.numbers import fixed
 from mrwork.report.svg import inline_svg
 
 Layout = Literal["columns", "small", "whole"]
-"""How figures stand: two beside each other, four small ones, or one as wide as it is, to be scrolled sideways."""
-
+"""Layout of figures: two in a row, four small ones in a row, or one at its natural width, scrolled sideways."""
 
 NOTHING = fixed(None, 0)
 # At this scale the letters of a figure are as large as the small ones of the page.
@@ -73,10 +72,10 @@ class Section:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Absent:
-    """A section that a run does not have yet: its title, what its command does, and the command."""
+    """A section that a run does not have yet: its title, and the command that adds it with its description."""
 
     title: str
-    says: str
+    description: str
     command: str
 
 
@@ -90,18 +89,18 @@ def table(
     note: str = "",
 ) -> Table:
     """A table without the columns that are empty in every row."""
-    silent = {"", NOTHING}
-    told = [index for index in range(len(columns)) if any(row[index] not in silent for row in rows)]
+    empty = {"", NOTHING}
+    filled = [index for index in range(len(columns)) if any(row[index] not in empty for row in rows)]
 
     def kept(row: tuple[str, ...]) -> tuple[str, ...]:
-        return tuple(row[index] for index in told) if row else row
+        return tuple(row[index] for index in filled) if row else row
 
     return Table(
         label=label,
         columns=kept(columns),
         rows=tuple(kept(row) for row in rows),
         foot=kept(foot),
-        words=tuple(place for place, index in enumerate(told) if index in words),
+        words=tuple(place for place, index in enumerate(filled) if index in words),
         note=note,
     )
 

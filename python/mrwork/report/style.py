@@ -1,7 +1,7 @@
 """The style of figures and pages: colours, fonts, sizes, and the units of axes.
 
 Data are grey, the model is blue and the residual rust. The three differ in lightness as well as in
-hue, so that colour-blind readers and grey-scale prints can tell them apart.
+hue, so that colour-blind readers and grey-scale prints can distinguish them.
 """
 
 from __future__ import annotations

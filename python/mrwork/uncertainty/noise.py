@@ -163,7 +163,7 @@ class Amplitude(Noise):
     """Independent Gaussian noise whose variance grows with the force: sigma^2 + (share force)^2."""
 
     name = "amplitude"
-    title = "growing with the force"
+    title = "force-dependent Gaussian"
     parameters = (
         _SIGMA,
         NoiseParameter(
@@ -199,7 +199,7 @@ _PHI = NoiseParameter(
     lower=-0.99999,
     upper=0.99999,
     log=False,
-    description="share of a residual that the next one keeps",
+    description="autoregressive coefficient",
 )
 
 
@@ -250,7 +250,7 @@ class Arma11(Noise):
         _SIGMA,
         _PHI,
         NoiseParameter(
-            name="theta", lower=-0.99999, upper=0.99999, log=False, description="share of the last innovation"
+            name="theta", lower=-0.99999, upper=0.99999, log=False, description="moving-average coefficient"
         ),
     )
 

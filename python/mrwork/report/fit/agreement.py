@@ -1,4 +1,4 @@
-"""The tests of a fit on its page: how the model agrees with each, its figures, and what the checks found."""
+"""The tests of a fit on its page: agreement with the model, figures, and findings of the checks."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class AgreementRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TestBlock:
-    """Everything the page shows of one test."""
+    """Contents of the page on one test."""
 
     anchor: str
     name: str
@@ -48,7 +48,7 @@ class TestBlock:
 
 
 def blocks_of_tests(comparisons: Sequence[Comparison], agreement: Sequence[AgreementRow]) -> list[TestBlock]:
-    """What the page shows of each test, in their order, forces of all in one unit."""
+    """Contents of the page on each test, in order, all forces in one unit."""
     unit = figures.common_force_unit(comparisons)
     return [
         _test_block(number, comparison, row, unit)
@@ -194,7 +194,9 @@ def _window_title(comparison: Comparison) -> str:
 def _thinning(n_time: int, drawn: int) -> str:
     if n_time <= drawn:
         return ""
-    return f"About {drawn} of {numbers.fixed(n_time, 0)} samples are drawn, and the model force at every sample."
+    return (
+        f"About {drawn} of {numbers.fixed(n_time, 0)} samples are drawn, and the model force at every sample."
+    )
 
 
 def _quantity(value: float | None, unit: str) -> str:

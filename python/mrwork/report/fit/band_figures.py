@@ -161,7 +161,7 @@ def _fill_over(
             for end in (banded.predicted.lower, banded.predicted.upper)
         )
         axes.fill_between(
-            time[drawn], lower, upper, color=style.BAND, linewidth=0, label=_named(banded.predicted)
+            time[drawn], lower, upper, color=style.BAND, linewidth=0, label=_legend_label(banded.predicted)
         )
         for end in (lower, upper):
             axes.plot(time[drawn], end, color=style.BAND_EDGE, linewidth=0.9, linestyle=style.DASHED)
@@ -172,7 +172,7 @@ def _fill_over(
             (banded.parameters.upper[samples] - origin)[drawn] * unit.factor,
             color=style.PARAMETER_BAND,
             linewidth=0.8,
-            label=_named(banded.parameters),
+            label=_legend_label(banded.parameters),
             zorder=2.1,
         )
 
@@ -197,7 +197,7 @@ def _fill_loop(axes: Axes, across: Array, band: Band, samples: slice, unit: Disp
             facecolor=style.BAND,
             edgecolor=style.BAND,
             linewidth=0.6,
-            label=_named(band),
+            label=_legend_label(band),
         )
     )
 
@@ -217,7 +217,7 @@ def _along(across: Array, up: Array) -> NDArray[np.intp]:
     return np.union1d(even_samples(across, up, _BAND_POINTS, aspect=_ASPECT), [across.size - 1])
 
 
-def _named(band: Band) -> str:
+def _legend_label(band: Band) -> str:
     return f"{100 * band.level:.0f} % {'prediction' if band.kind == 'prediction' else 'parameters'}"
 
 

@@ -24,7 +24,7 @@ from mrwork.report.fit.band_figures import (
     time_figure,
     velocity_loop,
 )
-from mrwork.report.fit.coverage import JUDGED, conditions_in_words
+from mrwork.report.fit.coverage import MAIN_LEVEL, conditions_in_words
 from mrwork.report.fit.kind import SectionKind
 from mrwork.report.numbers import percent
 from mrwork.report.section import Group, Panel, Section, panel
@@ -127,21 +127,21 @@ def _own_groups(
     forces = None if draws is None else _drawn_forces(fit, draws, comparison.test)
     banded = Banded(
         prediction=prediction,
-        predicted=None if bands is None else bands.calibration.band(prediction, JUDGED),
-        parameters=None if forces is None else parameter_band(forces[:, comparison.test.counted], JUDGED),
+        predicted=None if bands is None else bands.calibration.band(prediction, MAIN_LEVEL),
+        parameters=None if forces is None else parameter_band(forces[:, comparison.test.counted], MAIN_LEVEL),
     )
-    said = []
+    parts = []
     for band in (banded.parameters, banded.predicted):
         if band is not None:
             share = percent(score(band, prediction.measured).coverage)
-            said.append(f"{share} % of its samples lie in the 90 % {band.kind} band ({band.basis})")
+            parts.append(f"{share} % of its samples lie in the 90 % {band.kind} band ({band.basis})")
     origin = "" if draws is None else f" Parameters were drawn from {draws.origin}."
-    text = f"This test was fitted: {'; '.join(said)}. The coverage of other tests may differ.{origin}"
+    text = f"This test was fitted: {'; '.join(parts)}. The coverage of other tests may differ.{origin}"
     errors = [] if bands is None else list(bands.predictions)
     whole = Group(
         title=f"A test of the fit: {comparison.test.name}",
         synthetic=comparison.test.synthetic,
-        prose=(text,) if said else (),
+        prose=(text,) if parts else (),
         panels=(
             panel(
                 f"b{number}-time",
@@ -164,10 +164,10 @@ def _left_out_groups(
     number: int, prediction: Prediction, bands: StoredBands, unit: DisplayUnit
 ) -> tuple[Group, Group]:
     others = [each for each in bands.predictions if each is not prediction]
-    band = calibrate(others, held_out=bands.calibration.held_out).band(prediction, JUDGED)
+    band = calibrate(others, held_out=bands.calibration.held_out).band(prediction, MAIN_LEVEL)
     banded = Banded(prediction=prediction, predicted=band)
     name = prediction.test.name + (" (synthetic)" if prediction.test.synthetic else "")
-    row = bands.row(prediction, JUDGED)
+    row = bands.row(prediction, MAIN_LEVEL)
     share = score(band, prediction.measured).coverage if row is None else row.samples.coverage
     cycles = (
         f", and {percent(row.cycles_inside, 0)} % of its cycles by their energy"
@@ -203,7 +203,7 @@ def _chosen(bands: StoredBands) -> list[Prediction]:
     """All tests, or as many as are drawn, spread from the least covered to the best covered."""
 
     def covered(prediction: Prediction) -> float:
-        row = bands.row(prediction, JUDGED)
+        row = bands.row(prediction, MAIN_LEVEL)
         return 0.0 if row is None else row.samples.coverage
 
     ordered = sorted(bands.predictions, key=covered)
@@ -230,9 +230,9 @@ def _cycle_panels(
         scores = [_errors(each, name) for each in others]
         scores = [each for each in scores if each.size]
         if scores:
-            bands.append(cycle_band(prediction, name, scores, JUDGED))
+            bands.append(cycle_band(prediction, name, scores, MAIN_LEVEL))
         if drawn:
-            bands.append(parameter_band(np.array([each.quantity(name) for each in drawn]), JUDGED))
+            bands.append(parameter_band(np.array([each.quantity(name) for each in drawn]), MAIN_LEVEL))
         values = measured.quantity(name)
         figure = cycle_figure(title, values, model.quantity(name), bands, factor)
         kinds = " and ".join(band.kind for band in bands) or "no"

@@ -19,11 +19,11 @@ from mrwork.uncertainty.bands.calibration_files import StoredBands
 from mrwork.uncertainty.bands.conformal import LEVELS, LeftOutCoverage
 
 # The level that the text discusses, and the range of coverage that counts as nominal.
-JUDGED = 0.9
-_RIGHT = (0.8, 0.97)
-_FEW = 0.5
+MAIN_LEVEL = 0.9
+_NOMINAL = (0.8, 0.97)
+_LOW = 0.5
 # Fewer tests than this are weak evidence for the next.
-_LEAST = 5
+_FEW_TESTS = 5
 _COLOURS = {0.5: style.DATA, 0.9: style.MODEL, 0.95: style.RESIDUAL}
 _ROW = 0.27
 
@@ -80,14 +80,14 @@ def _by_test(bands: StoredBands) -> list[dict[float, LeftOutCoverage]]:
 
 
 def _names(bands: StoredBands) -> list[str]:
-    """Names without the folders they came from."""
+    """Names of the tests without their folders."""
     known = {each.test.label: each.test for each in bands.predictions}
     tests = list(dict.fromkeys(row.test for row in bands.coverage))
     return [known[name].name if name in known else name for name in tests]
 
 
 def conditions_in_words(test: DamperTest) -> str:
-    """Command, amplitude and frequency of a test, as far as they are known."""
+    """Name of a test with its command, amplitude and frequency, as far as these are known."""
     parts = [
         (test.current, "A", 1.0),
         (test.voltage, "V", 1.0),
@@ -103,7 +103,7 @@ def conditions_in_words(test: DamperTest) -> str:
 def _summary(rows: list[dict[float, LeftOutCoverage]]) -> str:
     if not rows:
         return "Tests left out: only one, so the coverage of the bands is not known."
-    shares = [row[JUDGED].samples.coverage for row in rows]
+    shares = [row[MAIN_LEVEL].samples.coverage for row in rows]
     return (
         f"Tests left out: the 90 % bands contain {percent(float(np.mean(shares)), 0)} % of the samples of {len(rows)} "
         f"tests ({percent(min(shares), 0)} to {percent(max(shares), 0)} %)."
@@ -111,28 +111,26 @@ def _summary(rows: list[dict[float, LeftOutCoverage]]) -> str:
 
 
 def _verdict(rows: list[dict[float, LeftOutCoverage]]) -> str:
-    shares = [row[JUDGED].samples.coverage for row in rows]
+    shares = [row[MAIN_LEVEL].samples.coverage for row in rows]
     mean = float(np.mean(shares))
     text = (
         f"The band of each test is calibrated on the {_others(len(shares) - 1)} only. On average {percent(mean)} % "
         f"of the samples lie inside the 90 % bands, from {percent(min(shares))} to "
         f"{percent(max(shares))} %. "
     )
-    if _RIGHT[0] <= mean <= _RIGHT[1]:
+    if _NOMINAL[0] <= mean <= _NOMINAL[1]:
         text += "The bands have about their nominal coverage on tests like these."
-    elif mean < _RIGHT[0]:
-        text += (
-            "The bands are too narrow: these tests differ from each other by more than so few tests can show."
-        )
+    elif mean < _NOMINAL[0]:
+        text += "The bands are too narrow: the errors of these tests differ more than a few tests can show."
     else:
         text += "The bands are wider than necessary for tests like these."
-    low = [share for share in shares if share < _RIGHT[0]]
-    if low and mean >= _RIGHT[0]:
+    low = [share for share in shares if share < _NOMINAL[0]]
+    if low and mean >= _NOMINAL[0]:
         text += f" For {len(low)} of {len(shares)} tests they are still too narrow."
-    if len(shares) < _LEAST:
+    if len(shares) < _FEW_TESTS:
         text += f" With only {len(shares)} tests, this is weak evidence for the next test."
-    cycles = [row[JUDGED].cycles_inside for row in rows if np.isfinite(row[JUDGED].cycles_inside)]
-    if cycles and min(cycles) < _FEW:
+    cycles = [row[MAIN_LEVEL].cycles_inside for row in rows if np.isfinite(row[MAIN_LEVEL].cycles_inside)]
+    if cycles and min(cycles) < _LOW:
         text += (
             f" By dissipated energy {percent(float(np.mean(cycles)), 0)} % of the cycles lie inside; the cycles of one "
             "test are alike, so nearly all or nearly none of them do."
@@ -164,12 +162,12 @@ def _table(rows: list[dict[float, LeftOutCoverage]], names: list[str]) -> Table:
 
 
 def _cells(row: dict[float, LeftOutCoverage]) -> list[float]:
-    judged = row[JUDGED]
+    main = row[MAIN_LEVEL]
     return [
         *(row[level].samples.coverage for level in LEVELS),
-        judged.cycles_inside,
-        judged.samples.width,
-        judged.samples.interval_score,
+        main.cycles_inside,
+        main.samples.width,
+        main.samples.interval_score,
     ]
 
 
@@ -188,7 +186,7 @@ COVERAGE = SectionKind(
     absent=Absent(
         title="Prediction bands",
         command="mrwork calibrate RUN TESTS",
-        says="measures on tests that the fit has not seen how far its force is off, and calibrates prediction bands on "
-        "that; without TESTS the run's own tests are left out in turn.",
+        description="calibrates prediction bands from the errors of the fit on tests that it has not seen; "
+        "without TESTS the run's own tests are left out in turn.",
     ),
 )

@@ -1,4 +1,4 @@
-"""The section on identifiability: what the tests tell about each parameter."""
+"""The section on identifiability: whether the tests determine each parameter."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     if found is None:
         return None
     verdicts: dict[str, VerdictName] = {each.name: each.verdict for each in found.verdicts}
-    # A profile assumes less than a standard error, so its verdict goes first.
+    # A profile does not assume linearity as a standard error does, so its verdict takes precedence.
     profiles = run.profiles
     verdicts |= {each.name: each.verdict for each in (profiles.profiles if profiles is not None else ())}
     names = {each.name for each in run.fit.estimates}
@@ -36,25 +36,25 @@ def _summary(verdicts: Mapping[str, VerdictName]) -> str:
     counts = {
         word: [name for name, verdict in verdicts.items() if verdict == word] for word in VERDICT_IN_WORDS
     }
-    said = [f"{len(counts['identifiable'])} of {len(verdicts)} parameters are identifiable"]
+    parts = [f"{len(counts['identifiable'])} of {len(verdicts)} parameters are identifiable"]
     if counts["weakly"]:
-        said.append(f"weakly: {', '.join(counts['weakly'])}")
+        parts.append(f"weakly: {', '.join(counts['weakly'])}")
     if counts["not"]:
-        said.append(f"not: {', '.join(counts['not'])}")
-    return f"Identifiability: {'; '.join(said)}."
+        parts.append(f"not: {', '.join(counts['not'])}")
+    return f"Identifiability: {'; '.join(parts)}."
 
 
 def _prose(found: Identifiability) -> tuple[str, ...]:
-    worth = numbers.fixed(found.n_effective, 0)
+    effective = numbers.fixed(found.n_effective, 0)
     text = (
-        f"To allow for autocorrelation, the {numbers.fixed(found.n_time, 0)} residuals count as {worth} effective samples. "
-        "The standard errors here use this number, so they are larger than those in the table of parameters. They "
-        "assume that the force is linear in the parameters over that range; profiles and posterior draws do not."
+        f"To allow for autocorrelation, the {numbers.fixed(found.n_time, 0)} residuals count as {effective} effective "
+        "samples. The standard errors here use this number, so they are larger than those in the table of parameters. "
+        "They assume that the force is linear in the parameters over that range; profiles and posterior draws do not."
     )
     if found.n_effective > 0.9 * found.n_time:
         text = (
-            "The residuals are almost uncorrelated, so every sample counts. The standard errors assume that the force is "
-            "linear in the parameters over that range; profiles and posterior draws do not."
+            "The residuals are almost uncorrelated, so every sample counts. The standard errors assume that the force "
+            "is linear in the parameters over that range; profiles and posterior draws do not."
         )
     unsettled = [each.name for each in found.verdicts if each.verdict != "identifiable"]
     if not unsettled:
@@ -67,7 +67,7 @@ def _prose(found: Identifiability) -> tuple[str, ...]:
 
 
 def _sentence(direction: Direction, names: Set[str]) -> str:
-    """As a sentence with a capital, unless it starts with the name of a parameter."""
+    """The sentence of a direction, capitalised unless it starts with the name of a parameter."""
     sentence = direction.sentence
     first = sentence.replace(",", " ").partition(" ")[0]
     return f"{sentence if first in names else sentence[0].upper() + sentence[1:]}."

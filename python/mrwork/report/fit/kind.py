@@ -1,4 +1,4 @@
-"""What a section of a fit's page has to give; apart, for every section imports it and `page` imports every section."""
+"""Interface of a section of a fit's page, apart because every section imports it and `page` imports every section."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from mrwork.stored import StoredRun
 class SectionKind:
     """A section as `page.SECTIONS` lists it.
 
-    `make` gives the section of a run and of its fit's tests, or `None` where the run has nothing for it; `absent` then
-    says on the page which verb makes it.
+    `make` returns the section of a run and of its fit's tests, or `None` where the run has no data for it; the page
+    then shows `absent`, which names the command that adds it.
     """
 
     make: Callable[[StoredRun, Sequence[Comparison]], Section | None]

@@ -1,4 +1,4 @@
-"""The page of a fit: what the fit says by itself, and a section for what each later verb has added."""
+"""The page of a fit: its own results, and a section for each addition of a later verb."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def rewrite_page(place: str | Path) -> Path:
     opened = reopen(place)
     fit = opened.fit
     if fit.identifiability is None:
-        # An earlier version did not ask.
+        # Earlier versions did not store it.
         fit = replace(fit, identifiability=identifiability_of(fit, opened.tests))
     page = fit_page(replace(load(opened.place), fit=fit), comparisons_of(fit, opened.tests))
     write_files(opened.place, {REPORT: page.encode()})
@@ -140,14 +140,14 @@ def identification_report(
     Parameters
     ----------
     fit
-        What was identified.
+        The fit.
     comparisons
         The tests, each with the model's force, in the order in which they appear.
     model_title, equation, source
         The model's name for people, its equations in plain letters (`k_w`, `rho`, `|w|^(n-1)`; a few simple
         tags pass through) and where they were published.
     sections
-        What stands between the fit and its provenance.
+        Sections between the fit and its provenance.
     absent
         Sections that the run does not have yet.
 
@@ -192,7 +192,7 @@ def identification_report(
 
 
 def _status_detail(fit: Fit) -> str:
-    """What the status rests on."""
+    """Basis of the status."""
     if fit.status in ("interrupted", "stopped"):
         return "the best found so far"
     steps = "step" if fit.refinement_steps == 1 else "steps"
@@ -200,7 +200,7 @@ def _status_detail(fit: Fit) -> str:
 
 
 def _headline(fit: Fit) -> list[tuple[str, str, str]]:
-    """Label, number and unit of the figures that everyone looks for first."""
+    """Label, number and unit of the key figures."""
     return [
         ("Fit", numbers.fixed(fit.fit_percent, 2), "%" if math.isfinite(fit.fit_percent) else ""),
         ("NRMSE", numbers.significant(fit.nrmse, 3), ""),
@@ -213,13 +213,13 @@ def _plain(value: object) -> str:
     if isinstance(value, float):
         return numbers.shortest(value, 6)
     if isinstance(value, Mapping):
-        held = {
+        given = {
             name: entry for name, entry in value.items() if entry is not None and entry not in ({}, [], ())
         }
-        if not held:
+        if not given:
             return ", ".join(value)
-        nested = any(isinstance(entry, Mapping) for entry in held.values())
-        parts = [f"{name}{':' if nested else ''} {_plain(entry)}" for name, entry in held.items()]
+        nested = any(isinstance(entry, Mapping) for entry in given.values())
+        parts = [f"{name}{':' if nested else ''} {_plain(entry)}" for name, entry in given.items()]
         return ("; " if nested else ", ").join(parts)
     if isinstance(value, list | tuple):
         return ", ".join(map(_plain, value))

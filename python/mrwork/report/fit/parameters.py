@@ -1,4 +1,4 @@
-"""The parameters of a fit as a table, and what their standard errors assume."""
+"""The parameters of a fit as a table, and the assumption of their standard errors."""
 
 from __future__ import annotations
 

@@ -143,6 +143,6 @@ PLAN = SectionKind(
     absent=Absent(
         title="Next test",
         command="mrwork plan RUN",
-        says="ranks candidates for the next test by how much each would narrow a band.",
+        description="ranks candidates for the next test by how much each would narrow a band.",
     ),
 )

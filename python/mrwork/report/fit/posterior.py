@@ -171,7 +171,7 @@ def rank_figure(name: str, chain: Array, ess: float) -> Figure:
 
     rank = rankdata(chain).reshape(chain.shape) / chain.size
     groups = np.array_split(rank, _GROUPS)
-    # A group has a quarter of the effective draws; its counts scatter like those of so many independent draws.
+    # A group has a quarter of the effective draws; its counts scatter like those of independent draws.
     spread = 1.96 * np.sqrt(_RANK_BINS / max(ess / _GROUPS, 1.0))
     figure, axes = small_axes(labelled=True)
     axes.axhspan(1.0 - spread, 1.0 + spread, color=style.BAND, linewidth=0)
@@ -268,6 +268,7 @@ POSTERIOR = SectionKind(
     absent=Absent(
         title="Posterior",
         command="mrwork sample RUN",
-        says="samples the posterior of the parameters: credible intervals, and pairs that the data cannot tell apart.",
+        description="samples the posterior of the parameters: credible intervals, and pairs that the data cannot "
+        "distinguish.",
     ),
 )

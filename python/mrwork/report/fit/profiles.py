@@ -27,7 +27,7 @@ _TOP = 1.8
 _LINE_POINTS = 200
 # From this ratio of its ends on an axis is logarithmic, as it then has at least two powers of ten.
 _DECADES = 30.0
-# Tick labels of at least so many characters are long; half of one takes this share of the width.
+# Tick labels of at least this number of characters are long; half of one takes this share of the width.
 _LONG, _LABEL_SHARE = 4, 0.08
 # An open side is drawn to 1.5 times the distance at which the ratio reaches 0.9 of its final value.
 _LEVEL, _FURTHER = 0.9, 1.5
@@ -242,6 +242,6 @@ PROFILES = SectionKind(
     absent=Absent(
         title="Profile likelihood",
         command="mrwork profile RUN",
-        says="computes an interval for each parameter by profile likelihood, open where the data set no bound.",
+        description="computes an interval of each parameter by profile likelihood, open where the data set no bound.",
     ),
 )

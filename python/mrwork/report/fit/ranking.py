@@ -34,7 +34,7 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     rows = ranking_rows(ranking)
     columns = tuple(f"{heading[:1].upper()}{heading[1:]}" for heading in HEADINGS[:-1])
     chosen = next(row for row in rows if row.is_chosen)
-    judged = [each for each in ranking.standings if each.left_out_percent is not None]
+    predicted = [each for each in ranking.standings if each.left_out_percent is not None]
     return Section(
         anchor="ranking",
         title="Choice of model",
@@ -57,7 +57,7 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
                         "ranking",
                         "",
                         ranking_figure(ranking),
-                        f"Left-out fit of {len(judged)} models with its standard error; {chosen.title} is chosen",
+                        f"Left-out fit of {len(predicted)} models with its standard error; {chosen.title} is chosen",
                         f"Mean and standard error over {ranking.held_out}.",
                     ),
                 ),
@@ -68,21 +68,21 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
 
 @style.drawn_in_style()
 def ranking_figure(ranking: Ranking) -> Figure:
-    """Left-out fit of every family that was judged, best on top, with the number of its parameters."""
-    judged = [each for each in ranking.standings if each.left_out_percent is not None]
-    names = [f"{each.title}, {each.n_params}" for each in judged]
-    figure, axes = blank((_WIDTH + room_for(names), _AROUND + _ROW * len(judged)))
-    best = judged[0].left_out_percent or 0.0
-    least = min(max(each.left_out_percent or 0.0, best - _RANGE) for each in judged)
+    """Left-out fit of every family that has one, best on top, with the number of its parameters."""
+    predicted = [each for each in ranking.standings if each.left_out_percent is not None]
+    names = [f"{each.title}, {each.n_params}" for each in predicted]
+    figure, axes = blank((_WIDTH + room_for(names), _AROUND + _ROW * len(predicted)))
+    best = predicted[0].left_out_percent or 0.0
+    least = min(max(each.left_out_percent or 0.0, best - _RANGE) for each in predicted)
     margin = 0.06 * max(best - least, 1.0)
     edge = least - margin
-    for row, each in enumerate(judged):
+    for row, each in enumerate(predicted):
         _draw(axes, row, each, edge)
-    axes.set_yticks(np.arange(len(judged)), names)
-    for label, each in zip(axes.get_yticklabels(), judged, strict=True):
+    axes.set_yticks(np.arange(len(predicted)), names)
+    for label, each in zip(axes.get_yticklabels(), predicted, strict=True):
         label.set_fontweight("bold" if each.verdict == "chosen" else "normal")
-    axes.set_ylim(len(judged) - 0.4, -0.6)
-    farthest = max((each.left_out_percent or 0.0) + (each.left_out_error or 0.0) for each in judged)
+    axes.set_ylim(len(predicted) - 0.4, -0.6)
+    farthest = max((each.left_out_percent or 0.0) + (each.left_out_error or 0.0) for each in predicted)
     axes.set_xlim(edge - margin, min(farthest + margin, 100.5))
     axes.grid(visible=True, axis="x")
     axes.xaxis.set_major_locator(MaxNLocator(nbins=7, steps=[1, 2, 2.5, 5, 10]))
@@ -132,6 +132,7 @@ RANKING = SectionKind(
     absent=Absent(
         title="Choice of model",
         command="mrwork identify TESTS --model all",
-        says="compares families of models on tests that their fits have not seen, and writes a run folder of its own.",
+        description="compares families of models on tests that their fits have not seen, and writes a run folder of "
+        "its own.",
     ),
 )

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 LAGS = 10
 LEVEL = 0.01
 # Phases of a cycle at which residuals are compared from cycle to cycle, and the least number of cycles for that.
-_PLACES = 256
+_PHASES = 256
 _LEAST_CYCLES = 3
 
 
@@ -26,16 +26,16 @@ _LEAST_CYCLES = 3
 class ResidualTests:
     """Statistics of the residuals of one test, without units; NaN where one cannot be computed.
 
-    `white_p` is the probability of so much autocorrelation in white noise (Ljung and Box, Biometrika 65, 1978,
-    297-303), `even_p` that of squared residuals so different over speed and stroke in noise of one size (Breusch and
-    Pagan, Econometrica 47, 1979, 1287-1294, as Koenker has it), the `n_time` residuals counted as `n_effective`.
+    `ljung_box_p` is the p-value of the test of Ljung and Box (Biometrika 65, 1978, 297-303) for white noise,
+    `breusch_pagan_p` that of the test of Breusch and Pagan (Econometrica 47, 1979, 1287-1294; Koenker's version) for a
+    variance that does not depend on speed and stroke, in which the `n_time` residuals count as `n_effective`.
     `fast_to_slow` is the RMS residual in the faster half of the samples over that in the slower half, `excess` the
-    excess kurtosis, 0 for normal residuals. `repeating` is the share of the mean square that every cycle has alike.
+    excess kurtosis, 0 for normal residuals. `repeating` is the share of the mean square that repeats in every cycle.
     """
 
     lag_one: float
-    white_p: float
-    even_p: float
+    ljung_box_p: float
+    breusch_pagan_p: float
     fast_to_slow: float
     excess: float
     repeating: float
@@ -45,12 +45,12 @@ class ResidualTests:
     @property
     def is_white(self) -> bool:
         """Whether the Ljung-Box test does not reject white noise."""
-        return not self.white_p < LEVEL
+        return not self.ljung_box_p < LEVEL
 
     @property
-    def is_even(self) -> bool:
+    def has_constant_variance(self) -> bool:
         """Whether the Breusch-Pagan test does not reject a constant variance."""
-        return not self.even_p < LEVEL
+        return not self.breusch_pagan_p < LEVEL
 
 
 def residual_tests(comparison: Comparison) -> ResidualTests:
@@ -66,8 +66,8 @@ def residual_tests(comparison: Comparison) -> ResidualTests:
     varies = residual.size > 2 * LAGS and float(np.var(residual)) > 0.0
     return ResidualTests(
         lag_one=float(rho[1]) if varies else np.nan,
-        white_p=_ljung_box(rho, residual.size) if varies else np.nan,
-        even_p=_breusch_pagan(centred**2, np.stack([speed, stroke], axis=1), n_effective)
+        ljung_box_p=_ljung_box(rho, residual.size) if varies else np.nan,
+        breusch_pagan_p=_breusch_pagan(centred**2, np.stack([speed, stroke], axis=1), n_effective)
         if varies
         else np.nan,
         fast_to_slow=_fast_to_slow(centred, speed) if varies else np.nan,
@@ -93,7 +93,7 @@ def _ljung_box(rho: Array, n_time: int) -> float:
 
 
 def _breusch_pagan(squared: Array, over: Array, n_effective: float) -> float:
-    """A regression explains a share R^2 of the squared residuals: n R^2 is chi-squared where it should be none."""
+    """Under constant variance, n R^2 of a regression of the squared residuals is chi-squared."""
     design = np.column_stack([np.ones(squared.size), over / over.max(axis=0)])
     left = squared - design @ np.linalg.lstsq(design, squared, rcond=None)[0]
     explained = 1.0 - float(np.var(left)) / float(np.var(squared))
@@ -101,7 +101,7 @@ def _breusch_pagan(squared: Array, over: Array, n_effective: float) -> float:
 
 
 def _chi_squared_beyond(statistic: float, degrees: int) -> float:
-    """Probability that chi-squared with so many degrees of freedom is larger."""
+    """Survival function of chi-squared with these degrees of freedom."""
     from scipy.special import chdtrc  # `scipy.stats` takes four times as long to load
 
     return float(chdtrc(degrees, statistic))
@@ -120,17 +120,17 @@ def _fast_to_slow(centred: Array, speed: Array) -> float:
 
 
 def _repeating(comparison: Comparison) -> float:
-    """Variance between places of the cycle, corrected for the scatter from cycle to cycle, as a share of both."""
+    """Variance between phases of the cycle, corrected for the scatter from cycle to cycle, as a share of both."""
     test = comparison.test
     counted = test.counted
     cycles = whole_cycles(test.displacement[counted])
     if len(cycles) < _LEAST_CYCLES or not has_regular_cycles(test):
         return np.nan
     residual = comparison.residual[counted]
-    places = np.linspace(0.0, 1.0, _PLACES, endpoint=False)
-    # The nearest samples: between two of them noise would be smaller than it is.
+    phases = np.linspace(0.0, 1.0, _PHASES, endpoint=False)
+    # The nearest samples: interpolation between two would reduce the noise.
     rows = np.array(
-        [residual[np.rint(cycle.start + places * (cycle.stop - cycle.start)).astype(int)] for cycle in cycles]
+        [residual[np.rint(cycle.start + phases * (cycle.stop - cycle.start)).astype(int)] for cycle in cycles]
     )
     scatter = float(np.mean(np.var(rows, axis=0, ddof=1)))
     common = float(np.mean(rows.mean(axis=0) ** 2)) - scatter / len(rows)

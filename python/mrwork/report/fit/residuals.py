@@ -1,4 +1,4 @@
-"""The section on residuals: whether they are white noise, and what follows if they are not."""
+"""The section on residuals: tests for white noise and constant variance, and their consequences."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from mrwork.uncertainty.bands.prediction import Prediction, mean_cycle
 
 Array = NDArray[np.float64]
 
-# At most so many tests are drawn, those with the largest misfit.
+# Largest number of tests that are drawn, those with the largest misfit.
 _DRAWN = 2
 # Share of the mean square from which on the residuals are called the model's error.
 _MOST = 0.5
@@ -61,14 +61,14 @@ def residual_section(comparisons: Sequence[Comparison]) -> Section:
 
 
 def _summary(found: Sequence[ResidualTests]) -> str:
-    coloured = sum(not each.is_white for each in found)
-    if coloured == 0:
+    correlated = sum(not each.is_white for each in found)
+    if correlated == 0:
         return "Residuals: consistent with white noise."
     repeating = _repeating(found)
-    said = f"Residuals: correlated on {tests_of(coloured, len(found))}"
+    text = f"Residuals: correlated on {tests_of(correlated, len(found))}"
     if not repeating:
-        return f"{said}."
-    return f"{said}; {most_of(float(np.median(repeating)))} % of their mean square repeats in every cycle."
+        return f"{text}."
+    return f"{text}; {most_of(float(np.median(repeating)))} % of their mean square repeats in every cycle."
 
 
 def _repeating(found: Sequence[ResidualTests]) -> list[float]:
@@ -77,33 +77,33 @@ def _repeating(found: Sequence[ResidualTests]) -> list[float]:
 
 
 def _prose(found: Sequence[ResidualTests]) -> tuple[str, ...]:
-    coloured = sum(not each.is_white for each in found)
-    uneven = sum(not each.is_even for each in found)
-    if coloured == 0:
+    correlated = sum(not each.is_white for each in found)
+    varying = sum(not each.has_constant_variance for each in found)
+    if correlated == 0:
         first = (
             "These tests do not distinguish the residuals from white noise: they show no error that a better model "
             "could remove, and the standard errors in the table of parameters hold."
         )
     else:
         first = (
-            f"On {tests_of(coloured, len(found))} the residuals are correlated from sample to sample. Standard errors "
-            "and bands that count every sample as independent are then too narrow; prediction bands are calibrated on "
-            f"tests that the fit has not seen. {_origin(_repeating(found))}"
+            f"On {tests_of(correlated, len(found))} the residuals are correlated from sample to sample. Standard "
+            "errors and bands that count every sample as independent are then too narrow; prediction bands are "
+            f"calibrated on tests that the fit has not seen. {_origin(_repeating(found))}"
         )
-    if uneven == 0:
+    if varying == 0:
         second = "The tests show no dependence of their variance on speed or stroke."
     else:
         second = (
-            f"On {tests_of(uneven, len(found))} their variance depends on speed and stroke: a band of constant width "
+            f"On {tests_of(varying, len(found))} their variance depends on speed and stroke: a band of constant width "
             "is too wide in one part of the cycle and too narrow in another."
         )
     return first, second
 
 
 def _origin(repeating: Sequence[float]) -> str:
-    """Whether the residuals are model error or noise, judged by how much of them repeats."""
+    """Whether the residuals are mostly model error, from the share that repeats in every cycle."""
     if not repeating:
-        return "Model error and correlated noise cannot be told apart without repeated cycles."
+        return "Model error and correlated noise cannot be distinguished without repeated cycles."
     low, high = most_of(min(repeating)), most_of(max(repeating))
     span = low if low == high else f"between {low} and {high}"
     text = f"Of their mean square {span} % repeats from cycle to cycle"
@@ -132,10 +132,10 @@ def _table(comparisons: Sequence[Comparison], found: Sequence[ResidualTests]) ->
             (
                 comparison.test.name,
                 numbers.fixed(each.lag_one, 3),
-                probability(each.white_p),
+                probability(each.ljung_box_p),
                 f"{numbers.fixed(each.n_effective, 0)} of {numbers.fixed(each.n_time, 0)}",
                 percent(each.repeating),
-                probability(each.even_p),
+                probability(each.breusch_pagan_p),
                 numbers.fixed(each.fast_to_slow, 2),
                 numbers.fixed(each.excess, 1),
             )

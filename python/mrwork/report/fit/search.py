@@ -1,4 +1,4 @@
-"""The section on the search: how the misfit fell, where the descents ended, and what the search cost."""
+"""The section on the search: convergence of the misfit, minima of the descents, and cost."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def search_panels(fit: Fit) -> tuple[Panel, ...]:
 
 
 def search_facts(fit: Fit) -> list[tuple[str, str]]:
-    """What the search did and cost, by name."""
+    """Results and cost of the search, by name."""
     return [
         ("Descents", _descents_in_words(fit)),
         ("Search ended", _ENDED.get(fit.trace.stop_reason, fit.trace.stop_reason)),

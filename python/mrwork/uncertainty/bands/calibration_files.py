@@ -161,7 +161,7 @@ def read_predictions(place: Path) -> tuple[Prediction, ...]:
 
 
 class Folds:
-    """Cache of cross-validation fits, so that an interrupted calibration resumes; by the tests they were fitted to."""
+    """Cache of cross-validation fits, so that an interrupted calibration resumes; the key is the tests of the fit."""
 
     def __init__(self, place: Path, fit: Fit) -> None:
         self._place = place

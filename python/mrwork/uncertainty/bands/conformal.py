@@ -20,7 +20,7 @@ from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles
 
 # Bins of the phase for the mean error; level at which variants of the shape are compared, and tests it takes.
 _BINS = 24
-_JUDGED_AT = 0.9
+_COMPARED_AT = 0.9
 _LEAST_TO_CHOOSE = 4
 LEVELS = (0.5, 0.9, 0.95)
 
@@ -66,8 +66,8 @@ class Shape:
 class Calibration(Summarised):
     """Calibration of prediction bands from the errors on several tests.
 
-    `scores` are the errors of each test in its scale; `tests` are their names; `held_out` says how the tests were kept
-    from the fit.
+    `scores` are the errors of each test in its scale; `tests` are their names; `held_out` describes how the tests were
+    kept from the fit.
     """
 
     shape: Shape
@@ -105,7 +105,7 @@ class Calibration(Summarised):
                     "scale of an error",
                     f"deviation x ({shape.level:.3g} + {shape.slope:.3g} steepness) + {shape.floor:.3g} N",
                 ),
-                ("mean error over the cycle", "taken out" if self.shape.bias else "left in"),
+                ("mean error over the cycle", "removed" if self.shape.bias else "not removed"),
             ),
             columns=("test", "median score", "90 % score"),
             rows=[
@@ -118,9 +118,9 @@ class Calibration(Summarised):
 def calibrate(predictions: Sequence[Prediction], *, held_out: str) -> Calibration:
     """Calibrate bands on tests that the fit has not seen.
 
-    The scale of the error is proportional to the force of the test, with or without a constant; it grows with the
-    steepness of the force or does not; the error has a mean over the cycle or none. The variant with the least interval
-    score is chosen by leave-one-out cross-validation over the tests.
+    The scale of the error is proportional to the force of the test, with or without a constant and a term that grows
+    with the steepness of the force; the error has zero mean or a mean over the cycle. The variant with the least
+    interval score is chosen by leave-one-out cross-validation over the tests.
 
     Parameters
     ----------
@@ -154,7 +154,7 @@ def calibrate(predictions: Sequence[Prediction], *, held_out: str) -> Calibratio
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Variant:
-    """Terms of a shape beside its level."""
+    """Terms of a shape in addition to its level."""
 
     steep: bool
     floored: bool
@@ -209,8 +209,8 @@ def _left_out_score(errors: Sequence[_Errors], variant: _Variant) -> float:
         calibration = _calibrated([*errors[:index], *errors[index + 1 :]], variant, "")
         shape = calibration.shape
         centre = test.deviation * shape.bias_at(test.phase)
-        half = pooled_quantile(calibration.scores, _JUDGED_AT) * shape.scale(test.deviation, test.steepness)
-        band = Band.about(centre, half, level=_JUDGED_AT)
+        half = pooled_quantile(calibration.scores, _COMPARED_AT) * shape.scale(test.deviation, test.steepness)
+        band = Band.about(centre, half, level=_COMPARED_AT)
         total += score(band, test.error, per=test.measured).interval_score
     return total
 

@@ -18,7 +18,7 @@ from mrwork.records.motion import whole_cycles
 from mrwork.summary import Summarised, Summary
 
 Fold = Literal["test", "motion", "command"]
-"""What is left out together: each test by itself, all of one amplitude and frequency, all at one current or voltage."""
+"""Unit that is left out: each test by itself, all of one amplitude and frequency, all at one current or voltage."""
 
 IN_WORDS: dict[Fold, str] = {
     "test": "each predicted without itself",
@@ -27,8 +27,8 @@ IN_WORDS: dict[Fold, str] = {
 }
 
 ONE_TEST = (
-    "one test was given, fitted on the first half of its cycles and judged on the second: cycles of one test repeat to "
-    "97-99 %, so this is little evidence; give tests at other motions"
+    "one test was given, fitted on the first half of its cycles and evaluated on the second: cycles of one test repeat "
+    "to 97-99 %, so this is little evidence; give tests at other motions"
 )
 
 # Identifies the damper from tests.

@@ -22,7 +22,7 @@ from mrwork.uncertainty.autocorrelation import effective_samples
 from mrwork.uncertainty.bands.prediction import ONE_TEST, Fold, folds_of, held_out_errors, held_out_words
 from mrwork.uncertainty.choice.families import ALL, Family, command_remark, families
 from mrwork.uncertainty.choice.leave_one_out import Likelihood, free_parameters, residuals_of, variance_of
-from mrwork.uncertainty.choice.ranking import Evidence, Ranking, concluded, rank
+from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank, ranking_of
 from mrwork.uncertainty.noise import noise_model
 
 T = TypeVar("T")
@@ -86,11 +86,11 @@ class RunningComparison:
     _done: int = field(default=0, init=False)
 
     @property
-    def judged(self) -> bool:
+    def has_predictions(self) -> bool:
         """Whether any family predicted the data left out."""
         return any(each.left_out for each in self.evidence.values())
 
-    def judge(self, number: int) -> None:
+    def evaluate(self, number: int) -> None:
         """Identify a family from all tests and without each fold; a failure is recorded as its reason.
 
         A family that is interrupted is left out.
@@ -104,14 +104,14 @@ class RunningComparison:
             step, task = (
                 (f"left_out_{fold}", f"left out {fold} of {self.n_folds}") if fold else ("fit", "all tests")
             )
-            self._tell(number, task)
+            self._report(number, task)
             identify = partial(
                 identify_with,
                 family.spec,
                 tests,
                 settings,
                 threads=self.threads,
-                on_progress=partial(self._tell, number, task),
+                on_progress=partial(self._report, number, task),
             )
             fit = self._journalled(f"{model}/{step}", lambda journal: identify(journal=journal))
             made.append(fit)
@@ -143,7 +143,7 @@ class RunningComparison:
             variance=None if fit is None else variance_of(fit, self.tests),
         )
 
-    def weigh(self, likelihood: Likelihood) -> None:
+    def add_leave_one_out(self, likelihood: Likelihood) -> None:
         """PSIS-LOO of every identified family, on the same blocks and with the same tempering."""
         if not self.fits:
             return
@@ -153,26 +153,26 @@ class RunningComparison:
             fit = self.fits.get(family.spec.name)
             if fit is None:
                 continue
-            self._tell(number, "leave-one-out")
+            self._report(number, "leave-one-out")
             own = self.evidence[fit.model]
             step = f"{fit.model}/leave_one_out"
             try:
-                told = self._journalled(step, partial(shared.leave_one_out, fit))
+                result = self._journalled(step, partial(shared.leave_one_out, fit))
             except SettingError as reason:
                 found[fit.model] = replace(own, reason=own.reason or f"no PSIS-LOO: {reason}")
             else:
-                found[fit.model] = replace(own, leave_one_out=told)
+                found[fit.model] = replace(own, leave_one_out=result)
         # Recorded only when all are done: among some families the best ELPD would mislead.
         self.evidence.update(found)
         self.n_blocks = shared.n_blocks
 
-    def conclude(self) -> Choice:
+    def choice(self) -> Choice:
         """The choice among the families that are done."""
         best = min(self.fits.values(), key=lambda fit: fit.nrmse)
         n_effective = effective_samples(residuals_of(best, self.tests))
         evidence = list(self.evidence.values())
         standings = rank(evidence, n_effective)
-        ranking = concluded(
+        ranking = ranking_of(
             standings,
             held_out=held_out_words(self.tests, self.leave_out),
             n_folds=max(len(each.left_out) for each in evidence),
@@ -193,7 +193,7 @@ class RunningComparison:
         finally:
             journal.close()
 
-    def _tell(self, number: int, task: str, within: Progress | None = None) -> None:
+    def _report(self, number: int, task: str, within: Progress | None = None) -> None:
         if self.on_progress is None:
             return
         total = (1 + self.n_folds) * sum(len(family.spec.parameters) for family in self.compared)
@@ -247,7 +247,7 @@ def choose_model(
     noise
         Noise model of the likelihood, one of `mrwork.uncertainty.noise.NOISES`.
     sampled
-        Draw from the posterior by its chain, `sample`, in place of importance sampling about the fit: slower.
+        Draw from the posterior by the chain of `sample`, which is slower than importance sampling about the fit.
     on_progress
         Called during the fits.
     journal_of
@@ -292,10 +292,10 @@ def choose_model(
     likelihood = Likelihood(noise=noise_model(noise), sampled=sampled, rng=settings.rng, threads=threads)
     try:
         for number in range(1, len(compared) + 1):
-            comparison.judge(number)
-        comparison.weigh(likelihood)
+            comparison.evaluate(number)
+        comparison.add_leave_one_out(likelihood)
     except KeyboardInterrupt as interrupt:
-        if not comparison.judged:
+        if not comparison.has_predictions:
             raise KeyboardInterrupt from interrupt
-        raise Interrupted(comparison.conclude(), "choice of model") from interrupt
-    return comparison.conclude()
+        raise Interrupted(comparison.choice(), "choice of model") from interrupt
+    return comparison.choice()

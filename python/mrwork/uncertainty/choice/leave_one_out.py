@@ -62,7 +62,7 @@ def leave_one_out(log_densities: Array, log_ratio: Array) -> LeaveOneOut:
     if n_blocks < 2:
         raise SettingError("the records make one block only, so none can be left out; give longer ones")
     if n_draws < 100:
-        raise SettingError(f"{n_draws} draws fell where the posterior is; leave-one-out wants 100 or more")
+        raise SettingError(f"{n_draws} draws fell where the posterior is; leave-one-out needs 100 or more")
     # ArviZ takes seconds to load, and has no type annotations.
     statistics: Any = import_module("arviz_stats.base").array_stats
     if np.ptp(log_ratio) == 0.0:
@@ -121,7 +121,7 @@ def blocks_of(test: DamperTest, least: float) -> tuple[slice, ...]:
     return tuple(slice(first, last) for first, last in zip(cuts, [*cuts[1:], displacement.size], strict=True))
 
 
-def longest_memory(residuals: Sequence[Sequence[NDArray[np.float64]]]) -> tuple[float, ...]:
+def longest_autocorrelation_times(residuals: Sequence[Sequence[NDArray[np.float64]]]) -> tuple[float, ...]:
     """Longest autocorrelation time [samples] of each test, shape (n_tests,), over the residuals of several models."""
     return tuple(
         max(autocorrelation_time(each) for each in of_test) for of_test in zip(*residuals, strict=True)
@@ -143,7 +143,8 @@ class Likelihood:
         residuals = [residuals_of(fit, tests) for fit in fits]
         n_time = sum(test.n_time - test.n_settle for test in tests)
         blocks = tuple(
-            blocks_of(test, least) for test, least in zip(tests, longest_memory(residuals), strict=True)
+            blocks_of(test, least)
+            for test, least in zip(tests, longest_autocorrelation_times(residuals), strict=True)
         )
         return SharedLikelihood(
             likelihood=self,

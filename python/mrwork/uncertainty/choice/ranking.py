@@ -104,14 +104,14 @@ def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Stand
     SettingError
         Where no family predicted the tests left out.
     """
-    judged = sorted(
+    predicted = sorted(
         (each for each in evidence if each.left_out), key=lambda each: float(np.mean(each.left_out))
     )
-    if not judged:
+    if not predicted:
         reasons = "; ".join(f"{each.model}: {each.reason}" for each in evidence)
         raise SettingError(f"no family of models predicts what was left out of its fit ({reasons})")
-    best = judged[0]
-    as_good = [each for each in judged if _is_as_good(each, best)]
+    best = predicted[0]
+    as_good = [each for each in predicted if _is_as_good(each, best)]
     chosen = min(as_good, key=lambda each: each.n_params)
     bic = {each.model: _bic(each, n_effective) for each in evidence}
     most_likely = max(
@@ -120,7 +120,7 @@ def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Stand
         default=None,
     )
     standings = []
-    for each in [*judged, *(each for each in evidence if not each.left_out)]:
+    for each in [*predicted, *(each for each in evidence if not each.left_out)]:
         verdict: RankVerdict = "failed" if not each.left_out else "behind"
         if each is chosen:
             verdict = "chosen"
@@ -215,7 +215,7 @@ class Ranking(Summarised):
     def _summary(self) -> Summary:
         return Summary(
             title=f"Choice of model: {self.chosen}",
-            facts=(("judged on", self.held_out),),
+            facts=(("evaluated on", self.held_out),),
             columns=("model", "parameters", "fit %", "left out %", "verdict", "reason"),
             rows=[
                 (
@@ -232,7 +232,7 @@ class Ranking(Summarised):
         )
 
 
-def concluded(
+def ranking_of(
     standings: tuple[Standing, ...],
     *,
     held_out: str,
@@ -256,7 +256,7 @@ def concluded(
         parts.append(f"A standard error from {n_folds} folds is uncertain")
     failed = [each.title for each in standings if each.verdict == "failed"]
     if failed:
-        parts.append(f"Not judged: {', '.join(failed)}")
+        parts.append(f"Failed: {', '.join(failed)}")
     if missing:
         parts.append(f"The comparison was interrupted and lacks {', '.join(missing)}")
     return Ranking(

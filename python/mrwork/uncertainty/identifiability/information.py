@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mrwork.identification.fit import Change, Direction, Identifiability, Verdict
 
 # Components of a direction smaller than this share of the largest are not named.
-_SPOKEN = 0.03
+_NEGLIGIBLE = 0.03
 # Relative tolerance for exponents to count as simple fractions, and the largest of those.
 _SIMPLE = 2e-3
 _LARGEST_DENOMINATOR = 2
@@ -25,11 +25,11 @@ def changes_along(
 
     The first one increases by 1 %; parameters that hardly change are left out.
     """
-    spoken = np.flatnonzero(np.abs(direction) > _SPOKEN * np.max(np.abs(direction)))
-    unit = direction / direction[spoken[0]]
+    named = np.flatnonzero(np.abs(direction) > _NEGLIGIBLE * np.max(np.abs(direction)))
+    unit = direction / direction[named[0]]
     return tuple(
         Change(name=names[index], percent=float(unit[index]), of_range=of_range[index])
-        for index in map(int, spoken)
+        for index in map(int, named)
     )
 
 
@@ -47,7 +47,7 @@ def sparse_basis(null: NDArray[np.float64]) -> NDArray[np.float64]:
         rows[index] /= rows[index, pivots[-1]]
         others = np.delete(np.arange(len(rows)), index)
         rows[others] -= np.outer(rows[others, pivots[-1]], rows[index])
-    return np.where(np.abs(rows) > _SPOKEN * np.max(np.abs(rows), axis=1, keepdims=True), rows, 0.0)
+    return np.where(np.abs(rows) > _NEGLIGIBLE * np.max(np.abs(rows), axis=1, keepdims=True), rows, 0.0)
 
 
 def simple_combinations(changes: Sequence[Change], *, within: float = _SIMPLE) -> tuple[str, ...]:
@@ -90,14 +90,14 @@ UNSEEN = 1e-7
 # Parameters with a relative standard error above this are weakly identifiable.
 WEAK = 0.25
 # Smallest component of a parameter that takes part in a direction.
-_PART = 1e-6
+_LEAST_COMPONENT = 1e-6
 # Tolerance of exponents for combinations along weakly identifiable directions.
-_ABOUT = 0.05
+_APPROXIMATE = 0.05
 # Smallest correlation at which a partner is named.
-_TIED = 0.9
+_STRONG_CORRELATION = 0.9
 
 
-def judged(
+def identifiability_from(
     jacobian: NDArray[np.float64],
     *,
     names: Sequence[str],
@@ -129,14 +129,14 @@ def judged(
     n_time = len(jacobian)
     null = _null_space(jacobian)
     basis = sparse_basis(null) if len(null) else null
-    unseen = tuple(_unseen(row, jacobian, names, of_range, held) for row in basis)
+    unseen = tuple(_unidentifiable_direction(row, jacobian, names, of_range, held) for row in basis)
     counted = np.array([index for index, name in enumerate(names) if name not in held], dtype=int)
     free = jacobian[:, counted]
-    blind = np.any(np.abs(_null_space(free)) > _PART, axis=0)
+    undetermined = np.any(np.abs(_null_space(free)) > _LEAST_COMPONENT, axis=0)
     variance = misfit**2 / max(n_time - counted.size, 1) * n_time / n_effective
-    seen = free[:, ~blind]
+    seen = free[:, ~undetermined]
     cov = np.full((counted.size, counted.size), np.inf)
-    cov[np.ix_(~blind, ~blind)] = variance * _inverse(seen.T @ seen)
+    cov[np.ix_(~undetermined, ~undetermined)] = variance * _scaled_inverse(seen.T @ seen)
     verdicts = tuple(
         _verdict(
             number,
@@ -144,13 +144,16 @@ def judged(
             cov,
             free,
             [of_range[index] for index in counted],
-            blind,
+            undetermined,
         )
         for number in range(counted.size)
     )
-    seen_names = [names[index] for index in counted[~blind]]
-    weak = _weak(
-        cov[np.ix_(~blind, ~blind)], seen, seen_names, [of_range[index] for index in counted[~blind]]
+    seen_names = [names[index] for index in counted[~undetermined]]
+    weak = _weak_directions(
+        cov[np.ix_(~undetermined, ~undetermined)],
+        seen,
+        seen_names,
+        [of_range[index] for index in counted[~undetermined]],
     )
     return Identifiability(
         verdicts=verdicts, directions=unseen + weak, n_time=n_time, n_effective=n_effective
@@ -162,21 +165,21 @@ def _null_space(jacobian: NDArray[np.float64]) -> NDArray[np.float64]:
     if jacobian.shape[1] == 0:
         return np.empty((0, 0))
     norm = np.linalg.norm(jacobian, axis=0)
-    mute = norm == 0.0
-    unit = jacobian / np.where(mute, 1.0, norm)
+    insensitive = norm == 0.0
+    unit = jacobian / np.where(insensitive, 1.0, norm)
     _, singular, right = np.linalg.svd(unit, full_matrices=len(jacobian) < jacobian.shape[1])
     short = np.concatenate([singular, np.zeros(len(right) - len(singular))])
-    null = right[short <= UNSEEN * max(singular[0], 1e-300)] / np.where(mute, 1.0, norm)
+    null = right[short <= UNSEEN * max(singular[0], 1e-300)] / np.where(insensitive, 1.0, norm)
     return np.asarray(null / np.linalg.norm(null, axis=1, keepdims=True))
 
 
-def _inverse(normal: NDArray[np.float64]) -> NDArray[np.float64]:
+def _scaled_inverse(normal: NDArray[np.float64]) -> NDArray[np.float64]:
     """Inverse of a positive definite matrix, scaled to unit diagonal for accuracy."""
     root = np.sqrt(np.diag(normal))
     return np.asarray(np.linalg.inv(normal / np.outer(root, root)) / np.outer(root, root))
 
 
-def _unseen(
+def _unidentifiable_direction(
     direction: NDArray[np.float64],
     jacobian: NDArray[np.float64],
     names: Sequence[str],
@@ -190,7 +193,7 @@ def _unseen(
         combinations = simple_combinations(changes)
         only = f"; combinations such as {listed(combinations)} can be identified" if combinations else ""
         sentence = (
-            f"{listed([each.name for each in changes])} cannot be distinguished: {_together(changes)} "
+            f"{listed([each.name for each in changes])} cannot be distinguished: {_joint_change(changes)} "
             f"does not change the force{only}"
         )
     kept = [each.name for each in changes if each.name in held]
@@ -199,7 +202,7 @@ def _unseen(
     return Direction(changes=changes, effect=_effect(changes, jacobian, names), seen=False, sentence=sentence)
 
 
-def _weak(
+def _weak_directions(
     cov: NDArray[np.float64],
     jacobian: NDArray[np.float64],
     names: Sequence[str],
@@ -220,24 +223,25 @@ def _weak(
         )
         effect = _effect(changes, jacobian, names)
         in_order = sorted(changes, key=lambda change: names.index(change.name))
-        combinations = simple_combinations(in_order, within=_ABOUT)
+        combinations = simple_combinations(in_order, within=_APPROXIMATE)
         better = f"; {listed(combinations)} is better identifiable" if combinations else ""
         first = float(np.sqrt(variance)) * abs(vector[names.index(changes[0].name)])
         sentence = (
-            f"{_together(changes)} is weakly identifiable: it changes the force by {100.0 * effect:.1g} % of its "
-            f"deviation, so the standard error of {changes[0].name} is {_share(first, changes[0].of_range)}{better}"
+            f"{_joint_change(changes)} is weakly identifiable: it changes the force by {100.0 * effect:.1g} % of its "
+            f"deviation, so the standard error of {changes[0].name} is "
+            f"{_relative_size(first, changes[0].of_range)}{better}"
         )
         found.append(Direction(changes=changes, effect=effect, seen=True, sentence=sentence))
     return tuple(found)
 
 
-def _share(share: float, of_range: bool) -> str:
+def _relative_size(share: float, of_range: bool) -> str:
     """Relative size such as "40 % of its value", or "33 times its value" above 100 %."""
     whole = "range" if of_range else "value"
     return f"{100.0 * share:.2g} % of its {whole}" if share < 1.0 else f"{share:.3g} times its {whole}"
 
 
-def _together(changes: Sequence[Change]) -> str:
+def _joint_change(changes: Sequence[Change]) -> str:
     first, *rest = [each.in_words for each in changes]
     return f"{first} with {listed(rest)}" if rest else first
 
@@ -254,12 +258,16 @@ def _verdict(
     cov: NDArray[np.float64],
     jacobian: NDArray[np.float64],
     of_range: Sequence[bool],
-    blind: NDArray[np.bool_],
+    undetermined: NDArray[np.bool_],
 ) -> Verdict:
     """Verdict on one parameter; its standard error in units of the scale."""
     name = names[number]
-    if blind[number]:
-        others = [each for each, also in zip(names, blind, strict=True) if also and each != name]
+    if undetermined[number]:
+        others = [
+            each
+            for each, is_undetermined in zip(names, undetermined, strict=True)
+            if is_undetermined and each != name
+        ]
         reason = "the residuals do not depend on it"
         if others and np.any(jacobian[:, number] != 0.0):
             reason = f"identifiable only in combination with {listed(others)}"
@@ -268,10 +276,10 @@ def _verdict(
     if error <= WEAK:
         return Verdict(name=name, verdict="identifiable", standard_error=error, reason="")
     deviation = np.sqrt(np.diag(cov))
-    correlation = np.where(blind, 0.0, cov[number] / np.where(blind, 1.0, error * deviation))
+    correlation = np.where(undetermined, 0.0, cov[number] / np.where(undetermined, 1.0, error * deviation))
     correlation[number] = 0.0
     partner = int(np.argmax(np.abs(correlation)))
-    reason = f"its standard error is {_share(error, of_range[number])}"
-    if abs(correlation[partner]) > _TIED:
+    reason = f"its standard error is {_relative_size(error, of_range[number])}"
+    if abs(correlation[partner]) > _STRONG_CORRELATION:
         reason += f", mostly because {names[partner]} can compensate for it (correlation {correlation[partner]:.3f})"
     return Verdict(name=name, verdict="weakly", standard_error=error, reason=reason)

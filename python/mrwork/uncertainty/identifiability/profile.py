@@ -25,7 +25,7 @@ class Profile:
     """Least misfit with one parameter held, at increasing `values` in its `unit`.
 
     `ratio` is the likelihood ratio `dof ln(S/S_least)`; the interval ends where it reaches the threshold. An end that
-    is not "closed" is `None`: "bound" is the end of the admissible range; beyond "not simulated" none was possible.
+    is not "closed" is `None`: at "bound" the admissible range ended; beyond "not simulated" no simulation finished.
     """
 
     name: str
@@ -48,7 +48,7 @@ class Profiles(Summarised):
     """Profiles of the free parameters of a fit, in the form of its `model` without redundant parameters.
 
     `threshold` of the likelihood ratio is the quantile of chi-squared with one degree of freedom at `level`.
-    `n_effective` is the effective number of samples of `n_time`. `remark` tells of a better minimum than the fit.
+    `n_effective` is the effective number of samples of `n_time`. `remark` reports a better minimum than the fit.
     """
 
     model: str
@@ -66,7 +66,7 @@ class Profiles(Summarised):
     def _summary(self) -> Summary:
         return Summary(
             title=f"Profiles of {self.model}: intervals at {100.0 * self.level:g} %, {self.status}",
-            facts=(("samples", f"{self.n_time}, worth {self.n_effective:.0f} independent ones"),),
+            facts=(("samples", f"{self.n_time}, {self.n_effective:.0f} effective"),),
             columns=("parameter", "estimate", "lower", "upper", "unit", "verdict", "reason"),
             rows=[
                 (
@@ -129,7 +129,7 @@ def profile_of(
         verdict="identifiable",
         reason="",
     )
-    verdict, reason = _judged(profile, crossings, limit)
+    verdict, reason = _verdict(profile, crossings, limit)
     return replace(profile, verdict=verdict, reason=reason)
 
 
@@ -147,7 +147,7 @@ def _value(scaled: Scaled, index: int, position: float) -> float:
     return float(np.exp(position) if scaled.log[index] else position * scaled.size[index])
 
 
-def _judged(profile: Profile, crossings: list[float | None], limit: float) -> tuple[VerdictName, str]:
+def _verdict(profile: Profile, crossings: list[float | None], limit: float) -> tuple[VerdictName, str]:
     """Verdict: identifiable if closed and narrow, weakly if wide or open on one side, not if open on both sides."""
     open_ends = [
         f"{side}: {_IN_WORDS[end]}"

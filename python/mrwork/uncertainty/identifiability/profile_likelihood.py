@@ -99,7 +99,7 @@ def profile(
     problem = Problem.of_fit(fit, tuple(tests), threads=threads)
     objective, spec, box = problem.objective, problem.form.spec, problem.form.box
     theta = np.clip(problem.form.from_model(np.array(fit.theta)), box.lower, box.upper)
-    wanted = _wanted(box, parameters)
+    profiled = _profiled_indices(box, parameters)
     scaled = Scaled.of(spec, box, Scale.of(spec, box, objective.tests, theta), theta)
     derivatives = linearise(objective, box.free)
 
@@ -115,7 +115,7 @@ def profile(
 
     def result(sides: Sides, status: Literal["finished", "interrupted"]) -> Profiles:
         least = min(each.squared for side in sides.values() for each in side.points)
-        gone = signed_root(start.squared, least, dof) ** 2
+        improvement = signed_root(start.squared, least, dof) ** 2
         made = tuple(
             profile_of(
                 spec.parameters[box.free[index]],
@@ -127,7 +127,7 @@ def profile(
                 threshold=threshold,
                 dof=dof,
             )
-            for index in wanted
+            for index in profiled
         )
         return Profiles(
             model=spec.name,
@@ -139,14 +139,14 @@ def profile(
             profiles=made,
             status=status,
             remark=""
-            if gone < _BETTER
+            if improvement < _BETTER
             else f"a better fit was found on the way: NRMSE {np.sqrt(least):.6g} after {fit.nrmse:.6g}; "
             "the profiles are about that one, identify again",
             evaluations=objective.tally.simulations,
             seconds=time.perf_counter() - began,
         )
 
-    def tell(sides: Sides) -> None:
+    def report(sides: Sides) -> None:
         if on_progress is not None:
             on_progress(
                 ProfileProgress(
@@ -159,12 +159,12 @@ def profile(
             )
 
     best = start
-    sides: Sides = {(index, way): Side(points=[start]) for index in wanted for way in DIRECTIONS}
+    sides: Sides = {(index, way): Side(points=[start]) for index in profiled for way in DIRECTIONS}
     try:
         for _ in range(_MOST_ROUNDS):
             origin = run_alone(descent(scaled, best, dof), best, simulated)
             sides = {key: Side(points=[origin]) for key in sides}
-            run_together(scaled, sides, simulated, tell, limit=float(np.sqrt(threshold)), dof=dof)
+            run_together(scaled, sides, simulated, report, limit=float(np.sqrt(threshold)), dof=dof)
             best = min(
                 (each for side in sides.values() for each in side.points), key=lambda each: each.squared
             )
@@ -175,7 +175,7 @@ def profile(
     return result(sides, "finished")
 
 
-def _wanted(box: Box, parameters: Sequence[str]) -> list[int]:
+def _profiled_indices(box: Box, parameters: Sequence[str]) -> list[int]:
     """Indices among the free parameters of those to profile."""
     free = [box.names[index] for index in box.free]
     for name in parameters:

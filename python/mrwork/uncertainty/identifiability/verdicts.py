@@ -17,7 +17,7 @@ from mrwork.identification.result import remark_of
 from mrwork.records import DamperTest
 from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
 from mrwork.uncertainty.identifiability.curvature import Scale
-from mrwork.uncertainty.identifiability.information import judged
+from mrwork.uncertainty.identifiability.information import identifiability_from
 
 
 def identifiability_of(
@@ -46,7 +46,7 @@ def identifiability_of(
     scale = Scale.of(spec, box, objective.tests, theta)
     # Signed, so that the magnitude of a negative value increases, and products and ratios keep their form.
     sign = np.where(scale.of_range | (theta >= 0.0), 1.0, -1.0)
-    found = judged(
+    found = identifiability_from(
         jacobian * (sign * scale.size)[interior],
         names=[spec.names[index] for index in interior],
         of_range=[bool(each) for each in scale.of_range[interior]],

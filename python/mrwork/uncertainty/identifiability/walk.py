@@ -103,9 +103,9 @@ def walk(
         if after > limit:
             yield from _bracketed(scaled, index, points, limit, dof)
             return "closed"
-        wanted = min(_RISE, limit + _BEYOND - after)
+        aimed = min(_RISE, limit + _BEYOND - after)
         rise = after - before
-        factor = wanted / rise if rise > 0.0 else _LONGEST
+        factor = aimed / rise if rise > 0.0 else _LONGEST
         step = abs(target - here) * float(np.clip(factor, _SHORTEST, _LONGEST))
     return "too many points"
 
@@ -218,15 +218,13 @@ Sides = dict[tuple[int, Literal[-1, 1]], Side]
 DIRECTIONS: tuple[Literal[-1, 1], ...] = (-1, 1)
 
 
-def run_alone(
-    walked: Descent, point: Point, simulated: Callable[[NDArray[np.float64]], list[Point]]
-) -> Point:
+def run_alone(steps: Descent, point: Point, simulated: Callable[[NDArray[np.float64]], list[Point]]) -> Point:
     """Run one descent to its end, each position a batch of its own."""
     try:
-        wanted = next(walked)
+        position = next(steps)
         while True:
-            (point,) = simulated(wanted[None])
-            wanted = walked.send(point)
+            (point,) = simulated(position[None])
+            position = steps.send(point)
     except StopIteration as ended:
         arrived: Point = ended.value
         return arrived
@@ -236,26 +234,26 @@ def run_together(
     scaled: Scaled,
     sides: Sides,
     simulated: Callable[[NDArray[np.float64]], list[Point]],
-    tell: Callable[[Sides], None],
+    on_batch: Callable[[Sides], None],
     *,
     limit: float,
     dof: float,
 ) -> None:
     """Run all walks to their ends; their next positions make one batch."""
     walks = {key: walk(scaled, *key, side.points, limit=limit, dof=dof) for key, side in sides.items()}
-    wanted: dict[tuple[int, Literal[-1, 1]], NDArray[np.float64]] = {}
+    pending: dict[tuple[int, Literal[-1, 1]], NDArray[np.float64]] = {}
 
     def advance(key: tuple[int, Literal[-1, 1]], point: Point | None) -> None:
         try:
-            wanted[key] = next(walks[key]) if point is None else walks[key].send(point)
+            pending[key] = next(walks[key]) if point is None else walks[key].send(point)
         except StopIteration as ended:
             sides[key].end = ended.value
-            wanted.pop(key, None)
+            pending.pop(key, None)
 
     for key in walks:
         advance(key, None)
-    while wanted:
-        found = simulated(np.array(list(wanted.values())))
-        for key, point in zip(list(wanted), found, strict=True):
+    while pending:
+        found = simulated(np.array(list(pending.values())))
+        for key, point in zip(list(pending), found, strict=True):
             advance(key, point)
-        tell(sides)
+        on_batch(sides)

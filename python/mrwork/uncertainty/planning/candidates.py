@@ -87,7 +87,7 @@ def candidate_grid(
     """
     if commands and spec.current is None:
         raise SettingError(
-            f"{spec.name} was identified without current laws, so no test at another current can be foretold; "
+            f"{spec.name} was identified without current laws, so no test at another current can be predicted; "
             "leave the currents out"
         )
     for name, values in (("amplitudes", amplitudes), ("frequencies", frequencies)):

@@ -1,4 +1,4 @@
-"""Plan of the next test: the expected reduction of a variance by each candidate, before it is made."""
+"""Plan of the next test: the expected reduction of a variance by each candidate."""
 
 from __future__ import annotations
 
@@ -41,7 +41,8 @@ class Gain:
 class Plan(Summarised):
     """Candidates in order of gain for a `band`: "force", "energy" or the name of a parameter.
 
-    `deviation` is the current one of the band, in `unit`. `left_out` could not be simulated.
+    `deviation` is the standard deviation of the band before a further test, in `unit`. The candidates
+    `left_out` could not be simulated.
     """
 
     model: str
@@ -54,13 +55,13 @@ class Plan(Summarised):
     def _summary(self) -> Summary:
         return Summary(
             title=f"Next tests of {self.model}",
-            facts=(("band", f"{self.band}, now known to {of_unit(self.deviation, self.unit, 3)}"),),
+            facts=(("band", f"{self.band}, present deviation {of_unit(self.deviation, self.unit, 3)}"),),
             columns=(
                 "amplitude [mm]",
                 "frequency [Hz]",
                 "command",
-                "variance taken away",
-                f"deviation after it [{self.unit}]",
+                "variance reduction",
+                f"deviation afterwards [{self.unit}]",
             ),
             rows=[
                 (
@@ -169,39 +170,41 @@ def plan(
     SimulationError
         Where no candidate could be simulated.
     """
-    known = LinearisedPosterior.of(fit, tests, threads=threads)
-    possible = responses(known, candidates)
-    wanted = responses(known, targets) if targets else possible
-    if not possible or not wanted:
+    posterior = LinearisedPosterior.of(fit, tests, threads=threads)
+    possible = responses(posterior, candidates)
+    of_targets = responses(posterior, targets) if targets else possible
+    if not possible or not of_targets:
         raise SimulationError(
             f"no {'candidate' if not possible else 'target'} could be simulated with {fit.model}; take slower ones"
         )
-    matrix, unit = band_matrix(known, wanted, band)
-    now = float(np.trace(matrix @ np.linalg.inv(known.precision)))
+    matrix, unit = band_matrix(posterior, of_targets, band)
+    variance_now = float(np.trace(matrix @ np.linalg.inv(posterior.precision)))
     gains = []
     for response in possible:
-        after = float(np.trace(matrix @ np.linalg.inv(known.precision + information(known, response))))
+        after = float(
+            np.trace(matrix @ np.linalg.inv(posterior.precision + information(posterior, response)))
+        )
         gains.append(
             Gain(
                 candidate=response.candidate,
-                gain=1.0 - after / now if now > 0.0 else 0.0,
+                gain=1.0 - after / variance_now if variance_now > 0.0 else 0.0,
                 deviation=float(np.sqrt(after)),
             )
         )
     simulated = {response.candidate for response in possible}
     return Plan(
-        model=known.spec.name,
+        model=posterior.spec.name,
         band=band,
         unit=unit,
-        deviation=float(np.sqrt(now)),
+        deviation=float(np.sqrt(variance_now)),
         gains=tuple(sorted(gains, key=lambda each: -each.gain)),
         left_out=tuple(each for each in candidates if each not in simulated),
     )
 
 
-def responses(known: LinearisedPosterior, candidates: Sequence[Candidate]) -> list[Response]:
+def responses(posterior: LinearisedPosterior, candidates: Sequence[Candidate]) -> list[Response]:
     """Responses of the candidates that can be simulated, by central differences in one batch each."""
-    scaled, position = known.scaled, known.position
+    scaled, position = posterior.scaled, posterior.position
     # One-sided for a parameter on its bound.
     ahead = np.minimum(position + _STEP, scaled.upper)
     behind = np.maximum(position - _STEP, scaled.lower)
@@ -212,12 +215,12 @@ def responses(known: LinearisedPosterior, candidates: Sequence[Candidate]) -> li
     theta = scaled.parameters(points)
     found = []
     for candidate in candidates:
-        loading, counted = motion_of(candidate, known.spec)
-        run = simulate_forces(known.spec, theta, loading.history(), threads=known.threads)
+        loading, counted = motion_of(candidate, posterior.spec)
+        run = simulate_forces(posterior.spec, theta, loading.history(), threads=posterior.threads)
         if np.any(run.outcome != Outcome.FINISHED):
             continue
         force = run.force[:, counted]
-        corrected = without_nuisance(force, force[0], known.nuisances)
+        corrected = without_nuisance(force, force[0], posterior.nuisances)
         cycles = (counted.stop - counted.start) * loading.dt * candidate.frequency
         assert loading.velocity is not None
         energy = force @ loading.velocity[counted] * loading.dt / cycles
@@ -234,14 +237,14 @@ def responses(known: LinearisedPosterior, candidates: Sequence[Candidate]) -> li
     return found
 
 
-def information(known: LinearisedPosterior, response: Response) -> NDArray[np.float64]:
+def information(posterior: LinearisedPosterior, response: Response) -> NDArray[np.float64]:
     """Precision that a candidate adds, shape (n_free, n_free)."""
     unit = response.corrected / (np.std(response.force) * np.sqrt(response.force.size))
-    return np.asarray(known.weight * unit.T @ unit)
+    return np.asarray(posterior.weight * unit.T @ unit)
 
 
 def band_matrix(
-    known: LinearisedPosterior, targets: Sequence[Response], band: str
+    posterior: LinearisedPosterior, targets: Sequence[Response], band: str
 ) -> tuple[NDArray[np.float64], str]:
     """Matrix M of a band with variance trace(M cov), shape (n_free, n_free), and the unit of its deviation."""
     if band == "force":
@@ -250,14 +253,14 @@ def band_matrix(
     if band == "energy":
         shares = [each.energy_derivative / each.energy for each in targets]
         return np.mean([np.outer(each, each) for each in shares], axis=0), "of the energy of a cycle"
-    index = column_of(known, band)
-    unit = np.zeros(known.position.size)
-    unit[index] = 1.0 if known.scaled.log[index] else known.scaled.size[index]
-    parameter = known.spec.parameters[known.scaled.free[index]]
-    return np.outer(unit, unit), "of its value" if known.scaled.log[index] else parameter.unit
+    index = column_of(posterior, band)
+    unit = np.zeros(posterior.position.size)
+    unit[index] = 1.0 if posterior.scaled.log[index] else posterior.scaled.size[index]
+    parameter = posterior.spec.parameters[posterior.scaled.free[index]]
+    return np.outer(unit, unit), "of its value" if posterior.scaled.log[index] else parameter.unit
 
 
-def column_of(known: LinearisedPosterior, band: str) -> int:
+def column_of(posterior: LinearisedPosterior, band: str) -> int:
     """Index of a parameter among the free ones.
 
     Raises
@@ -265,10 +268,10 @@ def column_of(known: LinearisedPosterior, band: str) -> int:
     UnknownNameError, SettingError
         Where there is no such parameter, or it is fixed.
     """
-    free = [known.spec.names[index] for index in known.scaled.free]
+    free = [posterior.spec.names[index] for index in posterior.scaled.free]
     if band in free:
         return free.index(band)
-    if band in known.spec.names:
+    if band in posterior.spec.names:
         raise SettingError(f"{band} is fixed, no test narrows it; take force, energy, {', '.join(free)}")
     raise UnknownNameError(f"there is no band {band!r}; take force, energy, {', '.join(free)}")
 

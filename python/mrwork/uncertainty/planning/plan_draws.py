@@ -31,16 +31,18 @@ class Check:
     least_effective: float
 
 
-def normal_draws(known: LinearisedPosterior, n_draws: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def normal_draws(
+    posterior: LinearisedPosterior, n_draws: int, rng: np.random.Generator
+) -> NDArray[np.float64]:
     """Draws of the linearised posterior as parameters, shape (n_draws, n_params), clipped to the box."""
-    root = np.linalg.cholesky(np.linalg.inv(known.precision))
-    position = known.position + rng.standard_normal((n_draws, known.position.size)) @ root.T
-    return known.scaled.parameters(np.clip(position, known.scaled.lower, known.scaled.upper))
+    root = np.linalg.cholesky(np.linalg.inv(posterior.precision))
+    position = posterior.position + rng.standard_normal((n_draws, posterior.position.size)) @ root.T
+    return posterior.scaled.parameters(np.clip(position, posterior.scaled.lower, posterior.scaled.upper))
 
 
 def checked_with_draws(
     plan: Plan,
-    known: LinearisedPosterior,
+    posterior: LinearisedPosterior,
     draws: NDArray[np.float64],
     *,
     targets: Sequence[Candidate] = (),
@@ -55,7 +57,7 @@ def checked_with_draws(
     Parameters
     ----------
     draws
-        Parameters of the model of `known`; rows that cannot be simulated are left out.
+        Parameters of the model of `posterior`; rows that cannot be simulated are left out.
 
     Raises
     ------
@@ -64,21 +66,21 @@ def checked_with_draws(
     """
     if len(draws) < 2 * _LEAST:
         raise SettingError(f"{len(draws)} draws are too few to weigh against each other; give some hundreds")
-    forces = _forces(known, draws, [each.candidate for each in plan.gains])
-    wanted = _forces(known, draws, targets) if targets else forces
-    usable = np.all([np.isfinite(each.corrected).all(axis=1) for each in [*forces, *wanted]], axis=0)
-    forces, wanted = ([_rows(each, usable) for each in group] for group in (forces, wanted))
-    gram = _band_gram(known, draws[usable], wanted, plan.band)
+    forces = _forces(posterior, draws, [each.candidate for each in plan.gains])
+    of_targets = _forces(posterior, draws, targets) if targets else forces
+    usable = np.all([np.isfinite(each.corrected).all(axis=1) for each in [*forces, *of_targets]], axis=0)
+    forces, of_targets = ([_rows(each, usable) for each in group] for group in (forces, of_targets))
+    gram = _band_gram(posterior, draws[usable], of_targets, plan.band)
     n_draws = len(gram)
-    now = float(_variances(gram, np.full((1, n_draws), 1.0 / n_draws))[0])
+    variance_now = float(_variances(gram, np.full((1, n_draws), 1.0 / n_draws))[0])
     truths = rng.choice(n_draws, size=min(_TRUTHS, n_draws), replace=False)
     gains, least = [], float(n_draws)
     for gain, response in zip(plan.gains, forces, strict=True):
-        weights = _weights(known, response.corrected, truths, rng)
+        weights = _weights(posterior, response.corrected, truths, rng)
         counted = float(np.median(1.0 / np.sum(weights**2, axis=1)))
         least = min(least, counted)
-        reliable = counted >= _LEAST and now > 0.0
-        drawn = 1.0 - float(np.mean(_variances(gram, weights))) / now if reliable else None
+        reliable = counted >= _LEAST and variance_now > 0.0
+        drawn = 1.0 - float(np.mean(_variances(gram, weights))) / variance_now if reliable else None
         gains.append(replace(gain, drawn=drawn))
     from scipy.stats import spearmanr
 
@@ -100,12 +102,12 @@ class _Forces:
 
 
 def _forces(
-    known: LinearisedPosterior, draws: NDArray[np.float64], candidates: Sequence[Candidate]
+    posterior: LinearisedPosterior, draws: NDArray[np.float64], candidates: Sequence[Candidate]
 ) -> list[_Forces]:
     found = []
     for candidate in candidates:
-        loading, counted = motion_of(candidate, known.spec)
-        run = simulate_forces(known.spec, draws, loading.history(), threads=known.threads)
+        loading, counted = motion_of(candidate, posterior.spec)
+        run = simulate_forces(posterior.spec, draws, loading.history(), threads=posterior.threads)
         force = np.where((run.outcome == Outcome.FINISHED)[:, None], run.force[:, counted], np.nan)
         middle = np.nanmean(force, axis=0)
         size = np.std(middle) * np.sqrt(middle.size)
@@ -116,7 +118,7 @@ def _forces(
         found.append(
             _Forces(
                 force=(force - middle) / size,
-                corrected=without_nuisance(force, middle, known.nuisances) / size,
+                corrected=without_nuisance(force, middle, posterior.nuisances) / size,
                 energy=energy / float(np.nanmean(energy)),
             )
         )
@@ -130,30 +132,30 @@ def _rows(forces: _Forces, usable: NDArray[np.bool_]) -> _Forces:
 
 
 def _band_gram(
-    known: LinearisedPosterior, draws: NDArray[np.float64], wanted: Sequence[_Forces], band: str
+    posterior: LinearisedPosterior, draws: NDArray[np.float64], of_targets: Sequence[_Forces], band: str
 ) -> NDArray[np.float64]:
     """Inner products of the draws in the quantity of the band, shape (n_draws, n_draws)."""
     if band == "force":
-        return np.asarray(np.mean([each.force @ each.force.T for each in wanted], axis=0))
+        return np.asarray(np.mean([each.force @ each.force.T for each in of_targets], axis=0))
     if band == "energy":
-        return np.asarray(np.mean([np.outer(each.energy, each.energy) for each in wanted], axis=0))
-    index = column_of(known, band)
-    value = known.scaled.position(draws)[:, index]
+        return np.asarray(np.mean([np.outer(each.energy, each.energy) for each in of_targets], axis=0))
+    index = column_of(posterior, band)
+    value = posterior.scaled.position(draws)[:, index]
     return np.outer(value - value.mean(), value - value.mean())
 
 
 def _weights(
-    known: LinearisedPosterior,
+    posterior: LinearisedPosterior,
     corrected: NDArray[np.float64],
     truths: NDArray[np.int64],
     rng: np.random.Generator,
 ) -> NDArray[np.float64]:
     """Posterior weight of each draw after the test of each truth, shape (n_truths, n_draws), rows of sum 1."""
     measured = corrected[truths] + rng.standard_normal((truths.size, corrected.shape[1])) / np.sqrt(
-        known.weight
+        posterior.weight
     )
     exponent = (
-        -0.5 * known.weight * (np.einsum("jt,jt->j", corrected, corrected) - 2.0 * measured @ corrected.T)
+        -0.5 * posterior.weight * (np.einsum("jt,jt->j", corrected, corrected) - 2.0 * measured @ corrected.T)
     )
     # The truth itself is excluded, for it would always have the largest weight.
     exponent[np.arange(truths.size), truths] = -np.inf

@@ -1,8 +1,9 @@
 """HDF5 file of a growing chain, from which sampling resumes with the same random stream.
 
-Data sets: `position` (n_steps + 1, n_walkers, n_dim), `log_density` (n_steps + 1, n_walkers), and two `place`s, each
-with a number of steps and the random state after them. The attribute `current` selects the valid one; it is written
-last, so that a process that is killed while writing resumes from the previous state.
+Data sets: `position` (n_steps + 1, n_walkers, n_dim), `log_density` (n_steps + 1, n_walkers), and `place0` and
+`place1`, each with a number of steps and the random state after them. The attribute `current` selects the valid one of
+the two; it is written last, so that a process that is killed while writing resumes from the previous state. The
+attribute `premises` is the fingerprint of the inputs.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ class ChainFile:
     written: int
 
     @classmethod
-    def begin(cls, path: Path, premises: Mapping[str, Any], ensemble: Ensemble) -> ChainFile:
+    def begin(cls, path: Path, fingerprint: Mapping[str, Any], ensemble: Ensemble) -> ChainFile:
         """Create the file, replacing an existing one, with the start of the ensemble.
 
         Raises
@@ -47,7 +48,7 @@ class ChainFile:
         try:
             with h5py.File(path, "w") as file:
                 file.attrs["kind"] = _KIND
-                file.attrs["premises"] = json.dumps(premises)
+                file.attrs["premises"] = json.dumps(fingerprint)
                 file.attrs["current"] = 0
                 for name, shape in (("position", (n_walkers, n_dim)), ("log_density", (n_walkers,))):
                     file.create_dataset(
@@ -63,14 +64,14 @@ class ChainFile:
 
     @classmethod
     def resume(
-        cls, path: Path, premises: Mapping[str, Any], target: Callable[[Array], Array]
+        cls, path: Path, fingerprint: Mapping[str, Any], target: Callable[[Array], Array]
     ) -> tuple[ChainFile, Ensemble]:
         """Open a file and restore the ensemble from it.
 
         Raises
         ------
         JournalError
-            Where the file does not exist, is damaged, or belongs to a sampling with another fingerprint, `premises`.
+            Where the file does not exist, is damaged, or belongs to a sampling with another fingerprint.
         """
         if not path.is_file():
             raise JournalError(f"there is no {path} to go on from; sample without resuming first")
@@ -90,7 +91,7 @@ class ChainFile:
                 densities = file["log_density"][: n_steps + 1]
         except (OSError, KeyError, ValueError) as reason:
             raise JournalError(f"{path} is damaged ({reason}); sample again without resuming") from reason
-        different = differences(recorded, json.loads(json.dumps(premises)))
+        different = differences(recorded, json.loads(json.dumps(fingerprint)))
         if different:
             raise JournalError(
                 f"{path} is of another sampling: {'; '.join(different[:3])}; "

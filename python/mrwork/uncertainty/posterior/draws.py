@@ -79,14 +79,14 @@ def diagnose(values: Array, names: tuple[str, ...]) -> Diagnosis:
     n_steps = len(values)
     by_chain = np.moveaxis(values[:: max(1, ceil(n_steps / _MOST_DRAWS))], 0, 1)
     columns = [np.ascontiguousarray(by_chain[:, :, index]) for index in range(values.shape[2])]
-    told = [convergence(column) for column in columns]
+    diagnostics = [convergence(column) for column in columns]
     return Diagnosis(
         names=names,
         n_steps=n_steps,
         tau=autocorrelation_times(values),
-        rhat=np.array([each.rhat for each in told]),
-        ess_bulk=np.array([each.ess_bulk for each in told]),
-        ess_tail=np.array([each.ess_tail for each in told]),
+        rhat=np.array([each.rhat for each in diagnostics]),
+        ess_bulk=np.array([each.ess_bulk for each in diagnostics]),
+        ess_tail=np.array([each.ess_tail for each in diagnostics]),
     )
 
 
@@ -260,7 +260,7 @@ def summary_of(chain: Array, *, name: str, unit: str, bounds: tuple[float, float
     """Summarise the draws of one parameter, shape (n_walkers, n_kept)."""
     lower, median, upper = np.quantile(chain, [0.05, 0.5, 0.95]).tolist()
     fixed = float(np.ptp(chain)) == 0.0
-    told = convergence(chain)
+    diagnostics = convergence(chain)
     return DrawSummary(
         name=name,
         unit=unit,
@@ -271,7 +271,7 @@ def summary_of(chain: Array, *, name: str, unit: str, bounds: tuple[float, float
         upper_95=upper,
         tau=tau,
         remark="fixed" if fixed else _pile(chain, bounds, upper - lower),
-        **told._asdict(),
+        **diagnostics._asdict(),
     )
 
 

@@ -53,8 +53,8 @@ def write_draws(place: Path, draws: Draws) -> None:
     OutputError
         Where it cannot be written.
     """
-    with replacing(place / DRAWS) as beside:
-        draws.as_datatree().to_netcdf(beside, engine="h5netcdf")
+    with replacing(place / DRAWS) as temporary:
+        draws.as_datatree().to_netcdf(temporary, engine="h5netcdf")
 
 
 def read_draws(place: Path, fit: Fit) -> StoredDraws | None:
@@ -77,7 +77,7 @@ def read_draws(place: Path, fit: Fit) -> StoredDraws | None:
             names = [str(name) for name in posterior.data_vars]
             chains = {name: np.asarray(posterior[name].values, dtype=np.float64) for name in names}
             units = {name: str(posterior[name].attrs["units"]) for name in names}
-            told = dict(tree.attrs)
+            attributes = dict(tree.attrs)
     except (OSError, KeyError, ValueError) as reason:
         raise RecordError(f"{path} cannot be read ({reason}); run `mrwork sample {place}` again") from None
     missing = [estimate.name for estimate in fit.estimates if estimate.name not in chains]
@@ -86,7 +86,8 @@ def read_draws(place: Path, fit: Fit) -> StoredDraws | None:
             f"{path} lacks {', '.join(missing)}, so it is of another fit; run `mrwork sample {place}` again"
         )
     bounds = {each.name: (each.lower, each.upper) for each in fit.estimates} | {
-        NOISE + each.name: (each.lower, each.upper) for each in noise_model(str(told["noise"])).parameters
+        NOISE + each.name: (each.lower, each.upper)
+        for each in noise_model(str(attributes["noise"])).parameters
     }
     return StoredDraws(
         chains=chains,
@@ -94,9 +95,9 @@ def read_draws(place: Path, fit: Fit) -> StoredDraws | None:
             summary_of(chain, name=name, unit=units[name], bounds=bounds[name], tau=np.nan)
             for name, chain in chains.items()
         ),
-        noise=str(told["noise"]),
-        verdict=str(told["verdict"]),
-        temper=float(told["temper"]),
-        n_steps=int(told["steps"]),
-        thinning=int(told["thinning"]),
+        noise=str(attributes["noise"]),
+        verdict=str(attributes["verdict"]),
+        temper=float(attributes["temper"]),
+        n_steps=int(attributes["steps"]),
+        thinning=int(attributes["thinning"]),
     )

@@ -1,6 +1,6 @@
 """Normal approximation of a posterior about a fit: Fisher information, starting walkers, importance-weighted draws.
 
-Weighted draws cost far less than a chain, and their weights tell how well the approximation matches the posterior.
+Weighted draws cost far less than a chain, and their weights show how well the approximation matches the posterior.
 """
 
 from __future__ import annotations

@@ -176,8 +176,8 @@ def nuts_of(
     mapped = jax.jit(jax.vmap(jax.vmap(trajectories.position)))
 
     def sample(rng: int) -> NutsDraws:
-        places = np.random.default_rng(rng).standard_normal((chains, len(trajectories.origin)))
-        first = jnp.asarray(places if chains > 1 else places[0])
+        points = np.random.default_rng(rng).standard_normal((chains, len(trajectories.origin)))
+        first = jnp.asarray(points if chains > 1 else points[0])
         run.run(jax.random.PRNGKey(rng), init_params=first, extra_fields=("diverging", "num_steps"))
         extra = run.get_extra_fields()
         values, _ = trajectories.target.space.values(np.asarray(mapped(run.get_samples(group_by_chain=True))))

@@ -67,7 +67,7 @@ class Lognormal:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Uniform:
-    """Uniform in the value between two limits, whatever the scale of the parameter."""
+    """Uniform in the value between two limits, regardless of the scale of the parameter."""
 
     lower: float
     upper: float

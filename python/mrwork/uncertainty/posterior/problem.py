@@ -178,13 +178,13 @@ class SamplingProblem:
 
     def _summaries(self, chains: Array) -> tuple[DrawSummary, ...]:
         """Summaries of the model's parameters, then the noise parameters; chains (n_walkers, n_kept, n_all)."""
-        asked, space = Box.of(self.spec).with_bounds(self.bounds), self.target.space
+        own, space = Box.of(self.spec).with_bounds(self.bounds), self.target.space
         names = self.spec.names + space.box.names[space.n_params :]
         units = [parameter.unit for parameter in self.spec.parameters] + ["1"] * len(
             self.target.noise.parameters
         )
-        lower = asked.lower + space.box.lower[space.n_params :]
-        upper = asked.upper + space.box.upper[space.n_params :]
+        lower = own.lower + space.box.lower[space.n_params :]
+        upper = own.upper + space.box.upper[space.n_params :]
         tau = autocorrelation_times(np.moveaxis(chains, 0, 1))
         strided = chains[:, :: max(1, ceil(chains.shape[1] / _MOST_ROWS))]
         return tuple(
@@ -200,22 +200,22 @@ class SamplingProblem:
 
     def _verdict(self, n_steps: int, diagnosis: Diagnosis, summaries: tuple[DrawSummary, ...]) -> str:
         if diagnosis.shortcomings:
-            said = f"Not converged after {n_steps} steps: {'; '.join(diagnosis.shortcomings)}."
+            text = f"Not converged after {n_steps} steps: {'; '.join(diagnosis.shortcomings)}."
         else:
             ess = float(min(diagnosis.ess_bulk.min(), diagnosis.ess_tail.min()))
-            said = (
+            text = (
                 f"Converged after {n_steps} steps: R-hat below {LARGEST_RHAT} throughout, at least {ess:.0f} effective "
                 f"draws, a chain of {diagnosis.length:.0f} autocorrelation times."
             )
         if self.target.temper < 1.0:
             n_time = self.target.objective.n_time
-            said += (
+            text += (
                 f" The {n_time} residuals were counted as {self.target.temper * n_time:.0f} independent ones."
             )
         for each in summaries:
             if each.remark.startswith("piles"):
-                said += f" {each.name} {each.remark}: its interval is limited by the bound, not by the data."
-        return said
+                text += f" {each.name} {each.remark}: its interval is limited by the bound, not by the data."
+        return text
 
     def _provenance(self) -> Provenance:
         objective = self.target.objective

@@ -146,7 +146,7 @@ def sample(
         if store is not None:
             file = ChainFile.begin(Path(store), problem.fingerprint(), ensemble)
     monitor = _Monitor(
-        most_steps=most_steps, began=began, first=ensemble.n_steps, tell=on_progress, file=file
+        most_steps=most_steps, began=began, first=ensemble.n_steps, on_progress=on_progress, file=file
     )
     try:
         diagnosis = _run(problem, ensemble, monitor)
@@ -177,7 +177,7 @@ def _run(problem: SamplingProblem, ensemble: Ensemble, monitor: _Monitor) -> Dia
                     monitor.file.append(ensemble)
                 return diagnosis
         until = min(next_check(done), monitor.most_steps)
-        ensemble.advance(until, lambda steps: monitor.look(steps, ensemble))
+        ensemble.advance(until, lambda steps: monitor.update(steps, ensemble))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -187,21 +187,21 @@ class _Monitor:
     most_steps: int
     began: float
     first: int
-    tell: Callable[[SamplingProgress], None] | None
+    on_progress: Callable[[SamplingProgress], None] | None
     file: ChainFile | None
     diagnosis: Diagnosis | None = None
-    told: float = 0.0
-    wrote: float = 0.0
+    reported: float = 0.0
+    written: float = 0.0
 
-    def look(self, steps: int, ensemble: Ensemble) -> None:
+    def update(self, steps: int, ensemble: Ensemble) -> None:
         """Called after each step."""
         seconds = time.perf_counter() - self.began
-        if self.file is not None and seconds - self.wrote >= _WRITE_EVERY:
+        if self.file is not None and seconds - self.written >= _WRITE_EVERY:
             self.file.append(ensemble)
-            self.wrote = seconds
-        if self.tell is not None and seconds - self.told >= _REPORT_EVERY:
-            self.told = seconds
-            self.tell(
+            self.written = seconds
+        if self.on_progress is not None and seconds - self.reported >= _REPORT_EVERY:
+            self.reported = seconds
+            self.on_progress(
                 SamplingProgress(
                     steps=steps,
                     most_steps=self.most_steps,

@@ -58,8 +58,8 @@ class Target:
         tempering
             Factor of the log-likelihood: a number, or "effective" for n_eff / n, the share of independent samples among
             the residuals at the start. Default "effective" for noise models without correlation, 1 for those with it.
-            Residuals of real tests are mostly model error with a lag-1 autocorrelation of 0.9 and more: 2000 are worth
-            some tens of independent observations, and intervals would be far too narrow if all were counted.
+            Residuals of real tests are mostly model error with a lag-1 autocorrelation of 0.9 and more: 2000 count
+            as some tens of independent observations, and intervals would be far too narrow if all were counted.
 
         Raises
         ------
