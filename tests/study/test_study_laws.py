@@ -7,8 +7,8 @@ import pytest
 
 from mrwork.buildings.devices import Device
 from mrwork.buildings.published import building
-from mrwork.control.designs.problem import Design, DesignProblem
-from mrwork.control.designs.registry import SETTINGS, LawSettings
+from mrwork.control.design_problem import Design, DesignProblem
+from mrwork.control.law_settings import SETTINGS, LawSettings
 from mrwork.control.laws import ControlLaw, control_laws
 from mrwork.control.lqr import published_regulator, regulator_as_published, regulator_of_outputs
 from mrwork.control.plant import accelerations

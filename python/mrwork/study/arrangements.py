@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
 from mrwork.buildings.from_file import building_from_table
-from mrwork.control.designs.problem import DesignProblem
-from mrwork.control.designs.registry import SETTINGS, LawSettings, law_of
+from mrwork.control.design_problem import DesignProblem
+from mrwork.control.law_design import law_of
+from mrwork.control.law_settings import SETTINGS, LawSettings
 from mrwork.control.laws import ControlLaw, control_laws
 from mrwork.study.declared import located, read_table, suggestion
 from mrwork.study.schema import BaselineTable, ControllerTable, DamperTable, StudyTable

@@ -11,7 +11,7 @@ from dataclasses import Field, is_dataclass
 from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hints
 
 from mrwork.buildings import from_file
-from mrwork.control.designs.registry import SETTINGS
+from mrwork.control.law_settings import SETTINGS
 from mrwork.control.laws import control_laws
 from mrwork.keys import is_required, keys_of
 from mrwork.study.arrangements import CONSTANT_LAWS

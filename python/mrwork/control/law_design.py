@@ -1,54 +1,16 @@
-"""The settings of every control law by name, and the design of a law from its settings."""
+"""Design of a control law from its name and settings."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any, Protocol
+from typing import Any
 
-from mrwork.control.designs.feedback import FrictionSettings, FuzzySettings, NoSettings, PassiveSettings
-from mrwork.control.designs.problem import Design, DesignProblem
-from mrwork.control.designs.regulators import (
-    ClippedSettings,
-    LyapunovSettings,
-    NetworkSettings,
-    ProportionalSettings,
-    RegulatorSettings,
-)
-from mrwork.control.designs.sliding import AdaptiveSlidingSettings, SlidingSettings, SuperTwistingSettings
+from mrwork.control.design_problem import DesignProblem
+from mrwork.control.law_settings import SETTINGS, LawSettings
 from mrwork.control.laws import ControlLaw, control_law
 from mrwork.errors import SettingError
 from mrwork.keys import described, is_required
-
-
-class LawSettings(Protocol):
-    """Settings of a control law, with its design."""
-
-    def design(self, problem: DesignProblem) -> Design:
-        """The gains of the law for a building with its devices."""
-
-
-SETTINGS: Mapping[str, type[LawSettings]] = {
-    "passive": PassiveSettings,
-    "clipped_optimal": RegulatorSettings,
-    "modified_clipped_optimal": ClippedSettings,
-    "proportional_clipped_optimal": ClippedSettings,
-    "lyapunov": LyapunovSettings,
-    "decentralised_bang_bang": NoSettings,
-    "maximum_energy_dissipation": NoSettings,
-    "modulated_homogeneous_friction": FrictionSettings,
-    "sliding_mode": SlidingSettings,
-    "adaptive_sliding_mode": AdaptiveSlidingSettings,
-    "super_twisting": SuperTwistingSettings,
-    "fuzzy": FuzzySettings,
-    "lyapunov_direct": LyapunovSettings,
-    "lyapunov_direct_bang_bang": LyapunovSettings,
-    "proportional_direct": ProportionalSettings,
-    "inverse_direct": RegulatorSettings,
-    "inverse_network": NetworkSettings,
-    "active": RegulatorSettings,
-}
-"""Settings by name of the law."""
 
 
 def settings_of(name: str, given: Mapping[str, Any]) -> LawSettings:

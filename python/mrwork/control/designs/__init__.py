@@ -1,1 +1,0 @@
-"""Designs of the control laws: settings declared once, and the numbers that follow from them."""
