@@ -11,7 +11,7 @@ from mrwork import _rust
 from mrwork.buildings.devices import Device
 from mrwork.buildings.matrices import Building
 from mrwork.closed_loop.hardware import Hardware
-from mrwork.control.counterpart import COUNTERPART_MODEL
+from mrwork.control.counterpart import is_curve
 from mrwork.control.laws import ControlLaw
 from mrwork.control.observer import Observer, observer_of
 from mrwork.control.plant import accelerations, deformations, plant_of, stacked
@@ -104,12 +104,12 @@ def curve_of(law: ControlLaw) -> tuple[Laws, Floats] | None:
     if law.curve is None:
         if law.spec.wants_curve:
             raise SettingError(
-                f"{law.name} works with the force over the command; give the law a `curve`: a static_hysteretic with "
+                f"{law.name} needs the force as a function of the command; give it a `curve`: a static_hysteretic with "
                 f"current laws, of the damper itself or of its static counterpart"
             )
         return None
     spec, theta = law.curve
-    if spec.name != COUNTERPART_MODEL or spec.current is None:
+    if not is_curve(spec):
         raise SettingError(
             f"the curve of {law.name} is a {spec.name}; give a static_hysteretic with current laws"
         )

@@ -25,8 +25,7 @@ class Criterion:
 
     The value is the maximum of `quantity` over floors, storeys or devices, or the sum if `summed`, divided by the
     weight of the building if `over_weight`. If `ratio`, papers report its ratio to the value without dampers, under
-    these `labels`. `uncontrolled` is the criterion of the building without dampers in the denominator, empty if there
-    is none.
+    these `labels`. `over` names the criterion of the building without dampers in the denominator, if it is another one.
     """
 
     name: str
@@ -35,8 +34,13 @@ class Criterion:
     summed: bool = False
     over_weight: bool = False
     labels: tuple[str, ...] = ()
-    uncontrolled: str = ""
+    over: str = ""
     ratio: bool = True
+
+    @property
+    def uncontrolled(self) -> str:
+        """Criterion of the building without dampers in the denominator of the ratio; empty if there is none."""
+        return self.over or (self.name if self.ratio else "")
 
     @property
     def unit(self) -> str:
@@ -125,55 +129,47 @@ _CRITERIA = (
         title="Peak displacement",
         quantity="peak_displacement",
         labels=(f"J1 of {_JANSEN}",),
-        uncontrolled="peak_displacement",
     ),
     Criterion(
         name="peak_drift",
         title="Peak drift",
         quantity="peak_drift",
         labels=(f"J1 of {_OHTORI}", f"J2 of {_JANSEN}"),
-        uncontrolled="peak_drift",
     ),
     Criterion(
         name="peak_acceleration",
         title="Peak acceleration",
         quantity="peak_acceleration",
         labels=(f"J2 of {_OHTORI}", f"J3 of {_JANSEN}"),
-        uncontrolled="peak_acceleration",
     ),
     Criterion(
         name="peak_base_shear",
         title="Peak base shear",
         quantity="peak_base_shear",
         labels=(f"J3 of {_OHTORI}",),
-        uncontrolled="peak_base_shear",
     ),
     Criterion(
         name="rms_displacement",
         title="RMS displacement",
         quantity="rms_displacement",
-        uncontrolled="rms_displacement",
     ),
     Criterion(
         name="rms_drift",
         title="RMS drift",
         quantity="rms_drift",
         labels=(f"J4 of {_OHTORI}",),
-        uncontrolled="rms_drift",
     ),
     Criterion(
         name="rms_acceleration",
         title="RMS acceleration",
         quantity="rms_acceleration",
         labels=(f"J5 of {_OHTORI}",),
-        uncontrolled="rms_acceleration",
     ),
     Criterion(
         name="rms_base_shear",
         title="RMS base shear",
         quantity="rms_base_shear",
         labels=(f"J6 of {_OHTORI}",),
-        uncontrolled="rms_base_shear",
     ),
     Criterion(
         name="peak_force",
@@ -194,7 +190,7 @@ _CRITERIA = (
         title="Peak stroke",
         quantity="peak_stroke",
         labels=(f"J12 of {_OHTORI}",),
-        uncontrolled="peak_drift",
+        over="peak_drift",
         ratio=False,
     ),
     Criterion(

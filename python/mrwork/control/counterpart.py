@@ -15,8 +15,8 @@ from mrwork.simulate import Loading, simulate_force
 
 Floats = NDArray[np.float64]
 
-COUNTERPART_MODEL = "static_hysteretic"
-"""Model of a counterpart, which the core evaluates in the laws."""
+# Model of a counterpart, which the core evaluates in the laws.
+_COUNTERPART_MODEL = "static_hysteretic"
 
 # Powers of the command in each parameter, those of Kwok et al. (2006) for the RD-1005-3.
 _DEGREES = {"c": 1, "k": 1, "alpha": 2, "beta": 0, "delta": 1, "x_s": 0, "f0": 1}
@@ -102,7 +102,7 @@ def static_counterpart(
         raise SettingError(
             f"`theta` has {len(values)} values, {spec.name} takes {len(spec.names)}; see `spec.names`"
         )
-    if is_static(spec):
+    if needs_no_counterpart(spec):
         return StaticCounterpart(spec=spec, theta=values, fit_percent=100.0)
     for name, (low, high) in {"amplitude": amplitude, "velocity": velocity}.items():
         if not 0.0 < low <= high < np.inf:
@@ -111,16 +111,21 @@ def static_counterpart(
         raise SettingError(f"`largest_command` is {largest_command}; give a positive number")
     cycles = _simulated(spec, values, largest_command, amplitude, velocity)
     laws: dict[str, LawName] = {name: polynomial_laws()[degree] for name, degree in _DEGREES.items()}
-    fitted_spec = damper(COUNTERPART_MODEL).with_current_laws(laws, unit=spec.current.unit)
+    fitted_spec = damper(_COUNTERPART_MODEL).with_current_laws(laws, unit=spec.current.unit)
     fitted = _fitted(fitted_spec, cycles, largest_command)
     return StaticCounterpart(
         spec=fitted_spec, theta=fitted, fit_percent=_fit_percent(fitted_spec, fitted, cycles)
     )
 
 
-def is_static(spec: DamperSpec) -> bool:
-    """Whether a damper needs no counterpart: static hysteretic, with laws of no higher degree than a counterpart's."""
-    if spec.name != COUNTERPART_MODEL or spec.current is None:
+def is_curve(spec: DamperSpec) -> bool:
+    """Whether a model gives the force as a function of the command: static hysteretic, with current laws."""
+    return spec.name == _COUNTERPART_MODEL and spec.current is not None
+
+
+def needs_no_counterpart(spec: DamperSpec) -> bool:
+    """Whether a damper is static hysteretic, with laws of no higher degree than a counterpart's."""
+    if spec.current is None or not is_curve(spec):
         return False
     degrees = (current_laws()[law].degree for law in spec.current.laws)
     return all(
