@@ -52,7 +52,7 @@ def _errors(study: Study) -> str:
     resolution = study.noise / study.held_out.shape[1] ** 0.25
     lines += [
         "",
-        f"Errors beyond noise smaller than about {resolution:.0e} cannot be told from none.",
+        f"Errors beyond noise smaller than about {resolution:.0e} cannot be distinguished from zero.",
         "",
     ]
     return "\n".join(lines)

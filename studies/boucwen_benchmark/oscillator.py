@@ -177,7 +177,7 @@ def descend(period: Period, scales: Scales, start: Array) -> Minimum:
 
 
 def fitted(period: Period, scales: Scales, minimum: Minimum) -> Fitted:
-    """What a minimum says of the parameters."""
+    """Parameters of a minimum and their standard errors."""
     slope = np.asarray(jax.jit(jax.jacfwd(_residuals(scales)))(minimum.unknowns, period))
     to_physical = np.stack([np.asarray(row) for row in jax.jacfwd(scales.parameters)(minimum.unknowns)])
     covariance = to_physical @ np.linalg.inv(slope.T @ slope) @ to_physical.T

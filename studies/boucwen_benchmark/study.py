@@ -44,7 +44,7 @@ HELD_OUT = slice(3, 5)
 # The descents from random starts need less than the final one: coarse steps find the same valley.
 COARSE, FINE = 2, 8
 
-# Noel, Schoukens 2016: beta gamma and beta delta are 1e3 x 0.8 and 1e3 x -1.1. Used to judge, never to fit.
+# Noel, Schoukens 2016: beta gamma and beta delta are 1e3 x 0.8 and 1e3 x -1.1. Used for assessment, never for fitting.
 TRUE = Parameters(m=2.0, c=10.0, k=5e4, alpha=5e4, g=800.0, d=-1100.0, nu=1.0)
 
 
@@ -100,7 +100,7 @@ def errors(residuals: Floats, unseen: Floats) -> Error:
 
 
 def run(record: Path, seed: int) -> Study:
-    """Fit two periods of the record, judge on the two after them; the first holds the transient from rest."""
+    """Fit two periods of the record and assess on the next two; the first period contains the transient from rest."""
     begun = time.perf_counter()
     rng = np.random.default_rng(seed)
     table = np.loadtxt(record, delimiter=",", skiprows=1)
@@ -206,7 +206,7 @@ def main() -> int:
     else:
         print(text)
         print(f"Report: {options.out / 'report.md'}")
-        print("\n".join(wrong) or "Every figure is as expected.toml says.")
+        print("\n".join(wrong) or "Every figure agrees with expected.toml.")
     return 1 if wrong else 0
 
 

@@ -28,7 +28,7 @@ _SYNTHETIC = (
 )
 _MEASURED = (
     "Measured at UTFSM on a small damper, not that of the thesis. Its authors averaged the force over a tenth of a "
-    "period; the models are compared as if nobody had, which leaves both a larger error."
+    "period; the models are compared without averaging, which increases the error of both."
 )
 
 

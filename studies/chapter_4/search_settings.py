@@ -96,10 +96,10 @@ class Settings:
     def optimisers(self) -> dict[str, Optimiser[Any]]:
         """The searches that are compared, by label.
 
-        The coarse standard algorithm mutates by as much as the efficient one, whose choice that is: what the step of
-        mutation does can so be told from what the algorithms do.
+        The coarse standard algorithm has the mutation step of the efficient one, which separates the effect of the step
+        from that of the algorithm.
 
-        They run to the last generation: other rules are judged afterwards on the traces, which they would not change.
+        All run to the last generation; other stopping rules are evaluated afterwards on the traces.
         """
         stop = StopRules(
             max_generations=self.generations,

@@ -140,7 +140,7 @@ def main() -> int:
         if options.settings != SETTINGS:
             print("Not judged: expected.toml is for study.toml.")
         else:
-            print("\n".join(wrong) or "Every figure is as expected.toml says.")
+            print("\n".join(wrong) or "Every figure agrees with expected.toml.")
     return 1 if wrong else 0
 
 

@@ -152,7 +152,7 @@ def compare_laws(
 
 
 def laws_of(model: Model, coefficients: dict[str, tuple[float, ...]], tests: TestSet) -> Laws:
-    """Laws with given coefficients, judged on the tests."""
+    """Laws with given coefficients, and their errors on the tests."""
     nothing = {name: tuple(np.nan for _ in values) for name, values in coefficients.items()}
     return Laws(coefficients=coefficients, errors=nothing, rms_n=_rms_on(model, coefficients, tests))
 
@@ -160,8 +160,8 @@ def laws_of(model: Model, coefficients: dict[str, tuple[float, ...]], tests: Tes
 def _laws_through(each: PerCurrent, tests: TestSet, *, weighted: bool) -> Laws:
     """Polynomials through per-current values.
 
-    A parameter without a standard error at some current, which the test cannot tell or which lies on a bound, counts
-    for nothing there when weighted.
+    With weights, values without a standard error, which the test does not determine or which lie on a bound, are left
+    out.
     """
     model = each.model
     coefficients: dict[str, tuple[float, ...]] = {}

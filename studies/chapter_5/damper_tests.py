@@ -178,7 +178,7 @@ def measured_sets(folder: Path) -> tuple[TestSet, ...]:
     """Cycles 3 to 6 of UTFSM tests; none where they are absent.
 
     By the third cycle the force without current has settled. The authors averaged the force over a tenth of a
-    period: the models' force is averaged alike, then compared as if nobody had. One motion is there unaveraged, too.
+    period: the models' force is averaged alike, then compared without averaging. One motion is there unaveraged, too.
     """
     averaged = (
         *_measured(folder, "10mm1Hz*A.csv", "measured UTFSM", "10 mm 1 Hz"),

@@ -128,7 +128,7 @@ def rms_figure(outcome: SetOutcome) -> Figure:
 
 
 def _limit(axes: Axes, values: Floats) -> None:
-    """A value that its test hardly tells must not flatten the others."""
+    """Limit the ordinate to the values, since the error bar of a poorly determined one would compress the others."""
     low, high = float(values.min()), float(values.max())
     margin = 0.12 * ((high - low) or abs(high) or 1.0)
     # Around a constant, noise alone would fill the panel.

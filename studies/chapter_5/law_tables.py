@@ -36,7 +36,7 @@ def per_current_table(outcome: SetOutcome, each: PerCurrent) -> Table:
     held = ", ".join(f"{name} = {value:g} {_unit(spec, name)}" for name, value in each.model.held.items())
     note = f"Held: {held}." if held else ""
     if unsure:
-        note += f" {_UNSURE} no standard error: on a bound, or not to be told from this test."
+        note += f" {_UNSURE} no standard error: on a bound, or not determined by this test."
     units = {name: _unit(spec, name) for name in each.model.free}
     headings = (name if unit == "1" else f"{name} [{unit}]" for name, unit in units.items())
     label = each.model.label

@@ -24,8 +24,8 @@ _ABOUT = {
     "measured UTFSM": "Measured at UTFSM on a small damper of another make than the RD-1005-3. Its authors averaged "
     "the force over a tenth of a period; the models' force is averaged alike before the two are compared. Residuals "
     "repeat from sample to sample, so the standard errors are lower limits.",
-    "measured UTFSM, averaging ignored": "The same tests, the models compared as if nobody had averaged the force: "
-    "what an identification comes to that does not know of it.",
+    "measured UTFSM, averaging ignored": "The same tests with the averaging of the force ignored: "
+    "the result of an identification without knowledge of it.",
     "measured UTFSM, not averaged": "The one of the two motions that is there as it was recorded, before its authors "
     "averaged it.",
 }

@@ -131,7 +131,7 @@ def main() -> int:
         print("\n".join(text_of(outcome) for outcome in outcomes))
         print(skipped or "Synthetic and measured tests.")
         print(f"Report: {report}; {seconds:.0f} s.")
-        print("\n".join(wrong) or "Every figure is as expected.toml says.")
+        print("\n".join(wrong) or "Every figure agrees with expected.toml.")
     return 1 if wrong else 0
 
 

@@ -10,7 +10,7 @@ from mrwork.report import symbol
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Table:
-    """Text in rows; the first column names the row, `symbols` says whether as a parameter."""
+    """Text in rows; the first column names the row, by the symbol of a parameter if `symbols`."""
 
     title: str
     header: tuple[str, ...]

@@ -20,7 +20,7 @@ from mrwork.control import ControlLaw
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Baseline:
-    """What a device comes to at each level; `says` how it was chosen there."""
+    """Figures of a device at each level; `says` describes the choice made there."""
 
     label: str
     says: tuple[str, ...]

@@ -33,7 +33,7 @@ DRIVER_RATE = 190.0
 """By which the current follows the command [1/s]."""
 FRAME = building("uts")
 HARDWARE = Hardware(sample_time=1e-3, step=5e-4)
-"""Of every table, if it does not say otherwise: state feedback, no delay, no noise."""
+"""Hardware of the tables, unless stated otherwise: state feedback, no delay, no noise."""
 
 
 def level_name(level: float) -> str:

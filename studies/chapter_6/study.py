@@ -53,7 +53,7 @@ def main() -> int:
         print(json.dumps({**found, "departures": wrong}))
     else:
         print("\n".join(text_of(found)))
-        print("\n".join(wrong) or "Every figure is as expected.toml says.")
+        print("\n".join(wrong) or "Every figure agrees with expected.toml.")
     return 1 if wrong else 0
 
 

@@ -64,7 +64,7 @@ def search(
     Parameters
     ----------
     admitted
-        Whether a candidate counts at a level; all do if not said.
+        Whether a candidate is admitted at a level; all are by default.
     """
     chosen = grid(law)
     currents = MANY_CURRENTS if chosen == [{}] else (LARGEST_CURRENT,) if law == "active" else CURRENTS

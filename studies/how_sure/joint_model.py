@@ -1,4 +1,4 @@
-"""A joint model of all currents, asked for a motion or a current that it was identified without."""
+"""A joint model of all currents, and its prediction of a motion or a current that was left out."""
 
 from __future__ import annotations
 

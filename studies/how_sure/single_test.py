@@ -1,4 +1,4 @@
-"""A fit to one test, asked for other motions at the same current: what each kind of band covers."""
+"""A fit to one test, and the coverage of its bands on other motions at the same current."""
 
 from __future__ import annotations
 

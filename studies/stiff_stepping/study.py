@@ -185,7 +185,7 @@ def main() -> int:
         print(json.dumps({**figures, "departures": wrong}))
     else:
         print("\n".join(tables(figures)))
-        print("\n".join(wrong) or "Every figure is as expected.toml says.")
+        print("\n".join(wrong) or "Every figure agrees with expected.toml.")
     return 1 if wrong else 0
 
 

@@ -14,23 +14,14 @@ from mrwork.closed_loop.responses import History, Responses, history_signals, ru
 from mrwork.errors import UnknownNameError
 from mrwork.study.run_result import RunResult
 
-FLOORS = (
-    "peak_displacement",
-    "rms_displacement",
-    "peak_drift",
-    "rms_drift",
-    "peak_acceleration",
-    "rms_acceleration",
-)
-DEVICES = ("peak_force", "peak_stroke", "mean_current", "rms_current", "device_energy")
-
 
 def responses(n_runs: int, n_devices: int = 2) -> Any:
+    """Every quantity of runs of a building with three floors."""
     rng = np.random.default_rng(3)
-    arrays = {name: rng.uniform(1.0, 2.0, (n_runs, 3)) for name in FLOORS}
-    arrays |= {name: rng.uniform(1.0, 2.0, (n_runs, n_devices)) for name in DEVICES}
-    arrays |= {name: rng.uniform(1.0, 2.0, n_runs) for name in ("peak_base_shear", "rms_base_shear")}
-    return SimpleNamespace(**arrays)
+    shapes = {"run": (n_runs,), "floor": (n_runs, 3), "storey": (n_runs, 3), "device": (n_runs, n_devices)}
+    return SimpleNamespace(
+        **{quantity.name: rng.uniform(1.0, 2.0, shapes[quantity.axis]) for quantity in run_quantities()}
+    )
 
 
 def row(of: Any, run: int) -> Any:
