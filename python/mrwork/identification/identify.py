@@ -191,11 +191,8 @@ def identify_with(
     def on_step(steps: int, misfit: float) -> None:
         reporter.report("refinement", steps, "steps", misfit, 0.0)
 
-    engine = problem.settings.engine
     try:
-        polished = interruptible(
-            lambda: polish(objective, points, engine=engine, on_start=on_start, on_step=on_step)
-        )
+        polished = interruptible(lambda: polish(problem, points, on_start=on_start, on_step=on_step))
     except KeyboardInterrupt as interrupt:
         return ended(interrupt, best, points.trace)
     return fit_at(

@@ -16,8 +16,8 @@ from mrwork.identification.levenberg_marquardt import LocalMinimum, find_minima,
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.multistart import distinct_minima
 from mrwork.identification.objective import Objective
+from mrwork.identification.problem import Problem
 from mrwork.identification.result import remark_of
-from mrwork.identification.settings import Engine
 
 # Largest number of evaluations: of the final fit, of the screening of each start, and of the second screening, which
 # takes this number of the best.
@@ -41,10 +41,9 @@ class Polished:
 
 
 def polish(
-    objective: Objective,
+    problem: Problem,
     points: StartingPoints,
     *,
-    engine: Engine = "lanes",
     on_start: Callable[[LocalMinimum, float], None],
     on_step: OnStep,
 ) -> Polished:
@@ -53,25 +52,23 @@ def polish(
     Points that are minima already are not screened: there the final fit continues beyond the iterations of the search,
     and includes the starts of the user. Standard errors are those of least squares at the minimum.
     """
-    form = points.form
+    form = problem.form
     starts = points.theta
     if not points.minima:
         starts = screened(points.objective, form.box, starts, mirrored=form.mirrored, on_start=on_start)
-    if engine == "twin":
-        ended = _on_the_twin(objective, form, starts, on_step)
+    if problem.settings.engine == "twin":
+        fitted = _on_the_twin
     elif points.minima:
-        ended = _in_a_batch(objective, form, starts, on_step)
+        fitted = _in_a_batch
     else:
-        ended = _one_by_one(objective, form, starts, on_step)
-    return _with_standard_errors(objective, form, ended)
+        fitted = _one_by_one
+    return _with_standard_errors(problem.objective, form, fitted(problem, starts, on_step))
 
 
-def _in_a_batch(
-    objective: Objective, form: Form, starts: NDArray[np.float64], on_step: OnStep
-) -> LocalMinimum:
+def _in_a_batch(problem: Problem, starts: NDArray[np.float64], on_step: OnStep) -> LocalMinimum:
     minima = find_minima(
-        objective,
-        form.box,
+        problem.objective,
+        problem.form.box,
         starts,
         max_iterations=_FINAL_EVALUATIONS,
         on_iteration=lambda minima: on_step(minima.iterations, float(minima.misfit.min())),
@@ -85,23 +82,21 @@ def _in_a_batch(
     )
 
 
-def _one_by_one(
-    objective: Objective, form: Form, starts: NDArray[np.float64], on_step: OnStep
-) -> LocalMinimum:
+def _one_by_one(problem: Problem, starts: NDArray[np.float64], on_step: OnStep) -> LocalMinimum:
+    objective, box = problem.objective, problem.form.box
     minima = (
-        find_minimum(objective, form.box, start, max_evaluations=_FINAL_EVALUATIONS, on_step=on_step)
+        find_minimum(objective, box, start, max_evaluations=_FINAL_EVALUATIONS, on_step=on_step)
         for start in starts
     )
     return min(minima, key=_misfit)
 
 
-def _on_the_twin(
-    objective: Objective, form: Form, starts: NDArray[np.float64], on_step: OnStep
-) -> LocalMinimum:
+def _on_the_twin(problem: Problem, starts: NDArray[np.float64], on_step: OnStep) -> LocalMinimum:
     # The only import of JAX that pyproject.toml allows here: it takes a second to load.
     from mrwork.identification.levenberg_marquardt_twin import find_minimum_on_twin
 
-    minima = (find_minimum_on_twin(objective, form.box, start, on_step=on_step) for start in starts)
+    objective, box = problem.objective, problem.form.box
+    minima = (find_minimum_on_twin(objective, box, start, on_step=on_step) for start in starts)
     best = min(minima, key=lambda minimum: minimum.misfit)
     return LocalMinimum(
         theta=best.theta,
