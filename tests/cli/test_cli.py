@@ -138,9 +138,10 @@ def test_identify_writes_a_run_that_predict_reads(record: Path, tmp_path: Path) 
 def test_identify_starts_from_an_earlier_run(tmp_path: Path) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
     test = "synthetic:spencer1997"
-    every = ("--every", "4", "--population", "32", "--quiet")
-    assert mrwork("identify", test, *every, "--generations", "30", "--out", first).returncode == 0
-    again = mrwork("identify", test, *every, "--generations", "3", "--start", first, "--out", second)
+    # Two cycles of 50 samples each.
+    short = ("--until", "0.8", "--every", "8", "--population", "16", "--quiet")
+    assert mrwork("identify", test, *short, "--generations", "10", "--out", first).returncode == 0
+    again = mrwork("identify", test, *short, "--generations", "3", "--start", first, "--out", second)
     assert again.returncode == 0
     one, two = (json.loads((run / "fit.json").read_text()) for run in (first, second))
     assert two["nrmse"] < 1.001 * one["nrmse"]
