@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 from mrwork.errors import RecordError
@@ -21,7 +21,7 @@ from mrwork.uncertainty.posterior.draws_file import StoredDraws, read_draws
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class StoredRun(Summarised):
-    """What the run folder at `place` holds; what no verb has added is `None`.
+    """Contents of the run folder at `place`; `None` for what no verb has added.
 
     `draws` are of `mrwork sample`, `profiles` of `mrwork profile`, `bands` of `mrwork calibrate`, `plan` of
     `mrwork plan`, `ranking` of `mrwork identify` with several models.
@@ -41,12 +41,11 @@ class StoredRun(Summarised):
         return None if self.bands is None else self.bands.calibration
 
     def _summary(self) -> Summary:
-        added = ("draws", "profiles", "bands", "plan", "ranking")
-        held = [name for name in added if getattr(self, name) is not None]
+        present = [each.name for each in fields(self) if getattr(self, each.name) is not None]
         fit = self.fit._summary()
         return Summary(
             title=f"Run {self.place.name}: {fit.title}",
-            facts=(("folder", str(self.place)), ("holds", ", ".join(["fit", *held])), *fit.facts),
+            facts=(("folder", str(self.place)), ("holds", ", ".join(present[1:])), *fit.facts),
             columns=fit.columns,
             rows=fit.rows,
         )

@@ -13,6 +13,7 @@ from mrwork.cli.progress import PATIENCE, ProgressLine, sampling_described
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.fit_file import reopen
 from mrwork.store.run_folder import CHAIN, DRAWS
+from mrwork.uncertainty.noise import NOISES, names_in_words
 from mrwork.uncertainty.posterior.prior import parse_prior
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ def add_parser(verbs: Any) -> None:
         "--noise",
         default="iid",
         metavar="NAME",
-        help="noise model of the force: iid (default), student_t, ar1, arma11 or amplitude",
+        help=f"noise model of the force: {names_in_words(list(NOISES.values()))}; default iid",
     )
     parser.add_argument(
         "--prior",

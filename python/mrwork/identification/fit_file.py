@@ -12,29 +12,18 @@ from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
 from mrwork.store.codec import json_document, read_document, record_from_json
 from mrwork.store.run_folder import (
-    CALIBRATION,
-    CHAIN,
-    DRAWS,
+    ADDITIONS,
     FIGURES,
     FIT,
-    FOLDS,
     JOURNAL,
     MANIFEST,
     MODELS,
-    PLAN,
-    PREDICTIONS,
-    PROFILES,
     RANKING,
     REPORT,
     write_folder,
 )
 
-_WRITTEN = frozenset(
-    {
-        *(MANIFEST, FIT, JOURNAL, REPORT, FIGURES, RANKING, MODELS),
-        *(CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, PREDICTIONS),
-    }
-)
+_WRITTEN = ADDITIONS | {MANIFEST, FIT, JOURNAL, REPORT, FIGURES, RANKING, MODELS}
 
 
 def write_run(

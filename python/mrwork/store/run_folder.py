@@ -30,6 +30,7 @@ PLAN = "plan.json"
 CALIBRATION = "calibration.json"
 FOLDS = "left_out"
 PREDICTIONS = "predictions.npz"
+ADDITIONS = frozenset({CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, PREDICTIONS})
 # Added by a comparison of models: the ranking, and a folder with the fit of each model.
 RANKING = "ranking.json"
 MODELS = "models"

@@ -8,6 +8,7 @@ to cycle: how well a noise model predicts the errors on another excitation has t
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any, ClassVar
@@ -300,6 +301,12 @@ def _lag_one(residual: Array) -> float:
 
 
 NOISES: dict[str, Noise] = {each.name: each for each in (Iid(), StudentT(), Ar1(), Arma11(), Amplitude())}
+
+
+def names_in_words(noises: Sequence[Noise]) -> str:
+    """Names of noise models as an enumeration: "iid, student_t or ar1"."""
+    *names, last = [each.name for each in noises]
+    return f"{', '.join(names)} or {last}"
 
 
 def noise_model(name: str) -> Noise:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mrwork.errors import SettingError
 from mrwork.simulate import loading_of
 from mrwork.twins._base import simulate
+from mrwork.uncertainty.noise import NOISES, names_in_words
 from mrwork.uncertainty.posterior.laplace import centre_and_root
 from mrwork.uncertainty.posterior.target import Target
 
@@ -35,8 +36,9 @@ def twin_log_posterior(target: Target, substeps: tuple[int, ...]) -> LogDensity:
     objective, space = target.objective, target.space
     log_densities: Any = target.noise.log_densities
     if not (target.noise.differentiable and objective.is_direct):
+        names = names_in_words([each for each in NOISES.values() if each.differentiable])
         raise SettingError(
-            "the twin has the likelihood of a plain simulated force with iid, student_t, ar1 or amplitude noise; "
+            f"the twin has the likelihood of a plain simulated force with {names} noise; "
             "sample this target by the ensemble alone"
         )
     stages = [
