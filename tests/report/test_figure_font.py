@@ -1,4 +1,4 @@
-"""Figures look the same on every machine: one font, which matplotlib ships, measured and drawn."""
+"""Figures look the same on every machine: one font, shipped with matplotlib, for measuring and drawing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The page of a fit: each section from its file, renewed by the verb that writes it, readable in a browser."""
+"""The page of a fit: a file per section, rewritten by the verbs that add to it, readable in a browser."""
 
 from __future__ import annotations
 

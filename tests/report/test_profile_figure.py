@@ -1,4 +1,4 @@
-"""Figures of profiles: a panel each, the threshold in all, an arrow where an interval is open."""
+"""Figures of profiles: a panel per parameter, the threshold in each, an arrow at an open end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The ranking on paper: every family that was judged is in the figure, every one at all in the table."""
+"""The ranking in the report: every family in the table, every one with a left-out fit in the figure."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The report: one page that needs nothing else and says what it must."""
+"""The report: one self-contained page with all results of a fit."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The figures: true to the data, legible, and without effects on the rest of the program."""
+"""Figures of a fit: true to the data, legible, without side effects."""
 
 from __future__ import annotations
 

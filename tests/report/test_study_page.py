@@ -1,4 +1,4 @@
-"""The page of a study: what stands on it, and that a browser shows it without complaint."""
+"""The page of a study: its contents, and its display in a browser without errors."""
 
 from __future__ import annotations
 

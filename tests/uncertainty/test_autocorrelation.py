@@ -1,4 +1,4 @@
-"""Effective samples: known for autoregressive noise, never more than there are, test by test."""
+"""Effective samples: exact for autoregressive noise, at most the number of samples, added up over tests."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Bands: scores, conformal calibration over tests, energy per cycle, tests left out."""
+"""Bands: scores, conformal calibration over tests, energy per cycle, coverage of tests left out."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Blocks of whole cycles: no gaps, longer than residuals remember."""
+"""Blocks of whole cycles: without gaps, longer than the autocorrelation time of the residuals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The choice of model: data go to the family that made them, interrupted or not, though another family fails."""
+"""Choice of model: the true family is chosen, also after an interrupt and where another family fails."""
 
 from __future__ import annotations
 

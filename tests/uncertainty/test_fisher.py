@@ -1,4 +1,4 @@
-"""Exact slopes in the coordinates that are sampled, against differences of the target's own residuals."""
+"""Exact derivatives in the sampled coordinates agree with differences of the residuals of the target."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What data do not see: the redundancy of the Spencer form is found and said, the normalised form has none."""
+"""Identifiability: the redundancy of the Spencer form is found and named; the normalised form has none."""
 
 from __future__ import annotations
 

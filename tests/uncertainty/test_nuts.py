@@ -1,4 +1,4 @@
-"""Two samplers on two implementations: the target is the same, and so is what they draw from it."""
+"""Two samplers on two implementations: the same target density, and the same draws within their error."""
 
 from __future__ import annotations
 

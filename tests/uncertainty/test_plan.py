@@ -1,4 +1,4 @@
-"""The next test: known answers, no test widens a band, limits hold, and draws rank as the linearised gain does."""
+"""Plan of the next test: known answers, variances that never grow, limits, agreement with draws."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An ensemble samples what it should, stops by itself, and goes on from where it was to the same bits."""
+"""The ensemble sampler: correct distributions, its stopping rule, and a resumed chain of the same bits."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Priors: densities against SciPy, and what the command line may say."""
+"""Prior densities against SciPy, and the syntax of the command line."""
 
 from __future__ import annotations
 

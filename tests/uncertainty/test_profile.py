@@ -1,4 +1,4 @@
-"""Profiles: exact on a parabola, minima at every point, open where the data do not object, whole after Ctrl-C."""
+"""Profile likelihood: exact on a parabola, minima at every point, open intervals, results after Ctrl-C."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Leave-one-out by importance sampling agrees with what leaving out really gives."""
+"""Leave-one-out by importance sampling agrees with exact leave-one-out."""
 
 from __future__ import annotations
 

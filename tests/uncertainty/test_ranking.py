@@ -1,4 +1,4 @@
-"""The ranking of families: by what was left out, the simplest of those as good, in words that say so."""
+"""Ranking of families: by the left-out fit, the simplest of equal ones first, with its sentence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the residuals say of themselves: noise is not accused, dependence is found, repetition is measured."""
+"""Tests of residuals: white noise passes, dependence is detected, the repeating share is measured."""
 
 from __future__ import annotations
 

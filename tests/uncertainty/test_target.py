@@ -1,4 +1,4 @@
-"""The density that is sampled: its coordinates, its prior, its likelihood, and what it counts residuals for."""
+"""The posterior density: coordinates, prior, likelihood and tempering."""
 
 from __future__ import annotations
 
