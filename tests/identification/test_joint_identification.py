@@ -172,7 +172,7 @@ def test_a_higher_power_helps_the_worst_test(tests: tuple[DamperTest, ...]) -> N
 
 
 def test_too_few_commands_for_a_law_are_refused(tests: tuple[DamperTest, ...]) -> None:
-    with pytest.raises(SettingError, match=r"run at 2 command\(s\), the laws asked for need 3"):
+    with pytest.raises(SettingError, match=r"run at 2 command\(s\), the current laws need 3"):
         identify(PRESET.spec, tests[:2], search=SEARCH)
 
 

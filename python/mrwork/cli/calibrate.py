@@ -91,7 +91,7 @@ def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:
         if test.sha256 in used:
             raise SettingError(
                 f"{test.label} is one of the tests that {options.run_folder} was identified from; "
-                "give tests that it has not seen, or none to leave its own out in turn"
+                "give other tests, or no files to leave the tests of the run out in turn"
             )
     nuisances = nuisances_of(options) or fit.nuisances
     return tuple(predict(fit, test, nuisances=nuisances) for test in tests)

@@ -16,10 +16,10 @@ from mrwork.cli.identified import (
     with_identifiability,
     write_identification,
 )
-from mrwork.cli.options import command_unit, laws_of, observed, reading_of
+from mrwork.cli.options import cannot_be_resumed, command_unit, laws_of, observed, reading_of
 from mrwork.cli.output import note
 from mrwork.cli.progress import ProgressLine, choice_described
-from mrwork.errors import Interrupted, JournalError, MrworkError, OutputError, SettingError
+from mrwork.errors import Interrupted, MrworkError, SettingError
 from mrwork.identification.settings import FitSettings
 from mrwork.store.run_folder import FIT, MODELS, RANKING, check_destination
 from mrwork.store.unfinished import StepJournals
@@ -95,8 +95,7 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
     except Interrupted as interrupt:
         choice, status = interrupt.result, 130
     except MrworkError as error:
-        # An impossible comparison cannot be resumed; one that failed to write its files can.
-        if not options.resume and not isinstance(error, JournalError | OutputError):
+        if cannot_be_resumed(error, options):
             journals.discard()
         raise
     except KeyboardInterrupt:

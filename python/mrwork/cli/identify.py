@@ -24,6 +24,7 @@ from mrwork.cli.options import (
     add_observation,
     add_quiet,
     add_threads,
+    cannot_be_resumed,
     check_not_negative,
     command_unit,
     laws_of,
@@ -35,7 +36,7 @@ from mrwork.cli.options import (
 from mrwork.cli.output import note
 from mrwork.cli.progress import IdentificationInWords, ProgressLine
 from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.errors import Interrupted, JournalError, MrworkError, OutputError, SettingError
+from mrwork.errors import Interrupted, MrworkError, SettingError
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.identify import identify_with
 from mrwork.identification.multistart import Multistart
@@ -182,9 +183,7 @@ def run(options: argparse.Namespace) -> int:
     except Interrupted as interrupt:
         fit, status = interrupt.result, 130
     except MrworkError as error:
-        # An impossible identification cannot be resumed; one that failed to write its files can.
-        impossible = not options.resume and not isinstance(error, JournalError | OutputError)
-        if impossible or is_copy(folder, journal):
+        if cannot_be_resumed(error, options) or is_copy(folder, journal):
             discard_journal(journal)
         raise
     finally:

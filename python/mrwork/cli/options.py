@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import get_args
 
 from mrwork.dampers.parameters import CommandUnit, LawName
-from mrwork.errors import SettingError
+from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.settings import Reading
 from mrwork.records import DamperTest, Observation, parse_column_option
@@ -115,6 +115,14 @@ def check_not_negative(options: argparse.Namespace) -> None:
         raise SettingError(
             f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
         )
+
+
+def cannot_be_resumed(error: MrworkError, options: argparse.Namespace) -> bool:
+    """Whether a new run failed with an error that makes its journal useless.
+
+    After an error of the journal, or one that occurred while files were written, the run can be resumed.
+    """
+    return not options.resume and not isinstance(error, JournalError | OutputError)
 
 
 def reading_of(options: argparse.Namespace) -> Reading:

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrwork import __version__
-from mrwork.cli.options import add_json, add_quiet, add_threads, check_not_negative
+from mrwork.cli.options import add_json, add_quiet, add_threads, cannot_be_resumed, check_not_negative
 from mrwork.cli.output import note, table_lines
 from mrwork.cli.progress import PATIENCE, ProgressLine, study_described
-from mrwork.errors import Interrupted, JournalError, MrworkError, OutputError, SettingError
+from mrwork.errors import Interrupted, MrworkError, SettingError
 from mrwork.store import digest_of
 from mrwork.summary import with_decimals
 
@@ -75,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
         print(_listing(options))
         return 0
     if options.study is None:
-        raise SettingError("no study is given; give a STUDY.toml, or --schema to see what it may say")
+        raise SettingError("no study is given; give a STUDY.toml, or --schema to print its keys")
     check_not_negative(options)
     # SciPy and the simulation are slow to load.
     from mrwork.store.run_folder import check_destination
@@ -105,8 +105,7 @@ def run(options: argparse.Namespace) -> int:
     except Interrupted as interrupt:
         results, status = interrupt.result, 130
     except MrworkError as error:
-        impossible = not options.resume and not isinstance(error, JournalError | OutputError)
-        if impossible or is_copy(place, journal):
+        if cannot_be_resumed(error, options) or is_copy(place, journal):
             histories.discard()
             discard_journal(journal)
         raise

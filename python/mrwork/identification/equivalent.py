@@ -27,16 +27,16 @@ from mrwork.errors import SettingError
 class Form:
     """The model whose parameters are searched, with its bounds and the conversions to and from the requested model.
 
-    Parameters of the requested model in `held` are fixed by the form. Parameters in `mirrored` (indices) can change
-    sign together with little effect: a small k of either sign gives the same offset -k x0, but a local minimisation
-    cannot cross k = 0, where x0 is infinite.
+    Parameters of the requested model in `fixed` are constants of the form. Parameters in `mirrored` (indices) can
+    change sign together with little effect: a small k of either sign gives the same offset -k x0, but a local
+    minimisation cannot cross k = 0, where x0 is infinite.
     """
 
     spec: DamperSpec
     box: Box
     to_model: Conversion
     from_model: Conversion
-    held: tuple[str, ...] = ()
+    fixed: tuple[str, ...] = ()
     mirrored: tuple[int, ...] = ()
 
 
@@ -83,7 +83,7 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
         box=box,
         to_model=equivalent.to_model.at(scale),
         from_model=equivalent.from_model,
-        held=("A",),
+        fixed=("A",),
         mirrored=_mirrored(normalised, box),
     )
 

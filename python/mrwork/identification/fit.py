@@ -26,7 +26,7 @@ class Estimate:
     """One parameter of a fit, in SI.
 
     `standard_error` follows from the Jacobian and assumes independent residuals; it is `None` where the parameter is
-    not identifiable, was held fixed, or lies on a bound.
+    not identifiable, was fixed, or is on a bound.
     """
 
     name: str

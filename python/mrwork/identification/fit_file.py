@@ -142,7 +142,7 @@ def reopen(path: str | Path) -> OpenedRun:
         if test.sha256 not in known:
             raise RecordError(
                 f"{test.label} has changed since {place} was identified from it; "
-                "bring back the file as it was, or run `mrwork identify` again"
+                "restore the file, or run `mrwork identify` again"
             )
         if test.n_time - test.n_settle != quality.n_time:
             raise RecordError(

@@ -177,7 +177,7 @@ def identify_with(
         if not was_stopped(interrupt):
             raise
         raise SimulationError(
-            f"no candidate of {spec.name} could be simulated before the run was stopped; let it go on for longer"
+            f"no candidate of {spec.name} could be simulated before the run was stopped; let it run longer"
         ) from interrupt
     points = points.with_given(spec, problem.settings.starts)
     problem = replace(problem, form=points.form)

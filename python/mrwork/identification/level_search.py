@@ -158,7 +158,7 @@ def levels_of(spec: DamperSpec, tests: tuple[DamperTest, ...]) -> dict[float, tu
         needed = 1 + max(_fitted_degree(law) for law in current.laws)
         if len(levels) < needed:
             raise SettingError(
-                f"the tests run at {len(levels)} command(s), the laws asked for need {needed}; "
+                f"the tests run at {len(levels)} command(s), the current laws need {needed}; "
                 "add tests at other commands, or choose laws of a lower degree"
             )
     return levels
@@ -280,7 +280,7 @@ def law_box(spec: DamperSpec, searched: Box, commands: NDArray[np.float64], *, m
     """
     largest = max(float(np.max(np.abs(commands))), 1e-3)
     bounds: dict[str, tuple[float, float]] = {}
-    whole = Box.of(spec)
+    admissible = Box.of(spec)
     for index, parameter in enumerate(spec.parameters):
         name, dot, power = parameter.name.partition(".")
         if not dot:
@@ -291,8 +291,8 @@ def law_box(spec: DamperSpec, searched: Box, commands: NDArray[np.float64], *, m
             reach = _EXPONENT
         elif spec.current is not None and current_laws()[spec.current.laws[plain]].degree is not None:
             reach /= largest ** int(power)
-        bounds[parameter.name] = (max(-reach, whole.lower[index]), min(reach, whole.upper[index]))
-    return whole.with_bounds(bounds)
+        bounds[parameter.name] = (max(-reach, admissible.lower[index]), min(reach, admissible.upper[index]))
+    return admissible.with_bounds(bounds)
 
 
 def _limited(form: Form, limits: Box) -> Box:
@@ -300,11 +300,11 @@ def _limited(form: Form, limits: Box) -> Box:
 
     Local minimisations run in the logit of the range; for a range of +-1e9 the logit resolves useful values poorly.
     """
-    whole = Box.of(form.spec)
+    admissible = Box.of(form.spec)
     narrowed = {}
-    for index, name in enumerate(whole.names):
+    for index, name in enumerate(admissible.names):
         own = (form.box.lower[index], form.box.upper[index])
-        if own == (whole.lower[index], whole.upper[index]):
+        if own == (admissible.lower[index], admissible.upper[index]):
             narrowed[name] = (limits.lower[index], limits.upper[index])
     return form.box.with_bounds(narrowed)
 

@@ -19,7 +19,7 @@ from mrwork.records import AS_IT_IS, DamperTest
 from mrwork.simulate import Misfits, Outcome, simulate_misfits
 from mrwork.store import Journal, digest_of
 
-# Rows whose residuals are held in memory at once where a misfit needs the whole history.
+# Number of rows whose residuals are in memory at once where a misfit needs the whole history.
 _ROWS = 64
 # Factor between limits and thresholds: limits allow for sums that are rounded in another order than the misfit.
 _MARGIN = 1.0 + 1e-9

@@ -136,7 +136,7 @@ class Reporter:
 
 
 def interruptible(work: Callable[[], T]) -> T:
-    """Run `work` on a thread of its own, so that Ctrl-C reaches the caller while compiled code is running.
+    """Run `work` on a separate thread, so that Ctrl-C reaches the caller while compiled code is running.
 
     After an interrupt the thread is abandoned; it ends with the process.
     """

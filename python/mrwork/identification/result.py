@@ -104,7 +104,7 @@ def estimates_of(
     for index, parameter in enumerate(spec.parameters):
         value = float(values[index])
         remark: Remark = ""
-        if parameter.name in form.held:
+        if parameter.name in form.fixed:
             remark = "fixed"
         elif form.spec == spec:
             remark = remark_of(form.box, index, value)

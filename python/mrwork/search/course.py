@@ -64,7 +64,7 @@ class Proposal:
         n_ask = np.count_nonzero(self.changed)
         if misfit.shape != (n_ask,):
             raise SettingError(
-                f"`misfit` has shape {misfit.shape}, {n_ask} candidates were asked; "
+                f"`misfit` has shape {misfit.shape}, the proposal has {n_ask} candidates; "
                 "give one misfit per row of the proposal's `unit`, in its order"
             )
         if not np.all(misfit >= 0.0):

@@ -233,8 +233,8 @@ def _check_same_search(state: SearchState, rng: int, n_params: int, replicates: 
     if stored != requested:
         raise SettingError(
             f"the stored state is of a search with rng={stored[0]} and n_params={stored[1]}, replicates "
-            f"{stored[2]}, asked for rng={rng} and n_params={n_params}, replicates {requested[2]}; "
-            "resume with its own or start afresh"
+            f"{stored[2]}, requested are rng={rng} and n_params={n_params}, replicates {requested[2]}; "
+            "resume with those of the state or start a new search"
         )
 
 
@@ -272,7 +272,7 @@ def agree_on_search(journal: Journal, optimiser: object, state: SearchState) -> 
     Raises
     ------
     JournalError
-        Where they differ; the message says in what.
+        Where they differ; the message names the difference.
     """
     course = state.course
     journal.agree(

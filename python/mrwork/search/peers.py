@@ -77,7 +77,7 @@ class PeerSearch:
     def _check(self, generation: int) -> None:
         if generation != self._generation:
             raise SettingError(
-                f"this state is of generation {generation}, its library has gone on to {self._generation}; "
+                f"this state is of generation {generation}, its library is at generation {self._generation}; "
                 "start again and tell the same misfits"
             )
 

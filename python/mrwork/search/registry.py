@@ -1,4 +1,7 @@
-"""Every optimiser by name, with its default settings."""
+"""Every optimiser by name, with its default settings.
+
+A module of its own because `identify` imports all optimisers only where a search is named.
+"""
 
 from __future__ import annotations
 
