@@ -65,7 +65,7 @@ def finished(command: list[str], folder: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A genetic search, then descents one after another."""
+    """A genetic search, then local minimisations one by one."""
     return finished(COMMAND, tmp_path_factory.mktemp("genetic"))
 
 

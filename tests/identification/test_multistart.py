@@ -1,4 +1,4 @@
-"""Descents side by side: each on its own, all to the same minimum, and as many as it takes to trust it."""
+"""Multistart: minimisations of a batch are independent, reach one minimum, and are repeated until it is confirmed."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def starts() -> NDArray[np.float64]:
     return np.asarray(SEARCHED.theta_from_unit(unit))
 
 
-def test_a_descent_does_not_know_of_those_beside_it(starts: NDArray[np.float64]) -> None:
+def test_a_minimisation_does_not_depend_on_the_others_of_its_batch(starts: NDArray[np.float64]) -> None:
     together = find_minima(objective(), FORM.box, starts, max_iterations=12)
     for index, start in enumerate(starts):
         alone = find_minima(objective(), FORM.box, start[None], max_iterations=12)
@@ -48,7 +48,7 @@ def test_a_descent_does_not_know_of_those_beside_it(starts: NDArray[np.float64])
         assert together.misfit[index] == alone.misfit[0]
 
 
-def test_a_descent_never_ends_above_its_start_and_ends_where_another_method_does(
+def test_a_minimisation_never_ends_above_its_start_and_agrees_with_another_method(
     starts: NDArray[np.float64],
 ) -> None:
     minima = find_minima(objective(), FORM.box, starts, max_iterations=80)
@@ -59,7 +59,7 @@ def test_a_descent_never_ends_above_its_start_and_ends_where_another_method_does
     assert there.misfit == pytest.approx(minima.misfit[best], rel=1e-6)
 
 
-def test_starts_that_cannot_be_simulated_are_left_where_they_are(starts: NDArray[np.float64]) -> None:
+def test_starts_that_cannot_be_simulated_do_not_move(starts: NDArray[np.float64]) -> None:
     stiff = starts.copy()
     stiff[1, FORM.spec.names.index("rho")] = 0.9 * FORM.box.upper[FORM.spec.names.index("rho")]
     assert not np.isfinite(objective()(stiff[1:2])[0])
@@ -82,7 +82,7 @@ def test_seeds_agree_on_the_minimum_and_threads_on_every_bit() -> None:
     assert not np.array_equal(found[1].theta, found[0].theta)
 
 
-def test_rounds_go_on_until_the_best_minimum_is_found_again() -> None:
+def test_rounds_continue_until_the_best_minimum_is_found_again() -> None:
     once = replace(Multistart(), starts=1, most_rounds=8, found=2)
     found = search_starts(objective(), FORM.box, SEARCHED, once, rng=3)
     assert 2 <= len(found.misfit) <= 8
@@ -102,7 +102,7 @@ def test_an_interrupt_keeps_the_best_so_far() -> None:
     assert objective()(found.theta[:1])[0] == found.misfit[0] == found.best[-1]
 
 
-def test_minima_that_lie_together_count_once() -> None:
+def test_minima_that_are_close_count_once() -> None:
     box = Box.of(FORM.spec)
     theta = np.asarray(box.theta_from_unit(np.full((3, len(box.free)), 0.5)))
     theta[1] = np.asarray(box.theta_from_unit(np.full(len(box.free), 0.51)))
@@ -119,7 +119,7 @@ def test_impossible_settings_are_named(setting: dict[str, float]) -> None:
         Multistart(**setting)  # type: ignore[arg-type]
 
 
-def test_a_parameter_that_nothing_feels_stays_where_it_is() -> None:
+def test_an_insensitive_parameter_does_not_move() -> None:
     # Without k the displacement at which it is free changes no force; alone it leaves a system of zeros.
     nominal = dict(zip(FORM.spec.names, FORM.spec.nominal, strict=True)) | {"k": 0.0}
     fixed = {name: (value, value) for name, value in nominal.items() if name != "x0"}
@@ -130,7 +130,7 @@ def test_a_parameter_that_nothing_feels_stays_where_it_is() -> None:
     assert minima.misfit[0] == objective()(start)[0]
 
 
-def test_current_laws_are_not_searched_by_descents() -> None:
+def test_multistart_refuses_current_laws() -> None:
     model = damper("normalised_bouc_wen").with_current_laws({"c": "linear"}, unit="A")
     with pytest.raises(SettingError, match="EfficientGA"):
         identify(model, TEST, search=Multistart())

@@ -87,7 +87,7 @@ def test_a_walk_on_a_parabola_is_exact(way: int) -> None:
     points = walked(jacobian, theta, way, dof=200.0)
     inverse = np.linalg.inv(jacobian.T @ jacobian)[0, 0]
     for place in points:
-        # S = 1 + shift^2 / (J'J)^-1_jj, once the others are at their best; a descent may stop 0.01 of a ratio short.
+        # S = 1 + shift^2 / (J'J)^-1_jj, with the others at their optimum; a minimisation may stop within 0.01 of it.
         best = 1.0 + (place.position[0] - theta[0]) ** 2 / inverse
         assert 200.0 * np.log(place.squared / best) == pytest.approx(0.0, abs=0.02)
     roots = [signed_root(place.squared, 1.0, 200.0) for place in points]
@@ -126,7 +126,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say(fit: Fit, test: DamperTes
     assert 106 <= inside <= 119
 
 
-def test_no_other_descent_finds_less_at_a_point(fit: Fit, test: DamperTest, found: Profiles) -> None:
+def test_no_other_minimisation_finds_less_at_a_point(fit: Fit, test: DamperTest, found: Profiles) -> None:
     profile = by_name(found)["k"]
     objective = Objective.of(SPEC, (test,))
     value, misfit = profile.values[1], profile.misfit[1]

@@ -85,13 +85,13 @@ def contenders() -> tuple[list[Contender], list[str]]:
             name="identify",
             objective="rust",
             method=_identify,
-            settings="the whole call, to its own end: the model's default search, descents and standard errors",
+            settings="the whole call, to its own end: the model's default search, final fit and standard errors",
         ),
         Contender(
             name="multistart",
             objective="rust",
             method=_multistart,
-            settings="the search of identify in the same box, to the target: eight descents side by side",
+            settings="the search of identify in the same box, to the target: batches of eight local minimisations",
         ),
     ]
     missing: list[str] = []

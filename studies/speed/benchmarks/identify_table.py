@@ -35,8 +35,8 @@ def _lines(benchmark: SearchBenchmark) -> Iterator[str]:
     yield ""
     yield "Medians over the attempts that came near; s/success counts what failures spent. Compiling and loading are"
     yield "not counted; of seeds run at once each has its share. ~ extrapolated. identify is its whole run, and may"
-    yield "leave the box: its gap can be negative. A simulation that brings its derivatives along counts as one: the"
-    yield "descents of identify and multistart have such, the difference quotients of SciPy count each column."
+    yield "leave the box: its gap can be negative. A simulation with its derivatives counts as one, as in the local"
+    yield "minimisations of identify and multistart; for the difference quotients of SciPy each column counts."
     yield ""
     for abort in benchmark.early_abort:
         same = "the same to the last bit" if abort.identical else "NOT THE SAME RESULT"

@@ -84,7 +84,7 @@ def _on_peer(job: RefineJob, peer: Callable[[Array], Array]) -> Callable[[Array]
 
 
 def _descended(job: RefineJob, peer: Callable[[Array], Array], start: Array) -> tuple[float, int]:
-    """The descent of `find_minimum` with forward differences, all columns in one batch; residuals there are known."""
+    """The method of `find_minimum` with forward differences, all columns in one batch; residuals there are known."""
     from scipy.optimize import least_squares
 
     box = job.box

@@ -1,8 +1,8 @@
-"""The jobs of `study.py refine`: where a user stands after exploring, and the minimum that is to be reached.
+"""The problems of `study.py refine`: starting points as a global search leaves them, and the minimum to be reached.
 
 One record: the normalised Bouc-Wen model on the reference test of `study.py identify`, 7 free parameters. Joint:
-the same model with k_w cubic and c linear in the current on all sinusoids of the rig, 11 free parameters. Starts are a
-find after a short descent, each parameter times e^N(0, 0.2).
+the same model with k_w cubic and c linear in the current on all sinusoids of the rig, 11 free parameters. A start
+is the result of a short local minimisation, each parameter times e^N(0, 0.2).
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def joint_job(seeds: int, threads: int) -> RefineJob | None:
 
 
 def _find(objective: Objective, box: Box, searched: Box) -> NDArray[np.float64]:
-    """The best of a Latin hypercube after a short descent from each of its best few, shape (n_params,)."""
+    """The best of a Latin hypercube after a short local minimisation from each of its best few, shape (n_params,)."""
     n_free = len(searched.free)
     streams = Streams(rng=0, replicate=np.zeros(1, dtype=np.int64), generation=np.zeros(1, dtype=np.int64))
     sample = np.asarray(searched.theta_from_unit(latin_hypercube(streams, _SAMPLES * n_free, n_free)[0]))

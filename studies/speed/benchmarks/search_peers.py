@@ -1,8 +1,8 @@
 """Searches of other libraries as their users call them, each in its best configuration that we know of.
 
 All may pass a whole generation to the objective, and do. None is left to stop by itself while budget remains: a rule
-of convergence ends an attempt at best as a failure. CMA, which restarts by design, and least squares, whose descents
-are short, start again where they stop.
+of convergence ends an attempt at best as a failure. CMA, which restarts by design, and least squares, whose
+minimisations are short, start again where they stop.
 """
 
 from __future__ import annotations
