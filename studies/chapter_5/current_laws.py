@@ -124,20 +124,20 @@ class LawComparison:
 
 
 def identify_each(
-    model: Model, tests: TestSet, *, search: EfficientGA, rng: int, tell: Callable[[str], None]
+    model: Model, tests: TestSet, *, search: EfficientGA, rng: int, on_progress: Callable[[str], None]
 ) -> PerCurrent:
     fits = []
     for test in tests.tests:
-        tell(f"{test.name}: {model.label}")
+        on_progress(f"{test.name}: {model.label}")
         fits.append(mr.identify(model.damper, test, bounds=model.bounds, search=search, rng=rng))
     return PerCurrent(model=model, currents=tests.currents, fits=tuple(fits))
 
 
 def compare_laws(
-    each: PerCurrent, tests: TestSet, *, search: EfficientGA, rng: int, tell: Callable[[str], None]
+    each: PerCurrent, tests: TestSet, *, search: EfficientGA, rng: int, on_progress: Callable[[str], None]
 ) -> LawComparison:
     model = each.model
-    tell(f"{tests.name}: {model.label}, all currents at once")
+    on_progress(f"{tests.name}: {model.label}, all currents at once")
     fit = mr.identify(model.spec, tests.tests, bounds=model.bounds, search=search, rng=rng)
     errors = [_or_nan(estimate.standard_error) for estimate in fit.estimates]
     return LawComparison(

@@ -36,12 +36,15 @@ def study_set(
     models: tuple[Model, ...],
     search: EfficientGA,
     rng: int,
-    tell: Callable[[str], None],
+    on_progress: Callable[[str], None],
 ) -> SetOutcome:
     """Identify every model at each current, and the laws of those that have them."""
-    each = {model.label: identify_each(model, tests, search=search, rng=rng, tell=tell) for model in models}
+    each = {
+        model.label: identify_each(model, tests, search=search, rng=rng, on_progress=on_progress)
+        for model in models
+    }
     laws = {
-        model.label: compare_laws(each[model.label], tests, search=search, rng=rng, tell=tell)
+        model.label: compare_laws(each[model.label], tests, search=search, rng=rng, on_progress=on_progress)
         for model in models
         if model in WITH_LAWS
     }

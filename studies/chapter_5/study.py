@@ -91,7 +91,7 @@ def main() -> int:
     options = parser.parse_args()
     began = time.perf_counter()
 
-    def tell(doing: str) -> None:
+    def on_progress(doing: str) -> None:
         print(f"{time.perf_counter() - began:6.0f} s  {doing}", file=sys.stderr, flush=True)
 
     measured = measured_sets(RECORDS)
@@ -106,7 +106,7 @@ def main() -> int:
             models=MODELS,
             search=EfficientGA(),
             rng=options.seed,
-            tell=tell,
+            on_progress=on_progress,
         )
         for tests in (*synthetic_sets(seed=options.seed), *measured)
     ]

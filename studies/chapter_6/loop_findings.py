@@ -22,7 +22,7 @@ from mrwork.control import ControlLaw, control_laws
 from sheet_frequencies import frequencies
 from tuning import Found, search
 
-Tell = Callable[[str], None]
+OnProgress = Callable[[str], None]
 HERE = Path(__file__).parent
 SEED = 6
 TUNED_LAWS = tuple(spec.name for spec in control_laws() if spec.name not in ("passive", "active"))
@@ -31,13 +31,13 @@ ACTIVE = ("active", "active_limited")
 QUICK_LAWS = ("clipped_optimal", "lyapunov_direct", "inverse_direct")
 
 
-def tune(over: Bench, tell: Tell) -> dict[str, Found]:
+def tune(over: Bench, on_progress: OnProgress) -> dict[str, Found]:
     """Search the settings of every law, and of the ideal force with and without a limit."""
     rng = np.random.default_rng(SEED)
     found = {}
     limit = figures(over, _constant([LARGEST_CURRENT])).peak_force[0]
     for law in TUNED_LAWS:
-        tell(f"search: {law}")
+        on_progress(f"search: {law}")
         found[law] = search(over, law, rng=rng)
     found["active"] = search(over, "active", rng=rng)
     found["active_limited"] = search(
@@ -46,7 +46,7 @@ def tune(over: Bench, tell: Tell) -> dict[str, Found]:
     return found
 
 
-def five_storeys(over: Bench, tell: Tell, *, quick: bool) -> dict[str, dict[str, Any]]:
+def five_storeys(over: Bench, on_progress: OnProgress, *, quick: bool) -> dict[str, dict[str, Any]]:
     """By label, figures at each level: constant currents, laws, baselines."""
     table: dict[str, dict[str, Any]] = {}
     currents = np.linspace(0.0, LARGEST_CURRENT, 48)
@@ -61,7 +61,7 @@ def five_storeys(over: Bench, tell: Tell, *, quick: bool) -> dict[str, dict[str,
     for law, at_level in kept().items():
         if quick and law not in QUICK_LAWS:
             continue
-        tell(f"table: {law}")
+        on_progress(f"table: {law}")
         found = scores_under(over, at_level, (REFERENCE,))[REFERENCE.name]
         table[law] = {
             level_name(level): _at(found[number], 0, number)
@@ -69,7 +69,7 @@ def five_storeys(over: Bench, tell: Tell, *, quick: bool) -> dict[str, dict[str,
             for number, level in enumerate(LEVELS)
         }
     if not quick:
-        tell("table: baselines")
+        on_progress("table: baselines")
         for each in baselines(over):
             table[each.label] = {
                 level_name(level): _at(each.figures[number], 0, number) | {"says": each.says[number]}
@@ -78,14 +78,14 @@ def five_storeys(over: Bench, tell: Tell, *, quick: bool) -> dict[str, dict[str,
     return table
 
 
-def loop_conditions(over: Bench, tell: Tell) -> dict[str, dict[str, Any]]:
+def loop_conditions(over: Bench, on_progress: OnProgress) -> dict[str, dict[str, Any]]:
     """By law and condition, the score at each level; and the largest change of one ratio."""
     names = [motion.name for motion in over.motions[: len(over.motions) // len(LEVELS)]]
     table: dict[str, dict[str, Any]] = {}
     for law, at_level in kept().items():
         if law in ACTIVE:
             continue
-        tell(f"conditions: {law}")
+        on_progress(f"conditions: {law}")
         found = scores_under(over, at_level)
         table[law] = {}
         for condition in CONDITIONS:
@@ -104,11 +104,11 @@ def loop_conditions(over: Bench, tell: Tell) -> dict[str, dict[str, Any]]:
     return table
 
 
-def found_by(*, quick: bool, records: Path, tell: Tell) -> dict[str, Any]:
+def found_by(*, quick: bool, records: Path, on_progress: OnProgress) -> dict[str, Any]:
     """Everything, as nested dictionaries with text for keys."""
     over = bench(records)
     motion = motion_of(records)
-    tell("Dyke et al. 1996")
+    on_progress("Dyke et al. 1996")
     found: dict[str, Any] = {
         "frequencies": {
             each.building: {
@@ -126,15 +126,15 @@ def found_by(*, quick: bool, records: Path, tell: Tell) -> dict[str, Any]:
         name: {"least": float(least), "most": float(most)}
         for name, least, most in zip(QUANTITIES, low, high, strict=False)
     }
-    tell("faults")
+    on_progress("faults")
     found["faults"] = {
         case.fault: {"outcome": case.outcome, "score": case.score}
         for case in cases(records, kept()["clipped_optimal"][-1])
     }
-    found["five_storeys"] = five_storeys(over, tell, quick=quick)
+    found["five_storeys"] = five_storeys(over, on_progress, quick=quick)
     if not quick:
-        found["conditions"] = loop_conditions(over, tell)
-        tell("a million runs")
+        found["conditions"] = loop_conditions(over, on_progress)
+        on_progress("a million runs")
         ran = subprocess.run(
             [sys.executable, str(HERE / "million_runs.py")], check=True, capture_output=True, text=True
         )

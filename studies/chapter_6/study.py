@@ -38,12 +38,12 @@ def main() -> int:
         parser.error(f"the records are not at {RECORDS}; point MRWORK_DATA at the data")
     began = time.perf_counter()
 
-    def tell(doing: str) -> None:
+    def on_progress(doing: str) -> None:
         print(f"{time.perf_counter() - began:6.0f} s  {doing}", file=sys.stderr, flush=True)
 
     if options.tune:
-        keep(tune(bench(RECORDS), tell))
-    found = found_by(quick=options.quick, records=RECORDS, tell=tell)
+        keep(tune(bench(RECORDS), on_progress))
+    found = found_by(quick=options.quick, records=RECORDS, on_progress=on_progress)
     found["seconds"] = time.perf_counter() - began
     wrong = departures(found)
     page = options.out / "report.html"

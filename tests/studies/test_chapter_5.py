@@ -34,7 +34,7 @@ def sets() -> tuple[TestSet, ...]:
 
 @pytest.fixture(scope="module")
 def static(sets: tuple[TestSet, ...]) -> SetOutcome:
-    return study_set(sets[0], models=(STATIC,), search=SEARCH, rng=1, tell=quiet)
+    return study_set(sets[0], models=(STATIC,), search=SEARCH, rng=1, on_progress=quiet)
 
 
 def test_the_true_model_is_recovered_at_each_current(static: SetOutcome) -> None:
@@ -68,7 +68,7 @@ def test_a_law_of_as_many_numbers_as_currents_passes_through_the_values(static: 
 
 def test_a_damper_that_the_model_is_not_leaves_more_than_the_noise(sets: tuple[TestSet, ...]) -> None:
     largest = replace(sets[1], tests=sets[1].tests[-1:])
-    each = identify_each(STATIC, largest, search=SEARCH, rng=1, tell=quiet)
+    each = identify_each(STATIC, largest, search=SEARCH, rng=1, on_progress=quiet)
     assert np.all(each.rms_n > (1.0 + SCATTER) * FORCE_NOISE_N)
 
 

@@ -27,7 +27,7 @@ measured = pytest.mark.skipif(
 
 @pytest.fixture(scope="module")
 def found() -> dict[str, Any]:
-    return {**found_by(quick=True, records=RECORDS, tell=lambda doing: None), "seconds": 0.0}
+    return {**found_by(quick=True, records=RECORDS, on_progress=lambda doing: None), "seconds": 0.0}
 
 
 @measured

@@ -106,15 +106,15 @@ def test_every_search_repeats_itself_and_stays_in_the_cube(
     contender: Contender, job: SearchJob, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    asked: list[list[NDArray[np.float64]]] = []
+    visited: list[list[NDArray[np.float64]]] = []
     for _ in range(2):
         objective = RustObjective(objective=job.objective)
-        attempt = Attempt(job=job, objective=objective, target=0.0, budget=300, asked=[])
+        attempt = Attempt(job=job, objective=objective, target=0.0, budget=300, visited=[])
         with pytest.raises(AttemptEnded):
             contender.method(attempt, 3)
-        assert attempt.asked is not None
-        asked.append(attempt.asked)
-    first, second = (np.concatenate(each) for each in asked)
+        assert attempt.visited is not None
+        visited.append(attempt.visited)
+    first, second = (np.concatenate(each) for each in visited)
     np.testing.assert_array_equal(first, second)
     assert first.min() >= 0.0
     assert first.max() <= 1.0

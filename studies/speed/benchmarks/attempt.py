@@ -16,7 +16,7 @@ from benchmarks.search_job import SearchJob
 from mrwork.identification import Objective
 
 Array = NDArray[np.float64]
-# Libraries compute with misfits, so a failure is told as a number worse than any.
+# Libraries compute with misfits, so a failure is given as a number worse than any misfit.
 _FAILURE = 1e10
 # 0.2 points of fit.
 NEAR = 0.002
@@ -59,7 +59,7 @@ class Attempt:
     """The objective as a method sees it, on the unit cube, and what the method has spent.
 
     A batch counts whole, also where one of its first candidates reaches the target. `least` is the best misfit so far,
-    `asked` the points so far where a list is given for them.
+    `visited` collects the points, if it is a list.
     """
 
     job: SearchJob
@@ -70,7 +70,7 @@ class Attempt:
     seconds: float = 0.0
     least: float = math.inf
     began: float = field(default_factory=time.perf_counter)
-    asked: list[Array] | None = None
+    visited: list[Array] | None = None
 
     @property
     def success(self) -> bool:
@@ -91,8 +91,8 @@ class Attempt:
         return residuals
 
     def _theta(self, unit: Array) -> Array:
-        if self.asked is not None:
-            self.asked.append(unit.copy())
+        if self.visited is not None:
+            self.visited.append(unit.copy())
         return self.job.theta(unit)
 
     def account(self, simulated: int, least: float) -> None:

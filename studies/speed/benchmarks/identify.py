@@ -37,8 +37,8 @@ class SearchBenchmark:
 
 
 @dataclass(slots=True, kw_only=True)
-class _Told:
-    """What the workers have told so far."""
+class _Received:
+    """Messages of the workers so far."""
 
     setups: list[Setup]
     outcomes: dict[tuple[int, str, str], list[Outcome]]
@@ -81,7 +81,7 @@ def bench_identify(
     seeds : attempts of each method.
     threads : numbers of threads, none above the cores of this machine; without any, 1 and all.
     budget : simulations after which an attempt has failed.
-    quick : a rough look: smaller allowances, one thread unless told otherwise, the first numba that comes.
+    quick : a rough look: smaller allowances, one thread unless set otherwise, the first numba that comes.
     all_tests : also the default of `identify` on the five currents of the reference test.
     on_progress : called with one line of text: what runs, and about how long it will take.
 
@@ -107,7 +107,7 @@ def bench_identify(
         all_tests=all_tests,
         last=False,
     )
-    told = _Told(setups=[], outcomes={}, on_tests={}, early_abort=[])
+    received = _Received(setups=[], outcomes={}, on_tests={}, early_abort=[])
     began = time.perf_counter()
     interrupted = False
     try:
@@ -118,46 +118,46 @@ def bench_identify(
                 if kind == "setup":
                     turns_began = time.perf_counter()
                 if kind != "progress":
-                    told.take(kind, content)
+                    received.take(kind, content)
                 elif on_progress is not None:
-                    left = _time_left(told, count, seeds, turns_began)
+                    left = _time_left(received, count, seeds, turns_began)
                     on_progress(f"{count} thread(s), {content}{left}")
     except KeyboardInterrupt:
         interrupted = True
-    rows = _rows(told)
-    tests = tuple(test_row_of(about, outcomes) for about, outcomes in told.on_tests.items())
+    rows = _rows(received)
+    tests = tuple(test_row_of(about, outcomes) for about, outcomes in received.on_tests.items())
     return SearchBenchmark(
         rows=rows,
-        early_abort=tuple(told.early_abort),
+        early_abort=tuple(received.early_abort),
         tests=tests,
-        bars=tuple(bars_of(rows, tests, told.early_abort)),
-        setups=tuple(told.setups),
-        usual_way=told.usual_way,
+        bars=tuple(bars_of(rows, tests, received.early_abort)),
+        setups=tuple(received.setups),
+        usual_way=received.usual_way,
         seconds=time.perf_counter() - began,
         interrupted=interrupted,
     )
 
 
-def _time_left(told: _Told, threads: int, seeds: int, began: float) -> str:
+def _time_left(received: _Received, threads: int, seeds: int, began: float) -> str:
     """How long the turns of this number of threads go on; empty before their first and after their last."""
-    done = sum(len(outcomes) for (count, *_), outcomes in told.outcomes.items() if count == threads)
+    done = sum(len(outcomes) for (count, *_), outcomes in received.outcomes.items() if count == threads)
     if not done:
         return ""
-    total = len(told.setups[-1].contenders) * seeds
+    total = len(received.setups[-1].contenders) * seeds
     left = (time.perf_counter() - began) * (total - done) / done
     return f"; about {left:.0f} s of {total - done} attempts left" if done < total else ""
 
 
-def _rows(told: _Told) -> tuple[SearchRow, ...]:
+def _rows(received: _Received) -> tuple[SearchRow, ...]:
     rows: list[SearchRow] = []
-    for setup in told.setups:
+    for setup in received.setups:
         for method, objective, settings in setup.contenders:
-            outcomes = told.outcomes.get((setup.threads, method, objective), [])
+            outcomes = received.outcomes.get((setup.threads, method, objective), [])
             if outcomes:
                 rows.append(row_of(method, objective, setup.threads, settings, outcomes))
-    usual = told.usual_way
+    usual = received.usual_way
     if usual is not None:
-        threads = told.setups[-1].threads
+        threads = received.setups[-1].threads
         swarms = [row for row in rows if row.method == USUAL and row.threads == threads]
         rows += [row for swarm in swarms[:1] for row in extrapolated(swarm, usual)]
     return tuple(rows)

@@ -1,7 +1,7 @@
 """One process of `study.py identify`: pinned to its cores, it lets every contender try, seed by seed, in turns.
 
 Run as `python -m benchmarks.identify_worker CORES SETTINGS` (comma-separated cores, JSON of `Settings`) by
-`bench_identify`. It tells `progress` (text), `setup`, `outcome`, `early_abort`, `usual_way`, `on_test` (their fields)
+`bench_identify`. It sends `progress` (text), `setup`, `outcome`, `early_abort`, `usual_way`, `on_test` (their fields)
 or `failure` (text).
 """
 
@@ -26,7 +26,7 @@ from benchmarks.attempt import (
 )
 from benchmarks.contenders import contenders
 from benchmarks.early_abort import early_aborts
-from benchmarks.processes import serve, tell
+from benchmarks.processes import send, serve
 from benchmarks.search_job import ALL_TESTS, REFERENCE, SearchJob, record
 from benchmarks.search_peers import multistart_least_squares
 from benchmarks.side_by_side import OBJECTIVE, attempted_at_once, contenders_at_once
@@ -34,7 +34,7 @@ from benchmarks.timing import Peer, fastest_variant
 from benchmarks.usual_way import measure_usual_way
 from benchmarks.workload import Run
 
-# The compile of a method and the loading of its library, which nobody's time includes, take this many simulations.
+# The compile of a method and the loading of its library, which no time includes, take this many simulations.
 _WARMING = 150
 # Seeds below chose the settings of the contenders.
 _FIRST_SEED = 100
@@ -42,7 +42,7 @@ _FIRST_SEED = 100
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """How much is measured; `last` says that what needs one number of threads only is measured too."""
+    """Settings of the measurement; with `last`, what needs only one number of threads is measured too."""
 
     seeds: int
     budget: int
@@ -82,20 +82,20 @@ def main() -> None:
 def measure(settings: Settings, threads: int) -> None:
     """All of one number of threads."""
     job = SearchJob.of(record(REFERENCE), threads)
-    tell("progress", "looking for the best known fit")
+    send("progress", "looking for the best known fit")
     best_known, simulated = best_known_misfit(job, settings.known_budget)
     objectives: dict[str, BatchObjective] = {}
     objectives["rust"] = objectives["rust, early abort"] = RustObjective(objective=job.objective)
     first_calls: dict[str, float] = {}
     variant = ""
     if importlib.util.find_spec("numba") is not None:
-        tell("progress", "choosing the fastest numba")
+        send("progress", "choosing the fastest numba")
         objectives["numba"], variant, first_calls["numba"] = fastest_numba(
             job, threads, choose=settings.choose_variant
         )
     everyone, missing = contenders()
     for contender in everyone:
-        tell("progress", f"warming up: {contender.name} on {contender.objective}")
+        send("progress", f"warming up: {contender.name} on {contender.objective}")
         began = time.perf_counter()
         _try(contender, job, objectives, best_known=0.0, budget=_WARMING, seed=10**6)
         first_calls.setdefault(contender.name, time.perf_counter() - began)
@@ -117,12 +117,12 @@ def measure(settings: Settings, threads: int) -> None:
         numba_variant=variant,
         first_call_seconds=first_calls,
     )
-    tell("setup", asdict(setup))
+    send("setup", asdict(setup))
     for seed in range(settings.seeds):
-        # Nobody always follows the same neighbour.
+        # No contender always follows the same neighbour.
         first = seed % len(everyone)
         for contender in everyone[first:] + everyone[:first]:
-            tell(
+            send(
                 "progress",
                 f"seed {seed + 1} of {settings.seeds}: {contender.name} on {contender.objective}",
             )
@@ -135,27 +135,27 @@ def measure(settings: Settings, threads: int) -> None:
                 seed=_FIRST_SEED + seed,
             )
             named = {"method": contender.name, "objective": contender.objective, "threads": threads}
-            tell("outcome", named | asdict(outcome))
-    tell("progress", "all seeds at once")
+            send("outcome", named | asdict(outcome))
+    send("progress", "all seeds at once")
     for name, outcomes in attempted_at_once(
         job, best_known=best_known, budget=settings.budget, first_seed=_FIRST_SEED, seeds=settings.seeds
     ):
         named = {"method": name, "objective": OBJECTIVE, "threads": threads}
         for outcome in outcomes:
-            tell("outcome", named | asdict(outcome))
-    tell("progress", "early abort")
+            send("outcome", named | asdict(outcome))
+    send("progress", "early abort")
     generations, seeds = settings.abort_generations, settings.abort_seeds
     for found in early_aborts(job, generations=generations, seeds=seeds, threads=threads):
-        tell("early_abort", asdict(found))
+        send("early_abort", asdict(found))
     if settings.last and importlib.util.find_spec("pyswarms") is not None:
-        tell("progress", "the usual way: a few candidates by solve_ivp")
+        send("progress", "the usual way: a few candidates by solve_ivp")
         usual = measure_usual_way(
             job,
             target=best_known + NEAR,
             budget=settings.budget,
             candidates=settings.usual_candidates,
         )
-        tell("usual_way", asdict(usual))
+        send("usual_way", asdict(usual))
     if settings.last and settings.all_tests:
         _on_all_tests(settings, threads, everyone[0])
 
@@ -217,13 +217,13 @@ def _on_all_tests(settings: Settings, threads: int, default: Contender) -> None:
     for name in ALL_TESTS:
         test = record(name)
         if test.synthetic:
-            tell("progress", f"{name} is not here")
+            send("progress", f"{name} is not here")
             continue
         job = SearchJob.of(test, threads)
         objective = RustObjective(objective=job.objective)
         best_known, _ = best_known_misfit(job, settings.known_budget)
         for seed in range(settings.seeds):
-            tell("progress", f"{default.name} on {name}, seed {seed + 1} of {settings.seeds}")
+            send("progress", f"{default.name} on {name}, seed {seed + 1} of {settings.seeds}")
             outcome = attempted(
                 default,
                 job,
@@ -233,7 +233,7 @@ def _on_all_tests(settings: Settings, threads: int, default: Contender) -> None:
                 seed=_FIRST_SEED + seed,
             )
             named = {"test": name, "best_known_percent": 100.0 * (1.0 - best_known)}
-            tell("on_test", named | asdict(outcome))
+            send("on_test", named | asdict(outcome))
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """The workload in jax: one `lax.scan` over the samples, jitted, in float64, for the whole batch at once.
 
 Varied: `vmap` of a scalar scan or arrays of candidates in one scan, the scan's unrolling, the vector width
-XLA aims at (it stops at 256 bits unless told otherwise), and whether the batch is split over one XLA device
+XLA aims at (it stops at 256 bits unless set otherwise), and whether the batch is split over one XLA device
 per core (XLA runs a loop of small kernels on one thread, however many it owns).
 """
 

@@ -82,8 +82,8 @@ def bench_loop(
     """Clipped-optimal control of a five-storey building, candidates under motions; see `loop_workload`.
 
     Each contender has a process of its own for each number of threads, pinned to that many cores; they follow one
-    another. The peers' layout is searched on a short piece and the fastest is timed; compilation is told apart. What
-    is kept of the runs must agree.
+    another. The peers' layout is searched on a short piece and the fastest is timed; compilation is measured
+    separately. What is kept of the runs must agree.
 
     Parameters
     ----------
@@ -203,8 +203,8 @@ def format_loop(benchmark: LoopBenchmark) -> str:
 
 
 def _measured(settings: LoopSettings, cores: Sequence[int]) -> LoopMeasurement:
-    told = run_worker("benchmarks.loop_worker", cores, [json.dumps(asdict(settings))])
-    (measurement,) = [LoopMeasurement(**content) for kind, content in told if kind == "measurement"]
+    received = run_worker("benchmarks.loop_worker", cores, [json.dumps(asdict(settings))])
+    (measurement,) = [LoopMeasurement(**content) for kind, content in received if kind == "measurement"]
     return measurement
 
 

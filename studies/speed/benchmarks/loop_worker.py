@@ -12,9 +12,9 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from benchmarks.loop_workload import Floats, LoopWorkload, loop_workload
-from benchmarks.processes import serve, tell
+from benchmarks.processes import send, serve
 
-# Variants are told apart on so much of the record, best of three.
+# Variants are compared on this part of the record, best of three.
 _TRIAL_STEPS = 1000
 
 Prepare = Callable[[LoopWorkload], Callable[[], Floats]]
@@ -22,7 +22,7 @@ Prepare = Callable[[LoopWorkload], Callable[[], Floats]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopSettings:
-    """Who takes part and how much is asked of it; `results` is the file to write (.npy)."""
+    """Contenders and size of the workload; `results` is the file to write (.npy)."""
 
     tool: str
     candidates: int
@@ -99,7 +99,7 @@ def measure(settings: LoopSettings, threads: int) -> None:
         compile_seconds=compiling,
         variant=name,
     )
-    tell("measurement", asdict(measurement))
+    send("measurement", asdict(measurement))
 
 
 def _trial(prepare: Prepare, piece: LoopWorkload) -> tuple[float, float]:

@@ -1,7 +1,7 @@
 """One process of the models' benchmark: pinned to its cores, it times every model and its twin, in turns.
 
 Run as `python -m benchmarks.model_worker CORES MODELS BATCH SAMPLES ROUNDS` (comma-separated) by
-`bench_models`. It tells `progress` (text), `measurement` or `failure` (text).
+`bench_models`. It sends `progress` (text), `measurement` or `failure` (text).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 from benchmarks.model_workload import SUBSTEPS, ModelWorkload, model_workload
-from benchmarks.processes import pin, tell
+from benchmarks.processes import pin, send
 from benchmarks.timing import TURN_SECONDS, Peer, V, fastest_variant, time_in_turns
 from benchmarks.workload import Run
 from mrwork import kernels as core
@@ -49,12 +49,12 @@ def main() -> None:
 
     try:
         for name in names:
-            tell("progress", f"{name}, {len(cores)} thread(s)")
+            send("progress", f"{name}, {len(cores)} thread(s)")
             workload = model_workload(damper(name), batch, n_time)
             measurement = measure_model(workload, twins_of(workload), len(cores), rounds)
-            tell("measurement", asdict(measurement))
+            send("measurement", asdict(measurement))
     except MrworkError as error:
-        tell("failure", str(error))
+        send("failure", str(error))
 
 
 def measure_model(

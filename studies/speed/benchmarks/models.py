@@ -155,7 +155,7 @@ def format_models(benchmark: ModelBenchmark) -> str:
     if any(row.n_states == 0 for row in benchmark.rows):
         lines += [
             "A model without a state has no step to take, only a force to evaluate: XLA makes one loop of that, which",
-            "runs in vectors as ours does. The share of the peak says how little is left to gain on it.",
+            "runs in vectors as ours does. The share of the peak limits what is left to gain.",
         ]
     lines.append("")
     lines += [

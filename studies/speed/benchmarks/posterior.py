@@ -63,7 +63,7 @@ def bench_posterior(
     """Let all sample the same posterior from the same walkers, in turns.
 
     Each number of threads gets a process of its own, pinned to that many cores. Loading, compiling and choosing the
-    fastest variant come first and are not in the seconds. Ctrl-C ends the run; what was told until then is returned.
+    fastest variant come first and are not in the seconds. Ctrl-C ends the run; the rows until then are returned.
 
     Parameters
     ----------
@@ -160,4 +160,4 @@ def _lines(benchmark: PosteriorBenchmark) -> Iterator[str]:
     if missing:
         yield f"not installed: {', '.join(missing)}; to compare, run: pip install 'mrwork[bench,nuts]'"
     if benchmark.interrupted:
-        yield "interrupted: the rows hold what was told until then"
+        yield "interrupted: the rows are those measured until then"

@@ -1,4 +1,4 @@
-"""What goes to a process of `study.py posterior`, and what it tells."""
+"""Messages to and from a process of `study.py posterior`."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """One process of `study.py posterior`: pinned to its cores, it lets every sampler run, in turns.
 
 Run as `python -m benchmarks.posterior_worker CORES SETTINGS` (comma-separated cores, JSON of `Settings`) by
-`bench_posterior`. It tells `progress` (text), `setup`, `row` (their fields) or `failure` (text).
+`bench_posterior`. It sends `progress` (text), `setup`, `row` (their fields) or `failure` (text).
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from benchmarks.posterior_jax import JAX_VARIANTS, JaxTarget
 from benchmarks.posterior_job import PosteriorJob, Rows
 from benchmarks.posterior_rows import SamplerRow, Settings, Setup
-from benchmarks.processes import serve, tell
+from benchmarks.processes import send, serve
 from mrwork.errors import MrworkError
 from mrwork.uncertainty import Ensemble, convergence, kept
 
@@ -43,7 +43,7 @@ class _Contender:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class _Clock:
-    """A density that knows how long it has worked, and on how much."""
+    """A density that counts its evaluations and their time."""
 
     density: Callable[[Rows], Rows]
     seconds: float = 0.0
@@ -64,7 +64,7 @@ def main() -> None:
 
 def measure(settings: Settings, threads: int) -> None:
     """All samplers on one number of threads."""
-    tell("progress", "fitting the reference test")
+    send("progress", "fitting the reference test")
     job = PosteriorJob.of(threads=threads, n_walkers=settings.walkers)
     missing = [name for name in ("numba", "numpyro") if importlib.util.find_spec(name) is None]
     setup = Setup(
@@ -77,7 +77,7 @@ def measure(settings: Settings, threads: int) -> None:
         threads=threads,
         missing=tuple(missing),
     )
-    tell("setup", asdict(setup))
+    send("setup", asdict(setup))
     everyone = [_ours(job), *_on_jax(job, settings)]
     if "numba" not in missing:
         everyone += _on_numba(job, settings, threads)
@@ -85,14 +85,14 @@ def measure(settings: Settings, threads: int) -> None:
         steps = settings.steps * (turn + 1) // _TURNS - settings.steps * turn // _TURNS
         first = turn % len(everyone)
         for contender in everyone[first:] + everyone[:first]:
-            tell("progress", f"turn {turn + 1} of {_TURNS}: {contender.name}")
+            send("progress", f"turn {turn + 1} of {_TURNS}: {contender.name}")
             began = time.perf_counter()
             contender.chain = contender.advance(steps)
             contender.seconds += time.perf_counter() - began
     for contender in everyone:
-        tell("row", asdict(_row(contender, job, settings, threads)))
+        send("row", asdict(_row(contender, job, settings, threads)))
     if "numpyro" not in missing and settings.nuts_draws:
-        tell("row", asdict(_nuts(job, settings, threads)))
+        send("row", asdict(_nuts(job, settings, threads)))
 
 
 def _ours(job: PosteriorJob) -> _Contender:
@@ -105,7 +105,7 @@ def _on_jax(job: PosteriorJob, settings: Settings) -> list[_Contender]:
     expected = job.target(half)
     best: tuple[float, float, JaxTarget, str] | None = None
     for variant in JAX_VARIANTS if settings.choose_variant else JAX_VARIANTS[2:3]:
-        tell("progress", f"compiling the twin: {variant.describe()}")
+        send("progress", f"compiling the twin: {variant.describe()}")
         density = JaxTarget.of(job, variant)
         compiling, found = _timed(density, half)
         # Stretch moves ask for halves, ours for the whole, which is another shape.
@@ -124,7 +124,7 @@ def _on_numba(job: PosteriorJob, settings: Settings, threads: int) -> list[_Cont
     from benchmarks.numba_objective import NumbaObjective
     from benchmarks.posterior_numba import NumbaTarget
 
-    tell("progress", "choosing the fastest numba")
+    send("progress", "choosing the fastest numba")
     objective, described, compiling = fastest_numba(job.search, threads, choose=settings.choose_variant)
     if not isinstance(objective, NumbaObjective):
         raise MrworkError("the numba objective was expected from its own choice; report this")
@@ -210,7 +210,7 @@ def _nuts(job: PosteriorJob, settings: Settings, threads: int) -> SamplerRow:
     sample = nuts_of(job.target, job.start, warmup=settings.nuts_warmup, draws=settings.nuts_draws, chains=1)
     took = []
     for seed in (1, 2):
-        tell("progress", f"NUTS: {settings.nuts_warmup} + {settings.nuts_draws} draws, seed {seed}")
+        send("progress", f"NUTS: {settings.nuts_warmup} + {settings.nuts_draws} draws, seed {seed}")
         began = time.perf_counter()
         found = sample(seed)
         took.append(time.perf_counter() - began)
@@ -234,8 +234,8 @@ def _nuts(job: PosteriorJob, settings: Settings, threads: int) -> SamplerRow:
 
 def _told(chains: Rows) -> tuple[float, float]:
     """Least bulk ESS and largest R-hat of chains, (n_chains, n_draws, n_params)."""
-    told = [convergence(np.ascontiguousarray(chains[..., index])) for index in range(chains.shape[-1])]
-    return min(each.ess_bulk for each in told), max(each.rhat for each in told)
+    found = [convergence(np.ascontiguousarray(chains[..., index])) for index in range(chains.shape[-1])]
+    return min(each.ess_bulk for each in found), max(each.rhat for each in found)
 
 
 def _timed(density: Callable[[Rows], Rows], position: Rows) -> tuple[float, Rows]:

@@ -1,6 +1,6 @@
 """A process per number of threads: jax and numba size their thread pools when they are imported.
 
-The parent starts a worker on its cores and reads what it tells: one JSON object with one key to a line of stdout.
+The parent starts a worker on its cores and reads its messages: one JSON object with one key per line of stdout.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ def cores_for(threads: Sequence[int]) -> list[int]:
         cores = sorted(os.sched_getaffinity(0))
     if max(threads) > len(cores):
         raise SettingError(
-            f"{max(threads)} threads were asked for, this machine offers {len(cores)} core(s); "
+            f"{max(threads)} threads were requested, this machine offers {len(cores)} core(s); "
             "give fewer threads"
         )
     return cores
 
 
 def run_worker(module: str, cores: Sequence[int], arguments: Sequence[str]) -> Iterator[tuple[str, Any]]:
-    """Run `module` with the cores and `arguments`; yield what it tells, kind and content, as it tells it.
+    """Run `module` with the cores and `arguments`; yield its messages, kind and content, as they come.
 
     Raises
     ------
     MrworkError
-        If it tells a failure, or ends with an error.
+        If it reports a failure, or ends with an error.
     """
     count = str(len(cores))
     folders = [str(Path(__file__).parents[1]), *filter(None, [os.environ.get("PYTHONPATH")])]
@@ -70,34 +70,34 @@ def run_worker(module: str, cores: Sequence[int], arguments: Sequence[str]) -> I
                     raise MrworkError(content)
                 yield kind, content
         except BaseException:
-            # Also when the caller is interrupted or stops listening: leaving the block waits for the worker.
+            # Also if the caller is interrupted or stops iterating, since leaving the block waits for the worker.
             worker.kill()
             raise
         if worker.wait() != 0:
             errors.seek(0)
-            last = (errors.read().strip().splitlines() or ["it said nothing"])[-1]
+            last = (errors.read().strip().splitlines() or ["no message"])[-1]
             raise MrworkError(
                 f"the benchmark process on {count} core(s) ended with code {worker.returncode}: {last}"
             )
 
 
 def pin(cores: Sequence[int]) -> None:
-    """Keep this process, a worker's, to its cores, where the system can."""
+    """Restrict this process, a worker, to its cores, where the system can."""
     if sys.platform == "linux":
         os.sched_setaffinity(0, cores)
 
 
 def serve(settings: Callable[..., S], measure: Callable[[S, int], None]) -> None:
-    """Be a worker: take the cores and the settings from the command line, and measure on so many threads."""
+    """Run a worker: read cores and settings from the command line, and measure with a thread per core."""
     cores = [int(core) for core in sys.argv[1].split(",")]
-    asked = settings(**json.loads(sys.argv[2]))
+    given = settings(**json.loads(sys.argv[2]))
     pin(cores)
     try:
-        measure(asked, len(cores))
+        measure(given, len(cores))
     except MrworkError as error:
-        tell("failure", str(error))
+        send("failure", str(error))
 
 
-def tell(kind: str, content: object) -> None:
-    """Tell the parent."""
+def send(kind: str, content: object) -> None:
+    """Send a message to the parent."""
     print(json.dumps({kind: content}), flush=True)

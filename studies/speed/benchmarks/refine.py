@@ -60,7 +60,7 @@ def bench_refine(
 ) -> RefineBenchmark:
     """Refine the same starts with every engine in turns, start by start.
 
-    First calls, with loading and compiling, come before and are told apart.
+    First calls, with loading and compiling, come before and are reported separately.
 
     Parameters
     ----------
@@ -78,7 +78,7 @@ def bench_refine(
     """
     if seeds < 1:
         raise SettingError(f"`seeds` is {seeds}; give 1 or more")
-    tell = on_progress or (lambda _: None)
+    report = on_progress or (lambda _: None)
     jobs: list[RefineJob] = [reference_job(seeds, threads)]
     missing = []
     joint = None if quick else joint_job(seeds, threads)
@@ -92,7 +92,7 @@ def bench_refine(
     best: dict[str, float] = {}
     layouts: dict[str, str] = {}
     for job in jobs:
-        tell(f"{job.name}: {len(job.objective.tests)} test(s), {job.objective.n_time} samples")
+        report(f"{job.name}: {len(job.objective.tests)} test(s), {job.objective.n_time} samples")
         peer = None
         if "numba" not in missing:
             from benchmarks.numba_residuals import LAYOUTS, fastest_layout
@@ -106,7 +106,7 @@ def bench_refine(
                 )
         # Thirty scans take minutes to compile and differentiate.
         taking_part = engines(job, twin=not quick and job.name == "reference", peer=peer)
-        own, best[job.name] = _rows(job, taking_part, tell)
+        own, best[job.name] = _rows(job, taking_part, report)
         rows += own
     return RefineBenchmark(
         rows=tuple(rows),
@@ -119,7 +119,7 @@ def bench_refine(
 
 
 def _rows(
-    job: RefineJob, taking_part: list[Engine], tell: Callable[[str], None]
+    job: RefineJob, taking_part: list[Engine], report: Callable[[str], None]
 ) -> tuple[list[RefineRow], float]:
     """Rows of one job, and the fit in % of the best minimum that any engine found."""
     first_call: dict[str, float] = {}
@@ -127,7 +127,7 @@ def _rows(
         began = time.perf_counter()
         engine.run(job.starts[: engine.at_once])
         first_call[engine.name] = time.perf_counter() - began
-        tell(f"{job.name}, {engine.name}: first call {first_call[engine.name]:.2f} s")
+        report(f"{job.name}, {engine.name}: first call {first_call[engine.name]:.2f} s")
     found: dict[str, list[tuple[float, Ended]]] = {engine.name: [] for engine in taking_part}
     for index in range(len(job.starts)):
         for engine in taking_part:

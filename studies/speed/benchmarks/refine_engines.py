@@ -36,7 +36,7 @@ class Engine:
 
 
 def engines(job: RefineJob, *, twin: bool, peer: Callable[[Array], Array] | None) -> list[Engine]:
-    """Ours in lanes, the twin if asked, and SciPy on the `peer`'s residuals, shape (n_rows, n_residuals), if any."""
+    """Ours in lanes, the twin if `twin`, and SciPy on the `peer`'s residuals, shape (n_rows, n_residuals), if any."""
     objective, box = job.objective, job.box
 
     def counted(run: Callable[[Array], Array]) -> Callable[[Array], Ended]:

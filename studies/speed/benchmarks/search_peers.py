@@ -58,8 +58,8 @@ def cma(attempt: Attempt, seed: int) -> None:
         options = {"bounds": [0.0, 1.0], "popsize_factor": factor, "seed": seed + 1, "verbose": -9}
         evolution = strategy(start, 0.3, options)
         while not evolution.stop():
-            asked = evolution.ask()
-            evolution.tell(asked, attempt.misfits(np.array(asked)))
+            candidates = evolution.ask()
+            evolution.tell(candidates, attempt.misfits(np.array(candidates)))
         start, factor = rng.random(attempt.job.n_params), 2 * factor
 
 

@@ -34,12 +34,12 @@ class UsualWay:
 
 def measure_usual_way(job: SearchJob, *, target: float, budget: int, candidates: int) -> UsualWay:
     """Time RK45, the default, and LSODA, the faster, at their own tolerances, on candidates of a swarm."""
-    asked: list[NDArray[np.float64]] = []
+    units: list[NDArray[np.float64]] = []
     objective = RustObjective(objective=job.objective)
-    attempt = Attempt(job=job, objective=objective, target=target, budget=budget, asked=asked)
+    attempt = Attempt(job=job, objective=objective, target=target, budget=budget, visited=units)
     with suppress(AttemptEnded):
         pyswarms(attempt, 0)
-    visited = job.theta(np.concatenate(asked))
+    visited = job.theta(np.concatenate(units))
     few = visited[np.linspace(0, len(visited) - 1, candidates).astype(int)]
     return UsualWay(
         seconds_by_solver={solver: _seconds(misfit_by(solver, job), few) for solver in SOLVERS},

@@ -16,7 +16,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.processes import pin, tell
+from benchmarks.processes import pin, send
 from benchmarks.timing import TURN_SECONDS, Peer, V, fastest_variant, time_in_turns
 from benchmarks.workload import (
     DT,
@@ -53,9 +53,9 @@ def main() -> None:
         for batch in batches:
             for general_exponent in (True, False):
                 measurement = measure(batch, len(cores), rounds[0], general_exponent=general_exponent)
-                tell("measurement", asdict(measurement))
+                send("measurement", asdict(measurement))
     except MrworkError as error:
-        tell("failure", str(error))
+        send("failure", str(error))
 
 
 def measure(batch: int, threads: int, rounds: int, *, general_exponent: bool) -> Measurement:
@@ -83,7 +83,7 @@ def measure(batch: int, threads: int, rounds: int, *, general_exponent: bool) ->
     variants: dict[str, str] = {}
 
     def enter(name: str, peer: Peer[V]) -> None:
-        tell("progress", f"{label}: choosing the fastest {name}")
+        send("progress", f"{label}: choosing the fastest {name}")
         runs[name], variants[name] = fastest_variant(name, peer, expected)
 
     forms: dict[str, PowerForm] = {"": "power", "_exp_log": "exp_log"} if general_exponent else {"": "square"}
@@ -107,7 +107,7 @@ def measure(batch: int, threads: int, rounds: int, *, general_exponent: bool) ->
             )
             enter("numba" + suffix, peer_)
 
-    tell("progress", f"{label}: timing {', '.join(runs)} in {rounds} rounds")
+    send("progress", f"{label}: timing {', '.join(runs)} in {rounds} rounds")
     seconds, fma_peak = time_in_turns(runs, rounds, lambda: core.fma_peak(threads, TURN_SECONDS / 2))
     return Measurement(
         batch=batch,
