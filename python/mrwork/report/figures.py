@@ -27,8 +27,8 @@ _HEADING = 0.34
 _HISTORY_ASPECT = 3.0
 _POINT = 2.8
 
-_Drawing = Callable[[Figure, int, Comparison, DisplayUnit], None]
-"""Draws one column of a figure, the number of which it is given."""
+Drawing = Callable[[Figure, int, Comparison, DisplayUnit], None]
+"""Draws a test into the column of a figure with this number."""
 
 
 def common_force_unit(comparisons: Sequence[Comparison]) -> DisplayUnit:
@@ -39,32 +39,20 @@ def common_force_unit(comparisons: Sequence[Comparison]) -> DisplayUnit:
 
 def force_history(comparison: Comparison, unit: DisplayUnit | None = None) -> Figure:
     """Force against time with the residual below: the whole record, and a few cycles of it enlarged."""
-    return _side_by_side(comparison, unit, _draw_record, _draw_cycles)
+    return _side_by_side(comparison, unit, draw_record, draw_cycles)
 
 
 def hysteresis_loops(comparison: Comparison, unit: DisplayUnit | None = None) -> Figure:
     """Force against displacement and against velocity: points of the test, line of the model."""
-    return _side_by_side(comparison, unit, _draw_displacement_loop, _draw_velocity_loop)
+    return _side_by_side(comparison, unit, draw_displacement_loop, draw_velocity_loop)
 
 
-def record_panel(comparison: Comparison, unit: DisplayUnit) -> Figure:
-    """The whole record and its residual, as one column."""
-    return _one_column(comparison, unit, _draw_record)
-
-
-def cycles_panel(comparison: Comparison, unit: DisplayUnit) -> Figure:
-    """A few cycles from the middle of the record and their residual, as one column."""
-    return _one_column(comparison, unit, _draw_cycles)
-
-
-def displacement_loop(comparison: Comparison, unit: DisplayUnit) -> Figure:
-    """Force against displacement, as one column."""
-    return _one_column(comparison, unit, _draw_displacement_loop)
-
-
-def velocity_loop(comparison: Comparison, unit: DisplayUnit) -> Figure:
-    """Force against velocity, as one column."""
-    return _one_column(comparison, unit, _draw_velocity_loop)
+@style.drawn_in_style()
+def one_column(comparison: Comparison, unit: DisplayUnit, draw: Drawing) -> Figure:
+    """A drawing of a test as a figure of one column: `draw_record`, `draw_cycles` or a loop."""
+    figure = Figure(figsize=(style.PANEL_WIDTH, style.PANEL_HEIGHT))
+    draw(figure, 0, comparison, unit)
+    return figure
 
 
 @style.drawn_in_style()
@@ -90,7 +78,7 @@ def repair_panel(test: DamperTest, original: DamperTest, unit: DisplayUnit) -> F
 
 
 @style.drawn_in_style()
-def _side_by_side(comparison: Comparison, unit: DisplayUnit | None, *drawings: _Drawing) -> Figure:
+def _side_by_side(comparison: Comparison, unit: DisplayUnit | None, *drawings: Drawing) -> Figure:
     width = len(drawings) * style.PANEL_WIDTH
     figure = Figure(figsize=(width, style.PANEL_HEIGHT + _HEADING))
     heading = comparison.test.name + (" (synthetic)" if comparison.test.synthetic else "")
@@ -101,14 +89,7 @@ def _side_by_side(comparison: Comparison, unit: DisplayUnit | None, *drawings: _
     return figure
 
 
-@style.drawn_in_style()
-def _one_column(comparison: Comparison, unit: DisplayUnit, draw: _Drawing) -> Figure:
-    figure = Figure(figsize=(style.PANEL_WIDTH, style.PANEL_HEIGHT))
-    draw(figure, 0, comparison, unit)
-    return figure
-
-
-def _draw_record(figure: Figure, column: int, comparison: Comparison, unit: DisplayUnit) -> None:
+def draw_record(figure: Figure, column: int, comparison: Comparison, unit: DisplayUnit) -> None:
     """The whole record as lines; the part that the next panel enlarges is shaded."""
     test = comparison.test
     upper, lower = _history_axes(figure, column)
@@ -126,7 +107,7 @@ def _draw_record(figure: Figure, column: int, comparison: Comparison, unit: Disp
         axes.axvspan(*ends, color=style.WINDOW, linewidth=0, zorder=-1)
 
 
-def _draw_cycles(figure: Figure, column: int, comparison: Comparison, unit: DisplayUnit) -> None:
+def draw_cycles(figure: Figure, column: int, comparison: Comparison, unit: DisplayUnit) -> None:
     """A few cycles: points of the record under the line of the model."""
     test, window = comparison.test, zoom_window(comparison.test.displacement)
     upper, lower = _history_axes(figure, column)
@@ -155,13 +136,15 @@ def _draw_residual(
     axes.set_xlim(float(time[0]) - margin, float(time[-1]) + margin)
 
 
-def _draw_displacement_loop(figure: Figure, column: int, comparison: Comparison, unit: DisplayUnit) -> None:
+def draw_displacement_loop(figure: Figure, column: int, comparison: Comparison, unit: DisplayUnit) -> None:
+    """Force against displacement: points of the record under the line of the model."""
     scale = style.MILLIMETRE
     displacement = comparison.test.displacement * scale.factor
     _draw_loop(figure, column, comparison, unit, displacement, f"Displacement ({scale.symbol})")
 
 
-def _draw_velocity_loop(figure: Figure, column: int, comparison: Comparison, unit: DisplayUnit) -> None:
+def draw_velocity_loop(figure: Figure, column: int, comparison: Comparison, unit: DisplayUnit) -> None:
+    """Force against velocity: points of the record under the line of the model."""
     scale = style.MILLIMETRE_PER_SECOND
     velocity = comparison.test.velocity * scale.factor
     _draw_loop(figure, column, comparison, unit, velocity, f"Velocity ({scale.symbol})")
