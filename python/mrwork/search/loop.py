@@ -10,19 +10,18 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import Interrupted, SettingError
 from mrwork.search.course import Proposal
-from mrwork.search.result import ReplicatedSearch, SearchResult, SearchState, results_of
+from mrwork.search.result import ReplicatedSearch, SearchResult, SearchState, StateT, results_of
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store import Journal, digest_of
 from mrwork.store.codec import array_of, plain
 
-StateT = TypeVar("StateT", bound=SearchState)
 Objective = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 

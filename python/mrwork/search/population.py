@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.search.course import Course, Proposal, put
-from mrwork.search.result import SearchState
+from mrwork.search.result import StateT
 from mrwork.search.rules import EliteRule, StopRules, check_ranges
-
-StateT = TypeVar("StateT", bound=SearchState)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
