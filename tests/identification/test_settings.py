@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import json
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import pytest
 
 import mrwork as mr
 from mrwork.dampers.spec import damper
-from mrwork.errors import RecordError, SettingError
+from mrwork.errors import RecordError, SettingError, UnknownNameError
+from mrwork.identification.fit_file import fit_from_json
+from mrwork.identification.identify import identify_again
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.problem import Problem, fingerprint_of
-from mrwork.identification.settings import FitSettings, search_named, searches
-from mrwork.search import EfficientGA, StopRules
+from mrwork.identification.searches import UnregisteredSearch, method_of, search_named, searches
+from mrwork.identification.settings import FitSettings
+from mrwork.search import DifferentialEvolution, EfficientGA, StopRules
+from mrwork.store.codec import json_document
 from mrwork.store.fingerprint import differences
 
 TEST = mr.synthetic_test("rd1005_1a")
@@ -73,7 +77,49 @@ def test_a_record_of_the_first_version_still_tells_its_search(search: dict[str, 
     assert settings.power == 2.0
 
 
-@pytest.mark.parametrize("record", [{"search": {"kind": "none"}}, {"search": 3}, {"power": "two"}])
+@pytest.mark.parametrize("name", ["particle_swarm_constriction", "differential_evolution_random", "genetic"])
+def test_a_search_keeps_its_name_where_its_size_is_another(name: str) -> None:
+    search = method_of(search_named(name)).resized(population=12, generations=3)
+    assert FitSettings(search=search).as_record()["search"]["kind"] == name
+
+
+def test_settings_take_the_name_of_a_search() -> None:
+    assert FitSettings(search="genetic") == FitSettings(search=search_named("genetic"))
+    with pytest.raises(UnknownNameError, match="annealing"):
+        FitSettings(search="annealing")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OwnSearch(DifferentialEvolution):
+    """A search of a user, which is not registered."""
+
+    note: str = "own"
+
+
+def test_a_fit_of_an_unregistered_search_can_be_used() -> None:
+    own = OwnSearch(population=12, stop=StopRules(max_generations=3, min_generations=1))
+    fit = mr.identify("dahl", TEST, search=own)
+    assert fit.settings.search == own
+    read = fit_from_json(json_document(fit.as_dict()), origin="fit.json")
+    assert read == fit
+    search = read.settings.search
+    assert isinstance(search, UnregisteredSearch)
+    assert search.kind == "OwnSearch"
+    assert search.settings["note"] == "own"
+    assert read.settings.as_record() == fit.settings.as_record()
+    again = identify_again(fit, (TEST,))
+    assert again.theta == fit.theta
+    for usable in (fit, read):
+        profiles = mr.profile(usable, [TEST])
+        assert profiles.profiles
+        mr.identifiability_of(usable, [TEST])
+    with pytest.raises(
+        SettingError, match=r"OwnSearch of this fit is not registered.*identify again with an instance"
+    ):
+        identify_again(read, (TEST,))
+
+
+@pytest.mark.parametrize("record", [{"search": {"kind": 3}}, {"search": 3}, {"power": "two"}])
 def test_a_damaged_record_is_refused(record: dict[str, Any]) -> None:
     with pytest.raises(RecordError, match="run `mrwork identify` again"):
         FitSettings.of_record(record)

@@ -39,9 +39,9 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, MrworkError, SettingError
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.identify import identify_with
-from mrwork.identification.multistart import Multistart
 from mrwork.identification.problem import start_from
-from mrwork.identification.settings import Engine, FitSettings, Search, search_named, searches
+from mrwork.identification.searches import Search, method_of, search_named, searches
+from mrwork.identification.settings import Engine, FitSettings
 from mrwork.records import DamperTest
 from mrwork.store.run_folder import check_destination
 from mrwork.store.unfinished import begin_journal, discard_journal, is_copy, resume_journal
@@ -213,18 +213,9 @@ def _search(options: argparse.Namespace) -> Search | None:
     sized = options.population is not None or options.generations is not None
     if options.search is None and not sized:
         return None
-    search = search_named(options.search or "genetic")
-    if isinstance(search, Multistart):
-        if sized or options.law:
-            raise SettingError(
-                "--search multistart takes neither --population, --generations nor --law; leave them or --search out"
-            )
-        return search
-    # Any, because the protocol does not declare that every search of the registry is a dataclass.
-    settings: Any = search
-    if options.population is not None:
-        settings = replace(settings, population=options.population)
-    if options.generations is not None:
-        settings = replace(settings, stop=replace(settings.stop, max_generations=options.generations))
-    found: Search = settings
-    return found
+    search = method_of(search_named(options.search or "genetic"))
+    if not search.has_generations and (sized or options.law):
+        raise SettingError(
+            "--search multistart takes neither --population, --generations nor --law; leave them or --search out"
+        )
+    return search.resized(population=options.population, generations=options.generations)

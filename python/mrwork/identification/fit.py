@@ -106,7 +106,8 @@ class Fit(Summarised):
     `evaluations` counts the simulated candidates of the search and of the selection of starting points;
     `refinement_steps` counts those of the final fit, one simulation with its derivatives each. `identifiability` is
     the result of `uncertainty.identifiability_of`, `None` where it was not computed. `forces` are those of the free
-    runs, one for each test, [N], shape (n_time,); a fit that was read from its file has none.
+    runs, one for each test, [N], shape (n_time,); `live_settings` are the settings with the search that ran. A fit that
+    was read from its file has neither.
     """
 
     model: str
@@ -128,6 +129,7 @@ class Fit(Summarised):
     nuisances: tuple[NuisanceName, ...] = ()
     identifiability: Identifiability | None = None
     forces: tuple[NDArray[np.float64], ...] = field(default=(), compare=False)
+    live_settings: FitSettings | None = field(default=None, compare=False)
 
     @property
     def spec(self) -> DamperSpec:
@@ -140,13 +142,15 @@ class Fit(Summarised):
 
     @property
     def settings(self) -> FitSettings:
-        """The settings of the identification.
+        """The settings of the identification; of a fit that was read from its file, those of its record.
 
         Raises
         ------
         RecordError
             Where their record cannot be read.
         """
+        if self.live_settings is not None:
+            return self.live_settings
         separate = {"nuisances": self.nuisances, "rng": self.provenance.rng}
         return FitSettings.of_record(self.provenance.settings | separate)
 
@@ -171,9 +175,9 @@ class Fit(Summarised):
         return tuple(estimate.value for estimate in self.estimates)
 
     def as_dict(self) -> dict[str, Any]:
-        """Nested dictionaries and lists for JSON, without the forces, which can be simulated again."""
-        document = asdict(replace(self, forces=()))
-        del document["forces"]
+        """Nested dictionaries and lists for JSON, without the forces and the live settings."""
+        document = asdict(replace(self, forces=(), live_settings=None))
+        del document["forces"], document["live_settings"]
         return document
 
     def _summary(self) -> Summary:

@@ -12,20 +12,15 @@ from numpy.typing import NDArray
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, SimulationError
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace
-from mrwork.identification.global_search import (
-    OnSearch,
-    StartingPoints,
-    points_from_multistart,
-    points_from_optimiser,
-)
+from mrwork.identification.global_search import OnSearch, StartingPoints
 from mrwork.identification.levenberg_marquardt import LocalMinimum
-from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.polish import polish
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress, Reporter, interruptible, was_stopped
 from mrwork.identification.result import fit_at
-from mrwork.identification.settings import Engine, FitSettings, Search, Start, search_named
+from mrwork.identification.searches import Search, method_of
+from mrwork.identification.settings import Engine, FitSettings, Start
 from mrwork.records import DamperTest
 from mrwork.store import Journal
 
@@ -95,8 +90,9 @@ def identify(
     Raises
     ------
     SettingError
-        Where a bound or a power is impossible, a start cannot be used, `Multistart` is to search current laws, or the
-        engine is the twin and a test has an observation model.
+        Where a bound or a power is impossible, a start cannot be used, `Multistart` is to search current laws, the
+        search was read from a file and is not registered, or the engine is the twin and a test has an observation
+        model.
     UnknownNameError
         Where a start names a parameter that the model does not have, or there is no such search.
     SimulationError
@@ -114,7 +110,7 @@ def identify(
     92.08
     """
     settings = FitSettings(
-        search=search_named(search) if isinstance(search, str) else search,
+        search=search,
         bounds=dict(bounds or {}),
         starts=tuple(dict(start) for start in starts),
         power=power,
@@ -216,14 +212,7 @@ def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:
     Interrupted
         On Ctrl-C, carrying `StartingPoints` with only the best point so far.
     """
-    search = problem.search
-    if isinstance(search, Multistart):
-        return points_from_multistart(problem, search, on_search=on_search)
-    if problem.form.spec.current is None:
-        return points_from_optimiser(problem, search, on_search=on_search)
-    from mrwork.identification.level_search import points_from_levels
-
-    return points_from_levels(problem, search, on_search=on_search)
+    return method_of(problem.search).starting_points(problem, on_search=on_search)
 
 
 def identify_again(

@@ -20,7 +20,8 @@ from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import bounds_without_offsets
 from mrwork.identification.objective import ROOT_MEAN_SQUARE, Objective
-from mrwork.identification.settings import FitSettings, Search, Start, search_named
+from mrwork.identification.searches import Search, method_of, search_named
+from mrwork.identification.settings import FitSettings, Start
 from mrwork.records import DamperTest
 from mrwork.store import Journal, digest_of
 from mrwork.store.fingerprint import package_version
@@ -59,18 +60,15 @@ class Problem:
         ------
         SettingError
             Where a bound is impossible, nothing is free, a start cannot be used, `Multistart` is to search current
-            laws, or the engine is the twin and a test has an observation model.
+            laws, the search was read from a file and is not registered, or the engine is the twin and a test has an
+            observation model.
         UnknownNameError
             Where a start or a bound names a parameter that the model does not have.
         RecordError
             Where there is no test.
         """
         settings = _completed(settings, spec)
-        if spec.current is not None and isinstance(settings.search, Multistart):
-            raise SettingError(
-                f"`search` is Multistart, this {spec.name} has current laws; "
-                "give an optimiser such as EfficientGA, or leave it out"
-            )
+        method_of(_search_of(settings)).check_runs(spec.name, with_laws=spec.current is not None)
         check_starts(spec, identifiable_form(spec, settings.bounds), settings.starts)
         problem = cls._prepared(spec, tests, settings, threads=threads, journal=journal)
         if not problem.form.box.free:
@@ -112,14 +110,20 @@ class Problem:
     @property
     def search(self) -> Search:
         """The search, which complete settings always have."""
-        assert self.settings.search is not None
-        return self.settings.search
+        return _search_of(self.settings)
 
     def inside(self, theta: ArrayLike) -> NDArray[np.float64]:
         """Parameters of the requested model, (n_params,), converted to the form and moved inside its box."""
         box = self.form.box
         converted = np.asarray(self.form.from_model(np.asarray(theta, dtype=np.float64)))
         return np.asarray(box.inside(np.clip(converted, box.lower, box.upper)))
+
+
+def _search_of(settings: FitSettings) -> Search:
+    """The search of complete settings."""
+    assert settings.search is not None
+    assert not isinstance(settings.search, str)
+    return settings.search
 
 
 def _completed(settings: FitSettings, spec: DamperSpec) -> FitSettings:

@@ -187,6 +187,7 @@ def fit_at(
         current=spec.current,
         nuisances=objective.nuisances,
         forces=tuple(force for force, _ in runs),
+        live_settings=problem.settings,
     )
 
 

@@ -3,25 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, is_dataclass
-from functools import cache
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args, get_type_hints
+from typing import Any, Literal, get_args
 
-from mrwork.errors import RecordError, SettingError, UnknownNameError
-from mrwork.identification.multistart import Multistart
+from mrwork.errors import RecordError, SettingError
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.objective import ROOT_MEAN_SQUARE
+from mrwork.identification.searches import Search, record_of_search, search_named, search_of_record
 from mrwork.records import DamperTest, read_damper_test, repair
 from mrwork.records.repairs import RepairKind
 from mrwork.records.window import counted_from, cut
 from mrwork.synthetic import synthetic_test
-
-if TYPE_CHECKING:
-    from mrwork.search.loop import Optimiser
-
-# Any: each optimiser has its own type of state.
-Search: TypeAlias = "Multistart | Optimiser[Any]"
 
 # Where the final fit runs: in lanes, with derivatives by dual numbers, or on the JAX twin.
 Engine = Literal["lanes", "twin"]
@@ -30,7 +23,6 @@ Engine = Literal["lanes", "twin"]
 Start = Mapping[str, float]
 
 _SYNTHETIC = "synthetic:"
-_MULTISTART = "multistart"
 
 # With a higher power the better tests are lost in rounding errors, and local minimisations no longer converge.
 _LARGEST_POWER = 16.0
@@ -106,15 +98,17 @@ class Reading:
 class FitSettings:
     """Settings of `identify`, where each is described. The fields are recorded with a fit and in its journal.
 
-    `search` is `None` for the default search of the model.
+    `search` is `None` for the default search of the model; a name is replaced by the registered search of that name.
 
     Raises
     ------
     SettingError
         Where the power, the engine or a nuisance parameter is impossible.
+    UnknownNameError
+        Where no search has the name.
     """
 
-    search: Search | None = None
+    search: Search | str | None = None
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     starts: tuple[Start, ...] = ()
     power: float = ROOT_MEAN_SQUARE
@@ -123,6 +117,8 @@ class FitSettings:
     rng: int = 0
 
     def __post_init__(self) -> None:
+        if isinstance(self.search, str):
+            object.__setattr__(self, "search", search_named(self.search))
         if self.engine not in get_args(Engine):
             raise SettingError(f"`engine` is {self.engine!r}; choose one of {', '.join(get_args(Engine))}")
         if not ROOT_MEAN_SQUARE <= self.power <= _LARGEST_POWER:
@@ -138,7 +134,12 @@ class FitSettings:
 
     def as_record(self) -> dict[str, Any]:
         """Plain values of all fields, for JSON; a search is a record with its name as `kind`."""
-        return {each.name: _plain(getattr(self, each.name)) for each in fields(self)}
+        search = self.search
+        assert not isinstance(search, str)
+        record = {
+            each.name: _plain(getattr(self, each.name)) for each in fields(self) if each.name != "search"
+        }
+        return {"search": None if search is None else _plain(record_of_search(search))} | record
 
     @classmethod
     def of_record(cls, record: Mapping[str, Any]) -> FitSettings:
@@ -153,7 +154,7 @@ class FitSettings:
             known = {each.name: record[each.name] for each in fields(cls) if each.name in record}
             search = known.pop("search", None)
             return cls(
-                search=None if search is None else _search_of(search),
+                search=None if search is None else search_of_record(search),
                 **{name: _restored(value) for name, value in known.items()},
             )
         except (TypeError, ValueError, KeyError, AttributeError) as reason:
@@ -167,8 +168,6 @@ def _plain(value: Any) -> Any:
         return {name: _plain(entry) for name, entry in value.items()}
     if isinstance(value, list | tuple):
         return [_plain(entry) for entry in value]
-    if is_dataclass(value):
-        return {"kind": _kind_of(value)} | asdict(value)  # type: ignore[arg-type] # an instance, no class
     return value
 
 
@@ -176,55 +175,3 @@ def _restored(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {name: _restored(entry) for name, entry in value.items()}
     return tuple(_restored(entry) for entry in value) if isinstance(value, list | tuple) else value
-
-
-def _search_of(record: Mapping[str, Any]) -> Search:
-    kind = record.get("kind")
-    if kind is None:
-        # Records of version 0.1 have no kind; there were two searches then, without a common field.
-        kind = "genetic" if "population" in record else "multistart"
-    search: Search = _built(Multistart if kind == _MULTISTART else type(searches()[kind]), record)
-    return search
-
-
-def _built(kind: type, record: Mapping[str, Any]) -> Any:
-    hints = get_type_hints(kind)
-    values = {each.name: record[each.name] for each in fields(kind) if each.name in record}
-    return kind(
-        **{
-            name: _built(hints[name], value) if isinstance(value, Mapping) else _restored(value)
-            for name, value in values.items()
-        }
-    )
-
-
-def _kind_of(search: Any) -> str:
-    if isinstance(search, Multistart):
-        return _MULTISTART
-    names = (name for name, each in searches().items() if type(search) is type(each))
-    return next(names, type(search).__name__)
-
-
-@cache
-def searches() -> Mapping[str, Search]:
-    """Every search with its default settings, by the name that users and records use.
-
-    The first call imports the optimisers, which takes a tenth of the time of a small fit; the default search of a plain
-    model does not need them.
-    """
-    from mrwork.search.registry import OPTIMISERS, PEERS
-
-    return {_MULTISTART: Multistart(), **OPTIMISERS, **PEERS}
-
-
-def search_named(name: str) -> Search:
-    """The search called `name`, with its default settings.
-
-    Raises
-    ------
-    UnknownNameError
-        Where there is none; the message lists the names.
-    """
-    if name not in searches():
-        raise UnknownNameError(f"there is no search called {name!r}; choose one of {', '.join(searches())}")
-    return searches()[name]
