@@ -15,8 +15,9 @@ from mrwork.uncertainty.bands.calibration_files import StoredBands, read_bands
 from mrwork.uncertainty.bands.conformal import Calibration
 from mrwork.uncertainty.choice.ranking import Ranking
 from mrwork.uncertainty.identifiability.profile import Profiles
-from mrwork.uncertainty.planning.plan_draws import Check
-from mrwork.uncertainty.posterior.draws_file import StoredDraws, read_draws
+from mrwork.uncertainty.planning.plan_draws import CheckedPlan
+from mrwork.uncertainty.posterior.draws import Draws
+from mrwork.uncertainty.posterior.draws_file import read_draws
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -29,10 +30,10 @@ class StoredRun(Summarised):
 
     place: Path
     fit: Fit
-    draws: StoredDraws | None = None
+    draws: Draws | None = None
     profiles: Profiles | None = None
     bands: StoredBands | None = None
-    plan: Check | None = None
+    plan: CheckedPlan | None = None
     ranking: Ranking | None = None
 
     @property
@@ -84,6 +85,6 @@ def load(run: str | Path) -> StoredRun:
         draws=read_draws(place, fit),
         profiles=read_document(Profiles, place / PROFILES, name="profiles", verb="profile"),
         bands=read_bands(place),
-        plan=read_document(Check, place / PLAN, name="plan", verb="plan"),
+        plan=read_document(CheckedPlan, place / PLAN, name="plan", verb="plan"),
         ranking=read_document(Ranking, place / RANKING, name="ranking", verb="identify"),
     )

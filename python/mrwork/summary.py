@@ -97,12 +97,12 @@ def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def rounded(value: float | None, digits: int = 4) -> str:
-    """A number with so many significant digits; a dash where there is none."""
+    """A number with `digits` significant digits; a dash where there is none."""
     return "-" if value is None else f"{value:.{digits}g}"
 
 
 def with_decimals(value: float, decimals: int) -> str:
-    """A number with so many decimals; a dash where it is not known."""
+    """A number with `decimals` decimals; a dash where it is not known."""
     return "-" if isnan(value) else f"{value:.{decimals}f}"
 
 

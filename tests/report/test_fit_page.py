@@ -104,7 +104,7 @@ def test_a_run_folder_is_read_back(plain: Path, whole: Path) -> None:
     run = mr.load(whole)
     assert run.draws is not None
     names = tuple(each.name for each in run.fit.estimates)
-    assert run.draws.theta(names).shape[1] == len(names)
+    assert run.draws.theta.shape[1] == len(names)
     assert run.profiles is not None
     assert {profile.name for profile in run.profiles.profiles} <= {each.name for each in run.fit.estimates}
     assert run.calibration is not None

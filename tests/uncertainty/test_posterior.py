@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -12,6 +14,7 @@ from scipy.stats import norm
 
 from mrwork.errors import Interrupted, JournalError, SettingError
 from mrwork.uncertainty.posterior.draws import Draws, diagnose, next_check, summary_of
+from mrwork.uncertainty.posterior.draws_file import read_draws, write_draws
 from mrwork.uncertainty.posterior.ensemble import Ensemble
 from mrwork.uncertainty.posterior.prior import Normal, Uniform
 from mrwork.uncertainty.posterior.sample import SamplingProgress, sample
@@ -111,7 +114,25 @@ def test_draws_are_a_datatree_with_units_and_provenance(draws: Draws, tmp_path: 
     assert tree.attrs["verdict"] == draws.verdict
     assert small_test().sha256 in tree.attrs["inputs"]
     assert tree["observed_data"]["small"].size == small_test().n_time
-    tree.to_netcdf(tmp_path / "draws.nc", engine="h5netcdf")
+    write_draws(tmp_path, draws)
+    read = read_draws(tmp_path, small_fit())
+    assert read is not None
+    same = ("names", "noise_names", "status", "verdict", "n_steps", "thinning")
+    assert [getattr(read, name) for name in same] == [getattr(draws, name) for name in same]
+    for name in ("theta", "noise", "log_posterior"):
+        np.testing.assert_array_equal(getattr(read, name), getattr(draws, name))
+
+
+def test_fewer_draws_than_walkers_are_written_without_a_warning(draws: Draws) -> None:
+    few = replace(
+        draws,
+        chains=draws.chains[:, :5],
+        noise_chains=draws.noise_chains[:, :5],
+        densities=draws.densities[:, :5],
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        few.as_datatree()
 
 
 def test_a_given_prior_moves_what_the_data_leave_open() -> None:

@@ -22,7 +22,7 @@ from mrwork.uncertainty.planning.candidates import Candidate, Limits, candidate_
 
 if TYPE_CHECKING:
     from mrwork.uncertainty.planning.plan import LinearisedPosterior
-    from mrwork.uncertainty.planning.plan_draws import Check
+    from mrwork.uncertainty.planning.plan_draws import CheckedPlan
 
 # Number of rows in the printed table; the document has all.
 _SHOWN = 15
@@ -140,7 +140,7 @@ def _draws(
     draws = read_draws(opened.place, opened.fit)
     if draws is None:
         return normal_draws(posterior, _DRAWS, rng), "the linearised posterior"
-    stored = draws.theta(opened.fit.spec.names)
+    stored = draws.theta
     chosen = stored[rng.choice(len(stored), size=min(2 * _DRAWS, len(stored)), replace=False)]
     form = identifiable_form(opened.fit.spec, opened.fit.settings.bounds)
     return np.asarray(form.from_model(chosen)), "the posterior"
@@ -153,7 +153,7 @@ def _numbers(text: str, option: str) -> list[float]:
         raise SettingError(f"{option} is {text!r}; give numbers with commas between, as 0.005,0.01") from None
 
 
-def _text(check: Check, origin: str, unit: CommandUnit | None, place: Path) -> str:
+def _text(check: CheckedPlan, origin: str, unit: CommandUnit | None, place: Path) -> str:
     plan = check.plan
     best = plan.gains[0]
     deviations = [
@@ -183,7 +183,7 @@ def _text(check: Check, origin: str, unit: CommandUnit | None, place: Path) -> s
     return "\n".join(lines)
 
 
-def _check_in_words(check: Check, origin: str) -> str:
+def _check_in_words(check: CheckedPlan, origin: str) -> str:
     if check.agreement is None:
         return (
             f"Draws of {origin} could not check this order: almost none of them fits the simulated tests, as the "

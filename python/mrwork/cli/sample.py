@@ -125,7 +125,7 @@ def _summary(draws: Draws, place: Path) -> dict[str, Any]:
         "n_draws": len(draws.theta),
         "steps": draws.n_steps,
         "seconds": draws.seconds,
-        "rng": draws.provenance.rng,
+        "rng": None if draws.provenance is None else draws.provenance.rng,
         "out": str(place),
     }
 

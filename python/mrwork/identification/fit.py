@@ -258,6 +258,14 @@ class Direction:
     seen: bool
     sentence: str
 
+    @property
+    def starts_with_name(self) -> bool:
+        """Whether the sentence starts with the name of a parameter, which is not capitalised.
+
+        It does not where a single parameter has no effect: "the residuals do not depend on it".
+        """
+        return self.seen or len(self.changes) > 1
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Identifiability(Summarised):

@@ -4,6 +4,7 @@ from .bands.band import noise_band as noise_band
 from .bands.band import parameter_band as parameter_band
 from .bands.band import score as score
 from .bands.band import simulate_draws as simulate_draws
+from .bands.calibration_files import StoredBands as StoredBands
 from .bands.conformal import Calibration as Calibration
 from .bands.conformal import LeftOutCoverage as LeftOutCoverage
 from .bands.conformal import calibrate as calibrate
@@ -15,6 +16,7 @@ from .bands.prediction import predict as predict
 from .bands.prediction import predict_left_out as predict_left_out
 from .choice.choose import Choice as Choice
 from .choice.choose import choose_model as choose_model
+from .choice.ranking import Ranking as Ranking
 from .identifiability.profile import Profile as Profile
 from .identifiability.profile import Profiles as Profiles
 from .identifiability.profile_likelihood import profile as profile
@@ -27,6 +29,7 @@ from .planning.candidates import Candidate as Candidate
 from .planning.candidates import Limits as Limits
 from .planning.plan import Plan as Plan
 from .planning.plan import plan as plan
+from .planning.plan_draws import CheckedPlan as CheckedPlan
 from .posterior.draws import Draws as Draws
 from .posterior.draws import convergence as convergence
 from .posterior.draws import kept as kept

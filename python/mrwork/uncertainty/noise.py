@@ -47,7 +47,8 @@ class Noise(ABC):
     """A noise model for batches: residual and force (n_batch, n_time), noise parameters (n_batch, n_noise).
 
     The density of `correlated` noise is conditional on earlier residuals, so its likelihood needs no tempering. That of
-    `differentiable` noise is written on the array API and accepts JAX arrays.
+    `differentiable` noise is written on the array API and accepts JAX arrays. Where the likelihood depends on the
+    residuals through their sum of squares alone, `of_sum_of_squares`, they need not be stored.
     """
 
     name: ClassVar[str]
@@ -55,6 +56,7 @@ class Noise(ABC):
     parameters: ClassVar[tuple[NoiseParameter, ...]]
     correlated: ClassVar[bool] = False
     differentiable: ClassVar[bool] = True
+    of_sum_of_squares: ClassVar[bool] = False
 
     def log_densities(self, residual: Array, force: Array, noise: Array) -> Array:
         """Log density of each sample given the earlier ones, (n_batch, n_time); a row's sum is its log-likelihood.
@@ -76,6 +78,10 @@ class Noise(ABC):
         """Moment estimates of the noise parameters, shape (n_noise,), from the residuals of a fit, (n_time,)."""
         lower, upper = np.array([(each.lower, each.upper) for each in self.parameters]).T
         return np.clip(self._estimate(residual, force), lower, upper)
+
+    def log_likelihood_of_sum(self, squared: Array, n_time: int, noise: Array) -> Array:
+        """Log-likelihood from sums of squared residuals, shape (n_batch,), of noise that is `of_sum_of_squares`."""
+        raise NotImplementedError(f"{self.name} noise needs the residuals themselves")
 
     @abstractmethod
     def _log_densities(self, residual: Array, force: Array, noise: Array) -> Array: ...
@@ -113,14 +119,14 @@ class Iid(Noise):
 
     name = "iid"
     title = "independent Gaussian"
+    of_sum_of_squares = True
     parameters = (_SIGMA,)
 
     def _log_densities(self, residual: Array, force: Array, noise: Array) -> Array:
         return _gaussian(residual, noise[:, :1])
 
-    @staticmethod
-    def log_likelihood_of_sum(squared: Array, n_time: int, noise: Array) -> Array:
-        """Log-likelihood from sums of squared residuals, shape (n_batch,), without the residuals themselves."""
+    def log_likelihood_of_sum(self, squared: Array, n_time: int, noise: Array) -> Array:
+        """Log-likelihood from sums of squared residuals, shape (n_batch,)."""
         sigma = noise[:, 0]
         return np.asarray(-0.5 * squared / sigma**2 - n_time * (np.log(sigma) + 0.5 * _LOG_2_PI))
 

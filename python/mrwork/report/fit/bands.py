@@ -42,7 +42,7 @@ from mrwork.uncertainty.bands.cycle import (
 )
 from mrwork.uncertainty.bands.prediction import Prediction
 from mrwork.uncertainty.noise import noise_model
-from mrwork.uncertainty.posterior.draws_file import StoredDraws
+from mrwork.uncertainty.posterior.draws import Draws
 from mrwork.uncertainty.posterior.laplace import first_walkers
 from mrwork.uncertainty.posterior.target import Target
 
@@ -255,12 +255,10 @@ def _errors(prediction: Prediction, name: CycleQuantity) -> Array:
         return np.empty(0)
 
 
-def _parameter_draws(
-    fit: Fit, tests: Sequence[DamperTest], stored: StoredDraws | None
-) -> _ParameterDraws | None:
+def _parameter_draws(fit: Fit, tests: Sequence[DamperTest], stored: Draws | None) -> _ParameterDraws | None:
     """Draws of the parameters of a fit; `None` where its tests do not determine an ellipsoid."""
     if stored is not None:
-        theta = stored.theta(fit.spec.names)
+        theta = stored.theta
         chosen = np.linspace(0, len(theta) - 1, min(_DRAWS, len(theta))).astype(int)
         return _ParameterDraws(theta=theta[chosen], origin="the posterior")
     problem = Problem.of_fit(fit, tuple(tests))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Mapping, Sequence
 
 from mrwork.identification.fit import VERDICT_IN_WORDS, Direction, Fit, Identifiability, VerdictName
 from mrwork.report import numbers
@@ -22,8 +22,7 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     # A profile does not assume linearity as a standard error does, so its verdict takes precedence.
     profiles = run.profiles
     verdicts |= {each.name: each.verdict for each in (profiles.profiles if profiles is not None else ())}
-    names = {each.name for each in run.fit.estimates}
-    points = tuple(_sentence(each, names) for each in found.directions)
+    points = tuple(_sentence(each) for each in found.directions)
     return Section(
         anchor="identifiability",
         title="Identifiability",
@@ -66,11 +65,10 @@ def _prose(found: Identifiability) -> tuple[str, ...]:
     return text, advice
 
 
-def _sentence(direction: Direction, names: Set[str]) -> str:
+def _sentence(direction: Direction) -> str:
     """The sentence of a direction, capitalised unless it starts with the name of a parameter."""
     sentence = direction.sentence
-    first = sentence.replace(",", " ").partition(" ")[0]
-    return f"{sentence if first in names else sentence[0].upper() + sentence[1:]}."
+    return f"{sentence if direction.starts_with_name else sentence[0].upper() + sentence[1:]}."
 
 
 def _table(fit: Fit, found: Identifiability) -> Table:

@@ -19,11 +19,16 @@ from mrwork.report.fit.kind import SectionKind
 from mrwork.report.fit.parameters import shown_unit
 from mrwork.report.section import Absent, Group, Section, Table, panel, table
 from mrwork.stored import StoredRun
-from mrwork.uncertainty.posterior.draws import LARGEST_RHAT, LEAST_ESS
-from mrwork.uncertainty.posterior.draws_file import StoredDraws
+from mrwork.uncertainty.posterior.draws import LARGEST_RHAT, LEAST_ESS, Draws, DrawsStatus
 
 Array = NDArray[np.float64]
 
+_ENDED: dict[DrawsStatus, str] = {
+    "converged": "converged after",
+    "not_converged": "not converged after",
+    "interrupted": "interrupted after",
+    "unknown": "sampled in",
+}
 _POINTS = 120
 _GROUPS = 4
 _RANK_BINS = 16
@@ -50,7 +55,7 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
         panel(
             f"trace-{_anchor(each.name)}",
             "",
-            trace_figure(each.name, draws.chains[each.name]),
+            trace_figure(each.name, draws.chain(each.name)),
             f"Draws of {each.name} in the order in which they were made",
         )
         for each in draws.varied
@@ -59,7 +64,7 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
         panel(
             f"rank-{_anchor(each.name)}",
             "",
-            rank_figure(each.name, draws.chains[each.name], each.ess_bulk),
+            rank_figure(each.name, draws.chain(each.name), each.ess_bulk),
             f"Ranks of the draws of {each.name} in four groups of walkers",
         )
         for each in draws.varied
@@ -103,18 +108,17 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     )
 
 
-def _summary(draws: StoredDraws) -> str:
+def _summary(draws: Draws) -> str:
     """How the sampling ended, without the list of what it lacks."""
-    ended = draws.verdict.partition(":")[0]
-    return f"Posterior: {ended[0].lower()}{ended[1:]}, {numbers.fixed(draws.n_kept, 0)} draws."
+    return f"Posterior: {_ENDED[draws.status]} {draws.n_steps} steps, {numbers.fixed(len(draws.theta), 0)} draws."
 
 
-def _prose(draws: StoredDraws) -> tuple[str, ...]:
+def _prose(draws: Draws) -> tuple[str, ...]:
     counted = (
-        f"The noise model is {draws.noise}. To allow for autocorrelation, the log-likelihood is multiplied by "
+        f"The noise model is {draws.noise_model}. To allow for autocorrelation, the log-likelihood is multiplied by "
         f"{numbers.significant(draws.temper, 2)}, the share of effective samples. "
         if draws.temper < 1.0
-        else f"The noise model is {draws.noise}; every sample counts in full. "
+        else f"The noise model is {draws.noise_model}; every sample counts in full. "
     )
     return (
         f"{draws.verdict}",
@@ -123,7 +127,7 @@ def _prose(draws: StoredDraws) -> tuple[str, ...]:
     )
 
 
-def _table(draws: StoredDraws) -> Table:
+def _table(draws: Draws) -> Table:
     return table(
         label="Posterior of each parameter",
         columns=("Parameter", "Median", "5 %", "95 %", "Unit", "ESS bulk", "ESS tail", "R-hat", "Remark"),
@@ -185,10 +189,10 @@ def rank_figure(name: str, chain: Array, ess: float) -> Figure:
 
 
 @style.drawn_in_style()
-def corner_figure(draws: StoredDraws, fitted: Mapping[str, float]) -> Figure:
+def corner_figure(draws: Draws, fitted: Mapping[str, float]) -> Figure:
     """Density of every parameter on the diagonal, of every pair below it; a cross where the fit is."""
     names = [each.name for each in draws.varied]
-    values = [draws.chains[name].reshape(-1) for name in names]
+    values = [draws.chain(name).reshape(-1) for name in names]
     count = len(names)
     size = count * _SIDE + _EDGE
     # Single outliers would compress the rest.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +17,7 @@ from mrwork.records import DamperTest, Observation
 from mrwork.store.codec import json_document, read_document
 from mrwork.store.fingerprint import digest_of
 from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS, write_files
+from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.conformal import Calibration, LeftOutCoverage
 from mrwork.uncertainty.bands.prediction import Prediction
 
@@ -39,13 +40,20 @@ _FACTS = (
 _CHANNELS = ("displacement", "velocity", "force")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StoredBands:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class StoredBands(Summarised):
     """A calibration, the coverage of each of its tests by the others, and the tests as they were predicted."""
 
     calibration: Calibration
     coverage: tuple[LeftOutCoverage, ...]
     predictions: tuple[Prediction, ...]
+
+    def _summary(self) -> Summary:
+        calibration = self.calibration._summary()
+        return replace(
+            calibration,
+            facts=(*calibration.facts, ("tests with predictions", str(len(self.predictions)))),
+        )
 
     def row(self, prediction: Prediction, level: float) -> LeftOutCoverage | None:
         """Coverage of one test at one level."""

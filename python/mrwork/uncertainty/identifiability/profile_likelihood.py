@@ -25,7 +25,7 @@ from mrwork.uncertainty.identifiability.walk import (
     Point,
     Side,
     Sides,
-    descent,
+    minimise,
     points_of,
     run_alone,
     run_together,
@@ -65,7 +65,7 @@ def profile(
     of chi-squared with one degree of freedom (Venzon, Moolgavkar, Applied Statistics 37, 1988, 87-94).
 
     A model with redundant parameters is profiled in the form in which it is identified: along the valley of a Spencer
-    Bouc-Wen, gamma and beta cancel to many digits, which no descent can follow.
+    Bouc-Wen, gamma and beta cancel to many digits, which no local minimisation can follow.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def profile(
     sides: Sides = {(index, way): Side(points=[start]) for index in profiled for way in DIRECTIONS}
     try:
         for _ in range(_MOST_ROUNDS):
-            origin = run_alone(descent(scaled, best, dof), best, simulated)
+            origin = run_alone(minimise(scaled, best, dof), best, simulated)
             sides = {key: Side(points=[origin]) for key in sides}
             run_together(scaled, sides, simulated, report, limit=float(np.sqrt(threshold)), dof=dof)
             best = min(

@@ -27,7 +27,7 @@ _FIRST = 0.3
 _BRACKET = 0.8
 # Overshoot of the threshold, so that the last point is not just below it.
 _BEYOND = 0.05
-# Expected gain in the likelihood ratio below which a descent has converged.
+# Expected gain in the likelihood ratio below which a local minimisation has converged.
 _GAIN = 0.01
 # Ridge: a step of this length in a coordinate costs one unit of likelihood ratio, which limits the steps of insensitive
 # parameters.
@@ -61,7 +61,7 @@ def points_of(position: NDArray[np.float64], found: Curvature) -> list[Point]:
 
 
 Walk = Generator[NDArray[np.float64], Point, End]
-Descent = Generator[NDArray[np.float64], Point, Point]
+Minimisation = Generator[NDArray[np.float64], Point, Point]
 
 
 def signed_root(squared: float, least: float, dof: float) -> float:
@@ -92,7 +92,7 @@ def walk(
         target = here + way * step
         if way * (bound - target) <= 0.0:
             target = bound
-        point = yield from _descended(scaled, index, last, target, dof)
+        point = yield from _minimised_at(scaled, index, last, target, dof)
         if not np.isfinite(point.squared):
             step = _SHORTEST * abs(target - here)
             if step < _LEAST_SHARE * first:
@@ -110,12 +110,12 @@ def walk(
     return "too many points"
 
 
-def descent(scaled: Scaled, start: Point, dof: float) -> Descent:
+def minimise(scaled: Scaled, start: Point, dof: float) -> Minimisation:
     """Minimise the misfit in all free parameters from a simulated point."""
-    return _settled(scaled, None, start, dof)
+    return _minimised(scaled, None, start, dof)
 
 
-def _bracketed(scaled: Scaled, index: int, points: list[Point], limit: float, dof: float) -> Descent:
+def _bracketed(scaled: Scaled, index: int, points: list[Point], limit: float, dof: float) -> Minimisation:
     """Insert points between the last two until they bracket `limit` closely."""
     for _ in range(_MOST_BETWEEN):
         low, high = points[-2:]
@@ -125,7 +125,7 @@ def _bracketed(scaled: Scaled, index: int, points: list[Point], limit: float, do
         ends = (float(low.position[index]), float(high.position[index]))
         # Away from the ends, so that the interval shrinks.
         share = float(np.clip((limit - roots[0]) / (roots[1] - roots[0]), 0.2, 0.8))
-        point = yield from _descended(scaled, index, low, ends[0] + share * (ends[1] - ends[0]), dof)
+        point = yield from _minimised_at(scaled, index, low, ends[0] + share * (ends[1] - ends[0]), dof)
         if not np.isfinite(point.squared):
             break
         beyond = signed_root(point.squared, points[0].squared, dof) > limit
@@ -133,18 +133,18 @@ def _bracketed(scaled: Scaled, index: int, points: list[Point], limit: float, do
     return points[-1]
 
 
-def _descended(scaled: Scaled, index: int, start: Point, target: float, dof: float) -> Descent:
+def _minimised_at(scaled: Scaled, index: int, start: Point, target: float, dof: float) -> Minimisation:
     """Minimise with the parameter held at `target`, from the prediction of the quadratic model at `start`."""
     step, _ = _step(scaled, start, index, dof, shift=target - float(start.position[index]))
     position = scaled.moved(start.position, step, index)
     position[index] = target
     point = yield position
     if np.isfinite(point.squared):
-        point = yield from _settled(scaled, index, point, dof)
+        point = yield from _minimised(scaled, index, point, dof)
     return point
 
 
-def _settled(scaled: Scaled, index: int | None, point: Point, dof: float) -> Descent:
+def _minimised(scaled: Scaled, index: int | None, point: Point, dof: float) -> Minimisation:
     """Levenberg-Marquardt with damping relative to each parameter's curvature, until the expected gain is small."""
     damping = 0.0
     for _ in range(_MOST_TRIALS):
@@ -218,8 +218,10 @@ Sides = dict[tuple[int, Literal[-1, 1]], Side]
 DIRECTIONS: tuple[Literal[-1, 1], ...] = (-1, 1)
 
 
-def run_alone(steps: Descent, point: Point, simulated: Callable[[NDArray[np.float64]], list[Point]]) -> Point:
-    """Run one descent to its end, each position a batch of its own."""
+def run_alone(
+    steps: Minimisation, point: Point, simulated: Callable[[NDArray[np.float64]], list[Point]]
+) -> Point:
+    """Run one local minimisation to its end, each position a batch of its own."""
     try:
         position = next(steps)
         while True:

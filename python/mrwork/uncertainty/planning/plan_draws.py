@@ -11,16 +11,17 @@ from numpy.typing import NDArray
 from mrwork.errors import SettingError
 from mrwork.identification.nuisance import without_nuisance
 from mrwork.simulate import Outcome, simulate_forces
+from mrwork.summary import Summarised, Summary, rounded
 from mrwork.uncertainty.planning.candidates import Candidate, motion_of
-from mrwork.uncertainty.planning.plan import LinearisedPosterior, Plan, column_of
+from mrwork.uncertainty.planning.plan import Gain, LinearisedPosterior, Plan, column_of
 
 # Smallest effective number of draws after a test for an estimate of the variance; number of draws taken as the truth.
 _LEAST = 8.0
 _TRUTHS = 60
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Check:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class CheckedPlan(Summarised):
     """A plan with gains from draws, their rank correlation (Spearman), and the least effective number of draws.
 
     `agreement` is `None` with fewer than three gains.
@@ -29,6 +30,27 @@ class Check:
     plan: Plan
     agreement: float | None
     least_effective: float
+
+    @property
+    def gains(self) -> tuple[Gain, ...]:
+        """Candidates in order of gain, as those of the plan."""
+        return self.plan.gains
+
+    @property
+    def band(self) -> str:
+        """The band whose variance they reduce."""
+        return self.plan.band
+
+    def _summary(self) -> Summary:
+        plan = self.plan._summary()
+        return replace(
+            plan,
+            facts=(
+                *plan.facts,
+                ("rank correlation with draws", rounded(self.agreement, 2)),
+                ("effective draws after a test", f"at least {rounded(self.least_effective, 3)}"),
+            ),
+        )
 
 
 def normal_draws(
@@ -47,7 +69,7 @@ def checked_with_draws(
     *,
     targets: Sequence[Candidate] = (),
     rng: np.random.Generator,
-) -> Check:
+) -> CheckedPlan:
     """Estimate each gain of a plan from draws (n_draws, n_params) of the posterior.
 
     Some draws are taken as the truth in turn: the test is simulated with noise, the other draws are weighted by its
@@ -86,7 +108,7 @@ def checked_with_draws(
 
     pairs = [(each.gain, each.drawn) for each in gains if each.drawn is not None]
     agreement = float(spearmanr(*np.array(pairs).T).statistic) if len(pairs) > 2 else None
-    return Check(plan=replace(plan, gains=tuple(gains)), agreement=agreement, least_effective=least)
+    return CheckedPlan(plan=replace(plan, gains=tuple(gains)), agreement=agreement, least_effective=least)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

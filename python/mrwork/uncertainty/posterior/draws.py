@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from importlib import import_module
 from math import ceil
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +18,12 @@ if TYPE_CHECKING:
     from xarray import DataTree
 
 Array = NDArray[np.float64]
-DrawsStatus = Literal["converged", "not_converged", "interrupted"]
+# "unknown" in files that do not state it.
+DrawsStatus = Literal["converged", "not_converged", "interrupted", "unknown"]
 Remark = Literal["", "fixed", "piles up at its lower bound", "piles up at its upper bound"]
+_FIXED: Final = "fixed"
+_AT_LOWER: Final = "piles up at its lower bound"
+_AT_UPPER: Final = "piles up at its upper bound"
 
 # Limits on R-hat and effective sizes: Vehtari et al. (2021); on the length in autocorrelation times: emcee.
 LARGEST_RHAT = 1.01
@@ -156,6 +160,16 @@ class DrawSummary:
     tau: float
     remark: Remark = ""
 
+    @property
+    def fixed(self) -> bool:
+        """Whether the parameter was held fixed."""
+        return self.remark == _FIXED
+
+    @property
+    def at_bound(self) -> bool:
+        """Whether the draws pile up at a bound."""
+        return self.remark in (_AT_LOWER, _AT_UPPER)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Draws(Summarised):
@@ -165,7 +179,8 @@ class Draws(Summarised):
     (n_walkers, n_kept, n_noise) those of the noise, in deviations of the test's force; `densities` (n_walkers, n_kept)
     the log posterior in the coordinates that were sampled, up to a constant. `temper` is the factor of the
     log-likelihood. Of `n_steps` steps the burn-in is left out, and every `thinning`-th of the others is kept.
-    `measured` has the force of each test [N] by its name.
+    `measured` has the force of each test [N] by its name. Draws that were read from a file have no `provenance`; the
+    file has it as text.
     """
 
     model: str
@@ -182,7 +197,7 @@ class Draws(Summarised):
     n_steps: int
     thinning: int
     seconds: float
-    provenance: Provenance
+    provenance: Provenance | None
     measured: Mapping[str, Array]
 
     @property
@@ -196,6 +211,17 @@ class Draws(Summarised):
         return self.noise_chains.reshape(-1, len(self.noise_names))
 
     @property
+    def varied(self) -> tuple[DrawSummary, ...]:
+        """Summaries of the parameters that were not held fixed."""
+        return tuple(each for each in self.summaries if not each.fixed)
+
+    def chain(self, name: str) -> Array:
+        """Draws of one parameter or noise parameter, shape (n_walkers, n_kept)."""
+        if name in self.noise_names:
+            return self.noise_chains[..., self.noise_names.index(name)]
+        return self.chains[..., self.names.index(name)]
+
+    @property
     def log_posterior(self) -> Array:
         """Log posterior of all draws, shape (n_draws,)."""
         return self.densities.reshape(-1)
@@ -206,12 +232,15 @@ class Draws(Summarised):
 
         named = dict(zip(self.names, np.moveaxis(self.chains, -1, 0), strict=True))
         named |= dict(zip(self.noise_names, np.moveaxis(self.noise_chains, -1, 0), strict=True))
+        # ArviZ's conventions would have more draws than chains; here the chains are walkers, of which there are many.
         tree: DataTree = from_dict(
             {"posterior": named, "sample_stats": {"lp": self.densities}, "observed_data": self.measured},
+            check_conventions=False,
             attrs={
                 "/": {
                     "model": self.model,
                     "noise": self.noise_model,
+                    "status": self.status,
                     "verdict": self.verdict,
                     "temper": self.temper,
                     "steps": self.n_steps,
@@ -219,7 +248,12 @@ class Draws(Summarised):
                     "seconds": self.seconds,
                     "inference_library": "emcee",
                 }
-                | {name: str(value) for name, value in asdict(self.provenance).items()}
+                | {
+                    name: str(value)
+                    for name, value in (
+                        asdict(self.provenance) if self.provenance is not None else {}
+                    ).items()
+                }
             },
         )
         for name in self.measured:
@@ -270,7 +304,7 @@ def summary_of(chain: Array, *, name: str, unit: str, bounds: tuple[float, float
         median=median,
         upper_95=upper,
         tau=tau,
-        remark="fixed" if fixed else _pile(chain, bounds, upper - lower),
+        remark=_FIXED if fixed else _pile(chain, bounds, upper - lower),
         **diagnostics._asdict(),
     )
 
@@ -283,5 +317,5 @@ def _pile(chain: Array, bounds: tuple[float, float], width: float) -> Remark:
     """
     first, last = np.quantile(chain, [0.01, 0.99])
     if first - bounds[0] < 0.02 * width:
-        return "piles up at its lower bound"
-    return "piles up at its upper bound" if bounds[1] - last < 0.02 * width else ""
+        return _AT_LOWER
+    return _AT_UPPER if bounds[1] - last < 0.02 * width else ""

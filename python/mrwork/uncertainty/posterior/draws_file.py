@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,37 +12,13 @@ from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.store.run_folder import DRAWS, replacing
 from mrwork.uncertainty.noise import noise_model
-from mrwork.uncertainty.posterior.draws import Draws, DrawSummary, summary_of
+from mrwork.uncertainty.posterior.draws import Draws, summary_of
 from mrwork.uncertainty.posterior.space import NOISE
 
+if TYPE_CHECKING:
+    from xarray import DataArray
+
 Array = NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StoredDraws:
-    """Draws by parameter, each of shape (n_walkers, n_kept), those of the noise last, with their summaries."""
-
-    chains: dict[str, Array]
-    summaries: tuple[DrawSummary, ...]
-    noise: str
-    verdict: str
-    temper: float
-    n_steps: int
-    thinning: int
-
-    @property
-    def varied(self) -> tuple[DrawSummary, ...]:
-        """Summaries of the parameters that were not held fixed."""
-        return tuple(each for each in self.summaries if each.remark != "fixed")
-
-    @property
-    def n_kept(self) -> int:
-        """Number of draws."""
-        return next(iter(self.chains.values())).size
-
-    def theta(self, names: tuple[str, ...]) -> Array:
-        """All draws of the parameters called so, shape (n_draws, n_params)."""
-        return np.stack([self.chains[name].reshape(-1) for name in names], axis=1)
 
 
 def write_draws(place: Path, draws: Draws) -> None:
@@ -57,8 +33,10 @@ def write_draws(place: Path, draws: Draws) -> None:
         draws.as_datatree().to_netcdf(temporary, engine="h5netcdf")
 
 
-def read_draws(place: Path, fit: Fit) -> StoredDraws | None:
+def read_draws(place: Path, fit: Fit) -> Draws | None:
     """The draws of the run folder at `place`, `None` where there are none.
+
+    Diagnostics are computed from the draws kept; autocorrelation times are NaN.
 
     Raises
     ------
@@ -74,30 +52,49 @@ def read_draws(place: Path, fit: Fit) -> StoredDraws | None:
     try:
         with xarray.open_datatree(path, engine="h5netcdf") as tree:
             posterior = tree["posterior"].to_dataset()
-            names = [str(name) for name in posterior.data_vars]
-            chains = {name: np.asarray(posterior[name].values, dtype=np.float64) for name in names}
-            units = {name: str(posterior[name].attrs["units"]) for name in names}
+            columns = {str(name): _numbers(values) for name, values in posterior.data_vars.items()}
+            units = {name: str(posterior[name].attrs["units"]) for name in columns}
+            densities = _numbers(tree["sample_stats"].to_dataset()["lp"])
+            observed = tree["observed_data"].to_dataset()
+            measured = {str(name): _numbers(values) for name, values in observed.data_vars.items()}
             attributes = dict(tree.attrs)
+            noise = noise_model(str(attributes["noise"]))
+            names = fit.spec.names
+            missing = [name for name in names if name not in columns]
+            if missing:
+                raise RecordError(
+                    f"{path} lacks {', '.join(missing)}, so it is of another fit; run `mrwork sample {place}` again"
+                )
+            noise_names = tuple(NOISE + each.name for each in noise.parameters)
+            bounds = {each.name: (each.lower, each.upper) for each in fit.estimates} | {
+                NOISE + each.name: (each.lower, each.upper) for each in noise.parameters
+            }
+            return Draws(
+                model=fit.model,
+                names=names,
+                noise_model=noise.name,
+                noise_names=noise_names,
+                chains=np.stack([columns[name] for name in names], axis=-1),
+                noise_chains=np.stack([columns[name] for name in noise_names], axis=-1),
+                densities=densities,
+                summaries=tuple(
+                    summary_of(columns[name], name=name, unit=units[name], bounds=bounds[name], tau=np.nan)
+                    for name in names + noise_names
+                ),
+                status=attributes.get("status", "unknown"),
+                verdict=str(attributes["verdict"]),
+                temper=float(attributes["temper"]),
+                n_steps=int(attributes["steps"]),
+                thinning=int(attributes["thinning"]),
+                seconds=float(attributes["seconds"]),
+                provenance=None,
+                measured=measured,
+            )
+    except RecordError:
+        raise
     except (OSError, KeyError, ValueError) as reason:
         raise RecordError(f"{path} cannot be read ({reason}); run `mrwork sample {place}` again") from None
-    missing = [estimate.name for estimate in fit.estimates if estimate.name not in chains]
-    if missing:
-        raise RecordError(
-            f"{path} lacks {', '.join(missing)}, so it is of another fit; run `mrwork sample {place}` again"
-        )
-    bounds = {each.name: (each.lower, each.upper) for each in fit.estimates} | {
-        NOISE + each.name: (each.lower, each.upper)
-        for each in noise_model(str(attributes["noise"])).parameters
-    }
-    return StoredDraws(
-        chains=chains,
-        summaries=tuple(
-            summary_of(chain, name=name, unit=units[name], bounds=bounds[name], tau=np.nan)
-            for name, chain in chains.items()
-        ),
-        noise=str(attributes["noise"]),
-        verdict=str(attributes["verdict"]),
-        temper=float(attributes["temper"]),
-        n_steps=int(attributes["steps"]),
-        thinning=int(attributes["thinning"]),
-    )
+
+
+def _numbers(values: DataArray) -> Array:
+    return np.asarray(values.values, dtype=np.float64)

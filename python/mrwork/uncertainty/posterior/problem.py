@@ -213,7 +213,7 @@ class SamplingProblem:
                 f" The {n_time} residuals were counted as {self.target.temper * n_time:.0f} independent ones."
             )
         for each in summaries:
-            if each.remark.startswith("piles"):
+            if each.at_bound:
                 text += f" {each.name} {each.remark}: its interval is limited by the bound, not by the data."
         return text
 

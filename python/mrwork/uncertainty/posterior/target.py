@@ -13,7 +13,7 @@ from mrwork.errors import SettingError
 from mrwork.identification.equivalent import Form
 from mrwork.identification.objective import Objective
 from mrwork.uncertainty.autocorrelation import effective_samples
-from mrwork.uncertainty.noise import Iid, Noise
+from mrwork.uncertainty.noise import Noise
 from mrwork.uncertainty.posterior.prior import Prior
 from mrwork.uncertainty.posterior.space import Space
 
@@ -99,7 +99,7 @@ class Target:
         """Untempered log-likelihood of parameters and noise, shape (n_batch,); -inf where a simulation failed."""
         n_params = self.space.n_params
         theta, noise = np.ascontiguousarray(values[:, :n_params]), values[:, n_params:]
-        if isinstance(self.noise, Iid) and self.objective.is_direct:
+        if self.noise.of_sum_of_squares and self.objective.is_direct:
             squared = np.zeros(len(theta))
             for run, deviation in zip(self.objective.misfits(theta), self.deviations, strict=True):
                 squared += run.squared_error / deviation**2
