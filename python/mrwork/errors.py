@@ -42,15 +42,15 @@ class OutputError(MrworkError, OSError):
 
 
 class JournalError(MrworkError, ValueError):
-    """A journal is damaged, in use, or of another run than the one that would go on from it."""
+    """A journal is damaged, in use, or of another run than the one to be resumed."""
 
 
 class Interrupted(KeyboardInterrupt):
     """Ctrl-C during a long computation; `result` is what it had found so far.
 
     The result is of the type that the docstring of the interrupted function names; a function that calls another one
-    and is interrupted in it raises its own. It is a KeyboardInterrupt, no MrworkError: whoever does not ask for the
-    result sees Ctrl-C as always.
+    and is interrupted in it raises its own. It is a KeyboardInterrupt and not a MrworkError: a program that
+    does not use the result behaves as with any Ctrl-C.
     """
 
     def __init__(self, result: Any, task: str = "computation") -> None:

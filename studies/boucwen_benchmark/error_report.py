@@ -14,14 +14,14 @@ import numpy as np
 from oscillator import Parameters
 
 if TYPE_CHECKING:
-    from study import Study
+    from study import BenchmarkResult
 
 PUBLISHED = 7.5e-6
 _UNITS = {"m": "kg", "c": "N s/m", "k": "N/m", "alpha": "N/m", "g": "1/m", "d": "1/m", "nu": "1"}
 _COLOURS = {"band-limited": "#0072b2", "cubic": "#009e73", "linear": "#d55e00"}
 
 
-def write_report(study: Study, true: Parameters, out: Path) -> str:
+def write_report(study: BenchmarkResult, true: Parameters, out: Path) -> str:
     """Write report.md and errors.png to a folder; returns the report."""
     out.mkdir(parents=True, exist_ok=True)
     text = "\n".join([_errors(study), _parameters(study, true), _starts(study)])
@@ -31,7 +31,7 @@ def write_report(study: Study, true: Parameters, out: Path) -> str:
     return text
 
 
-def _errors(study: Study) -> str:
+def _errors(study: BenchmarkResult) -> str:
     lines = [
         "Root mean square errors of free runs [m]. *Record* is a period that was not fitted, with its noise of "
         f"{study.noise:.2e}; *beyond noise* is what two such periods share of their residuals; *unseen* is another "
@@ -58,7 +58,7 @@ def _errors(study: Study) -> str:
     return "\n".join(lines)
 
 
-def _parameters(study: Study, true: Parameters) -> str:
+def _parameters(study: BenchmarkResult, true: Parameters) -> str:
     names = list(study.outcomes)
     lines = [
         "Fitted parameters, standard error, deviation from the true value. "
@@ -76,7 +76,7 @@ def _parameters(study: Study, true: Parameters) -> str:
     return "\n".join([*lines, ""])
 
 
-def _starts(study: Study) -> str:
+def _starts(study: BenchmarkResult) -> str:
     m, c, K = study.linear
     minima = ", ".join(f"{minimum:.4f}" for minimum in study.minima)
     return (
@@ -85,7 +85,7 @@ def _starts(study: Study) -> str:
     )
 
 
-def _figure(study: Study, path: Path) -> None:
+def _figure(study: BenchmarkResult, path: Path) -> None:
     n_time = study.held_out.shape[1]
     frequency = np.fft.rfftfreq(n_time, study.dt)
 

@@ -136,13 +136,13 @@ def linear_fit(force: Floats, displacement: Floats, dt: float) -> tuple[float, f
     return float(m), float(c), float(K)
 
 
-def explore(
+def screened_minima(
     period: Period, scales: Scales, *, rng: np.random.Generator, n_screened: int = 64, n_descents: int = 3
 ) -> tuple[Minimum, ...]:
-    """Minima of the least squares on the free run, best first.
+    """Least-squares minima of the free run from random starts, lowest misfit first.
 
-    The linear part starts at the linear fit. Nothing is known of the hysteresis: its share of the stiffness and
-    its shape are drawn at random, and those with the smallest misfits are descended from.
+    The linear part starts at the linear fit. The hysteretic share of the stiffness and the shape are drawn at random,
+    and a descent begins at the draws with the smallest misfits.
     """
     share = rng.uniform(0.1, 0.9, n_screened)
     starts = jnp.stack(

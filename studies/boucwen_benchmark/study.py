@@ -26,9 +26,9 @@ from oscillator import (
     Period,
     Scales,
     descend,
-    explore,
     fitted,
     linear_fit,
+    screened_minima,
     steady_period,
 )
 
@@ -66,8 +66,8 @@ class Error:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
-    """What one interpolation of the force comes to: the fit, its errors, those of the true parameters, seconds."""
+class InterpolationResult:
+    """Results with one interpolation of the force: the fit, its errors, those of the true parameters, seconds."""
 
     fit: Fitted
     error: Error
@@ -77,13 +77,13 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Study:
+class BenchmarkResult:
     """All results; displacement [m] of the held-out periods, shape (2, n_time), seconds spent on the starts."""
 
     noise: float
     minima: tuple[float, ...]
     linear: tuple[float, float, float]
-    outcomes: dict[Interpolation, Outcome]
+    outcomes: dict[Interpolation, InterpolationResult]
     held_out: Floats
     dt: float
     seconds: float
@@ -99,7 +99,7 @@ def errors(residuals: Floats, unseen: Floats) -> Error:
     return Error(held_out=rms(residuals), beyond_noise=max(product, 0.0) ** 0.5, unseen=rms(unseen))
 
 
-def run(record: Path, seed: int) -> Study:
+def run(record: Path, seed: int) -> BenchmarkResult:
     """Fit two periods of the record and assess on the next two; the first period contains the transient from rest."""
     begun = time.perf_counter()
     rng = np.random.default_rng(seed)
@@ -118,8 +118,8 @@ def run(record: Path, seed: int) -> Study:
         stages = jnp.asarray(stage_table(force, n_substeps, interpolation))
         return Period(stages, jnp.asarray(mean), noise_of_mean, dt)
 
-    minima = explore(period(COARSE, "band-limited"), scales, rng=rng)
-    explored = time.perf_counter() - begun
+    minima = screened_minima(period(COARSE, "band-limited"), scales, rng=rng)
+    searched = time.perf_counter() - begun
 
     other = random_multisine(N_PERIOD, dt, band=(5.0, 150.0), rms=rms(force), rng=rng)
     reference = newmark(TRUE, other, dt)
@@ -134,25 +134,25 @@ def run(record: Path, seed: int) -> Study:
         for parameters in (fit.parameters, TRUE):
             residuals = held_out - np.asarray(steady_period(parameters, data.stages, dt))
             judged.append((residuals, np.asarray(steady_period(parameters, unseen, dt)) - reference))
-        outcomes[interpolation] = Outcome(
+        outcomes[interpolation] = InterpolationResult(
             fit=fit,
             error=errors(*judged[0]),
             true_error=errors(*judged[1]),
             seconds=seconds,
             unseen_residual=judged[0][1],
         )
-    return Study(
+    return BenchmarkResult(
         noise=noise_of_mean * 2.0**0.5,
         minima=tuple(minimum.misfit for minimum in minima),
         linear=linear,
         outcomes=outcomes,
         held_out=held_out,
         dt=dt,
-        seconds=explored,
+        seconds=searched,
     )
 
 
-def summary(study: Study) -> dict[str, dict[str, float]]:
+def summary(study: BenchmarkResult) -> dict[str, dict[str, float]]:
     """The figures by interpolation: errors [m], parameters, and how far these lie from the true ones."""
     figures = {}
     for interpolation, outcome in study.outcomes.items():
@@ -169,7 +169,7 @@ def summary(study: Study) -> dict[str, dict[str, float]]:
 
 
 def departures(figures: dict[str, dict[str, float]]) -> list[str]:
-    """What lies outside expected.toml, a sentence each."""
+    """One sentence for each value outside the limits of expected.toml."""
     expected = tomllib.loads((HERE / "expected.toml").read_text())
     found = []
     for interpolation, names in expected.items():

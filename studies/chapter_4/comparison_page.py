@@ -20,7 +20,7 @@ from comparison_tables import tables_of
 from damper_tests import FORCE_NOISE_N
 from findings import Comparison, Trial, TrialFinding
 from mrwork.report import Panel, panel, style, swatch, write_study_page
-from search_settings import EFFICIENT, SEARCHES, Model, Settings
+from search_settings import EFFICIENT, SEARCHES, ComparisonSettings, Model
 
 _SYNTHETIC = (
     "Simulated: the static hysteretic model with the published current polynomials of the RD-1005-3, and "
@@ -55,7 +55,7 @@ def write_page(
     findings: Sequence[Sequence[TrialFinding]],
     path: Path,
     *,
-    settings: Settings,
+    settings: ComparisonSettings,
     skipped: str,
     footer: str,
 ) -> None:

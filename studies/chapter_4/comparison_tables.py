@@ -10,13 +10,13 @@ from decay import ATTAINABLE, LITERAL, STALL
 from findings import SearchFinding, TrialFinding, adjusted
 from mrwork.report import numbers
 from search_settings import BASELINES, EFFICIENT, SEARCHES, STANDARD, SWARM
-from table import Table
+from table import ChapterTable
 
 _RANGE = "\N{EN DASH}"
 _NONE = numbers.fixed(None, 0)
 
 
-def tables_of(findings: Sequence[TrialFinding], where: str) -> tuple[Table, ...]:
+def tables_of(findings: Sequence[TrialFinding], where: str) -> tuple[ChapterTable, ...]:
     """Every table of one set of tests."""
     return (
         error_table(findings, where),
@@ -29,7 +29,7 @@ def tables_of(findings: Sequence[TrialFinding], where: str) -> tuple[Table, ...]
     )
 
 
-def error_table(findings: Sequence[TrialFinding], where: str) -> Table:
+def error_table(findings: Sequence[TrialFinding], where: str) -> ChapterTable:
     """Form of table 4.2: average error and standard deviation."""
     rows = []
     for finding in findings:
@@ -40,7 +40,7 @@ def error_table(findings: Sequence[TrialFinding], where: str) -> Table:
         ]
         cells[int(np.argmin(means))] = f"**{cells[int(np.argmin(means))]}**"
         rows.append((_place(finding), *cells, numbers.fixed(100.0 * finding.least, 2)))
-    return Table(
+    return ChapterTable(
         title=f"Form of table 4.2: average error and standard deviation [% NRMSE], {where}",
         header=("model and current", *SEARCHES, "least of all"),
         rows=tuple(rows),
@@ -48,7 +48,7 @@ def error_table(findings: Sequence[TrialFinding], where: str) -> Table:
     )
 
 
-def level_table(findings: Sequence[TrialFinding], where: str) -> Table:
+def level_table(findings: Sequence[TrialFinding], where: str) -> ChapterTable:
     """Form of table 4.3: share of runs below the 95 % error level."""
     rows = [
         (
@@ -59,7 +59,7 @@ def level_table(findings: Sequence[TrialFinding], where: str) -> Table:
         for finding in findings
     ]
     mean = [np.mean([finding.searches[search].below for finding in findings]) for search in SEARCHES]
-    return Table(
+    return ChapterTable(
         title=f"Form of table 4.3: runs below the 95 % error level [%], {where}",
         header=("model and current", "95 % level [% NRMSE]", *SEARCHES),
         rows=(*rows, ("all", "", *(_percent(float(share)) for share in mean))),
@@ -68,8 +68,8 @@ def level_table(findings: Sequence[TrialFinding], where: str) -> Table:
     )
 
 
-def evaluation_table(findings: Sequence[TrialFinding], where: str) -> Table:
-    """What was spent in all generations."""
+def evaluation_table(findings: Sequence[TrialFinding], where: str) -> ChapterTable:
+    """Cost of all generations."""
     return _cost_table(
         f"Simulations in all generations, {where}",
         findings,
@@ -80,8 +80,8 @@ def evaluation_table(findings: Sequence[TrialFinding], where: str) -> Table:
     )
 
 
-def reaching_table(findings: Sequence[TrialFinding], where: str) -> Table:
-    """What it costs to reach the level."""
+def reaching_table(findings: Sequence[TrialFinding], where: str) -> ChapterTable:
+    """Cost of reaching the level."""
     return _cost_table(
         f"Simulations for each run that reaches the 95 % error level, {where}",
         findings,
@@ -93,7 +93,7 @@ def reaching_table(findings: Sequence[TrialFinding], where: str) -> Table:
 
 def _cost_table(
     title: str, findings: Sequence[TrialFinding], cost: Callable[[SearchFinding], float], note: str
-) -> Table:
+) -> ChapterTable:
     rows = []
     for finding in findings:
         costs = {search: cost(finding.searches[search]) for search in SEARCHES}
@@ -102,7 +102,7 @@ def _cost_table(
         rows.append(
             (_place(finding), *(numbers.fixed(value, 0) for value in costs.values()), _percent(saved))
         )
-    return Table(
+    return ChapterTable(
         title=title,
         header=("model and current", *SEARCHES, "saved by efficient GA [%]"),
         rows=tuple(rows),
@@ -115,7 +115,7 @@ def _steps_spared(findings: Sequence[TrialFinding]) -> str:
     return _between(shares)
 
 
-def advantage_table(findings: Sequence[TrialFinding], where: str, baseline: str) -> Table:
+def advantage_table(findings: Sequence[TrialFinding], where: str, baseline: str) -> ChapterTable:
     """Whether the difference between the genetic algorithms is more than chance."""
     generations = adjusted([finding.same_generations[baseline] for finding in findings])
     simulations = adjusted([finding.same_simulations[baseline] for finding in findings])
@@ -129,7 +129,7 @@ def advantage_table(findings: Sequence[TrialFinding], where: str, baseline: str)
         )
         for finding, by_generations, by_simulations in zip(findings, generations, simulations, strict=True)
     ]
-    return Table(
+    return ChapterTable(
         title=f"Pairs in which the {EFFICIENT} is lower than the {baseline} [%], {where}",
         header=(
             "model and current",
@@ -144,7 +144,7 @@ def advantage_table(findings: Sequence[TrialFinding], where: str, baseline: str)
     )
 
 
-def termination_table(findings: Sequence[TrialFinding], where: str) -> Table:
+def termination_table(findings: Sequence[TrialFinding], where: str) -> ChapterTable:
     """Form of table 4.4: expected and likely terminating generation, and where the test stopped."""
     rows = []
     for finding in findings:
@@ -162,7 +162,7 @@ def termination_table(findings: Sequence[TrialFinding], where: str) -> Table:
                     _percent(rule.excess),
                 )
             )
-    return Table(
+    return ChapterTable(
         title=f"Form of table 4.4: terminating generation of the hypothesis test, {where}",
         header=(
             "model, current and search",
@@ -180,8 +180,8 @@ def termination_table(findings: Sequence[TrialFinding], where: str) -> Table:
     )
 
 
-def rule_table(findings: Sequence[TrialFinding], where: str) -> Table:
-    """What each rule would have done, all currents together."""
+def rule_table(findings: Sequence[TrialFinding], where: str) -> ChapterTable:
+    """Effect of each rule, over all currents."""
     rows = []
     for model in dict.fromkeys(finding.model for finding in findings):
         for search in SEARCHES:
@@ -198,7 +198,7 @@ def rule_table(findings: Sequence[TrialFinding], where: str) -> Table:
                         _between([100.0 * end.excess for end in ends]),
                     )
                 )
-    return Table(
+    return ChapterTable(
         title=f"What a rule would have done, {where}",
         header=(
             "model, search and rule",

@@ -1,4 +1,4 @@
-"""How errors decay over many runs: levels, what it costs to reach them, where a rule would have ended a run."""
+"""Decay of the error over many runs: levels, simulations to reach them, and where a rule would end a run."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def evaluations_to(found: Replicates, level: float) -> Floats:
 def expected_evaluations(found: Replicates, level: float) -> float:
     """Simulations per success: those of all runs, each until it succeeds or ends, over the number that succeed.
 
-    What repeating runs until one succeeds costs on average; `inf` where none does.
+    This is the mean cost of repeating runs until one succeeds; `inf` where none does.
     """
     cost = evaluations_to(found, level)
     successes = np.count_nonzero(np.isfinite(cost))
@@ -45,7 +45,7 @@ def expected_evaluations(found: Replicates, level: float) -> float:
 
 
 def at_budget(found: Replicates, budget: Floats | Integers) -> Floats:
-    """Misfit of each run when it has spent at most so many simulations; `inf` before its first generation.
+    """Misfit of each run within a budget of simulations; `inf` before its first generation.
 
     `budget` has shape (n_replicates,) or (n_budgets, 1); the result broadcasts the two.
     """
@@ -59,7 +59,7 @@ def at_budget(found: Replicates, budget: Floats | Integers) -> Floats:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ending:
-    """Where a rule would have ended each run: generation, -1 where it would not, shape (n_replicates,)."""
+    """Generation at which a rule would have ended each run, -1 if it would not, shape (n_replicates,)."""
 
     generation: Integers
 
@@ -68,16 +68,16 @@ class Ending:
         return self.generation >= 0
 
     def at(self, traces: NDArray[np.generic]) -> Floats:
-        """Entries of traces, (n_replicates, n_generations), where the runs end, the last where no rule ends them."""
+        """Entries of traces, shape (n_replicates, n_generations), at the ends of the runs, else the last."""
         rows = np.arange(len(self.generation))
         return np.asarray(traces[rows, self.generation], dtype=np.float64)
 
 
 def ending(found: Replicates, rule: StopRules) -> Ending:
-    """Where this rule would have ended the runs, which all went on to the last generation.
+    """Return where a rule would have ended runs that all went on to the last generation.
 
-    A rule only reads what a search has done, so up to there the run would have been the same. Rules that read the
-    population cannot be judged.
+    A rule reads only the past of a search, so the run would have been the same up to its end. Rules that read the
+    population cannot be evaluated, because it was not kept.
     """
     generation = np.full(len(found.best), -1)
     nowhere = np.zeros((len(found.best), 1, 1))
@@ -93,7 +93,7 @@ def ending(found: Replicates, rule: StopRules) -> Ending:
 
 
 def rules(confidence: float) -> dict[str, StopRules]:
-    """What might end a run: the literal test, the test on what is attainable, and a stall, each on its own."""
+    """Rules that end a run, each alone: the literal hypothesis test, the test on the attainable error, and a stall."""
     never = np.iinfo(np.int64).max
     literal = StopRules(
         max_generations=never,
@@ -119,9 +119,9 @@ LITERAL, ATTAINABLE, STALL = "hypothesis test", "the same above the least error"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Expectation:
-    """Terminating generation expected from the decay of the mean error, and of each run's own.
+    """Terminating generation expected from the decay of the mean error, and from that of each run.
 
-    `likelihood` is the probability of just that generation; `own` are the generations expected of the runs, `nan`
+    `likelihood` is the probability of exactly that generation; `own` has the expected generation of each run, `nan`
     where a decay cannot be fitted.
     """
 
@@ -143,7 +143,7 @@ def expectation(found: Replicates, confidence: float) -> Expectation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Advantage:
-    """How often the first of two paired samples is lower, ties counting half, and the p-value of no difference."""
+    """Share of pairs in which the first sample is lower, ties counted as half, and the p-value of no difference."""
 
     share: float
     p_value: float

@@ -1,4 +1,4 @@
-"""What the runs say, in numbers: one finding for each search of a model on a test."""
+"""Findings in numbers, one for each search of a model on a test."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from decay import (
 )
 from mrwork.records import DamperTest
 from search_cells import Cell, Floats, Replicates
-from search_settings import BASELINES, EFFICIENT, Model, Settings
+from search_settings import BASELINES, EFFICIENT, ComparisonSettings, Model
 
 # Of a run in twenty on either side.
 QUANTILES = (0.05, 0.5, 0.95)
@@ -54,7 +54,7 @@ class Comparison:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RuleFinding:
-    """What a rule would have done: share of runs that it ends, and of these the generation at the quantiles.
+    """Effect of a rule: the share of runs that it ends, and the generation of these at the quantiles.
 
     `evaluations` is the mean over all runs, ended or not; `excess` the median over the ended ones of their error there
     over that after the last generation, less 1. `nan` where it ends none.
@@ -122,7 +122,7 @@ def comparisons_of(
     return tuple(comparisons)
 
 
-def findings_of(comparison: Comparison, settings: Settings) -> tuple[TrialFinding, ...]:
+def findings_of(comparison: Comparison, settings: ComparisonSettings) -> tuple[TrialFinding, ...]:
     return tuple(_trial(trial, settings.confidence) for trial in comparison.trials)
 
 

@@ -45,7 +45,7 @@ def keep(folder: Path, cell: Cell, found: Replicates) -> None:
 
 
 def recall(folder: Path, cell: Cell) -> Replicates | None:
-    """What was kept of a cell; none where nothing was, where it was run otherwise, and where the file is damaged."""
+    """Read the kept replicates of a cell; `None` if there are none, their settings differ or the file is damaged."""
     path = _path(folder, cell)
     if not path.exists():
         return None

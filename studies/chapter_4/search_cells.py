@@ -14,7 +14,7 @@ from damper_tests import TestSet
 from mrwork.identification import Objective
 from mrwork.records import DamperTest
 from mrwork.search import AbortableObjective, GenerationEvent, Optimiser, run_replicates
-from search_settings import Model, Settings
+from search_settings import ComparisonSettings, Model
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -22,7 +22,7 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Cell:
-    """What is run: replicates 0 ... of one search of one model on one test.
+    """Replicates, from 0, of one search of one model on one test.
 
     The seed is that of the test and the model, so that replicate k starts from the same population in every search.
     """
@@ -42,7 +42,7 @@ class Cell:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Replicates:
-    """What the replicates of one cell did.
+    """Results of the replicates of one cell.
 
     `best` misfit (an NRMSE) up to each generation and `evaluations` up to then, both (n_replicates, n_generations),
     generation 0 being the initial population; `unit` (n_replicates, n_free) the best find of each. `spared` is the
@@ -66,7 +66,7 @@ class Replicates:
         return np.argsort(self.final, kind="stable")
 
 
-def cells_of(settings: Settings, sets: Sequence[TestSet]) -> tuple[Cell, ...]:
+def cells_of(settings: ComparisonSettings, sets: Sequence[TestSet]) -> tuple[Cell, ...]:
     """Every cell of the study, set by set."""
     return tuple(
         Cell(

@@ -18,7 +18,7 @@ _EVERY = 0.3
 
 
 @dataclass(slots=True, kw_only=True)
-class Progress:
+class CellProgress:
     """One line on a terminal: cell, generation, simulations per second, time left; elsewhere a line per cell.
 
     `ahead` is the work that is left when a cell begins, `done` what was done since this start: samples to be simulated,
@@ -59,15 +59,15 @@ class Progress:
 
 
 def run_cells(cells: Sequence[Cell], folder: Path, *, threads: int, fresh: bool) -> tuple[Replicates, ...]:
-    """What every cell found, in order; those kept in `folder` are not run again unless `fresh`.
+    """Run every cell and return the replicates in order; cells kept in `folder` are run again only if `fresh`.
 
-    Ctrl-C passes through: what was finished by then is kept.
+    An interrupt by Ctrl-C is not caught; the cells finished by then are kept.
     """
     found = {} if fresh else _recalled(cells, folder)
     if found:
         print(f"{len(found)} of {len(cells)} cells are taken from {folder}", file=sys.stderr)
     missing = [place for place in range(len(cells)) if place not in found]
-    progress = Progress(
+    progress = CellProgress(
         cells=len(cells),
         ahead=float(sum(cells[place].test.n_time for place in missing)),
         began=time.perf_counter(),

@@ -1,4 +1,4 @@
-"""What the study runs: read from a TOML file, checked once."""
+"""Settings of the study, read from a TOML file and checked."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class MeasuredChoice:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class ComparisonSettings:
     """All of study.toml."""
 
     seed: int
@@ -75,7 +75,7 @@ class Settings:
     measured: MeasuredChoice
 
     @classmethod
-    def read(cls, path: Path) -> Settings:
+    def read(cls, path: Path) -> ComparisonSettings:
         """Read a TOML file; a key that is unknown or absent is an error that names it."""
         table = tomllib.loads(path.read_text(encoding="utf-8"))
         try:

@@ -25,7 +25,7 @@ from excerpts import measured_excerpts, synthetic_excerpts
 from findings import TrialFinding, comparisons_of, findings_of
 from search_cells import cells_of
 from search_runs import run_cells
-from search_settings import Settings
+from search_settings import ComparisonSettings
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -35,7 +35,7 @@ SETTINGS = HERE / "study.toml"
 
 
 def averages(findings: tuple[TrialFinding, ...]) -> dict[str, dict[str, dict[str, float]]]:
-    """What expected.toml guards: by model and search, means over the currents."""
+    """Values compared with expected.toml: by model and search, means over the currents."""
     gathered: dict[str, dict[str, dict[str, float]]] = {}
     for model in dict.fromkeys(finding.model for finding in findings):
         trials = [finding for finding in findings if finding.model == model]
@@ -51,7 +51,7 @@ def averages(findings: tuple[TrialFinding, ...]) -> dict[str, dict[str, dict[str
 
 
 def departures(found: dict[str, dict[str, dict[str, dict[str, float]]]]) -> list[str]:
-    """What lies outside expected.toml, a sentence each; sets that were skipped are not judged."""
+    """One sentence for each value outside the limits of expected.toml; skipped sets are not compared."""
     expected = tomllib.loads((HERE / "expected.toml").read_text(encoding="utf-8"))
     return [
         f"{tests}, {model}, {search}: {name} is {found[tests][model][search][name]:.4g}, "
@@ -76,7 +76,7 @@ def main() -> int:
     parser.add_argument("--settings", type=Path, default=SETTINGS, help="in place of study.toml")
     options = parser.parse_args()
     began = time.perf_counter()
-    settings = Settings.read(options.settings)
+    settings = ComparisonSettings.read(options.settings)
     measured = measured_excerpts(RECORDS, settings.measured)
     skipped = (
         ""

@@ -12,13 +12,13 @@ from current_laws import Laws, PerCurrent
 from damper_tests import Floats
 from mrwork.report import numbers
 from outcome import SetOutcome
-from table import Table
+from table import ChapterTable
 
 # After a value that has no standard error.
 _UNSURE = "*"
 
 
-def per_current_table(outcome: SetOutcome, each: PerCurrent) -> Table:
+def per_current_table(outcome: SetOutcome, each: PerCurrent) -> ChapterTable:
     """The form of tables 5.2 and 5.3: parameters with standard errors, a row per current."""
     spec = mr.damper(each.model.damper)
     shown = [spec.names.index(name) for name in each.model.free]
@@ -40,7 +40,7 @@ def per_current_table(outcome: SetOutcome, each: PerCurrent) -> Table:
     units = {name: _unit(spec, name) for name in each.model.free}
     headings = (name if unit == "1" else f"{name} [{unit}]" for name, unit in units.items())
     label = each.model.label
-    return Table(
+    return ChapterTable(
         title=f"{label[0].upper()}{label[1:]} model at each current, {outcome.tests.name}",
         header=("i [A]", *headings, "RMS [N]"),
         rows=tuple(rows),
@@ -48,7 +48,7 @@ def per_current_table(outcome: SetOutcome, each: PerCurrent) -> Table:
     )
 
 
-def law_table(outcome: SetOutcome, each: PerCurrent) -> Table:
+def law_table(outcome: SetOutcome, each: PerCurrent) -> ChapterTable:
     """Polynomials through the values at each current beside the laws identified jointly, and the truth where known."""
     laws = outcome.laws[each.model.label]
     columns: list[tuple[str, Laws]] = []
@@ -65,7 +65,7 @@ def law_table(outcome: SetOutcome, each: PerCurrent) -> Table:
         for name in each.model.free
     )
     worst = ("largest RMS [N]", *(numbers.significant(float(np.max(law.rms_n)), 3) for _, law in columns))
-    return Table(
+    return ChapterTable(
         title=f"Laws of the {each.model.label} model, {outcome.tests.name}",
         header=("", *(heading for heading, _ in columns)),
         rows=(*rows, worst),
@@ -74,8 +74,8 @@ def law_table(outcome: SetOutcome, each: PerCurrent) -> Table:
     )
 
 
-def law_rms_table(outcome: SetOutcome) -> Table:
-    """What the laws cost: RMS error of the force with parameters taken from them."""
+def law_rms_table(outcome: SetOutcome) -> ChapterTable:
+    """Cost of the laws: RMS error of the force with parameters taken from them."""
     header = ["i [A]"]
     columns: list[Floats] = []
     for label, laws in outcome.laws.items():
@@ -96,7 +96,7 @@ def law_rms_table(outcome: SetOutcome) -> Table:
     )
 
 
-def rms_table(outcome: SetOutcome) -> Table:
+def rms_table(outcome: SetOutcome) -> ChapterTable:
     """Figure 5.9 as a table; the smallest of a row in bold."""
     labels = tuple(outcome.each)
     return _rms_table(
@@ -110,7 +110,7 @@ def rms_table(outcome: SetOutcome) -> Table:
 
 def _rms_table(
     title: str, header: tuple[str, ...], columns: list[Floats], outcome: SetOutcome, *, bold: bool = False
-) -> Table:
+) -> ChapterTable:
     table = np.array(columns).T
     rows = []
     for current, values in zip(outcome.tests.currents, table, strict=True):
@@ -119,7 +119,7 @@ def _rms_table(
         if bold:
             texts[best] = f"**{texts[best]}**"
         rows.append((f"{current:g}", *texts))
-    return Table(title=title, header=header, rows=tuple(rows))
+    return ChapterTable(title=title, header=header, rows=tuple(rows))
 
 
 def _polynomial(coefficients: tuple[float, ...], errors: tuple[float, ...]) -> str:

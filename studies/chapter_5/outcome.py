@@ -1,4 +1,4 @@
-"""What the study finds on one set of tests."""
+"""Results of the study on one set of tests."""
 
 from __future__ import annotations
 

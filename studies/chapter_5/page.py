@@ -136,7 +136,7 @@ def _model_part(anchor: str, outcomes: list[SetOutcome], model: Model) -> _Model
 
 
 def _key(outcomes: list[SetOutcome], model: Model) -> tuple[Markup, ...]:
-    """What the marks of a parameter's panel mean."""
+    """Meaning of the marks in a parameter's panel."""
     lines = [
         Markup('{}<span style="color:{}">{}</span>').format(
             swatch(colour, "point"), colour, outcome.tests.motion

@@ -55,7 +55,7 @@ def summary(outcome: SetOutcome) -> dict[str, Any]:
 
 
 def departures(found: dict[str, dict[str, Any]]) -> list[str]:
-    """What lies outside expected.toml, a sentence each; sets that were skipped are not judged."""
+    """One sentence for each value outside the limits of expected.toml; skipped sets are not compared."""
     expected = tomllib.loads((HERE / "expected.toml").read_text())
     wrong = []
     for name, models in expected.items():

@@ -9,7 +9,7 @@ from mrwork.report import symbol
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
+class ChapterTable:
     """Text in rows; the first column names the row, by the symbol of a parameter if `symbols`."""
 
     title: str

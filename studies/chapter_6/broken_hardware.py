@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -20,6 +21,12 @@ from mrwork.simulate import Outcome
 from tuning import Tuned, control_law_of
 
 OBSERVED = replace(HARDWARE, feedback="observer")
+BROKEN: tuple[tuple[float | Literal["hold"], str], ...] = (
+    ("hold", "holds"),
+    (0.0, "reads zero"),
+    (math.nan, "reads NaN"),
+)
+"""Values of a broken sensor, and what they are called in the table."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,11 +43,11 @@ def cases(records: Path, tuned: Tuned) -> Iterator[Case]:
     over = bench(records, names=("El Centro",), threads=1)
     law = control_law_of(tuned)
     yield _ran(over, "none", law, tuned, HARDWARE)
-    for value, says in (("hold", "holds"), (0.0, "reads zero"), (math.nan, "reads NaN")):
+    for value, says in BROKEN:
         faults = (Fault(channel="force", start=3.0, end=8.0, value=value),)
         yield _ran(over, f"force sensor {says}", law, tuned, replace(HARDWARE, faults=faults))
     yield _ran(over, "none, observer", law, tuned, OBSERVED)
-    for value, says in (("hold", "holds"), (0.0, "reads zero"), (math.nan, "reads NaN")):
+    for value, says in BROKEN:
         faults = (Fault(channel="acceleration", index=4, start=3.0, end=8.0, value=value),)
         yield _ran(over, f"roof accelerometer {says}, observer", law, tuned, replace(OBSERVED, faults=faults))
     for stuck in (0.0, tuned.largest_current):

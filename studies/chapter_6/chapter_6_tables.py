@@ -1,4 +1,4 @@
-"""What was found, as tables."""
+"""Tables of the findings."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _TITLES = {
 
 
 def title_of(label: str) -> str:
-    """What a row is called: the title of a law, or the label itself."""
+    """Name of a row: the title of a law, or the label itself."""
     if label in ACTIVE:
         return _TITLES[label]
     return control_law(label).title if label in TUNED_LAWS else label

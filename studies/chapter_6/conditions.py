@@ -1,4 +1,4 @@
-"""What the loop is made of: step, sample time, delay, sensors, driver; and what each does to the score of a law."""
+"""Effect of the step, sample time, delay, sensors and driver of the loop on the score of a law."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was found against expected.toml."""
+"""Comparison of the findings with expected.toml."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _EXPECTED = Path(__file__).parent / "expected.toml"
 
 
 def departures(found: dict[str, Any]) -> list[str]:
-    """What lies outside, a sentence each; what was not measured is not judged."""
+    """One sentence for each value outside its limits; values that were not measured are not compared."""
     return list(compared("", found, tomllib.loads(_EXPECTED.read_text())))
 
 

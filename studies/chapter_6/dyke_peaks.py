@@ -39,7 +39,7 @@ _ROUNDING_K = 1e5 * np.array([[0.05, 0.005, 0.0], [0.005, 0.05, 0.005], [0.0, 0.
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class PeakRow:
     """Peaks in the order of `QUANTITIES`, ours and published, and their relative deviations."""
 
     label: str
@@ -58,7 +58,7 @@ def motion_of(records: Path) -> GroundMotion:
     return time_scaled(read_motion(records / "el_centro_1940_ns.csv"), 0.2)
 
 
-def rows(motion: GroundMotion) -> Iterator[Row]:
+def rows(motion: GroundMotion) -> Iterator[PeakRow]:
     """All rows of the paper; the laws that need the state with that itself and with a Kalman filter."""
     gain = regulator_as_published(plant_of(FRAME, FRAME.storeys[:1]), published_regulator("dyke1996")).gain
     yield uncontrolled(motion, FRAME, "uncontrolled")
@@ -75,13 +75,13 @@ def rows(motion: GroundMotion) -> Iterator[Row]:
     yield _row(motion, "clipped-optimal", laws["clipped-optimal"], FRAME, finer, says=", half the step")
 
 
-def uncontrolled(motion: GroundMotion, frame: Building, label: str, hardware: Hardware = HARDWARE) -> Row:
+def uncontrolled(motion: GroundMotion, frame: Building, label: str, hardware: Hardware = HARDWARE) -> PeakRow:
     """The row without a damper."""
     none = ControlLaw(name="active", gains={"gain": np.zeros((1, 6))})
     return replace(_row(motion, "uncontrolled", none, frame, hardware), label=label)
 
 
-def causes(motion: GroundMotion) -> Iterator[Row]:
+def causes(motion: GroundMotion) -> Iterator[PeakRow]:
     """The row without a damper, one thing changed at a time."""
     # With 6.84 and 6.84 the sum of the upper storeys is 13.68, which the paper prints as 13.7.
     stiffness = FRAME.stiffness.copy()
@@ -123,7 +123,7 @@ def _held(motion: GroundMotion) -> GroundMotion:
 
 def _row(
     motion: GroundMotion, label: str, law: ControlLaw, frame: Building, hardware: Hardware, says: str = ""
-) -> Row:
+) -> PeakRow:
     responses = simulate_loop(frame, [_prototype(frame)], law, [motion], hardware, threads=1)
     ours = np.concatenate(
         [
@@ -134,7 +134,7 @@ def _row(
         ]
     )
     published = np.array(PUBLISHED[label])
-    return Row(
+    return PeakRow(
         label=label + says,
         ours=ours[: len(published)],
         published=published,

@@ -26,24 +26,24 @@ RECORDS = (
 LEVELS = (0.1, 0.3)
 """Peaks of the ground motions [g]."""
 LONGEST = 50.0
-"""Of a record [s]; the rest of it is cut off."""
+"""Largest duration of a record [s]; the rest is cut off."""
 LARGEST_CURRENT = 1.88
-"""[A]; the static model's friction falls again above it."""
+"""Largest current [A]; above it the friction of the static model decreases again."""
 DRIVER_RATE = 190.0
-"""By which the current follows the command [1/s]."""
+"""Rate at which the current follows the command [1/s]."""
 FRAME = building("uts")
 HARDWARE = Hardware(sample_time=1e-3, step=5e-4)
 """Hardware of the tables, unless stated otherwise: state feedback, no delay, no noise."""
 
 
 def level_name(level: float) -> str:
-    """What a level is called in tables and files."""
+    """Name of a level in tables and files."""
     return f"{level:g} g"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Figures:
-    """What the runs of one or many candidates come to; first axis candidates, second levels.
+    """Results of the runs of one or many candidates; the first axis is candidates, the second levels.
 
     `ratios` to i = 0 have two axes more, for records and for the criteria of the score; those of a run that failed are
     infinite. `mean_current` [A] is the mean over records, `peak_force` [N], `stroke` [m] and `energy_error` the
@@ -135,7 +135,7 @@ def figures(
 
 
 def figures_of(over: Bench, responses: Responses, frame: Building = FRAME) -> Figures:
-    """What responses under the bench's motions come to."""
+    """Figures of the responses to the motions of the bench."""
     shape = (responses.shape[0], len(LEVELS), -1)
     added = [number for number, name in enumerate(frame.storey_names) if name not in FRAME.storey_names]
     stroke = responses.peak_stroke[:, 0] if not added else responses.peak_drift[:, added].max(axis=1)

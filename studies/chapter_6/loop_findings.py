@@ -14,7 +14,7 @@ import numpy as np
 from baselines import baselines
 from broken_hardware import cases
 from conditions import CONDITIONS, REFERENCE, scores_under
-from dyke_peaks import QUANTITIES, Row, causes, motion_of, rounding, rows
+from dyke_peaks import QUANTITIES, PeakRow, causes, motion_of, rounding, rows
 from frame_runs import LARGEST_CURRENT, LEVELS, Bench, Figures, bench, figures, level_name
 from kept_settings import kept
 from mrwork.closed_loop import SCORE
@@ -157,7 +157,7 @@ def _at(found: Figures, candidate: int, level: int) -> dict[str, Any]:
     }
 
 
-def _peaks(row: Row) -> dict[str, Any]:
+def _peaks(row: PeakRow) -> dict[str, Any]:
     names = QUANTITIES[: len(row.ours)]
     return {
         "ours": dict(zip(names, row.ours.tolist(), strict=True)),

@@ -19,7 +19,7 @@ STATED: dict[str, dict[int, float]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frequencies:
-    """Of one building [Hz]; `deviation` is the largest relative one, none where nothing is stated."""
+    """Natural frequencies of one building [Hz]; `deviation` is the largest relative one, `None` if none is stated."""
 
     building: str
     found: tuple[float, ...]
@@ -27,14 +27,14 @@ class Frequencies:
 
     @property
     def deviation(self) -> float | None:
-        """From what is stated."""
+        """Largest relative deviation from the stated frequencies."""
         if not self.stated:
             return None
         return max(abs(self.found[mode - 1] / value - 1.0) for mode, value in self.stated.items())
 
 
 def frequencies() -> Iterator[Frequencies]:
-    """Every published building."""
+    """Frequencies of every published building."""
     for each in buildings():
         found = tuple(float(value) for value in each.frequencies)
         yield Frequencies(building=each.name, found=found, stated=STATED.get(each.name, {}))

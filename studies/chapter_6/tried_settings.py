@@ -16,7 +16,7 @@ MANY_CURRENTS = tuple(float(current) for current in np.round(np.geomspace(0.15, 
 """Those tried with laws that have no settings."""
 
 NETWORK = ("amplitude", "velocity", "hidden", "seed")
-"""What an inverse network is trained by: it learns its damper, whatever the regulator."""
+"""Settings of the training of an inverse network, which learns its damper and does not depend on the regulator."""
 
 # What a regulator weighs, and the middle of the control weights that go with it [1/N^2]: there the outputs cost about
 # as much as a force of 1 kN, with drifts of 1 mm, floor velocities of 0.05 m/s, accelerations of 1 m/s^2.

@@ -22,7 +22,7 @@ from mrwork.uncertainty import (
 )
 from random_scale import next_test_half_width
 from rig_tests import CURRENTS, MOTIONS, rig_test
-from scores import LEVEL, Outcome, constant_band, outcome
+from scores import LEVEL, BandScore, constant_band, outcome
 
 SPEC = damper("normalised_bouc_wen").with_current_laws({"k_w": "cubic", "c": "linear"})
 
@@ -40,7 +40,7 @@ def left_out(fold: Fold, *, rng: int, threads: int) -> LeftOut:
     return predict_left_out(tests(), fold, identify_rest)
 
 
-def outcomes_of(found: LeftOut, *, rng: int) -> Iterator[Outcome]:
+def outcomes_of(found: LeftOut, *, rng: int) -> Iterator[BandScore]:
     """Noise models by the residuals that each fit has seen; bands calibrated on the other tests left out."""
     fits = {frozenset(quality.test for quality in fit.quality): fit for fit in found.fits}
     everything = {test.name: test for test in tests()}

@@ -15,7 +15,7 @@ RECORDS = DATA / "dampers" / "utfsm"
 MOTIONS = ("25mm0x1Hz", "25mm0x25Hz", "25mm0x5Hz", "10mm1Hz", "5mm3Hz", "2mm5Hz")
 CURRENTS = ("0A", "0x25A", "0x5A", "0x75A", "1A")
 FITTED = "10mm1Hz"
-# Samples of a cycle: thinned to so many, the fit of no test changes by more than 0.01.
+# Samples of a cycle: with this number the fit of no test changes by more than 0.01.
 _PER_CYCLE = 250
 
 

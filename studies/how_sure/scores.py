@@ -14,7 +14,7 @@ LEVEL = 0.9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
+class BandScore:
     """One band on one test left out; width and interval score per deviation of the measured force."""
 
     way: str
@@ -25,7 +25,7 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class ScoreRow:
     """One way over all tests left out: means, and the least coverage of a test."""
 
     way: str
@@ -36,9 +36,9 @@ class Row:
     interval_score: float
 
 
-def outcome(way: str, prediction: Prediction, band: Band) -> Outcome:
+def outcome(way: str, prediction: Prediction, band: Band) -> BandScore:
     judged = score(band, prediction.measured, per=float(np.std(prediction.measured)))
-    return Outcome(
+    return BandScore(
         way=way,
         test=prediction.test.name,
         coverage=judged.coverage,
@@ -51,13 +51,13 @@ def constant_band(centre: NDArray[np.float64], half: float, basis: str) -> Band:
     return Band.about(centre, half, level=LEVEL, basis=basis)
 
 
-def table(outcomes: Iterable[Outcome]) -> tuple[Row, ...]:
+def table(outcomes: Iterable[BandScore]) -> tuple[ScoreRow, ...]:
     """Rows in the order in which their ways first appear."""
-    groups: dict[str, list[Outcome]] = {}
+    groups: dict[str, list[BandScore]] = {}
     for each in outcomes:
         groups.setdefault(each.way, []).append(each)
     return tuple(
-        Row(
+        ScoreRow(
             way=way,
             n_tests=len(group),
             coverage=float(np.mean([each.coverage for each in group])),
@@ -69,7 +69,7 @@ def table(outcomes: Iterable[Outcome]) -> tuple[Row, ...]:
     )
 
 
-def lines(title: str, rows: Sequence[Row]) -> str:
+def lines(title: str, rows: Sequence[ScoreRow]) -> str:
     width = max(len(row.way) for row in rows)
     head = f"{title}\n  {'way':<{width}}  tests  coverage  least   width  score"
     body = [

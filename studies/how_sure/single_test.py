@@ -20,7 +20,7 @@ from mrwork.uncertainty import (
 )
 from random_scale import next_test_half_width
 from rig_tests import CURRENTS, FITTED, MOTIONS, rig_test
-from scores import LEVEL, Outcome, constant_band, outcome
+from scores import LEVEL, BandScore, constant_band, outcome
 
 MODEL = "normalised_bouc_wen"
 _DRAWS = 300
@@ -48,8 +48,8 @@ def fitted(current: str, *, rng: int, threads: int) -> Fitted:
     )
 
 
-def noise_outcomes(current: str, at: Fitted, *, rng: int, threads: int) -> Iterator[Outcome]:
-    """What each noise model promises from the posterior of the one test."""
+def noise_outcomes(current: str, at: Fitted, *, rng: int, threads: int) -> Iterator[BandScore]:
+    """Bands of each noise model from the posterior of the one test."""
     for name, noise in NOISES.items():
         draws = sample(at.fit, at.test, noise=name, rng=rng, threads=threads, most_steps=_MOST_STEPS)
         print(f"# {current} {name}: {draws.verdict}", flush=True)
@@ -70,7 +70,7 @@ def noise_outcomes(current: str, at: Fitted, *, rng: int, threads: int) -> Itera
             yield outcome(f"{noise.title} noise", prediction, band)
 
 
-def calibrated_outcomes(all_fitted: dict[str, Fitted]) -> Iterator[Outcome]:
+def calibrated_outcomes(all_fitted: dict[str, Fitted]) -> Iterator[BandScore]:
     """Bands calibrated on other tests left out, never on the one that is predicted."""
     entries = [(current, motion) for current in all_fitted for motion in all_fitted[current].predictions]
     ways: tuple[tuple[str, Callable[[tuple[str, str], tuple[str, str]], bool]], ...] = (
@@ -93,7 +93,7 @@ def calibrated_outcomes(all_fitted: dict[str, Fitted]) -> Iterator[Outcome]:
         yield outcome("random size per test, all other tests", own, constant_band(own.force, half, ""))
 
 
-def all_outcomes(*, rng: int, threads: int, currents: tuple[str, ...] = CURRENTS) -> list[Outcome]:
+def all_outcomes(*, rng: int, threads: int, currents: tuple[str, ...] = CURRENTS) -> list[BandScore]:
     at = {current: fitted(current, rng=rng, threads=threads) for current in currents}
     outcomes = [
         each for current in at for each in noise_outcomes(current, at[current], rng=rng, threads=threads)

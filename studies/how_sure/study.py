@@ -17,12 +17,12 @@ import joint_model
 import single_test
 import synthetic_calibration
 from rig_tests import RECORDS
-from scores import Outcome, lines, table
+from scores import BandScore, lines, table
 
 PARTS = ("single", "joint", "synthetic")
 
 
-def measured(options: argparse.Namespace, part: str) -> dict[str, Sequence[Outcome]]:
+def measured(options: argparse.Namespace, part: str) -> dict[str, Sequence[BandScore]]:
     if part == "single":
         return {
             "A fit to 10 mm, 1 Hz, asked for the five other motions at its current": single_test.all_outcomes(

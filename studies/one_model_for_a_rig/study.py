@@ -29,7 +29,7 @@ HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 DATA = Path(os.environ.get("MRWORK_DATA", ROOT.parent / "shared" / "data"))
 RECORDS = DATA / "dampers" / "utfsm"
-# Samples of a cycle: thinned to so many, the fit of no test changes by more than 0.01.
+# Samples of a cycle: with this number the fit of no test changes by more than 0.01.
 PER_CYCLE = 250
 
 
@@ -53,7 +53,7 @@ class Family:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LeftOut:
+class LeftOutFit:
     """Fit % of tests that the descent did not see: which were left out, median and worst."""
 
     what: str
@@ -62,7 +62,7 @@ class LeftOut:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class RigRow:
     """One family: fit % over all tests with what it took, and on tests left out."""
 
     family: str
@@ -74,7 +74,7 @@ class Row:
     seconds: float
     status: str
     parameters: dict[str, float]
-    left_out: tuple[LeftOut, ...]
+    left_out: tuple[LeftOutFit, ...]
 
 
 def families() -> dict[str, Family]:
@@ -154,7 +154,7 @@ def _predicted(fit: Fit, test: DamperTest) -> float:
         return -np.inf
 
 
-def left_out(name: str, tests: tuple[DamperTest, ...], *, seed: int, threads: int) -> tuple[LeftOut, ...]:
+def left_out(name: str, tests: tuple[DamperTest, ...], *, seed: int, threads: int) -> tuple[LeftOutFit, ...]:
     """Identify without the tests at one current, or of one motion, from the start, and predict those."""
     results = []
     for what, key in (
@@ -166,11 +166,11 @@ def left_out(name: str, tests: tuple[DamperTest, ...], *, seed: int, threads: in
             rest = tuple(_thinned(test) for test in tests if key(test) != value)
             fit = fitted(name, rest, seed=seed, threads=threads, on_progress=None)
             predicted += [_predicted(fit, test) for test in tests if key(test) == value]
-        results.append(LeftOut(what=what, median=float(np.median(predicted)), worst=min(predicted)))
+        results.append(LeftOutFit(what=what, median=float(np.median(predicted)), worst=min(predicted)))
     return tuple(results)
 
 
-def run(name: str, *, observed: bool, leave_out: bool, seed: int, threads: int) -> Row:
+def run(name: str, *, observed: bool, leave_out: bool, seed: int, threads: int) -> RigRow:
     """Identify one family from all tests."""
     tests = sinusoids(observed=observed)
     begun = time.perf_counter()
@@ -182,7 +182,7 @@ def run(name: str, *, observed: bool, leave_out: bool, seed: int, threads: int) 
     fit = fitted(name, tests, seed=seed, threads=threads, on_progress=show)
     seconds = time.perf_counter() - begun
     worst = min(fit.quality, key=lambda quality: quality.fit_percent)
-    return Row(
+    return RigRow(
         family=name,
         observed=observed,
         n_free=sum(estimate.remark != "fixed" for estimate in fit.estimates),
@@ -196,7 +196,7 @@ def run(name: str, *, observed: bool, leave_out: bool, seed: int, threads: int) 
     )
 
 
-def line(row: Row) -> str:
+def line(row: RigRow) -> str:
     observed = "averaged" if row.observed else ""
     outside = "".join(f"   without {each.what} {each.median:6.2f} {each.worst:6.2f}" for each in row.left_out)
     return (

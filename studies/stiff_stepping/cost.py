@@ -1,4 +1,4 @@
-"""What a step costs: operations counted as the core counts them, and time on the clock."""
+"""Cost of a step: operations, counted as the core counts them, and wall time."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ ROUNDS = 9
 
 
 @dataclass(slots=True)
-class Tally:
-    """Operations so far; a power and an exponential count as what the core spends on them."""
+class OperationCount:
+    """Operations so far; a power and an exponential count as the operations that the core uses for them."""
 
     flops: int = 0
     divisions: int = 0
@@ -33,7 +33,7 @@ class Tally:
 class Counted:
     """A number that counts the arithmetic done on it; comparisons, signs and choices are free, as in the core."""
 
-    def __init__(self, value: float, tally: Tally) -> None:
+    def __init__(self, value: float, tally: OperationCount) -> None:
         self.value, self.tally = value, tally
 
     def _result(self, value: float) -> Counted:
@@ -79,9 +79,9 @@ def _value(number: Any) -> float:
     return number.value if isinstance(number, Counted) else number
 
 
-def counted(method: str, *, general: bool) -> Tally:
+def counted(method: str, *, general: bool) -> OperationCount:
     """One step on a general exponent, or on n = 2 as products."""
-    tally = Tally()
+    tally = OperationCount()
     # What a general exponent adds to the core's four rates, and the product that it replaces.
     theta = damper(PRESET).nominal
     fractional = np.where(np.arange(9) == 8, 2.5, theta)

@@ -160,7 +160,7 @@ def _row(cells: list[Any]) -> str:
 
 
 def departures(figures: dict[str, Any]) -> list[str]:
-    """What lies outside expected.toml, a sentence each."""
+    """One sentence for each value outside the limits of expected.toml."""
     return list(_departures("", figures, tomllib.loads((HERE / "expected.toml").read_text())))
 
 

@@ -1,4 +1,4 @@
-"""What every damper does whatever its parameters: stays at rest, mirrors, dissipates, never returns a NaN."""
+"""Mechanics of every damper for all parameters: it stays at rest, mirrors, dissipates and never returns a NaN."""
 
 from __future__ import annotations
 

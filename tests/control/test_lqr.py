@@ -1,4 +1,4 @@
-"""Regulators are optimal, stable, and the same in whatever units the building is written."""
+"""Regulators are optimal, stable, and the same in all units of the building."""
 
 from __future__ import annotations
 

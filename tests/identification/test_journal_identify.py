@@ -76,7 +76,7 @@ def descended(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def killed_at(command: list[str], place: Path, n_lines: int, delay: float) -> None:
-    """Begin a run and kill it so long after its journal has so many lines."""
+    """Begin a run and kill it after its journal has a number of lines and a further delay."""
     process = subprocess.Popen(
         [sys.executable, "-m", "mrwork", *command, "--out", str(place)],
         stdout=subprocess.DEVNULL,

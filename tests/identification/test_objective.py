@@ -1,4 +1,4 @@
-"""The Jacobian of the residuals is exact, whatever lies between the simulated force and the record."""
+"""The Jacobian of the residuals is exact for every observation model and every nuisance parameter."""
 
 from __future__ import annotations
 

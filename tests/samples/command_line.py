@@ -40,7 +40,7 @@ def mrwork(*arguments: object) -> Ended:
 
 
 def printed(capsys: pytest.CaptureFixture[str], *arguments: object, status: int = 0) -> str:
-    """What a command printed: on stderr where it was to fail."""
+    """Text that a command printed: on stderr if it was expected to fail."""
     capsys.readouterr()
     with pytest.raises(SystemExit) as ended:
         main([str(each) for each in arguments])

@@ -60,7 +60,7 @@ def plant(n_devices: int = 1, building: Building | None = None) -> Plant:
 
 
 def in_units(plant: Plant, metre: float, second: float, newton: float) -> Plant:
-    """The same plant where a metre, a second and a newton are written as so many units."""
+    """The same plant in other units, of which a metre, a second and a newton have the given numbers."""
     building = plant.building
     kilogram = newton * second**2 / metre
     changed = frame(

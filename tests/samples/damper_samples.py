@@ -51,7 +51,7 @@ MOTIONS = {"sine": sine, "sweep": sweep, "noise": noise}
 
 
 def noise_free_test(spec, loading):
-    """What a rig would record of the nominal damper without noise."""
+    """Record of the nominal damper on a rig without noise."""
     velocity = np.gradient(loading.displacement, loading.dt) if loading.velocity is None else loading.velocity
     return DamperTest(
         name=f"{spec.name} without noise",

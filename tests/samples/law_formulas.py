@@ -18,7 +18,7 @@ Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recorded:
-    """What the law saw at its samples: arrays of shape (n_time, ...), and the numbers of the law."""
+    """Inputs of the law at its samples, arrays of shape (n_time, ...), and the numbers of the law."""
 
     law: ControlLaw
     devices: Sequence[Device]

@@ -40,7 +40,7 @@ def write_text(path: Path, columns: Mapping[str, NDArray[np.float64]], delimiter
 
 
 def codes(test: DamperTest) -> list[str]:
-    """What the checks found, by code."""
+    """Findings of the checks, by code."""
     return [finding.code for finding in test.findings]
 
 

@@ -31,7 +31,7 @@ def half_failing(unit):
 
 
 def with_floor(unit):
-    """What measured data does: a model error of 0.1 that no parameters remove."""
+    """Model error of 0.1, as in measured data, that no parameters remove."""
     return 0.1 + 0.1 * sphere(unit)
 
 

@@ -21,7 +21,7 @@ def sinusoidal_test(
     cycles: int = 3,
     rng: int = 0,
 ) -> DamperTest:
-    """A test of so many cycles, `motion` is amplitude [m] and frequency [Hz], `noise` a share of the force."""
+    """A sinusoidal test; `motion` is amplitude [m] and frequency [Hz], `noise` a share of the force."""
     amplitude, frequency = motion
     dt = 1.0 / (PER_CYCLE * frequency)
     time = dt * np.arange(cycles * PER_CYCLE + 1)

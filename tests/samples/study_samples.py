@@ -52,7 +52,7 @@ def history(amplitude: float, n_devices: int) -> RunHistory:
 
 
 def run(amplitude: float, n_devices: int) -> RunResult:
-    """What is kept of that swing."""
+    """Peaks and RMS values of that swing."""
     found = history(amplitude, n_devices)
 
     def peak(signal: np.ndarray) -> np.ndarray:
@@ -87,12 +87,12 @@ def run(amplitude: float, n_devices: int) -> RunResult:
 
 
 def amplitude(row: int, motion: int) -> float:
-    """Of the top floor [m]."""
+    """Amplitude of the top floor [m]."""
     return 0.05 * (1.0 - 0.15 * row) * (1.0 + motion)
 
 
 def devices(row: int) -> int:
-    """How many a row has."""
+    """Number of devices in a row."""
     return 0 if ROWS[row].kind in ("uncontrolled", "baseline") else 2
 
 

@@ -194,7 +194,7 @@ def test_resuming_another_search_is_refused():
 
 
 def interrupted_after(completed, calls):
-    """Sphere, until Ctrl-C comes in the generation after so many."""
+    """Sphere whose evaluation is interrupted by Ctrl-C after a number of generations."""
     count = itertools.count()
 
     def objective(unit):

@@ -91,7 +91,7 @@ def test_likelihood_is_the_share_of_likely_rates_that_end_in_the_same_generation
     rng = np.random.default_rng(2)
     age = np.arange(40)
     logarithm = -0.2 * age + noise * rng.standard_normal(age.size)
-    # A first entry far above, so that the fit starts at the second whatever the noise.
+    # A first entry far above, so that the fit starts at the second for any noise.
     seen = expected_termination(np.concatenate([[9.0], np.exp(logarithm)]))
     (slope, _), covariance = np.polyfit(age, logarithm, 1, cov=True)
     rates = -slope + math.sqrt(covariance[0, 0]) * rng.standard_normal(4000)

@@ -13,7 +13,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from multisine import INTERPOLATIONS, between_samples, newmark, random_multisine, stage_table
-from oscillator import Parameters, Period, Scales, explore, fitted, linear_fit, steady_period
+from oscillator import Parameters, Period, Scales, fitted, linear_fit, screened_minima, steady_period
 
 TRUE = Parameters(m=2.0, c=10.0, k=5e4, alpha=5e4, g=800.0, d=-1100.0, nu=1.0)
 DT = 1.0 / 750.0
@@ -86,7 +86,7 @@ def test_the_parameters_are_recovered_from_random_starts(force: np.ndarray, disp
     noise = 1e-6
     scales = Scales(linear=linear_fit(force, displacement, DT), displacement=rms(displacement))
     period = Period(stage_table(force, 4, "band-limited"), displacement, noise, DT)
-    minima = explore(period, scales, rng=np.random.default_rng(1), n_screened=16, n_descents=2)
+    minima = screened_minima(period, scales, rng=np.random.default_rng(1), n_screened=16, n_descents=2)
     assert minima[0].misfit == pytest.approx(minima[1].misfit, rel=1e-3)
     # No noise was added: what is left, and the bias of the parameters, is the error of 4 sub-steps.
     assert minima[0].misfit * noise < 1e-3 * rms(displacement)

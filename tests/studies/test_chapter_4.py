@@ -29,7 +29,7 @@ from kept_cells import fingerprint, keep, recall
 from mrwork.search import PopulationState, Proposal, StandardGA, StopRules
 from search_cells import Cell, Replicates, cells_of, run_cell
 from search_runs import run_cells
-from search_settings import EFFICIENT, SEARCHES, STANDARD, SWARM, Settings
+from search_settings import EFFICIENT, SEARCHES, STANDARD, SWARM, ComparisonSettings
 
 CHAPTER = measured_data.ROOT / "studies" / "chapter_4"
 REPLICATES, POPULATION, GENERATIONS = 6, 10, 12
@@ -58,8 +58,8 @@ def made_of(best: list[list[float]], evaluations: list[list[int]]) -> Replicates
 
 
 @pytest.fixture(scope="module")
-def settings() -> Settings:
-    whole = Settings.read(CHAPTER / "study.toml")
+def settings() -> ComparisonSettings:
+    whole = ComparisonSettings.read(CHAPTER / "study.toml")
     return replace(
         whole,
         replicates=REPLICATES,
@@ -70,12 +70,12 @@ def settings() -> Settings:
 
 
 @pytest.fixture(scope="module")
-def tests(settings: Settings) -> TestSet:
+def tests(settings: ComparisonSettings) -> TestSet:
     return synthetic_excerpts(settings.synthetic, seed=settings.seed)
 
 
 @pytest.fixture(scope="module")
-def cells(settings: Settings, tests: TestSet) -> tuple[Cell, ...]:
+def cells(settings: ComparisonSettings, tests: TestSet) -> tuple[Cell, ...]:
     return cells_of(settings, (tests,))
 
 
@@ -95,7 +95,7 @@ def comparison(tests: TestSet, cells: tuple[Cell, ...], found: tuple[Replicates,
 
 
 def test_every_model_meets_every_search_on_every_test(
-    settings: Settings, tests: TestSet, cells: tuple[Cell, ...]
+    settings: ComparisonSettings, tests: TestSet, cells: tuple[Cell, ...]
 ) -> None:
     names = {cell.name for cell in cells}
     assert len(names) == len(cells) == len(settings.models) * len(tests.tests) * len(SEARCHES)
@@ -223,7 +223,7 @@ def test_holm_never_lowers_a_p_value_and_keeps_their_order() -> None:
     np.testing.assert_allclose(holm(np.array([0.01, 0.04, 0.03, 0.9])), [0.04, 0.09, 0.09, 0.9])
 
 
-def test_tables_show_what_was_found(comparison: Comparison, settings: Settings) -> None:
+def test_tables_show_what_was_found(comparison: Comparison, settings: ComparisonSettings) -> None:
     findings = findings_of(comparison, settings)
     trial = comparison.trials[0]
     mean = 100.0 * trial.runs[EFFICIENT].final.mean()
@@ -236,7 +236,7 @@ def test_tables_show_what_was_found(comparison: Comparison, settings: Settings) 
 
 
 def test_the_page_stands_alone_and_calls_synthetic_data_synthetic(
-    comparison: Comparison, settings: Settings, tmp_path: Path
+    comparison: Comparison, settings: ComparisonSettings, tmp_path: Path
 ) -> None:
     path = tmp_path / "report.html"
     write_page(
@@ -255,7 +255,7 @@ def test_the_page_stands_alone_and_calls_synthetic_data_synthetic(
         assert outside not in text
 
 
-def test_without_the_records_there_is_no_measured_set(settings: Settings, tmp_path: Path) -> None:
+def test_without_the_records_there_is_no_measured_set(settings: ComparisonSettings, tmp_path: Path) -> None:
     assert measured_excerpts(tmp_path, settings.measured) is None
 
 
@@ -265,4 +265,4 @@ def test_an_unknown_setting_is_named(tmp_path: Path) -> None:
         f"repetitions = 3\n{(CHAPTER / 'study.toml').read_text(encoding='utf-8')}", encoding="utf-8"
     )
     with pytest.raises(mr.MrworkError, match="repetitions"):
-        Settings.read(path)
+        ComparisonSettings.read(path)

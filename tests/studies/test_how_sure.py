@@ -6,7 +6,7 @@ import pytest
 import synthetic_calibration
 from mrwork.dampers.spec import damper
 from random_scale import next_test_half_width
-from scores import Outcome, lines, table
+from scores import BandScore, lines, table
 
 
 def test_random_sizes_widen_a_band_beyond_the_mean_size() -> None:
@@ -18,7 +18,7 @@ def test_random_sizes_widen_a_band_beyond_the_mean_size() -> None:
 
 def test_rows_are_means_over_the_tests_left_out() -> None:
     outcomes = [
-        Outcome(way="a", test=str(index), coverage=coverage, width=1.0, interval_score=2.0 * coverage)
+        BandScore(way="a", test=str(index), coverage=coverage, width=1.0, interval_score=2.0 * coverage)
         for index, coverage in enumerate((0.8, 1.0))
     ]
     (row,) = table(outcomes)

@@ -14,7 +14,7 @@ import pytest
 from command_line import started
 from numpy.typing import NDArray
 
-from benchmarks.attempt import NEAR, Attempt, AttemptEnded, Contender, Outcome, RustObjective, attempted
+from benchmarks.attempt import NEAR, Attempt, AttemptEnded, AttemptResult, Contender, RustObjective, attempted
 from benchmarks.bars import bars_of
 from benchmarks.command_line import main
 from benchmarks.contenders import OURS, PEERS, contenders
@@ -151,11 +151,11 @@ def test_seeds_at_once_end_at_the_target_or_at_the_budget(job: SearchJob) -> Non
             assert first.gap_points != second.gap_points
 
 
-def an_outcome(evaluations: int, *, success: bool = True) -> Outcome:
-    return Outcome(evaluations=evaluations, seconds=evaluations / 1e3, success=success, gap_points=0.1)
+def an_outcome(evaluations: int, *, success: bool = True) -> AttemptResult:
+    return AttemptResult(evaluations=evaluations, seconds=evaluations / 1e3, success=success, gap_points=0.1)
 
 
-def a_row(method: str, objective: str, outcomes: list[Outcome]) -> SearchRow:
+def a_row(method: str, objective: str, outcomes: list[AttemptResult]) -> SearchRow:
     return row_of(method, objective, 1, "", outcomes)
 
 

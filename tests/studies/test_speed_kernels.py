@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks.kernels import bench_kernels, format_table, summarise
-from benchmarks.timing import Peer, fastest_variant
+from benchmarks.timing import TimedPeer, fastest_variant
 from benchmarks.worker import Measurement
 from benchmarks.workload import DT, PowerForm, Workload, candidates, displacement_record, measured_force
 from mrwork.errors import MrworkError, SettingError
@@ -90,7 +90,9 @@ def test_a_misfit_that_differs_stops_the_benchmark() -> None:
     workload = a_workload("square")
     wrong = reference(workload)
     wrong[4] *= 1.0 + 1e-8
-    peer = Peer(start=numba_peer.START, changes=(), prepare=partial(numba_peer.prepare, workload, "square"))
+    peer = TimedPeer(
+        start=numba_peer.START, changes=(), prepare=partial(numba_peer.prepare, workload, "square")
+    )
     with pytest.raises(MrworkError, match="agree on every misfit"):
         fastest_variant("numba", peer, wrong)
 

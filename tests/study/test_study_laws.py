@@ -37,7 +37,9 @@ TOLD = {
 }
 
 
-def subject(name: str = "uts", preset: str = "kwok2006", model: str = "static_hysteretic") -> DesignProblem:
+def design_problem(
+    name: str = "uts", preset: str = "kwok2006", model: str = "static_hysteretic"
+) -> DesignProblem:
     frame, published = building(name), damper(model).preset(preset)
     device = Device(
         name="damper in storey 1",
@@ -55,7 +57,7 @@ def design(law: str, text: str, on: DesignProblem | None = None) -> Design:
     place = Place(origin="study.toml", lines=lines)
     settings: LawSettings = read_table(SETTINGS[law], document, place)
     with located(place):
-        return settings.design(on or subject())
+        return settings.design(on or design_problem())
 
 
 def test_every_law_of_the_registry_has_settings() -> None:
@@ -82,14 +84,14 @@ def test_every_law_has_finite_numbers_for_each_device(law: str) -> None:
 
 
 def test_the_weights_of_dyke_are_stated_in_a_table() -> None:
-    on = subject("dyke1996", "dyke1996", "modified_bouc_wen")
+    on = design_problem("dyke1996", "dyke1996", "modified_bouc_wen")
     found = design("clipped_optimal", "accelerations = [0, 0, 1]\ncontrol_weight = 1e-17", on)
     published = regulator_as_published(on.plant, published_regulator("dyke1996"))
     assert found.gains["gain"] == pytest.approx(published.gain, rel=1e-9)
 
 
 def test_one_weight_stands_for_all_floors() -> None:
-    on = subject()
+    on = design_problem()
     one = design("clipped_optimal", "accelerations = 2\ncontrol_weight = 1e-9", on)
     each = regulator_of_outputs(on.plant, accelerations(on.plant), [2.0] * 5, 1e-9)
     assert one.gains["gain"] == pytest.approx(each.gain, rel=1e-12)
@@ -102,7 +104,7 @@ def test_a_cheaper_force_is_wanted_more() -> None:
 
 
 def test_the_force_of_a_sliding_law_pushes_its_surface_down() -> None:
-    on = subject()
+    on = design_problem()
     found = design("sliding_mode", TOLD["sliding_mode"], on).gains
     # (S s)' = S B f + ..., and the law adds +rho sat(S s/phi) to f.
     assert (found["surface"] @ on.plant.B).item() == pytest.approx(-1.0)

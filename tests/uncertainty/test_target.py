@@ -74,7 +74,7 @@ def test_a_prior_is_turned_into_one_of_the_position_by_the_volume(rng: np.random
             offset = np.zeros(value.size)
             offset[index] = step
             columns.append((given.position(value + offset) - given.position(value - offset)) / (2.0 * step))
-        # Those spread evenly on their scale have density one in their own coordinate, whatever it is.
+        # Those spread evenly on their scale have density one in that coordinate.
         volumes.append(columns)
     own = [given.names.index("x0"), given.names.index("c")]
     expected = norm(0.01, 0.03).logpdf(values[:, names.index("x0")]) + lognorm(0.4, scale=900.0).logpdf(

@@ -51,7 +51,7 @@ def identify(
     model
         A model or its name.
     tests
-        One test or several. With `power` 2 all have the same weight, whatever their length and force.
+        One test or several. With `power` 2 all have the same weight, independent of length and force.
     search
         A search with its settings, or its name in the registry; default `Multistart()`, for a model with current laws
         `EfficientGA()`.

@@ -34,7 +34,7 @@ class Objective:
     """Free-run misfit of a model against one or several tests.
 
     The misfit is the power mean over tests of the NRMSE, (mean NRMSE^power)^(1/power). With power 2 all tests have the
-    same weight, whatever their length and force; a higher power gives more weight to the worst. The observation model
+    same weight, independent of length and force; a higher power gives more weight to the worst. The observation model
     of the test and the nuisance parameters are applied to the simulated force before the comparison. Costly steps are
     recorded in the `journal`, if any.
     """

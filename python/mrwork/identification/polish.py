@@ -107,7 +107,7 @@ def _on_the_twin(problem: Problem, starts: NDArray[np.float64], on_step: OnStep)
 
 
 def _with_standard_errors(objective: Objective, form: Form, ended: LocalMinimum) -> Polished:
-    """A minimum with its standard errors, which are those of least squares whatever the power of the objective."""
+    """A minimum with its standard errors, which are those of least squares for every power of the objective."""
     plain = objective.plain
     misfit = ended.misfit if objective.is_plain else float(plain(ended.theta[None])[0])
     errors = standard_errors(partial(jacobian, plain), form, ended.theta, misfit)

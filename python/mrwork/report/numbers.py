@@ -100,7 +100,7 @@ def probability(value: float) -> str:
 
 
 def tests_of(count: int, total: int) -> str:
-    """As in "this test", "all 6 tests", "2 of 6 tests"."""
+    """Number of tests in words: "this test", "all 6 tests" or "2 of 6 tests"."""
     if total == 1:
         return "this test"
     return f"all {total} tests" if count == total else f"{count} of {total} tests"

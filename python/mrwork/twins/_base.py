@@ -177,7 +177,7 @@ _WORTH_KEEPING = 0.1
 def keep_compiled() -> None:
     """Enable the compilation cache of JAX in the cache folder of the user, $XDG_CACHE_HOME or ~/.cache.
 
-    A cache folder already configured in JAX, also by JAX_COMPILATION_CACHE_DIR, is not changed, whatever the switch.
+    A cache folder already configured in JAX, also by JAX_COMPILATION_CACHE_DIR, is not changed by the switch.
     If the folder is not writable, there is no cache.
     """
     if jax.config.values["jax_compilation_cache_dir"] is not None:

@@ -96,7 +96,7 @@ class Attempt:
         return self.job.theta(unit)
 
     def account(self, simulated: int, least: float) -> None:
-        """So many more simulations, the best of them this one; ends the attempt where it must."""
+        """Count simulations and keep their least misfit; end the attempt at the target or at the budget."""
         self.evaluations += simulated
         self.seconds = time.perf_counter() - self.began
         self.least = min(self.least, least)
@@ -119,8 +119,8 @@ class Contender:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
-    """What one attempt came to; `gap_points` of fit were left to the best known one."""
+class AttemptResult:
+    """Result of one attempt; `gap_points` is the difference in fit from the best known one [points]."""
 
     evaluations: int
     seconds: float
@@ -136,13 +136,13 @@ def attempted(
     best_known: float,
     budget: int,
     seed: int,
-) -> Outcome:
-    """Let a method try once to come within 0.2 points of the best known misfit; giving up is to fail."""
+) -> AttemptResult:
+    """Run a method once until it is within 0.2 points of the best known misfit; a method that ends before fails."""
     target = best_known + NEAR
     attempt = Attempt(job=job, objective=objective, target=target, budget=budget)
     with suppress(AttemptEnded):
         contender.method(attempt, seed)
-    return Outcome(
+    return AttemptResult(
         evaluations=attempt.evaluations,
         seconds=attempt.seconds,
         success=attempt.success,

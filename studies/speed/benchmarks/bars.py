@@ -1,4 +1,4 @@
-"""What the searches are to reach, beside what they reached in this run."""
+"""Targets of the searches beside the values measured in this run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ USUAL = "pyswarms"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bar:
-    """What was aimed at and what came out; `measured` is `None` where a side never reached the target."""
+    """A target and the measured value; `measured` is `None` if one of the searches never reached the target."""
 
     claim: str
     threads: int
@@ -38,7 +38,7 @@ _CLASSES = (
 
 
 def bars_of(rows: tuple[SearchRow, ...], tests: tuple[TestRow, ...], aborts: list[EarlyAbort]) -> list[Bar]:
-    """What was aimed at, each on each number of threads."""
+    """The targets, each on each number of threads."""
     bars: list[Bar] = []
 
     def found(method: str, objectives: tuple[str, ...], threads: int) -> list[SearchRow]:

@@ -119,7 +119,7 @@ def contenders() -> tuple[list[Contender], list[str]]:
 
 
 def described(optimiser: Optimiser[Any]) -> str:
-    """What one of ours runs with, in words."""
+    """Settings of one of our searches, in words."""
     ceiling = getattr(optimiser, "ceiling", Ceiling())
     limited = (
         ""

@@ -1,4 +1,4 @@
-"""What an exact early abort spares: the same search twice, with simulations run to their ends and stopped in time."""
+"""Saving of an exact early abort: the same search with complete simulations and with simulations stopped early."""
 
 from __future__ import annotations
 

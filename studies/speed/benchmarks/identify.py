@@ -8,10 +8,10 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from benchmarks.attempt import Outcome
+from benchmarks.attempt import AttemptResult
 from benchmarks.bars import USUAL, Bar, bars_of
 from benchmarks.early_abort import EarlyAbort
-from benchmarks.identify_worker import Settings, Setup
+from benchmarks.identify_worker import IdentifySettings, Setup
 from benchmarks.processes import cores_for, run_worker
 from benchmarks.search_rows import SearchRow, TestRow, extrapolated, row_of, test_row_of
 from benchmarks.usual_way import UsualWay
@@ -41,8 +41,8 @@ class _Received:
     """Messages of the workers so far."""
 
     setups: list[Setup]
-    outcomes: dict[tuple[int, str, str], list[Outcome]]
-    on_tests: dict[tuple[str, float], list[Outcome]]
+    outcomes: dict[tuple[int, str, str], list[AttemptResult]]
+    on_tests: dict[tuple[str, float], list[AttemptResult]]
     early_abort: list[EarlyAbort]
     usual_way: UsualWay | None = None
 
@@ -51,10 +51,10 @@ class _Received:
             self.setups.append(Setup(**content))
         elif kind == "outcome":
             key = content.pop("threads"), content.pop("method"), content.pop("objective")
-            self.outcomes.setdefault(key, []).append(Outcome(**content))
+            self.outcomes.setdefault(key, []).append(AttemptResult(**content))
         elif kind == "on_test":
             about = content.pop("test"), content.pop("best_known_percent")
-            self.on_tests.setdefault(about, []).append(Outcome(**content))
+            self.on_tests.setdefault(about, []).append(AttemptResult(**content))
         elif kind == "early_abort":
             self.early_abort.append(EarlyAbort(**content))
         elif kind == "usual_way":
@@ -96,7 +96,7 @@ def bench_identify(
         raise SettingError("`seeds`, `budget` and `threads` must be 1 or more; give positive numbers")
     cores = cores_for(threads or (1,))
     counts = threads or ((1,) if quick else tuple(dict.fromkeys((1, len(cores)))))
-    settings = Settings(
+    settings = IdentifySettings(
         seeds=seeds,
         budget=budget,
         known_budget=1000 if quick else 10_000,

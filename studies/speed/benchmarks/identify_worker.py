@@ -1,6 +1,6 @@
 """One process of `study.py identify`: pinned to its cores, it lets every contender try, seed by seed, in turns.
 
-Run as `python -m benchmarks.identify_worker CORES SETTINGS` (comma-separated cores, JSON of `Settings`) by
+Run as `python -m benchmarks.identify_worker CORES SETTINGS` (comma-separated cores, JSON of `IdentifySettings`) by
 `bench_identify`. It sends `progress` (text), `setup`, `outcome`, `early_abort`, `usual_way`, `on_test` (their fields)
 or `failure` (text).
 """
@@ -18,9 +18,9 @@ from benchmarks.attempt import (
     NEAR,
     Attempt,
     AttemptEnded,
+    AttemptResult,
     BatchObjective,
     Contender,
-    Outcome,
     RustObjective,
     attempted,
 )
@@ -30,7 +30,7 @@ from benchmarks.processes import send, serve
 from benchmarks.search_job import ALL_TESTS, REFERENCE, SearchJob, record
 from benchmarks.search_peers import multistart_least_squares
 from benchmarks.side_by_side import OBJECTIVE, attempted_at_once, contenders_at_once
-from benchmarks.timing import Peer, fastest_variant
+from benchmarks.timing import TimedPeer, fastest_variant
 from benchmarks.usual_way import measure_usual_way
 from benchmarks.workload import Run
 
@@ -41,8 +41,8 @@ _FIRST_SEED = 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
-    """Settings of the measurement; with `last`, what needs only one number of threads is measured too."""
+class IdentifySettings:
+    """Settings of the measurement; with `last`, contenders that need only one number of threads are measured too."""
 
     seeds: int
     budget: int
@@ -57,7 +57,7 @@ class Settings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setup:
-    """What was found before the turns began; `missing` libraries take no part."""
+    """Values measured before the turns began; `missing` libraries are left out."""
 
     test: str
     synthetic: bool
@@ -76,10 +76,10 @@ class Setup:
 
 def main() -> None:
     """Let everyone try on the cores that the command line gives."""
-    serve(Settings, measure)
+    serve(IdentifySettings, measure)
 
 
-def measure(settings: Settings, threads: int) -> None:
+def measure(settings: IdentifySettings, threads: int) -> None:
     """All of one number of threads."""
     job = SearchJob.of(record(REFERENCE), threads)
     send("progress", "looking for the best known fit")
@@ -194,7 +194,7 @@ def fastest_numba(job: SearchJob, threads: int, *, choose: bool) -> tuple[BatchO
     built[START.describe()].residuals(theta[:2])
     compiling = time.perf_counter() - began
     changes = CHANGES if choose else ()
-    peer = Peer(start=START, changes=changes, prepare=prepare)
+    peer = TimedPeer(start=START, changes=changes, prepare=prepare)
     _, described = fastest_variant("numba", peer, expected[np.isfinite(expected)])
     return built[described], described, compiling
 
@@ -207,13 +207,13 @@ def _try(
     best_known: float,
     budget: int,
     seed: int,
-) -> Outcome:
+) -> AttemptResult:
     return attempted(
         contender, job, objectives[contender.objective], best_known=best_known, budget=budget, seed=seed
     )
 
 
-def _on_all_tests(settings: Settings, threads: int, default: Contender) -> None:
+def _on_all_tests(settings: IdentifySettings, threads: int, default: Contender) -> None:
     for name in ALL_TESTS:
         test = record(name)
         if test.synthetic:

@@ -63,7 +63,7 @@ def _stage(
 
 @cache
 def compiled(block: int, tanh_kind: Literal["library", "series"], fastmath: bool) -> Any:
-    """The kernel for blocks of so many runs, with the tanh of the C library or our series."""
+    """Compile the kernel for blocks of `block` runs, with the tanh of the C library or our series."""
     inlined = numba.njit(forceinline=True, fastmath=fastmath, error_model="numpy")
     tanh: Any = math.tanh if tanh_kind == "library" else inlined(series_tanh)
     stage = inlined(_stage)

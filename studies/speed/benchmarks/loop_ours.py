@@ -46,7 +46,7 @@ def prepare(workload: LoopWorkload, threads: int) -> Callable[[], Floats]:
 
 
 def _columns(found: Responses) -> Floats:
-    """What the contenders keep, motions first.
+    """Reductions that the contenders keep, motions first.
 
     Raises
     ------

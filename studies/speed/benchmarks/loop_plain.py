@@ -88,7 +88,7 @@ class PlainLoop:
         return after
 
     def reductions(self, states: Floats) -> Floats:
-        """What is kept of a run, shape (N_REDUCTIONS,), from its states, shape (n_steps + 1, N_STATE)."""
+        """Reductions of a run, shape (N_REDUCTIONS,), from its states, shape (n_steps + 1, N_STATE)."""
         n = N_STOREYS
         at = states[:-1]
         q, v = at[:, :n], at[:, n : 2 * n]

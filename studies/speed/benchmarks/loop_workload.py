@@ -1,4 +1,4 @@
-"""What every contender of `study.py loop` computes: clipped-optimal control of a five-storey building.
+"""Task of every contender of `study.py loop`: clipped-optimal control of a five-storey building.
 
 The building is `uts` of the published ones, the device a differential pair of RD-1005-3 dampers across the first storey
 (`static_hysteretic`, set `kwok2006`) behind a driver with a lag of 190 1/s. A candidate is a row of gains K: every
@@ -80,7 +80,7 @@ class LoopWorkload:
         return int(self.ground.shape[1] // 2)
 
     def cut(self, *, candidates: int, motions: int, n_steps: int) -> LoopWorkload:
-        """Return the first so many of each."""
+        """Return the first candidates, motions and steps."""
         return LoopWorkload(
             mass=self.mass,
             stiffness=self.stiffness,

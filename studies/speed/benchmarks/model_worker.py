@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 
 from benchmarks.model_workload import SUBSTEPS, ModelWorkload, model_workload
 from benchmarks.processes import pin, send
-from benchmarks.timing import TURN_SECONDS, Peer, V, fastest_variant, time_in_turns
+from benchmarks.timing import TURN_SECONDS, TimedPeer, V, fastest_variant, time_in_turns
 from benchmarks.workload import Run
 from mrwork import kernels as core
 from mrwork.dampers import damper
@@ -58,7 +58,7 @@ def main() -> None:
 
 
 def measure_model(
-    workload: ModelWorkload, peers: Mapping[str, Peer[V]], threads: int, rounds: int
+    workload: ModelWorkload, peers: Mapping[str, TimedPeer[V]], threads: int, rounds: int
 ) -> ModelMeasurement:
     """Time our kernel and the fastest variant of each peer in turns, once they agree.
 

@@ -1,4 +1,4 @@
-"""What our kernel of any model and its twin compute: one record, one batch of candidates, one misfit each."""
+"""Task of our kernel of any model and of its twin: one record, one batch of candidates, one misfit each."""
 
 from __future__ import annotations
 

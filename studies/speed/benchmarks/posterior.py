@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from benchmarks.bars import Bar
-from benchmarks.posterior_rows import SamplerRow, Settings, Setup
+from benchmarks.posterior_rows import PosteriorSettings, SamplerRow, Setup
 from benchmarks.processes import cores_for, run_worker
 from mrwork.errors import SettingError
 
@@ -88,7 +88,7 @@ def bench_posterior(
             f"`threads` of 1 or more, and 0 or at least {_FEWEST_DRAWS} `nuts_draws`"
         )
     cores = cores_for(threads)
-    settings = Settings(
+    settings = PosteriorSettings(
         steps=steps,
         walkers=walkers,
         nuts_warmup=nuts_draws,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class PosteriorSettings:
     """How much is measured; `choose_variant` looks for the fastest way to compile the peers."""
 
     steps: int
@@ -18,7 +18,7 @@ class Settings:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setup:
-    """What was found before the turns began; `missing` libraries take no part."""
+    """Values measured before the turns began; `missing` libraries are left out."""
 
     test: str
     synthetic: bool

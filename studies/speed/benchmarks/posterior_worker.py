@@ -1,6 +1,6 @@
 """One process of `study.py posterior`: pinned to its cores, it lets every sampler run, in turns.
 
-Run as `python -m benchmarks.posterior_worker CORES SETTINGS` (comma-separated cores, JSON of `Settings`) by
+Run as `python -m benchmarks.posterior_worker CORES SETTINGS` (comma-separated cores, JSON of `PosteriorSettings`) by
 `bench_posterior`. It sends `progress` (text), `setup`, `row` (their fields) or `failure` (text).
 """
 
@@ -17,20 +17,20 @@ import numpy as np
 
 from benchmarks.posterior_jax import JAX_VARIANTS, JaxTarget
 from benchmarks.posterior_job import PosteriorJob, Rows
-from benchmarks.posterior_rows import SamplerRow, Settings, Setup
+from benchmarks.posterior_rows import PosteriorSettings, SamplerRow, Setup
 from benchmarks.processes import send, serve
 from mrwork.errors import MrworkError
 from mrwork.uncertainty import Ensemble, convergence, kept
 
-# The chain of each is advanced in so many turns, so that all meet the same noise of the machine.
+# Number of turns in which each chain is advanced, so that the load of the machine affects all alike.
 _TURNS = 10
-# Densities that the contenders and we compute may differ by rounding, and by what another power makes of it.
+# Densities that the contenders and we compute may differ by rounding, and by the rounding of another power function.
 _AGREEMENT = 1e-6
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class _Contender:
-    """An ensemble on somebody's density: `advance` goes on for so many steps and gives the chain so far."""
+    """An ensemble on one implementation of the density; `advance` takes steps and returns the chain so far."""
 
     name: str
     settings: str
@@ -59,10 +59,10 @@ class _Clock:
 
 def main() -> None:
     """Let everyone sample on the cores that the command line gives."""
-    serve(Settings, measure)
+    serve(PosteriorSettings, measure)
 
 
-def measure(settings: Settings, threads: int) -> None:
+def measure(settings: PosteriorSettings, threads: int) -> None:
     """All samplers on one number of threads."""
     send("progress", "fitting the reference test")
     job = PosteriorJob.of(threads=threads, n_walkers=settings.walkers)
@@ -99,7 +99,7 @@ def _ours(job: PosteriorJob) -> _Contender:
     return _contender("mrwork", "de", job.target, 0.0, "Rust core", job)
 
 
-def _on_jax(job: PosteriorJob, settings: Settings) -> list[_Contender]:
+def _on_jax(job: PosteriorJob, settings: PosteriorSettings) -> list[_Contender]:
     """The fastest layout of the twin on half and whole ensembles, with the seconds that its own compiling took."""
     half = job.walkers[: len(job.walkers) // 2]
     expected = job.target(half)
@@ -119,7 +119,7 @@ def _on_jax(job: PosteriorJob, settings: Settings) -> list[_Contender]:
     return [_contender(f"emcee on jax, {kind}", kind, density, compiling, described, job) for kind in _WORDS]
 
 
-def _on_numba(job: PosteriorJob, settings: Settings, threads: int) -> list[_Contender]:
+def _on_numba(job: PosteriorJob, settings: PosteriorSettings, threads: int) -> list[_Contender]:
     from benchmarks.identify_worker import fastest_numba
     from benchmarks.numba_objective import NumbaObjective
     from benchmarks.posterior_numba import NumbaTarget
@@ -184,7 +184,7 @@ def _with_stretch(job: PosteriorJob, clock: _Clock) -> Callable[[int], Rows]:
     return advance
 
 
-def _row(contender: _Contender, job: PosteriorJob, settings: Settings, threads: int) -> SamplerRow:
+def _row(contender: _Contender, job: PosteriorJob, settings: PosteriorSettings, threads: int) -> SamplerRow:
     rows = kept(settings.steps)
     values, _ = job.target.space.values(contender.chain[rows])
     free = np.array(job.target.space.box.free)
@@ -203,7 +203,7 @@ def _row(contender: _Contender, job: PosteriorJob, settings: Settings, threads: 
     )
 
 
-def _nuts(job: PosteriorJob, settings: Settings, threads: int) -> SamplerRow:
+def _nuts(job: PosteriorJob, settings: PosteriorSettings, threads: int) -> SamplerRow:
     """NUTS twice, with two seeds: what the first run took longer than the second was compiling."""
     from mrwork.uncertainty import nuts_of
 

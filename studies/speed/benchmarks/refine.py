@@ -189,7 +189,7 @@ def _bars(rows: list[RefineRow]) -> list[Bar]:
 def format_refine(benchmark: RefineBenchmark) -> str:
     """Return the benchmark as aligned text."""
     lines = [
-        "from starts after exploration to a minimum, normalised_bouc_wen; medians over the starts, in turns",
+        "from starts near a minimum to the minimum, normalised_bouc_wen; medians over the starts, in turns",
         "",
     ]
     lines.append(

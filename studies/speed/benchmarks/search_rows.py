@@ -1,4 +1,4 @@
-"""What attempts on the search job come to, in rows."""
+"""Rows of results of the attempts on the search job."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.attempt import Outcome
+from benchmarks.attempt import AttemptResult
 from benchmarks.usual_way import UsualWay
 
 
@@ -48,7 +48,9 @@ class TestRow:
     n_seeds: int
 
 
-def row_of(method: str, objective: str, threads: int, settings: str, outcomes: list[Outcome]) -> SearchRow:
+def row_of(
+    method: str, objective: str, threads: int, settings: str, outcomes: list[AttemptResult]
+) -> SearchRow:
     """Medians over the attempts that reached the target."""
     reached = [outcome for outcome in outcomes if outcome.success]
     evaluations = _middle([float(outcome.evaluations) for outcome in reached])
@@ -91,7 +93,7 @@ def extrapolated(swarm: SearchRow, usual: UsualWay) -> list[SearchRow]:
     ]
 
 
-def test_row_of(about: tuple[str, float], outcomes: list[Outcome]) -> TestRow:
+def test_row_of(about: tuple[str, float], outcomes: list[AttemptResult]) -> TestRow:
     """Medians over all attempts on a test; `about` is its name and the best known fit in per cent."""
     test, best_known_percent = about
     return TestRow(

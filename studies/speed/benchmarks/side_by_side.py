@@ -6,7 +6,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 
-from benchmarks.attempt import NEAR, ObjectiveName, Outcome
+from benchmarks.attempt import NEAR, AttemptResult, ObjectiveName
 from benchmarks.contenders import ABORTED, UNSTOPPED, described, ending
 from benchmarks.search_job import SearchJob
 from mrwork.search import AbortableObjective, run_replicates
@@ -21,7 +21,7 @@ def contenders_at_once() -> list[tuple[str, str, str]]:
 
 def attempted_at_once(
     job: SearchJob, *, best_known: float, budget: int, first_seed: int, seeds: int
-) -> Iterator[tuple[str, list[Outcome]]]:
+) -> Iterator[tuple[str, list[AttemptResult]]]:
     """Let each search come within 0.2 points of the best known misfit `seeds` times, side by side.
 
     One crossing to the kernel a generation for all that still run, with early abort. The seconds of an outcome are an
@@ -42,7 +42,7 @@ def attempted_at_once(
         yield (
             name,
             [
-                Outcome(
+                AttemptResult(
                     evaluations=result.evaluations,
                     seconds=share,
                     success=result.stop_reason == "target",

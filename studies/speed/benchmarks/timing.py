@@ -32,7 +32,7 @@ V = TypeVar("V", bound=Variant)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Peer(Generic[V]):
+class TimedPeer(Generic[V]):
     """A library to compare with: where its search for the fastest variant starts and what it may change."""
 
     start: V
@@ -40,7 +40,7 @@ class Peer(Generic[V]):
     prepare: Callable[[V], Run]
 
 
-def fastest_variant(name: str, peer: Peer[V], expected: NDArray[np.float64]) -> tuple[Run, str]:
+def fastest_variant(name: str, peer: TimedPeer[V], expected: NDArray[np.float64]) -> tuple[Run, str]:
     """Find the fastest variant by trying each change once on the best so far; return it and what it is.
 
     A changed variant that loses the agreement (fast-math may) is not eligible.

@@ -17,7 +17,7 @@ from jax import Array, lax
 
 from benchmarks.jax_peer import compiled_run
 from benchmarks.model_workload import SUBSTEPS, ModelWorkload
-from benchmarks.timing import Peer
+from benchmarks.timing import TimedPeer
 from benchmarks.workload import Run
 from mrwork.twins import simulate, twin_of
 
@@ -59,15 +59,15 @@ def _on_one_device(variant: TwinVariant) -> TwinVariant:
     return replace(variant, split=variant.split and len(jax.devices()) == 1)
 
 
-def twins_of(workload: ModelWorkload) -> dict[str, Peer[TwinVariant]]:
+def twins_of(workload: ModelWorkload) -> dict[str, TimedPeer[TwinVariant]]:
     """The twin in two forms: `jax`, as users run it, and `jax_scan`, rewritten for this one purpose."""
     return {
-        "jax": Peer(
+        "jax": TimedPeer(
             start=TwinVariant(layout="simulate"),
             changes=(_wider, _on_one_device),
             prepare=partial(prepare, workload),
         ),
-        "jax_scan": Peer(
+        "jax_scan": TimedPeer(
             start=TwinVariant(layout="vmap", unroll=2),
             # Unrolled further as long as it pays: once it stops paying, more is only slower.
             changes=(_wider, _as_arrays, _unrolled_further, _unrolled_further, _on_one_device),

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.processes import pin, send
-from benchmarks.timing import TURN_SECONDS, Peer, V, fastest_variant, time_in_turns
+from benchmarks.timing import TURN_SECONDS, TimedPeer, V, fastest_variant, time_in_turns
 from benchmarks.workload import (
     DT,
     MODEL,
@@ -82,7 +82,7 @@ def measure(batch: int, threads: int, rounds: int, *, general_exponent: bool) ->
     runs: dict[str, Run] = {"ours": ours}
     variants: dict[str, str] = {}
 
-    def enter(name: str, peer: Peer[V]) -> None:
+    def enter(name: str, peer: TimedPeer[V]) -> None:
         send("progress", f"{label}: choosing the fastest {name}")
         runs[name], variants[name] = fastest_variant(name, peer, expected)
 
@@ -91,7 +91,7 @@ def measure(batch: int, threads: int, rounds: int, *, general_exponent: bool) ->
         if importlib.util.find_spec("jax") is not None:
             from benchmarks import jax_peer
 
-            peer = Peer(
+            peer = TimedPeer(
                 start=jax_peer.START,
                 changes=jax_peer.CHANGES,
                 prepare=partial(jax_peer.prepare, workload, form),
@@ -100,7 +100,7 @@ def measure(batch: int, threads: int, rounds: int, *, general_exponent: bool) ->
         if importlib.util.find_spec("numba") is not None:
             from benchmarks import numba_peer
 
-            peer_ = Peer(
+            peer_ = TimedPeer(
                 start=numba_peer.START,
                 changes=numba_peer.CHANGES,
                 prepare=partial(numba_peer.prepare, workload, form),

@@ -1,4 +1,4 @@
-"""What every contender computes: one record, one batch of normalised Bouc-Wen candidates, one misfit each.
+"""Task of every contender: one record, one batch of normalised Bouc-Wen candidates, one misfit each.
 
 With `f = c v + k (x - x0) + k_w w` and `w' = rho (v - |w|^n (sigma |v| sgn(w) - (sigma - 1) v))` (Ikhouane &
 Rodellar 2007), one classical Runge-Kutta step per sample interval, and the sum over the samples of the

@@ -1,4 +1,4 @@
-"""The twin and the lanes are two engines for one minimum; what was compiled for the twin is used again."""
+"""Both engines of the local minimisation, twin and lanes, reach the same minimum; the compiled twin is reused."""
 
 from __future__ import annotations
 
