@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Generic, TypeVar
+
+ResultT = TypeVar("ResultT")
 
 
 class MrworkError(Exception):
@@ -45,14 +47,21 @@ class JournalError(MrworkError, ValueError):
     """A journal is damaged, in use, or of another run than the one to be resumed."""
 
 
-class Interrupted(KeyboardInterrupt):
-    """Ctrl-C during a long computation; `result` is what it had found so far.
+class Interrupted(KeyboardInterrupt, Generic[ResultT]):
+    """Ctrl-C during a long computation; `result` is what it had found so far, `None` where that is nothing.
 
     The result is of the type that the docstring of the interrupted function names; a function that calls another one
     and is interrupted in it raises its own. It is a KeyboardInterrupt and not a MrworkError: a program that
     does not use the result behaves as with any Ctrl-C.
     """
 
-    def __init__(self, result: Any, task: str = "computation") -> None:
+    def __init__(self, result: ResultT, task: str = "computation", *, stopped: bool = False) -> None:
         super().__init__(f"{task} interrupted")
         self.result = result
+        self._stopped = stopped
+
+    @property
+    def stopped(self) -> bool:
+        """Whether this interrupt, or the one that caused it, is a callback that ended the run instead of Ctrl-C."""
+        cause = self.__cause__
+        return self._stopped or (isinstance(cause, Interrupted) and cause.stopped)

@@ -135,6 +135,27 @@ def test_stopping_early_returns_the_best_found_so_far(record: DamperTest) -> Non
     assert all(estimate.standard_error is None for estimate in best.estimates)
 
 
+@pytest.mark.parametrize("search", ["multistart", "genetic"])
+def test_an_interrupt_before_any_candidate_has_no_result(
+    record: DamperTest, search: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Objective, "__call__", interrupt)
+    with pytest.raises(Interrupted) as stop:
+        identify("dahl", record, search=search)
+    assert stop.value.result is None
+    assert not stop.value.stopped
+
+
+@pytest.mark.parametrize("stopped", [True, False])
+def test_an_interrupt_tells_whether_a_callback_caused_it(stopped: bool) -> None:
+    outer = Interrupted(3, "identification")
+    outer.__cause__ = Interrupted(None, "search", stopped=stopped)
+    assert outer.stopped is stopped
+
+
 def test_an_interrupt_during_refinement_keeps_the_screened_best(record: DamperTest) -> None:
     stages: list[str] = []
 

@@ -75,7 +75,7 @@ def test_identify_writes_what_the_fit_says_by_itself_and_names_the_rest(plain: P
     text = (plain / "report.html").read_text()
     for command in ("mrwork profile RUN", "mrwork sample RUN", "mrwork calibrate RUN TESTS"):
         assert f"<code>{command}</code>" in text
-    assert "Final misfit of each local fit" in text
+    assert "Final misfit of each local minimisation" in text
 
 
 def test_every_verb_adds_its_section(whole: Path) -> None:
@@ -165,7 +165,7 @@ def test_a_damaged_addition_is_named_and_leaves_the_page(whole: Path, tmp_path: 
     assert (place / "report.html").read_bytes() == before
 
 
-def test_the_final_misfits_of_local_fits_are_kept_with_the_fit(plain: Path) -> None:
+def test_the_final_misfits_of_local_minimisations_are_kept_with_the_fit(plain: Path) -> None:
     found = read_fit(plain)
     ends = np.array(found.trace.ends)
     assert ends.size >= 8
@@ -173,13 +173,13 @@ def test_the_final_misfits_of_local_fits_are_kept_with_the_fit(plain: Path) -> N
     assert ends[0] == pytest.approx(found.trace.best[-1])
 
 
-def test_a_fit_without_local_fits_has_no_waterfall() -> None:
+def test_a_fit_without_local_minimisations_has_no_waterfall() -> None:
     described = fit(comparison())
     assert waterfall_panel(described) is None
     one = replace(described, trace=replace(described.trace, ends=(0.1, 0.1, 0.4)))
     found = waterfall_panel(one)
     assert found is not None
-    assert "2 of 3 local fits ended at the least misfit" in found.note
+    assert "2 of 3 local minimisations ended at the least misfit" in found.note
 
 
 def test_predictions_come_back_as_they_were_but_for_rounding(tmp_path: Path) -> None:

@@ -93,15 +93,17 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
             journal_of=journals,
         )
     except Interrupted as interrupt:
+        if interrupt.result is None:
+            line.close()
+            note(
+                "interrupted before any model was identified; run the same command with --resume to continue"
+            )
+            return 130
         choice, status = interrupt.result, 130
     except MrworkError as error:
         if cannot_be_resumed(error, options):
             journals.discard()
         raise
-    except KeyboardInterrupt:
-        line.close()
-        note("interrupted before any model was identified; run the same command with --resume to continue")
-        return 130
     finally:
         line.close()
     fits = {fit.model: with_command(fit, reading) for fit in choice.fits}

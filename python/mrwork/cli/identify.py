@@ -181,6 +181,8 @@ def run(options: argparse.Namespace) -> int:
             journal=journal,
         )
     except Interrupted as interrupt:
+        if interrupt.result is None:
+            raise
         fit, status = interrupt.result, 130
     except MrworkError as error:
         if cannot_be_resumed(error, options) or is_copy(folder, journal):

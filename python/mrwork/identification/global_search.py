@@ -70,7 +70,7 @@ def points_from_multistart(problem: Problem, search: Multistart, *, on_search: O
     SimulationError
         Where no candidate could be simulated.
     Interrupted
-        On Ctrl-C, carrying `StartingPoints` with only the best point so far.
+        On Ctrl-C, carrying `StartingPoints` with only the best point so far, `None` where there is none.
     """
     objective, form, rng = problem.objective, problem.form, problem.settings.rng
     box = search_box(form.spec, form.box, objective.tests)
@@ -86,7 +86,7 @@ def points_from_multistart(problem: Problem, search: Multistart, *, on_search: O
     except Interrupted as interrupt:
         found = interrupt.result
         if not len(found.theta):
-            raise KeyboardInterrupt from interrupt
+            raise Interrupted(None, "search") from interrupt
         raise interrupted_at(found.theta[0], objective, form, _trace_of(found)) from interrupt
     if not len(found.theta):
         raise _no_simulation(form.spec, found.evaluations[-1])
@@ -117,7 +117,7 @@ def points_from_optimiser(problem: Problem, search: Optimiser[Any], *, on_search
     SimulationError
         Where no candidate could be simulated.
     Interrupted
-        On Ctrl-C, carrying `StartingPoints` with only the best point so far.
+        On Ctrl-C, carrying `StartingPoints` with only the best point so far, `None` where there is none.
     """
     objective, form, rng = problem.objective, problem.form, problem.settings.rng
     box = search_box(form.spec, form.box, objective.tests)
@@ -128,7 +128,7 @@ def points_from_optimiser(problem: Problem, search: Optimiser[Any], *, on_search
     except Interrupted as interrupt:
         result = interrupt.result
         if not np.isfinite(result.best_misfit):
-            raise KeyboardInterrupt from interrupt
+            raise Interrupted(None, "search") from interrupt
         theta = np.asarray(box.theta_from_unit(result.best_unit))
         raise interrupted_at(theta, objective, form, joined_trace([result])) from interrupt
     refuse_empty_elite(form.spec, found)
@@ -171,7 +171,7 @@ def generation_reporter(
 
 def interrupted_at(
     theta: NDArray[np.float64], objective: Objective, form: Form, trace: SearchTrace
-) -> Interrupted:
+) -> Interrupted[StartingPoints]:
     """An interrupt that carries the best point so far, shape (n_params,)."""
     best = StartingPoints(objective=objective, form=form, theta=theta[None], trace=trace)
     return Interrupted(best, "search")

@@ -17,11 +17,12 @@ from mrwork.identification.levenberg_marquardt import LocalMinimum
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.polish import polish
 from mrwork.identification.problem import Problem, fingerprint_of
-from mrwork.identification.progress import Progress, Reporter, interruptible, was_stopped
+from mrwork.identification.progress import Progress, Reporter, interruptible
 from mrwork.identification.result import fit_at
 from mrwork.identification.searches import Search, method_of
 from mrwork.identification.settings import Engine, FitSettings, Start
 from mrwork.records import DamperTest
+from mrwork.records.damper_test import as_tests
 from mrwork.store import Journal
 
 
@@ -100,7 +101,7 @@ def identify(
     JournalError
         Where the journal belongs to another identification; the message names what differs.
     Interrupted
-        On Ctrl-C, carrying the `Fit` at the best found so far.
+        On Ctrl-C, carrying the `Fit` at the best found so far, `None` where no candidate was simulated yet.
 
     Examples
     --------
@@ -134,7 +135,7 @@ def identify_with(
     began = time.perf_counter() - (0.0 if journal is None else journal.seconds_before)
     problem = Problem.of(
         damper(model) if isinstance(model, str) else model,
-        (tests,) if isinstance(tests, DamperTest) else tuple(tests),
+        as_tests(tests),
         settings,
         threads=threads,
         journal=journal,
@@ -160,18 +161,19 @@ def identify_with(
                 problem, theta, errors=None, trace=trace, steps=0, status=status, seconds=reporter.seconds
             )
 
-        if was_stopped(interrupt):
+        if isinstance(interrupt, Interrupted) and interrupt.stopped:
             reason = trace.stop_reason.replace("interrupted", "callback")
             return so_far(replace(trace, stop_reason=reason), "stopped")
         raise Interrupted(so_far(trace, "interrupted"), "identification") from interrupt
 
     try:
         points = starting_points(problem, on_search=on_search)
-    except Interrupted as interrupt:
-        return ended(interrupt, interrupt.result.theta[0], interrupt.result.trace)
     except KeyboardInterrupt as interrupt:
-        if not was_stopped(interrupt):
-            raise
+        found = interrupt.result if isinstance(interrupt, Interrupted) else None
+        if found is not None:
+            return ended(interrupt, found.theta[0], found.trace)
+        if not (isinstance(interrupt, Interrupted) and interrupt.stopped):
+            raise Interrupted(None, "identification") from interrupt
         raise SimulationError(
             f"no candidate of {spec.name} could be simulated before the run was stopped; let it run longer"
         ) from interrupt
@@ -210,7 +212,7 @@ def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:
     SimulationError
         Where no candidate could be simulated.
     Interrupted
-        On Ctrl-C, carrying `StartingPoints` with only the best point so far.
+        On Ctrl-C, carrying `StartingPoints` with only the best point so far, `None` where there is none.
     """
     return method_of(problem.search).starting_points(problem, on_search=on_search)
 

@@ -72,7 +72,8 @@ def points_from_levels(problem: Problem, search: Optimiser[Any], *, on_search: O
     SimulationError
         Where no candidate could be simulated.
     Interrupted
-        On Ctrl-C, carrying `StartingPoints` with one point: the laws fitted to the minima so far.
+        On Ctrl-C, carrying `StartingPoints` with one point, the laws fitted to the minima so far; `None` where there
+        are none.
     """
     objective, form, rng = problem.objective, problem.form, problem.settings.rng
     excerpts = tuple(excerpt(test) for test in objective.tests)
@@ -115,13 +116,14 @@ def points_from_levels(problem: Problem, search: Optimiser[Any], *, on_search: O
                 best = float(here(neighbour.minima[:1])[0])
                 on_search(0, best, np.nan, len(fits) / len(levels))
     except KeyboardInterrupt as interrupt:
-        if isinstance(interrupt, Interrupted) and np.isfinite(interrupt.result.best_misfit):
+        found = interrupt.result if isinstance(interrupt, Interrupted) else None
+        if found is not None and np.isfinite(found.best_misfit):
             searched = search_box(plain, box, levels[commands[middle]])
-            best_so_far = np.asarray(searched.theta_from_unit(interrupt.result.best_unit))
+            best_so_far = np.asarray(searched.theta_from_unit(found.best_unit))
             fits.append(LevelFit(command=commands[middle], minima=best_so_far[None], search=None))
-            searches.append(interrupt.result)
+            searches.append(found)
         if not fits:
-            raise KeyboardInterrupt from interrupt
+            raise Interrupted(None, "search") from interrupt
         theta = joint_starts(form.spec, fits, 1, rng=rng)[0]
         raise interrupted_at(theta, objective, form, joined_trace(searches)) from interrupt
     fits.sort(key=lambda fit: fit.command)

@@ -10,6 +10,7 @@ from typing import Any, Literal, TypeVar
 
 import numpy as np
 
+from mrwork.errors import Interrupted
 from mrwork.store import Journal
 
 Stage = Literal["search", "screening", "refinement"]
@@ -71,17 +72,6 @@ class Progress:
     steps: int
 
 
-class Stopped(KeyboardInterrupt):
-    """Raised where the progress callback returns true: the run ends as on Ctrl-C, but returns its result."""
-
-
-def was_stopped(interrupt: BaseException | None) -> bool:
-    """Whether the callback ended the run: `interrupt` or one of its causes is `Stopped`."""
-    while interrupt is not None and not isinstance(interrupt, Stopped):
-        interrupt = interrupt.__cause__
-    return interrupt is not None
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reporter:
     """Calls the progress callback, if any, with the time since `began` [s] and the counts of the tally.
@@ -114,8 +104,8 @@ class Reporter:
 
         Raises
         ------
-        Stopped
-            Where it returns true.
+        Interrupted
+            Where it returns true: the run ends as on Ctrl-C, but returns its result.
         """
         if self.on_progress is None or (self.journal is not None and self.journal.recalling):
             return
@@ -132,7 +122,7 @@ class Reporter:
             steps=self.tally.steps,
         )
         if self.on_progress(progress):
-            raise Stopped
+            raise Interrupted(None, "identification", stopped=True)
 
 
 def interruptible(work: Callable[[], T]) -> T:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -109,6 +110,11 @@ class DamperTest(Summarised):
             ),
             notes=[f"{each.severity}: {each.message}" for each in self.findings],
         )
+
+
+def as_tests(tests: DamperTest | Sequence[DamperTest]) -> tuple[DamperTest, ...]:
+    """One test or several as a tuple."""
+    return (tests,) if isinstance(tests, DamperTest) else tuple(tests)
 
 
 def frozen(samples: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -120,7 +120,7 @@ class Journal:
             more = f" and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
             raise JournalError(
                 f"{self.path} is of another {subject}: {'; '.join(found[:_SHOWN])}{more}; "
-                "resume with what it was begun with, or run again without --resume"
+                "resume with the same inputs and settings as before, or run again without --resume"
             )
 
     def recall(self, step: str, inputs: str) -> dict[str, Any] | None:

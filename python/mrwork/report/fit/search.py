@@ -1,4 +1,4 @@
-"""The section on the search: convergence of the misfit, minima of the local fits, and cost."""
+"""The section on the search: convergence of the misfit, minima of the local minimisations, and cost."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from mrwork.report.canvas import (
 )
 from mrwork.report.section import Panel, panel
 
-# Ratio of the largest to the least misfit from which the axis of the local fits is logarithmic.
+# Ratio of the largest to the least misfit from which the axis of the local minimisations is logarithmic.
 _WIDE = 3.0
 _NO_BREAK_SPACE = "\N{NO-BREAK SPACE}"
 
 # Why a search ended, in words.
 _ENDED = {
-    "found_again": "once enough local fits had reached the best minimum",
-    "max_rounds": "at the limit of local fits",
+    "found_again": "once enough local minimisations had reached the best minimum",
+    "max_rounds": "at the limit of local minimisations",
     "hypothesis_test": "by the hypothesis test on its decay",
     "stall": "when the best no longer improved",
     "spread": "when the population had drawn together",
@@ -43,14 +43,14 @@ _ENDED = {
 
 
 def search_panels(fit: Fit) -> tuple[Panel, ...]:
-    """The convergence of the search and, where it fitted from many starts, the misfits of these local fits."""
+    """The convergence of the search and, where it fitted from many starts, the misfits of these local minimisations."""
     return tuple(filter(None, (_convergence_panel(fit), waterfall_panel(fit))))
 
 
 def search_facts(fit: Fit) -> list[tuple[str, str]]:
     """Results and cost of the search, by name."""
     return [
-        ("Local fits", _local_fits_in_words(fit)),
+        ("Local minimisations", _local_minimisations_in_words(fit)),
         ("Search ended", _ENDED.get(fit.trace.stop_reason, fit.trace.stop_reason)),
         ("Generations or iterations", numbers.fixed(len(fit.trace.evaluations), 0)),
         ("Simulated candidates", numbers.fixed(fit.evaluations, 0)),
@@ -95,15 +95,15 @@ def convergence(trace: SearchTrace, refined: float | None = None) -> Figure:
 
 
 def waterfall_panel(fit: Fit) -> Panel | None:
-    """Final misfits of the local fits; `None` for a search without local fits."""
-    ends, reached = _local_fits(fit)
+    """Final misfits of the local minimisations; `None` for a search without local minimisations."""
+    ends, reached = _local_minimisations(fit)
     if ends.size == 0:
         return None
     return panel(
         "starts",
-        "Final misfit of each local fit",
+        "Final misfit of each local minimisation",
         waterfall_figure(ends, reached),
-        f"Final NRMSE of each of {ends.size} local fits, best first; {reached} reached the least",
+        f"Final NRMSE of each of {ends.size} local minimisations, best first; {reached} reached the least",
         _note(ends.size, reached),
     )
 
@@ -116,7 +116,7 @@ def waterfall_figure(ends: NDArray[np.float64], reached: int) -> Figure:
     axes.plot(rank, ends, color=style.RULE, linewidth=1.2, zorder=1)
     for part, colour in ((slice(None, reached), style.MODEL), (slice(reached, None), style.DATA)):
         draw_points(axes, rank[part], ends[part], size=5.5, colour=colour)
-    finish_signed(axes, "NRMSE", "Local fit, best first")
+    finish_signed(axes, "NRMSE", "Local minimisation, best first")
     if ends[0] > 0.0 and ends[-1] > _WIDE * ends[0]:
         logarithmic(axes, ends)
     else:
@@ -135,16 +135,16 @@ def _convergence_panel(fit: Fit) -> Panel:
     return panel("search", "Misfit during the search", search_figure(fit), description)
 
 
-def _local_fits(fit: Fit) -> tuple[NDArray[np.float64], int]:
-    """Final misfits of the local fits, best first, and the number that reached the least misfit."""
+def _local_minimisations(fit: Fit) -> tuple[NDArray[np.float64], int]:
+    """Final misfits of the local minimisations, best first, and the number that reached the least misfit."""
     ends = np.array([end for end in fit.trace.ends if np.isfinite(end)])
     search = fit.settings.search
     closeness = search.closeness if isinstance(search, Multistart) else Multistart().closeness
     return ends, int(np.count_nonzero(ends <= (1.0 + closeness) * ends[0])) if ends.size else 0
 
 
-def _local_fits_in_words(fit: Fit) -> str:
-    ends, reached = _local_fits(fit)
+def _local_minimisations_in_words(fit: Fit) -> str:
+    ends, reached = _local_minimisations(fit)
     return (
         f"{numbers.fixed(ends.size, 0)}, {numbers.fixed(reached, 0)} at the least misfit" if ends.size else ""
     )
@@ -152,10 +152,10 @@ def _local_fits_in_words(fit: Fit) -> str:
 
 def _note(count: int, reached: int) -> str:
     if count == 1:
-        return "A single local fit cannot show whether there are other minima."
-    share = f"{reached} of {count} local fits ended at the least misfit (blue)."
+        return "A single local minimisation cannot show whether there are other minima."
+    share = f"{reached} of {count} local minimisations ended at the least misfit (blue)."
     if reached == 1:
-        return f"{share} No other local fit confirms it as the global minimum: run again with another seed."
+        return f"{share} No other local minimisation confirms it as the global minimum: run again with another seed."
     if reached == count:
         return f"{share} No other minimum was found."
     return f"{share} The others ended in other minima, or before they had converged."

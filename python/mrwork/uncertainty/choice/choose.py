@@ -16,6 +16,7 @@ from mrwork.identification.identify import identify_with
 from mrwork.identification.progress import Progress
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest
+from mrwork.records.damper_test import as_tests
 from mrwork.store import Journal
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.autocorrelation import effective_samples
@@ -260,7 +261,7 @@ def choose_model(
     UnknownNameError
         Where a model is unknown, or a law or bound names a parameter that no family has.
     Interrupted
-        On Ctrl-C after the first family, carrying the `Choice` so far.
+        On Ctrl-C, carrying the `Choice` so far, `None` before the end of the first family.
 
     Examples
     --------
@@ -272,7 +273,7 @@ def choose_model(
     settings = settings or FitSettings()
     if settings.starts:
         raise SettingError("`starts` are of one model; leave them out where models are compared")
-    tests = (tests,) if isinstance(tests, DamperTest) else tuple(tests)
+    tests = as_tests(tests)
     compared, remarks = families(models, laws=laws or {}, unit=unit, bounds=settings.bounds)
     remarks += command_remark(tests, has_laws=bool(laws))
     if len(tests) == 1:
@@ -296,6 +297,6 @@ def choose_model(
         comparison.add_leave_one_out(likelihood)
     except KeyboardInterrupt as interrupt:
         if not comparison.has_predictions:
-            raise KeyboardInterrupt from interrupt
+            raise Interrupted(None, "choice of model") from interrupt
         raise Interrupted(comparison.choice(), "choice of model") from interrupt
     return comparison.choice()

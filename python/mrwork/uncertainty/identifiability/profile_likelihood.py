@@ -17,6 +17,7 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.objective import ROOT_MEAN_SQUARE
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
+from mrwork.records.damper_test import as_tests
 from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
 from mrwork.uncertainty.identifiability.curvature import Scale, Scaled, curvature, linearise
 from mrwork.uncertainty.identifiability.profile import Profiles, profile_of
@@ -51,7 +52,7 @@ class ProfileProgress:
 
 def profile(
     fit: Fit,
-    tests: Sequence[DamperTest],
+    tests: DamperTest | Sequence[DamperTest],
     *,
     parameters: Sequence[str] = (),
     level: float = 0.95,
@@ -70,7 +71,7 @@ def profile(
     Parameters
     ----------
     tests
-        The tests of the fit.
+        The test or tests of the fit.
     parameters
         Names of the parameters to profile; default all free parameters.
     level
@@ -96,7 +97,7 @@ def profile(
             "identify again without a power"
         )
     began = time.perf_counter()
-    problem = Problem.of_fit(fit, tuple(tests), threads=threads)
+    problem = Problem.of_fit(fit, as_tests(tests), threads=threads)
     objective, spec, box = problem.objective, problem.form.spec, problem.form.box
     theta = np.clip(problem.form.from_model(np.array(fit.theta)), box.lower, box.upper)
     profiled = _profiled_indices(box, parameters)

@@ -15,6 +15,7 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.identification.result import remark_of
 from mrwork.records import DamperTest
+from mrwork.records.damper_test import as_tests
 from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
 from mrwork.uncertainty.identifiability.curvature import Scale
 from mrwork.uncertainty.identifiability.information import identifiability_from
@@ -22,7 +23,7 @@ from mrwork.uncertainty.identifiability.information import identifiability_from
 
 def identifiability_of(
     fit: Fit,
-    tests: Sequence[DamperTest],
+    tests: DamperTest | Sequence[DamperTest],
     *,
     threads: int = 0,
 ) -> Identifiability:
@@ -31,7 +32,7 @@ def identifiability_of(
     A parameter that was held fixed to remove a redundant scale, such as `A` of the Spencer Bouc-Wen, gets no verdict,
     but the redundant direction is named. A parameter on its bound counts as known for the others.
     """
-    problem = Problem.of_fit(fit, tuple(tests), threads=threads)
+    problem = Problem.of_fit(fit, as_tests(tests), threads=threads)
     spec, theta = problem.spec, np.array(fit.theta)
     box = Box.of(spec).with_bounds(problem.settings.bounds)
     held = {each.name for each in fit.estimates if each.remark == "fixed"}

@@ -14,6 +14,7 @@ from mrwork.dampers.parameters import CommandUnit
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest
+from mrwork.records.damper_test import as_tests
 from mrwork.records.motion import spectrum
 from mrwork.simulate import Loading
 
@@ -68,7 +69,7 @@ class Limits:
 
 def candidate_grid(
     spec: DamperSpec,
-    tests: Sequence[DamperTest],
+    tests: DamperTest | Sequence[DamperTest],
     *,
     amplitudes: Sequence[float] = (),
     frequencies: Sequence[float] = (),
@@ -96,6 +97,7 @@ def candidate_grid(
                 f"`{name}` are {', '.join(f'{value:g}' for value in values)}; all must be positive"
             )
     limits = limits or Limits()
+    tests = as_tests(tests)
     tested = [excitation_of(test) for test in tests]
     if limits.peak_velocity is None and not (amplitudes and frequencies):
         fastest = _FASTER * max(each.peak_velocity for each in tested)

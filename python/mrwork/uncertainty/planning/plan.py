@@ -14,6 +14,7 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.nuisance import NuisanceName, without_nuisance
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
+from mrwork.records.damper_test import as_tests
 from mrwork.simulate import Outcome, simulate_forces
 from mrwork.summary import Summarised, Summary, of_unit, rounded
 from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
@@ -110,9 +111,11 @@ class LinearisedPosterior:
     threads: int
 
     @classmethod
-    def of(cls, fit: Fit, tests: Sequence[DamperTest], *, threads: int = 0) -> LinearisedPosterior:
+    def of(
+        cls, fit: Fit, tests: DamperTest | Sequence[DamperTest], *, threads: int = 0
+    ) -> LinearisedPosterior:
         """The linearised posterior of a fit."""
-        problem = Problem.of_fit(fit, tuple(tests), threads=threads)
+        problem = Problem.of_fit(fit, as_tests(tests), threads=threads)
         objective, spec, box = problem.objective, problem.form.spec, problem.form.box
         theta = problem.inside(fit.theta)
         scale = Scale.of(spec, box, objective.tests, theta)
@@ -138,7 +141,7 @@ class LinearisedPosterior:
 
 def plan(
     fit: Fit,
-    tests: Sequence[DamperTest],
+    tests: DamperTest | Sequence[DamperTest],
     candidates: Sequence[Candidate],
     *,
     band: str = "force",
@@ -155,6 +158,8 @@ def plan(
 
     Parameters
     ----------
+    tests
+        The test or tests of the fit.
     band
         "force": relative variance of the force, mean over the targets. "energy": likewise of the energy of a cycle. Or
         the name of a parameter.

@@ -12,6 +12,7 @@ import numpy as np
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
+from mrwork.records.damper_test import as_tests
 from mrwork.uncertainty.posterior.chain_file import ChainFile
 from mrwork.uncertainty.posterior.draws import Diagnosis, Draws, next_check
 from mrwork.uncertainty.posterior.ensemble import Ensemble
@@ -125,7 +126,7 @@ def sample(
     began = time.perf_counter()
     problem = SamplingProblem.of_fit(
         fit,
-        (tests,) if isinstance(tests, DamperTest) else tuple(tests),
+        as_tests(tests),
         noise=noise,
         priors=dict(priors or {}),
         tempering=tempering,
