@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import mrwork as mr
-from mrwork.control import DesignProblem, design_law
+from mrwork.control import DesignProblem, PassiveSettings, RegulatorSettings, design_law
 from mrwork.errors import InvalidSettingError, MrworkError, SettingError
 
 
@@ -22,7 +22,7 @@ def problem() -> DesignProblem:
 
 
 def test_a_designed_law_is_the_one_made_by_hand() -> None:
-    law = design_law("clipped_optimal", problem(), control_weight=1e-7, drifts=1.0)
+    law = design_law("clipped_optimal", problem(), RegulatorSettings(control_weight=1e-7, drifts=1.0))
     plant = problem().plant
     outputs = mr.control.drifts(plant)
     by_hand = mr.control.regulator_of_outputs(plant, outputs, np.ones(len(outputs.names)), 1e-7)
@@ -43,12 +43,23 @@ def test_a_designed_law_is_the_one_made_by_hand() -> None:
 )
 def test_a_setting_that_cannot_be_is_refused(law: str, settings: dict[str, Any], words: str) -> None:
     with pytest.raises(MrworkError, match=words):
-        design_law(law, problem(), **settings)
+        design_law(law, problem(), settings)
+
+
+def test_settings_of_another_law_are_refused() -> None:
+    with pytest.raises(SettingError, match="PassiveSettings; clipped_optimal takes RegulatorSettings"):
+        design_law("clipped_optimal", problem(), PassiveSettings(command=1.0))
+
+
+def test_values_by_name_and_settings_design_the_same_law() -> None:
+    by_name = design_law("clipped_optimal", problem(), {"control_weight": 1e-7, "drifts": 1.0})
+    law = design_law("clipped_optimal", problem(), RegulatorSettings(control_weight=1e-7, drifts=1.0))
+    np.testing.assert_array_equal(np.asarray(law.gains["gain"]), np.asarray(by_name.gains["gain"]))
 
 
 def test_a_refusal_names_its_setting() -> None:
     with pytest.raises(InvalidSettingError) as refusal:
-        design_law("passive", problem(), command=5.0)
+        design_law("passive", problem(), {"command": 5.0})
     assert refusal.value.key == "command"
 
 

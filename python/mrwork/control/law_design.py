@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
-from typing import Any
+from types import MappingProxyType
+from typing import Final
 
 from mrwork.control.design_problem import DesignProblem
 from mrwork.control.law_settings import SETTINGS, LawSettings
@@ -12,8 +13,13 @@ from mrwork.control.laws import ControlLaw, control_law
 from mrwork.errors import SettingError
 from mrwork.keys import described, is_required
 
+SettingValue = float | Sequence[float] | None
+"""A value of a setting of a control law."""
 
-def settings_of(name: str, given: Mapping[str, Any]) -> LawSettings:
+_NO_SETTINGS: Final[Mapping[str, SettingValue]] = MappingProxyType({})
+
+
+def settings_of(name: str, given: Mapping[str, SettingValue]) -> LawSettings:
     """The settings of a law from values by name, in SI.
 
     Raises
@@ -35,7 +41,9 @@ def settings_of(name: str, given: Mapping[str, Any]) -> LawSettings:
     return kind(**{each: tuple(value) if isinstance(value, list) else value for each, value in given.items()})
 
 
-def design_law(name: str, problem: DesignProblem, **settings: Any) -> ControlLaw:
+def design_law(
+    name: str, problem: DesignProblem, settings: LawSettings | Mapping[str, SettingValue] = _NO_SETTINGS
+) -> ControlLaw:
     """Design a control law on a building with its devices.
 
     Parameters
@@ -45,14 +53,16 @@ def design_law(name: str, problem: DesignProblem, **settings: Any) -> ControlLaw
     problem
         The building, its devices and the sample time of the loop.
     settings
-        Settings of the law, in SI; `mrwork respond --laws` lists them.
+        Settings of the law, of the class in `SETTINGS`, or their values by name, in SI; `mrwork respond --laws` lists
+        them.
 
     Raises
     ------
     UnknownNameError
         If there is no such law.
     SettingError
-        If a setting is unknown, missing or out of range, or the law cannot be designed for this building.
+        If the settings are those of another law, one of them is unknown, missing or out of range, or the law cannot
+        be designed for this building.
 
     Examples
     --------
@@ -62,15 +72,19 @@ def design_law(name: str, problem: DesignProblem, **settings: Any) -> ControlLaw
     ...     name="storey 1", spec=rd1005.spec, theta=rd1005.theta, row=frame.storeys[0], largest_command=1.88
     ... )
     >>> problem = mr.control.DesignProblem(building=frame, devices=[damper], sample_time=1e-3)
-    >>> law = mr.control.design_law("clipped_optimal", problem, control_weight=1e-7)
+    >>> law = mr.control.design_law(
+    ...     "clipped_optimal", problem, mr.control.RegulatorSettings(control_weight=1e-7)
+    ... )
     >>> law.gains["gain"].shape
     (1, 10)
     """
-    return law_of(name, settings_of(name, settings), problem)
-
-
-def law_of(name: str, settings: LawSettings, problem: DesignProblem) -> ControlLaw:
-    """The law with the gains that follow from its settings."""
+    spec = control_law(name)
+    if isinstance(settings, Mapping):
+        settings = settings_of(name, settings)
+    elif type(settings) is not SETTINGS[name]:
+        raise SettingError(
+            f"the settings are {type(settings).__name__}; {name} takes {SETTINGS[name].__name__}"
+        )
     design = settings.design(problem)
-    curve = problem.curve if control_law(name).wants_curve else None
+    curve = problem.curve if spec.wants_curve else None
     return ControlLaw(name=name, gains=design.gains, tables=design.tables, curve=curve)

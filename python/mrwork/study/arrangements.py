@@ -13,7 +13,7 @@ from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
 from mrwork.buildings.from_file import building_from_table
 from mrwork.control.design_problem import DesignProblem
-from mrwork.control.law_design import law_of
+from mrwork.control.law_design import design_law
 from mrwork.control.law_settings import SETTINGS, LawSettings
 from mrwork.control.laws import ControlLaw, control_laws
 from mrwork.study.declared import located, read_table, suggestion
@@ -136,7 +136,7 @@ def chosen_law(table: ControllerTable, problem: DesignProblem) -> tuple[str, Con
         place.within("law").refuse(f"no control law is called {table.law!r}{near}")
     settings: LawSettings = read_table(SETTINGS[table.law], table.settings or {}, place.within("settings"))
     with located(place.within("settings")):
-        return specs[table.law].title, law_of(table.law, settings, problem)
+        return specs[table.law].title, design_law(table.law, problem, settings)
 
 
 def constant_command(devices: Sequence[Device], command: float) -> ControlLaw:
