@@ -25,6 +25,7 @@ def test_a_search_is_chosen_by_name_and_recorded(
     found = json.loads(printed(capsys, "identify", *arguments, "--json", "--out", tmp_path / "run"))
     assert found["fit_percent"] > 75.0
     fit = json.loads((tmp_path / "run" / "fit.json").read_text())
+    assert fit["provenance"]["settings"]["search"]["kind"] == name
     settings = FitSettings.of_record(fit["provenance"]["settings"])
     assert type(settings.search) is type(search_named(name))
 

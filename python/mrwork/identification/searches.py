@@ -34,14 +34,11 @@ Search: TypeAlias = "Multistart | UnregisteredSearch | Optimiser[Any]"
 
 
 class SearchMethod(Protocol):
-    """How an identification uses one kind of search.
-
-    `has_generations` says whether the settings include the size of a population and a largest number of generations.
-    """
+    """How an identification uses one kind of search."""
 
     @property
     def has_generations(self) -> bool:
-        """Whether there are a population and generations, whose number can be set."""
+        """Whether the settings include the size of a population and a largest number of generations."""
 
     def resized(self, *, population: int | None = None, generations: int | None = None) -> Search:
         """The search with another population or largest number of generations; `None` keeps the present one."""
@@ -56,7 +53,7 @@ class SearchMethod(Protocol):
         """
 
     def starting_points(self, problem: Problem, *, on_search: OnSearch) -> StartingPoints:
-        """Run the search; raises are those of `identify.starting_points`."""
+        """Run the search of a problem, with the errors of `identify.starting_points`."""
 
 
 @dataclass(frozen=True, slots=True)
