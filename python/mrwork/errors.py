@@ -8,7 +8,12 @@ ResultT = TypeVar("ResultT")
 
 
 class MrworkError(Exception):
-    """Root of all errors that a caller can act on; its text is one clear sentence."""
+    """Root of all errors that a caller can act on; its text is one clear sentence.
+
+    `document` is the file whose place the text begins with; empty if the text does not begin with a place.
+    """
+
+    document: str = ""
 
 
 class RecordError(MrworkError, ValueError):

@@ -6,11 +6,12 @@ Readers of files, the printed schema and scripts that build the same values all 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import MISSING, Field, dataclass, field, fields
 from typing import Any, NoReturn, cast
 
-from mrwork.errors import InvalidSettingError, SettingError
+from mrwork.errors import InvalidSettingError, MrworkError, SettingError
 
 _REQUIRED: Any = MISSING
 
@@ -60,7 +61,21 @@ class Place:
 
     def refuse(self, sentence: str) -> NoReturn:
         """Raise a SettingError that begins with this place."""
-        raise SettingError(f"{self}: {sentence}")
+        raise self.error(SettingError, sentence)
+
+    @contextmanager
+    def prefixed(self) -> Iterator[None]:
+        """Begin the message of an error in the block with this place; the type of the error stays."""
+        try:
+            yield
+        except MrworkError as error:
+            raise self.error(type(error), str(error)) from error
+
+    def error(self, kind: type[MrworkError], sentence: str) -> MrworkError:
+        """An error whose message begins with this place."""
+        error = kind(f"{self}: {sentence}")
+        error.document = self.origin
+        return error
 
 
 def shown(value: object) -> str:

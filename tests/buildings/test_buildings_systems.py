@@ -56,7 +56,7 @@ def test_a_pair_of_equal_and_opposite_forces_moves_the_storey_by_its_stiffness()
 
 
 def test_rates_are_the_derivatives_of_what_they_are_named_after() -> None:
-    response = system_of(UTS, outputs=OUTPUTS, devices=[1, "storey 3"]).frequency_response(FREQUENCY)
+    response = system_of(UTS, outputs=tuple(OUTPUTS), devices=[1, "storey 3"]).frequency_response(FREQUENCY)
     s = 2j * np.pi * FREQUENCY[:, None, None]
     displacement, velocity, acceleration, drift, drift_rate = np.split(response, 5, axis=1)
     np.testing.assert_allclose(velocity, s * displacement, rtol=1e-6, atol=1e-12)
@@ -157,7 +157,9 @@ def test_a_system_is_read_from_a_file(tmp_path: Path) -> None:
 
 
 def test_a_system_goes_to_python_control_and_comes_back_to_the_bit() -> None:
-    system = system_of(with_brace(UTS, storey=1, stiffness=5e6, mass=0.3), outputs=OUTPUTS, devices=[1])
+    system = system_of(
+        with_brace(UTS, storey=1, stiffness=5e6, mass=0.3), outputs=tuple(OUTPUTS), devices=[1]
+    )
     there = system.to_control()
     again = from_control(there)
     for title in ("A", "B", "C", "D"):
@@ -186,8 +188,8 @@ def test_without_python_control_the_error_says_what_to_install(monkeypatch: pyte
 
 def test_all_modes_of_a_building_are_the_building() -> None:
     braced = with_brace(UTS, storey=1, stiffness=5e6, mass=0.3, damping=50.0)
-    whole = system_of(modal_truncation(braced, n_modes=6), outputs=OUTPUTS, devices=[1, 6])
-    expected = system_of(braced, outputs=OUTPUTS, devices=[1, 6]).frequency_response(FREQUENCY)
+    whole = system_of(modal_truncation(braced, n_modes=6), outputs=tuple(OUTPUTS), devices=[1, 6])
+    expected = system_of(braced, outputs=tuple(OUTPUTS), devices=[1, 6]).frequency_response(FREQUENCY)
     np.testing.assert_allclose(whole.frequency_response(FREQUENCY), expected, rtol=1e-6, atol=1e-10)
 
 

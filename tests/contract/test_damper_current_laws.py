@@ -10,6 +10,7 @@ import pytest
 from damper_samples import DT, N_TIME, noise, sine
 
 from mrwork.dampers.parameters import current_laws, polynomial_laws
+from mrwork.dampers.spec import damper
 from mrwork.errors import MrworkError, SettingError, UnknownNameError
 from mrwork.simulate import Outcome, simulate_force, simulate_forces
 from mrwork.twins._base import parameters_at, simulate
@@ -172,3 +173,16 @@ def test_a_law_is_a_special_case_of_those_that_contain_it():
         "cubic": [],
         "exponential": [],
     }
+
+
+def test_a_coefficient_names_its_parameter_and_number() -> None:
+    model = damper("dahl").with_current_laws({"k_w": "quadratic", "rho": "exponential"}, lagged=True)
+    places = [
+        (each.coefficient.parameter, each.coefficient.number) for each in model.parameters if each.coefficient
+    ]
+    assert places == [("k_w", 0), ("k_w", 1), ("k_w", 2), ("rho", 0), ("rho", 1), ("rho", 2)]
+    assert [each.name for each in model.parameters if each.coefficient and each.coefficient.is_exponent] == [
+        "rho.2"
+    ]
+    assert [each.plain_name for each in model.parameters if each.coefficient is None] == ["f0", "eta"]
+    assert [each.plain_name for each in model.parameters if each.scales_with_force] == ["k_w"] * 3 + ["f0"]

@@ -141,7 +141,7 @@ def _named(entries: Entries, form: str, folder: Path, readers: tuple[Path, ...])
     name = entries.text(form)
     if form == "file" and (folder / name).resolve() in readers:
         entries.refuse(f"{name} refers back to itself; name the file of another building", form)
-    with Entries({}, entries.place.within(form)).placed():
+    with entries.place.within(form).prefixed():
         return published_building(name) if form == "published" else _read(folder / name, readers)
 
 
@@ -153,7 +153,7 @@ def _shear(entries: Entries) -> Building:
     storey_damping = _each(entries, "storey_damping") if "storey_damping" in entries else ()
     floor_names, storey_names = (entries.texts(key) if key in entries else () for key in _NAMES)
     name, source = (entries.text(key, "") for key in _WORDS)
-    with entries.placed():
+    with entries.place.prefixed():
         return shear_building(
             name=name or "building",
             masses=masses,
@@ -192,7 +192,7 @@ def _changed(known: Building, entries: Entries, folder: Path) -> Building:
         replaced = f"{known.source}; {', '.join(arrays)} replaced".removeprefix("; ")
         changes |= {**arrays, "status": "ours", "source": replaced}
     changes |= {key: entries.text(key) for key in _WORDS if key in entries}
-    with entries.placed():
+    with entries.place.prefixed():
         return replace(known, **changes)
 
 
@@ -204,7 +204,7 @@ def _arrays(entries: Entries, folder: Path) -> dict[str, Floats]:
             continue
         value = entries.table[key]
         if isinstance(value, str):
-            with Entries({}, entries.place.within(key)).placed():
+            with entries.place.within(key).prefixed():
                 arrays[key] = read_matrix(folder / value)
         else:
             arrays[key] = np.array(entries.numbers(key)) if key == "influence" else entries.rows(key)
@@ -228,7 +228,7 @@ def _from_matrices(
     n = len(named["mass"])
     floors = named.get("floors", np.eye(n))
     storeys = named.get("storeys", floor_differences(len(floors)) @ floors)
-    with entries.placed():
+    with entries.place.prefixed():
         return Building(
             name=words.get("name") or "building",
             mass=named["mass"],

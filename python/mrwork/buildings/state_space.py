@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,7 +158,21 @@ def _indices(selected: Sequence[str], names: tuple[str, ...], noun: str) -> list
     return [names.index(name) for name in selected or names]
 
 
-OUTPUTS: Final = ("displacement", "velocity", "acceleration", "drift", "drift rate")
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Output:
+    """An output of a building: of the storeys or the floors, and its order of differentiation."""
+
+    of_storeys: bool
+    order: Literal[0, 1, 2]
+
+
+OUTPUTS: Final[Mapping[str, _Output]] = {
+    "displacement": _Output(of_storeys=False, order=0),
+    "velocity": _Output(of_storeys=False, order=1),
+    "acceleration": _Output(of_storeys=False, order=2),
+    "drift": _Output(of_storeys=True, order=0),
+    "drift rate": _Output(of_storeys=True, order=1),
+}
 # Tolerance relative to the largest entry where an exact zero or symmetry is expected.
 _ROUNDING: Final = 1e-8
 
@@ -198,17 +212,19 @@ def system_of(
     for output in outputs:
         if output not in OUTPUTS:
             raise UnknownNameError(f"a building has no output {output!r}; choose among {', '.join(OUTPUTS)}")
-        of_storeys = output.startswith("drift")
-        shapes = building.storeys if of_storeys else building.floors
-        if output == "acceleration":
+        kind = OUTPUTS[output]
+        shapes, names_of = (
+            (building.storeys, building.storey_names)
+            if kind.of_storeys
+            else (building.floors, building.floor_names)
+        )
+        if kind.order == 2:
             C.append(shapes @ A[n:])
             D.append(shapes @ inputs[n:] + ground)
         else:
-            C.append(shapes @ (rate if output in ("velocity", "drift rate") else np.eye(n, 2 * n)))
+            C.append(shapes @ (rate if kind.order == 1 else np.eye(n, 2 * n)))
             D.append(np.zeros((len(shapes), inputs.shape[1])))
-        names += [
-            f"{output} of {name}" for name in (building.storey_names if of_storeys else building.floor_names)
-        ]
+        names += [f"{output} of {name}" for name in names_of]
     return LinearSystem(
         A=A,
         B=inputs,

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Final, NoReturn
@@ -22,7 +21,6 @@ from mrwork.buildings.additions import (
 )
 from mrwork.buildings.matrices import Building
 from mrwork.buildings.tuned_mass import with_optimal_tuned_mass, with_tuned_mass
-from mrwork.errors import MrworkError
 from mrwork.keys import Place, shown
 
 Floats = NDArray[np.float64]
@@ -123,14 +121,6 @@ class Entries:
             return (Entries(value, self.place.within(key)),)
         return tuple(Entries(each, self.place.within(key, number)) for number, each in enumerate(tables))
 
-    @contextmanager
-    def placed(self) -> Iterator[None]:
-        """Context manager that prefixes errors with this place."""
-        try:
-            yield
-        except MrworkError as error:
-            raise type(error)(f"{self.place}: {error}") from error
-
     def _get(self, key: str, expected: str, default: object = None) -> object:
         value = self.table.get(key, default)
         if value is None:
@@ -170,7 +160,7 @@ def _rayleigh(building: Building, entries: Entries) -> Building:
     entries.allow(("ratios", "modes", "a0", "a1"))
     if "ratios" not in entries:
         a0, a1 = entries.number("a0"), entries.number("a1")
-        with entries.placed():
+        with entries.place.prefixed():
             return with_rayleigh_coefficients(building, a0=a0, a1=a1)
     if "a0" in entries or "a1" in entries:
         entries.refuse("Rayleigh damping is given by ratios in two modes or by a0 and a1; keep one", "ratios")
@@ -181,7 +171,7 @@ def _rayleigh(building: Building, entries: Entries) -> Building:
             "Rayleigh damping takes two ratios and two modes, as ratios = [0.02, 0.02], modes = [1, 3]",
             "ratios",
         )
-    with entries.placed():
+    with entries.place.prefixed():
         return with_rayleigh_damping(
             building, ratios=(ratios[0], ratios[1]), modes=(int(modes[0]), int(modes[1]))
         )
@@ -190,7 +180,7 @@ def _rayleigh(building: Building, entries: Entries) -> Building:
 def _modal(building: Building, entries: Entries) -> Building:
     entries.allow(("ratios",))
     ratios = entries.numbers("ratios")
-    with entries.placed():
+    with entries.place.prefixed():
         return with_modal_damping(building, ratios=ratios)
 
 
@@ -203,17 +193,17 @@ def _isolation(building: Building, entries: Entries) -> Building:
                 "isolators are given by period and ratio or by stiffness and damping; keep one", "period"
             )
         period, ratio = entries.number("period"), entries.number("ratio")
-        with entries.placed():
+        with entries.place.prefixed():
             return with_base_isolation_of_period(building, mass=mass, period=period, ratio=ratio)
     stiffness, damping = entries.number("stiffness"), entries.number("damping")
-    with entries.placed():
+    with entries.place.prefixed():
         return with_base_isolation(building, mass=mass, stiffness=stiffness, damping=damping)
 
 
 def _viscous(building: Building, entries: Entries) -> Building:
     entries.allow(("storey", "damping"))
     storey, damping = entries.floor("storey"), entries.number("damping")
-    with entries.placed():
+    with entries.place.prefixed():
         return with_viscous_damper(building, storey=storey, damping=damping)
 
 
@@ -225,7 +215,7 @@ def _brace(building: Building, entries: Entries) -> Building:
         entries.number("mass"),
         entries.number("damping", 0.0),
     )
-    with entries.placed():
+    with entries.place.prefixed():
         return with_brace(building, storey=storey, stiffness=stiffness, mass=mass, damping=damping, name=name)
 
 
@@ -240,10 +230,10 @@ def _tuned_mass(building: Building, entries: Entries) -> Building:
                 )
         mass_ratio, tuning = entries.number("mass_ratio"), entries.text("tuning", "warburton")
         mode = entries.whole("mode", 1)
-        with entries.placed():
+        with entries.place.prefixed():
             return with_optimal_tuned_mass(
                 building, floor=floor, mass_ratio=mass_ratio, tuning=tuning, mode=mode, name=name
             )
     mass, frequency, ratio = entries.number("mass"), entries.number("frequency"), entries.number("ratio")
-    with entries.placed():
+    with entries.place.prefixed():
         return with_tuned_mass(building, floor=floor, mass=mass, frequency=frequency, ratio=ratio, name=name)

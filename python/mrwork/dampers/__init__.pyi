@@ -7,6 +7,7 @@ from .conversions import normalised_from_modified_bouc_wen as normalised_from_mo
 from .conversions import opensees_from_bouc_wen as opensees_from_bouc_wen
 from .conversions import rescaled_bouc_wen as rescaled_bouc_wen
 from .coordinates import Box as Box
+from .parameters import Coefficient as Coefficient
 from .parameters import CurrentLaws as CurrentLaws
 from .parameters import LawName as LawName
 from .parameters import ParamSpec as ParamSpec

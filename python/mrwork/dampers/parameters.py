@@ -16,8 +16,20 @@ CommandUnit = Literal["A", "V"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Coefficient:
+    """Place of a parameter in a current law: the plain parameter that follows the command, and the number from 0."""
+
+    parameter: str
+    number: int
+    is_exponent: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ParamSpec:
-    """One parameter: SI unit, scale, admissible range, nominal value."""
+    """One parameter: SI unit, scale, admissible range, nominal value.
+
+    `coefficient` is `None` for a parameter that is not a coefficient of a current law.
+    """
 
     name: str
     unit: str
@@ -26,7 +38,17 @@ class ParamSpec:
     upper: float
     nominal: float
     description: str
-    is_exponent: bool = False
+    coefficient: Coefficient | None = None
+
+    @property
+    def plain_name(self) -> str:
+        """Name of the parameter of the plain model, of which this one may be a coefficient."""
+        return self.name if self.coefficient is None else self.coefficient.parameter
+
+    @property
+    def scales_with_force(self) -> bool:
+        """Whether the newton is in the numerator of the unit, as in N, N/m and N s/m."""
+        return self.unit.replace("/", " ").split(" ")[0] == "N"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,7 +172,7 @@ def _coefficients(parameter: ParamSpec, law: CurrentLaw, unit: CommandUnit) -> l
                 scale="linear",
                 lower=-bound,
                 upper=bound,
-                is_exponent=exponent,
+                coefficient=Coefficient(parameter=parameter.name, number=power, is_exponent=exponent),
                 nominal=parameter.nominal if power == 0 else -1.0 if exponent else 0.0,
                 description=f"{parameter.description}; coefficient {power} of its {law.name} law",
             )

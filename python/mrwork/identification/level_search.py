@@ -191,7 +191,7 @@ def follow_level(
     """
     searched = search_box(objective.spec, box, objective.tests)
     ratio = _force(objective) / _force(neighbours)
-    is_force = np.array([parameter.unit.startswith("N") for parameter in objective.spec.parameters])
+    is_force = np.array([parameter.scales_with_force for parameter in objective.spec.parameters])
     starts = np.concatenate(
         [neighbour.minima, np.where(is_force, ratio * neighbour.minima, neighbour.minima)]
     )
@@ -284,15 +284,15 @@ def law_box(spec: DamperSpec, searched: Box, commands: NDArray[np.float64], *, m
     bounds: dict[str, tuple[float, float]] = {}
     admissible = Box.of(spec)
     for index, parameter in enumerate(spec.parameters):
-        name, dot, power = parameter.name.partition(".")
-        if not dot:
+        coefficient = parameter.coefficient
+        if coefficient is None:
             continue
-        plain = searched.names.index(name)
+        plain = searched.names.index(coefficient.parameter)
         reach = margin * max(abs(searched.lower[plain]), abs(searched.upper[plain]))
-        if parameter.is_exponent:
+        if coefficient.is_exponent:
             reach = _EXPONENT
         elif spec.current is not None and current_laws()[spec.current.laws[plain]].degree is not None:
-            reach /= largest ** int(power)
+            reach /= largest**coefficient.number
         bounds[parameter.name] = (max(-reach, admissible.lower[index]), min(reach, admissible.upper[index]))
     return admissible.with_bounds(bounds)
 

@@ -47,7 +47,7 @@ def bounds_without_offsets(
     if "offset" not in names:
         return {}
     shifts = {each.name for each in spec.plain if each.scale == "offset" and each.unit in ("N", "m")}
-    return {name: (0.0, 0.0) for name in spec.names if name.partition(".")[0] in shifts}
+    return {each.name: (0.0, 0.0) for each in spec.parameters if each.plain_name in shifts}
 
 
 def without_nuisance(

@@ -216,9 +216,12 @@ def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
                 "a start can keep a law or raise its degree"
             )
         for parameter in model.parameters:
-            if parameter.name == name or (old == "constant" and parameter.name == f"{name}.0"):
+            if parameter.plain_name != name:
+                continue
+            coefficient = parameter.coefficient
+            if coefficient is None or (old == "constant" and coefficient.number == 0):
                 start[parameter.name] = values[name]
-            elif parameter.name.startswith(f"{name}."):
+            else:
                 start[parameter.name] = values.get(parameter.name, parameter.nominal)
     if not start:
         raise SettingError(

@@ -35,8 +35,9 @@ def located(place: Place) -> Iterator[None]:
     except InvalidSettingError as error:
         place.within(error.key).refuse(str(error))
     except MrworkError as error:
-        text = str(error)
-        raise SettingError(text if text.startswith(f"{place.origin},") else f"{place}: {text}") from error
+        if error.document == place.origin:
+            raise SettingError(str(error)) from error
+        raise place.error(SettingError, str(error)) from error
 
 
 def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
