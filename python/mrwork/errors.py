@@ -6,6 +6,23 @@ from typing import Generic, TypeVar
 
 ResultT = TypeVar("ResultT")
 
+__all__ = [
+    "Interrupted",
+    "InvalidSettingError",
+    "JournalError",
+    "MrworkError",
+    "OutputError",
+    "RecordError",
+    "SettingError",
+    "SimulationError",
+    "UnitError",
+    "UnknownNameError",
+]
+
+
+def __dir__() -> list[str]:
+    return __all__
+
 
 class MrworkError(Exception):
     """Root of all errors that a caller can act on; its text is one clear sentence.

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import IntEnum
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,6 +16,7 @@ from mrwork.dampers.parameters import CommandUnit
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.records import DamperTest
+from mrwork.summary import Summarised
 
 
 class Outcome(IntEnum):
@@ -41,8 +43,8 @@ class Outcome(IntEnum):
         }[self]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Loading:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Loading(Summarised):
     """Imposed motion of a damper: displacement [m] and velocity [m/s], shape (n_time,), every `dt` [s].
 
     Both are interpolated by C2 cubic splines; without a velocity, the derivative of the displacement spline is used.
@@ -54,6 +56,8 @@ class Loading:
     velocity: NDArray[np.float64] | None = None
     command: NDArray[np.float64] | float | None = None
     command_unit: CommandUnit | None = None
+
+    _units: ClassVar[Mapping[str, str]] = {"dt": "s", "displacement": "m", "velocity": "m/s"}
 
     def history(self) -> _rust.LoadingHistory:
         """Spline representation of the history, as simulations use it.

@@ -1,18 +1,21 @@
 """One-screen summaries of results: text for a terminal, HTML for a notebook.
 
-A class inherits `Summarised`, switches off the `repr` of its dataclass and says in `_summary` what it shows. Tables of
+A dataclass inherits `Summarised` and switches off its own `repr`; `_units` or `_summary` say what it shows. Tables of
 text are aligned here and not by `rich`, whose import takes longer than most results take to compute.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
 from math import isnan
+from typing import Any, ClassVar
 
 # Rows of a table and characters of a line that fit on one screen.
 _MOST_ROWS = 16
 _MOST_CHARACTERS = 100
+# Largest array that is shown by its numbers.
+_FEW_NUMBERS = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,12 +71,23 @@ class Summary:
 
 
 class Summarised:
-    """A result with a one-screen `repr`, and the same as HTML in a notebook."""
+    """A dataclass with a one-screen `repr`, and the same as HTML in a notebook.
+
+    Its summary lists the fields, with the units that the class gives them; a class with more to say overrides it.
+    """
 
     __slots__ = ()
+    _units: ClassVar[Mapping[str, str]] = {}
 
     def _summary(self) -> Summary:
-        raise NotImplementedError
+        values = {each.name: getattr(self, each.name) for each in fields(self)}  # type: ignore[arg-type]
+        return Summary(
+            title=type(self).__name__,
+            facts=[
+                (name, f"{_in_short(value)} {self._units.get(name, '')}".rstrip())
+                for name, value in values.items()
+            ],
+        )
 
     def __repr__(self) -> str:
         return self._summary().text()
@@ -116,6 +130,37 @@ def listed(names: Sequence[str], most: int = 4) -> str:
     if len(names) <= most:
         return ", ".join(names)
     return f"{', '.join(names[:most])} and {len(names) - most} more"
+
+
+def _in_short(value: object) -> str:
+    """A value within a line: an array by its shape and range, a collection by its size, a result by its title."""
+    if isinstance(value, Summarised):
+        return value._summary().title
+    if isinstance(value, float):
+        return rounded(value, 6)
+    if isinstance(value, str):
+        return value.partition("\n")[0]
+    shape = getattr(value, "shape", None)
+    if shape:
+        return _array_in_short(value, shape)
+    if isinstance(value, Mapping):
+        return listed([f"{name} {_in_short(entry)}" for name, entry in value.items()]) or "none"
+    if isinstance(value, list | tuple):
+        return listed([_in_short(entry) for entry in value]) or "none"
+    return type(value).__name__ if is_dataclass(value) or callable(value) else str(value)
+
+
+def _array_in_short(values: Any, shape: tuple[int, ...]) -> str:
+    size = " x ".join(map(str, shape))
+    if not values.size:
+        return f"shape {size}"
+    if values.size <= _FEW_NUMBERS:
+        return f"[{', '.join(f'{each:.4g}' for each in values.ravel().tolist())}]"
+    if values.dtype.kind == "c":
+        return f"shape {size}, of magnitude {abs(values).min():.4g} to {abs(values).max():.4g}"
+    if values.dtype.kind not in "fiu":
+        return f"shape {size}"
+    return f"shape {size}, from {values.min():.4g} to {values.max():.4g}"
 
 
 def _is_numeric(cell: str) -> bool:

@@ -110,6 +110,12 @@ def test_a_run_folder_is_read_back(plain: Path, whole: Path) -> None:
     assert run.calibration is not None
     assert len(run.calibration.tests) == len(LEFT_OUT)
     assert run.plan is not None
+    for each in (run, run.draws, run.bands, run.profiles, run.plan):
+        text = repr(each)
+        assert len(text) < 2500
+        assert text.count("\n") < 30
+        assert each._repr_html_().startswith("<div")
+    assert run.plan.gains == run.plan.plan.gains
     text = repr(run)
     assert "fit, draws, profiles, bands, plan" in text
     assert text.count("\n") < 30
@@ -266,3 +272,11 @@ def test_the_forces_of_a_result_are_simulated_once(monkeypatch: pytest.MonkeyPat
     assert again.forces == ()
     for one, other in zip(shown, comparisons_of(again, tests), strict=True):
         np.testing.assert_array_equal(one.model_force, other.model_force)
+
+
+def test_the_journal_of_an_unfinished_run_is_said_to_be_one(tmp_path: Path) -> None:
+    (tmp_path / "demo.part").mkdir()
+    with pytest.raises(
+        RecordError, match="unfinished run; run the command that began it again with --resume"
+    ):
+        mr.load(tmp_path / "demo.part")

@@ -7,25 +7,29 @@ amplitude, the two differ by more than that.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError, SettingError
+from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]
 
 _FEWEST: Final = 16
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ModeEstimate:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class ModeEstimate(Summarised):
     """Natural frequency [Hz] and damping ratio of a mode, with their standard errors.
 
     `n_extremes` is the number of extremes that `logarithmic_decrement` used, zero for `fourier_peak`.
     """
+
+    _units: ClassVar[Mapping[str, str]] = {"frequency": "Hz", "frequency_error": "Hz"}
 
     method: Literal["fourier", "decrement"]
     frequency: float

@@ -12,6 +12,7 @@ from scipy.linalg import solve_continuous_lyapunov, svd
 from mrwork.buildings.matrices import Building, modes_of
 from mrwork.buildings.state_space import LinearSystem
 from mrwork.errors import SettingError
+from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]
 
@@ -52,8 +53,8 @@ def modal_truncation(building: Building, *, n_modes: int) -> Building:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class BalancedReduction:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class BalancedReduction(Summarised):
     """A reduced system, the Hankel singular values of the full system, shape (n,), and an error bound.
 
     `error_bound` limits the largest singular value of the difference of the frequency responses at any frequency.

@@ -15,6 +15,7 @@ from mrwork.buildings.matrix_files import read_matrices
 from mrwork.buildings.shear import numbered
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.records.damper_test import frozen
+from mrwork.summary import Summarised
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -22,8 +23,8 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinearSystem:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class LinearSystem(Summarised):
     """Continuous-time linear system `s' = A s + B u`, `y = C s + D u`. The arrays are stored as read-only copies.
 
     Parameters

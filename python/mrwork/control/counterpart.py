@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +13,7 @@ from mrwork.dampers.parameters import LawName, current_laws, polynomial_laws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.simulate import Loading, simulate_force
+from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]
 
@@ -28,13 +30,15 @@ _PER_CYCLE = 160
 _CYCLES = 2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StaticCounterpart:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class StaticCounterpart(Summarised):
     """A static hysteretic model with current laws, its parameters, and its agreement with the damper.
 
     `fit_percent` is 100 (1 - |F - F^| / |F - mean F|) over the cycles of the fit; 100 for a damper that is
     static hysteretic itself.
     """
+
+    _units: ClassVar[Mapping[str, str]] = {"fit_percent": "%"}
 
     spec: DamperSpec
     theta: tuple[float, ...]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,17 +15,20 @@ from mrwork.control.counterpart import needs_no_counterpart, static_counterpart
 from mrwork.control.plant import Plant, plant_of
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
+from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DesignProblem:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class DesignProblem(Summarised):
     """The building with its devices for which a law is designed.
 
     `sample_time` [s] is that of the loop. `amplitude` [m] and `velocity` [m/s] are the smallest and the largest ones
     expected of the dampers, if given.
     """
+
+    _units: ClassVar[Mapping[str, str]] = {"sample_time": "s"}
 
     building: Building
     devices: Sequence[Device]
@@ -70,8 +74,8 @@ class DesignProblem:
         return np.full(len(self.devices), number)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Design:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Design(Summarised):
     """Gains of a law by name, one number or one row over the state for each device; and its tables."""
 
     gains: Mapping[str, Floats] = field(default_factory=dict)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.errors import SettingError
+from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]
 
@@ -31,8 +32,8 @@ RULES = (
 _UNIVERSE = np.linspace(-0.25, 1.25, 1201)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FuzzyTable:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class FuzzyTable(Summarised):
     """Share of the largest command, shape (n, n): rows by deformation, columns by rate, each over [-1, 1].
 
     Inputs are divided by `deformation_scale` [m] and `rate_scale` [m/s] and clipped to [-1, 1]. Between the evenly

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +20,7 @@ from mrwork.control.inverse_samples import (
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.simulate import Loading, simulate_force
+from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]
 
@@ -31,8 +33,8 @@ _MAX_STEPS = 200
 _RIDGE = 1e-8
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class InverseNetwork:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class InverseNetwork(Summarised):
     """`command = output_scale clip(w2 tanh(W1 clip(inputs/input_scale, -1, 1) + b1) + b2, 0, 1)`.
 
     Inputs outside the training range are clipped to it.
@@ -54,6 +56,8 @@ class InverseNetwork:
         Root mean square error of the command on the test motion, as a share of the largest. It may be large although
         the fit is good: near rest the command hardly changes the force.
     """
+
+    _units: ClassVar[Mapping[str, str]] = {"sample_time": "s", "fit_percent": "%"}
 
     names: tuple[str, ...]
     W1: Floats

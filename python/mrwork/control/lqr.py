@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,12 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork.control.plant import Outputs, Plant, accelerations
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Regulator:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Regulator(Summarised):
     """The regulator that minimises `int s'Q s + 2 s'N f + f'R f dt` over the forces f of the devices.
 
     Parameters
@@ -35,6 +37,8 @@ class Regulator:
     residual
         Of the Riccati equation, relative to its terms.
     """
+
+    _units: ClassVar[Mapping[str, str]] = {"poles": "1/s", "control_weight": "1/N^2"}
 
     gain: Floats
     riccati: Floats
@@ -130,8 +134,8 @@ def _weight(name: str, given: ArrayLike, size: int) -> Floats:
     return 0.5 * (matrix + matrix.T)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PublishedRegulator:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class PublishedRegulator(Summarised):
     """Published weights of a regulator for a building of `n_floors`.
 
     `status` is "verified" if an independent simulation reproduced the results of the paper, "published" if the numbers

@@ -10,14 +10,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.control.plant import Plant
 from mrwork.errors import SettingError
+from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]
 
 _LARGEST_RESIDUAL = 1e-8
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LyapunovFunction:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class LyapunovFunction(Summarised):
     """`V = s'P s / 2` with `V' = -s'Q_P s / 2 + sigma f`, `sigma = vectors @ s`.
 
     Parameters

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import scipy.linalg
@@ -11,14 +13,15 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork.control.plant import Outputs, Plant
 from mrwork.control.riccati import solve_discrete
 from mrwork.errors import SettingError
+from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]
 
 _LARGEST_RESIDUAL = 1e-7
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Observer:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Observer(Summarised):
     """`x_{k+1} = Ad x_k + Bd f_k + L (y_k - C x_k - D f_k)`: x_k is the state predicted before y_k is measured.
 
     Parameters
@@ -34,6 +37,8 @@ class Observer:
     covariance
         Of the error of x_k for noise of the given intensities, shape (2n, 2n).
     """
+
+    _units: ClassVar[Mapping[str, str]] = {"sample_time": "s"}
 
     Ad: Floats
     Bd: Floats

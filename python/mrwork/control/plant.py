@@ -10,12 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.buildings.matrices import Building
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Plant:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Plant(Summarised):
     """`s' = A s + B f + E a_g` with s = [q; q'] and f the resisting force of each device.
 
     From `M q'' + C q' + K q = -e' f - M r a_g` follows `B = [0; -M^-1 e']`, `E = [0; -r]`: a positive force
@@ -136,8 +137,8 @@ def _scaling(A: Floats, energy: Floats) -> Floats:
     return np.asarray(np.linalg.inv(lower.T), dtype=np.float64)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Outputs:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Outputs(Summarised):
     """`y = C s + D f + G a_g`: names and rows, shapes (n_outputs, 2n), (n_outputs, n_devices), (n_outputs,).
 
     G is zero except for accelerations of a reduced building, whose floors do not follow the ground exactly.

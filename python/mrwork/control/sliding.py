@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,12 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError
+from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SlidingSurface:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class SlidingSurface(Summarised):
     """`sigma = S s`, scaled so that S B = 1: `sigma' = drift s + f + ground a_g`, and sigma is an impulse [N s].
 
     Parameters
@@ -30,14 +33,16 @@ class SlidingSurface:
         Poles of the motion on sigma = 0 [1/s], shape (2n - n_devices,).
     """
 
+    _units: ClassVar[Mapping[str, str]] = {"poles": "1/s", "ground": "kg"}
+
     S: Floats
     drift: Floats
     ground: Floats
     poles: NDArray[np.complex128]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SlidingGains:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class SlidingGains(Summarised):
     """Gains of the sliding mode laws for one surface, one number for each device, shape (n_devices,).
 
     Parameters

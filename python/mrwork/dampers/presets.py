@@ -6,9 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from mrwork.summary import Summarised
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PublishedSet:
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class PublishedSet(Summarised):
     """A published set: for each parameter its value, or the coefficients of a polynomial in the command.
 
     `status` is "verified" if an independent simulation reproduced the results of the paper, "published" if the numbers

@@ -154,8 +154,8 @@ class DamperSpec(Summarised):
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Preset:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Preset(Summarised):
     """A published set for simulation: the model with its current laws, and `theta` in the order of its parameters.
 
     See `PublishedSet` for `status`.
@@ -168,6 +168,17 @@ class Preset:
     status: Literal["verified", "published"]
     largest_command: float | None
     note: str
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"Preset {self.name} of {self.spec.name}, {self.status}: {self.source}",
+            columns=("parameter", "value", "unit"),
+            rows=[
+                (each.name, rounded(value, 6), each.unit)
+                for each, value in zip(self.spec.parameters, self.theta, strict=True)
+            ],
+            notes=(self.note,),
+        )
 
 
 def _preset(plain: DamperSpec, entry: PublishedSet) -> Preset:

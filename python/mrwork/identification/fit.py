@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,13 +48,15 @@ class ErrorNorms:
     velocity: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FitQuality:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class FitQuality(Summarised):
     """Error of a free-run simulation on one measured test, over the `n_time` samples that count.
 
     The first `settle_seconds` are simulated but not compared, see `DamperTest`. The `observation` model and the
     `nuisance` parameters were applied to the simulated force before the comparison.
     """
+
+    _units: ClassVar[Mapping[str, str]] = {"fit_percent": "%", "rmse_n": "N", "settle_seconds": "s"}
 
     test: str
     fit_percent: float
@@ -68,8 +71,8 @@ class FitQuality:
     nuisance: Nuisance = NONE
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SearchTrace:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class SearchTrace(Summarised):
     """One entry per generation: simulations so far, least and median misfit (NRMSE) of the population.
 
     For `Multistart` an entry is one iteration of all running local minimisations, and `ends` are their final misfits,

@@ -22,6 +22,7 @@ from mrwork.store.run_folder import (
     REPORT,
     write_folder,
 )
+from mrwork.store.unfinished import is_part
 
 _WRITTEN = ADDITIONS | {MANIFEST, FIT, JOURNAL, REPORT, FIGURES, RANKING, MODELS}
 
@@ -90,6 +91,10 @@ def read_fit(path: str | Path) -> Fit:
     if not place.is_dir():
         what = "is a file" if place.exists() else "does not exist"
         raise RecordError(f"{path} {what}; give the run folder that `mrwork identify --out` wrote")
+    if is_part(place):
+        raise RecordError(
+            f"{path} is the journal of an unfinished run; run the command that began it again with --resume"
+        )
     if not (place / MANIFEST).is_file():
         raise RecordError(
             f"{path} is not a run folder, it has no {MANIFEST}; "

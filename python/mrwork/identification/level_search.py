@@ -32,6 +32,7 @@ from mrwork.records.window import excerpt
 from mrwork.search import Optimiser, SearchResult
 from mrwork.search.loop import GenerationEvent
 from mrwork.simulate import loading_of
+from mrwork.summary import Summarised
 
 # Starting points of the joint fit.
 _JOINT_STARTS = 8
@@ -52,8 +53,8 @@ _EXPONENT = 5.0
 _MARGIN = 10.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LevelFit:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class LevelFit(Summarised):
     """Minima of the plain model at one command [A or V], shape (n_minima, n_plain), best first; the search, if any."""
 
     command: float

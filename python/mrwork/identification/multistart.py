@@ -20,6 +20,7 @@ from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.levenberg_marquardt import LocalMinima, find_minima
 from mrwork.identification.objective import Objective
 from mrwork.search.unit_cube import Streams, latin_hypercube
+from mrwork.summary import Summarised
 
 # A second minimum is fitted too if its misfit is larger by this share at most, and a unit coordinate differs by more
 # than `_DISTANT`.
@@ -62,8 +63,8 @@ class Multistart:
             raise SettingError(f"`closeness` lies between 0 and 1, got {self.closeness}")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MultistartResult:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class MultistartResult(Summarised):
     """Minima, best first, shape (n_minima, n_params), with their misfits (n_minima,), and why the search ended.
 
     The trace of the search has one entry per iteration: `evaluations` so far, `best` misfit so far, and `median` misfit

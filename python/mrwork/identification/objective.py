@@ -18,6 +18,7 @@ from mrwork.identification.residual import ObservedTest
 from mrwork.records import AS_IT_IS, DamperTest
 from mrwork.simulate import Misfits, Outcome, simulate_misfits
 from mrwork.store import Journal, digest_of
+from mrwork.summary import Summarised
 
 # Number of rows whose residuals are in memory at once where a misfit needs the whole history.
 _ROWS = 64
@@ -29,8 +30,8 @@ ROOT_MEAN_SQUARE = 2.0
 T = TypeVar("T")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Objective:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Objective(Summarised):
     """Free-run misfit of a model against one or several tests.
 
     The misfit is the power mean over tests of the NRMSE, (mean NRMSE^power)^(1/power). With power 2 all tests have the

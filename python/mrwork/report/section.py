@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from mrwork.report.numbers import fixed
 from mrwork.report.svg import inline_svg
+from mrwork.summary import Summarised
 
 Layout = Literal["columns", "small", "whole"]
 """Layout of figures: two in a row, four small ones in a row, or one at its natural width, scrolled sideways."""
@@ -19,8 +20,8 @@ NOTHING = fixed(None, 0)
 _PIXELS_PER_INCH = 78
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Panel:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Panel(Summarised):
     """One figure of the page with the lines above and below it, and its natural width [px]."""
 
     title: str

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from mrwork.errors import SettingError
 from mrwork.search.rules import EliteRule, StopRules, distinct_best, reason_of
 from mrwork.search.unit_cube import Streams
+from mrwork.summary import Summarised
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Proposal:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Proposal(Summarised):
     """One generation of the running replicates, to be simulated in one call.
 
     `population` (n_running, n_population, n_params) with `known` misfits (n_running, n_population). Only the `changed`
@@ -85,8 +86,8 @@ class Proposal:
 ScalarT = TypeVar("ScalarT", bound=np.generic)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Trace:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Trace(Summarised):
     """Progress, one entry per generation, each of shape (n_replicates, n_generations).
 
     Number of `evaluations` so far, `best` misfit so far, `median` misfit of the population (`inf` while half of it
@@ -98,8 +99,8 @@ class Trace:
     median: NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Course:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Course(Summarised):
     """Progress of `n` replicates, the part of the state that all optimisers share.
 
     `replicate` (n,) are the numbers of the replicates, which determine their random numbers together with the seed

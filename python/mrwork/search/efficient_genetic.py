@@ -33,10 +33,11 @@ from mrwork.search.course import Course, Proposal
 from mrwork.search.population import Ceiling, proposed, relative_fitness, with_generation
 from mrwork.search.rules import EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
+from mrwork.summary import Summarised
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class GAState:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class GAState(Summarised):
     """State of the efficient genetic algorithm.
 
     `population` (n_replicates, n_population, n_params) with `misfit` (n_replicates, n_population) is the last

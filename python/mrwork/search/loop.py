@@ -8,9 +8,9 @@ misfits from which it follows.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Generic, Protocol
+from typing import ClassVar, Generic, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,7 @@ from mrwork.search.result import ReplicatedSearch, SearchResult, SearchState, St
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store import Journal, digest_of
 from mrwork.store.codec import array_of, plain
+from mrwork.summary import Summarised
 
 Objective = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
@@ -66,8 +67,8 @@ class Optimiser(Protocol[StateT]):
         """State after the misfits of the proposal's rows, shape (n_ask,); `inf` marks a failed simulation."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class GenerationEvent(Generic[StateT]):
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class GenerationEvent(Summarised, Generic[StateT]):
     """Progress after one generation of all running replicates.
 
     `evaluations` is the sum over replicates; `best_misfit` and `best_unit` (n_params,) are those of the best replicate;
@@ -75,6 +76,8 @@ class GenerationEvent(Generic[StateT]):
     `seconds` is the time since this call of the loop began. `misfit` (n_ask,) are the accepted misfits, see
     `Proposal.accepted`, from which `tell` computed `state`.
     """
+
+    _units: ClassVar[Mapping[str, str]] = {"seconds": "s"}
 
     generation: int
     evaluations: int

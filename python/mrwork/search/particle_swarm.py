@@ -27,10 +27,11 @@ from mrwork.search.course import Course, Proposal, put
 from mrwork.search.population import proposed, with_better_members
 from mrwork.search.rules import EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
+from mrwork.summary import Summarised
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SwarmState:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class SwarmState(Summarised):
     """State of a swarm.
 
     `population` (n_replicates, n_population, n_params) are the personal bests of the particles with `misfit`

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from mrwork.search.course import Course, Proposal, put
 from mrwork.search.result import StateT
 from mrwork.search.rules import EliteRule, StopRules, check_ranges
+from mrwork.summary import Summarised
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PopulationState:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class PopulationState(Summarised):
     """A population and its misfits, (n_replicates, n_population, n_params) and (n_replicates, n_population).
 
     They are the last simulated generation, or the initial one with misfit `inf` at generation 0.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, NamedTuple, Protocol, TypeVar, get_type_hints
+from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,7 +75,7 @@ def state_from_arrays(kind: type[T], arrays: Mapping[str, NDArray[Any]]) -> T:
     """Undo `arrays_of`, bit for bit; `kind` is the class of the state."""
     hints = get_type_hints(kind)
     values: dict[str, Any] = {}
-    for name, hint in hints.items():
+    for name, hint in ((each.name, hints[each.name]) for each in dataclasses.fields(kind)):  # type: ignore[arg-type]
         if dataclasses.is_dataclass(hint):
             inner = {key.removeprefix(f"{name}."): each for key, each in arrays.items()}
             values[name] = state_from_arrays(hint, inner)  # type: ignore[arg-type] # a hint is a class here
@@ -138,9 +138,11 @@ class SearchResult(Summarised, Generic[StateT]):
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ReplicatedSearch(Generic[StateT]):
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class ReplicatedSearch(Summarised, Generic[StateT]):
     """Results of replicates that ran in one call, and the state from which all can be resumed."""
+
+    _units: ClassVar[Mapping[str, str]] = {"seconds": "s"}
 
     results: tuple[SearchResult[StateT], ...]
     seconds: float

@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.summary import Summarised
+
 
 def latin_hypercube(streams: Streams, count: int, n_params: int) -> NDArray[np.float64]:
     """One point per stratum of each gene, shape (n_replicates, count, n_params)."""
@@ -62,8 +64,8 @@ def others(uniform: NDArray[np.float64], size: int) -> NDArray[np.int64]:
 _UNIFORM, _NORMAL, _LIBRARY_SEED = range(3)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Streams:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Streams(Summarised):
     """Random streams of replicates with these numbers (n,) at these generations (n,), under one seed."""
 
     rng: int

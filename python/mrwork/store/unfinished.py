@@ -85,6 +85,11 @@ def part_of(path: str | Path) -> Path:
     return place.with_name(place.name + _SUFFIX)
 
 
+def is_part(path: Path) -> bool:
+    """Whether it is the folder of the journal of an unfinished run."""
+    return path.name.endswith(_SUFFIX) and path.is_dir()
+
+
 class StepJournals:
     """Journals of the steps of a comparison of models, such as `dahl/fit`.
 

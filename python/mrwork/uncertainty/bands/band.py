@@ -13,6 +13,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import DamperTest
+from mrwork.summary import Summarised
 from mrwork.uncertainty.noise import Noise
 
 BandKind = Literal["parameter", "prediction"]
@@ -20,8 +21,8 @@ BandKind = Literal["parameter", "prediction"]
 measurements need not lie in it. A prediction band is to contain the given share of measurements."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Band:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Band(Summarised):
     """Lower and upper limits, shape (n,), of nominal coverage `level`; `basis` is its origin in words."""
 
     kind: BandKind

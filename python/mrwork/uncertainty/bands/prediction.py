@@ -146,8 +146,8 @@ def has_regular_cycles(test: DamperTest) -> bool:
     return bool(np.ptp(lengths) <= 0.05 * lengths.mean() + 2 and np.ptp(strokes) <= 0.2 * strokes.mean())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LeftOut:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class LeftOut(Summarised):
     """Predictions of tests left out, in the order of the tests, and the fit of each fold.
 
     Where a fit cannot be simulated on a test, the prediction is missing and `failures` gives the reason.

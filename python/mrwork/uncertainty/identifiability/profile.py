@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.identification.fit import VERDICT_IN_WORDS, VerdictName
-from mrwork.summary import Summarised, Summary, rounded
+from mrwork.summary import Summarised, Summary, of_unit, rounded
 from mrwork.uncertainty.identifiability.curvature import Scaled
 from mrwork.uncertainty.identifiability.information import WEAK
 from mrwork.uncertainty.identifiability.walk import (
@@ -20,8 +20,8 @@ from mrwork.uncertainty.identifiability.walk import (
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Profile:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Profile(Summarised):
     """Least misfit with one parameter held, at increasing `values` in its `unit`.
 
     `ratio` is the likelihood ratio `dof ln(S/S_least)`; the interval ends where it reaches the threshold. An end that
@@ -41,6 +41,20 @@ class Profile:
     upper_end: End
     verdict: VerdictName
     reason: str
+
+    def _summary(self) -> Summary:
+        limits = ((self.lower, self.lower_end), (self.upper, self.upper_end))
+        ends = [of_unit(value, self.unit) if value is not None else f"open ({end})" for value, end in limits]
+        return Summary(
+            title=f"Profile of {self.name}: {VERDICT_IN_WORDS[self.verdict]}",
+            facts=(
+                ("estimate", of_unit(self.estimate, self.unit, 5)),
+                ("lower end", ends[0]),
+                ("upper end", ends[1]),
+                ("points", str(len(self.values))),
+            ),
+            notes=(self.reason,),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

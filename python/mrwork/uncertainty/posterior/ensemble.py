@@ -15,6 +15,8 @@ from emcee import EnsembleSampler, State
 from emcee.moves import Move
 from numpy.typing import NDArray
 
+from mrwork.summary import Summarised
+
 Array = NDArray[np.float64]
 # As returned by `numpy.random.RandomState.get_state`.
 RandomState = tuple[str, NDArray[np.uint32], int, int, float]
@@ -53,8 +55,8 @@ class PastDifferences(Move):  # type: ignore[misc] # a base class without types
         return self.update(state, State(tried, log_prob=densities), accepted), accepted
 
 
-@dataclass(slots=True, kw_only=True, eq=False)
-class Ensemble:
+@dataclass(slots=True, kw_only=True, eq=False, repr=False)
+class Ensemble(Summarised):
     """Chain of positions, shape (n_steps + 1, n_walkers, n_dim), and log densities, (n_steps + 1, n_walkers).
 
     The first row is the start. `at` holds the number of steps and the random state after them in one tuple, so that an

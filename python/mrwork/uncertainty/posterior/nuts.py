@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
 from mrwork.simulate import loading_of
+from mrwork.summary import Summarised
 from mrwork.twins._base import simulate
 from mrwork.uncertainty.noise import NOISES, names_in_words
 from mrwork.uncertainty.posterior.laplace import centre_and_root
@@ -71,8 +72,8 @@ def substeps_at(target: Target, theta: Any) -> tuple[int, ...]:
     return tuple(max(1, int(run.substeps[0])) for run in runs)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class NutsDraws:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class NutsDraws(Summarised):
     """Parameters and noise, shape (n_chains, n_draws, n_params + n_noise), and the number of divergent trajectories."""
 
     values: Array

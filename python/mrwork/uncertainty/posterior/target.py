@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import Form
 from mrwork.identification.objective import Objective
+from mrwork.summary import Summarised
 from mrwork.uncertainty.autocorrelation import effective_samples
 from mrwork.uncertainty.noise import Noise
 from mrwork.uncertainty.posterior.prior import Prior
@@ -24,14 +25,16 @@ Tempering = Literal["effective"] | float
 _ROWS = 64
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Target:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class Target(Summarised):
     """Log posterior density of positions of a `space`, up to a constant.
 
     Residuals are those of a free run, in units of the standard deviation of each test's force, `deviations` [N].
     Observation models and nuisance parameters act as in the fit; the latter take their least-squares values for each
     candidate. `temper` multiplies the log-likelihood.
     """
+
+    _units: ClassVar[Mapping[str, str]] = {"deviations": "N"}
 
     form: Form
     objective: Objective
