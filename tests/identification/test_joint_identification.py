@@ -133,7 +133,7 @@ def test_nuisance_parameters_of_rows_are_those_of_each_alone() -> None:
         np.testing.assert_allclose(residual, expected, rtol=0, atol=1e-9 * np.max(np.abs(measured)))
 
 
-def test_misfit_and_residuals_agree_whatever_is_observed(tests: tuple[DamperTest, ...]) -> None:
+def test_misfit_and_residuals_agree_for_every_observation_model(tests: tuple[DamperTest, ...]) -> None:
     rng = np.random.default_rng(5)
     theta = TRUTH * rng.uniform(0.9, 1.1, (70, TRUTH.size))
     observed = tuple(replace(test, observation=Observation(average_seconds=0.03)) for test in tests)

@@ -70,7 +70,7 @@ def test_within_one_standard_error_the_simpler_is_chosen() -> None:
     }
 
 
-def test_a_family_that_is_better_everywhere_is_chosen_whatever_its_size() -> None:
+def test_a_family_that_is_better_everywhere_is_chosen_at_any_size() -> None:
     found = verdicts(family("small", 4, TESTS), family("large", 9, TESTS - 0.02))
     assert found == {"large": "chosen", "small": "behind"}
 

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.dampers.parameters import LawName, current_laws, polynomial_laws
+from mrwork.dampers.parameters import LawName, current_laws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.simulate import Loading, simulate_force
@@ -17,11 +17,10 @@ from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]
 
-# Model of a counterpart, which the core evaluates in the laws.
+# Model of a counterpart, and the published set whose current laws it has. The name is compared because the laws of the
+# core are written for the equation of this model; other static models have other equations.
 _COUNTERPART_MODEL = "static_hysteretic"
-
-# Powers of the command in each parameter, those of Kwok et al. (2006) for the RD-1005-3.
-_DEGREES = {"c": 1, "k": 1, "alpha": 2, "beta": 0, "delta": 1, "x_s": 0, "f0": 1}
+_COUNTERPART_SET = "kwok2006"
 
 _N_COMMANDS = 7
 _N_MOTIONS = 3  # number of amplitudes, and of peak velocities at each
@@ -114,8 +113,9 @@ def static_counterpart(
     if not 0.0 < largest_command < np.inf:
         raise SettingError(f"`largest_command` is {largest_command}; give a positive number")
     cycles = _simulated(spec, values, largest_command, amplitude, velocity)
-    laws: dict[str, LawName] = {name: polynomial_laws()[degree] for name, degree in _DEGREES.items()}
-    fitted_spec = damper(_COUNTERPART_MODEL).with_current_laws(laws, unit=spec.current.unit)
+    model = damper(_COUNTERPART_MODEL)
+    laws = dict(zip(model.names, _counterpart_laws(), strict=True))
+    fitted_spec = model.with_current_laws(laws, unit=spec.current.unit)
     fitted = _fitted(fitted_spec, cycles, largest_command)
     return StaticCounterpart(
         spec=fitted_spec, theta=fitted, fit_percent=_fit_percent(fitted_spec, fitted, cycles)
@@ -131,11 +131,17 @@ def needs_no_counterpart(spec: DamperSpec) -> bool:
     """Whether a damper is static hysteretic, with laws of no higher degree than a counterpart's."""
     if spec.current is None or not is_curve(spec):
         return False
-    degrees = (current_laws()[law].degree for law in spec.current.laws)
     return all(
-        degree is not None and degree <= _DEGREES[each.name]
-        for degree, each in zip(degrees, spec.plain, strict=True)
+        law == highest or current_laws()[law].is_special_case_of(current_laws()[highest])
+        for law, highest in zip(spec.current.laws, _counterpart_laws(), strict=True)
     )
+
+
+def _counterpart_laws() -> tuple[LawName, ...]:
+    """Current law of each parameter of a counterpart, those of Kwok et al. (2006) for the RD-1005-3."""
+    published = damper(_COUNTERPART_MODEL).preset(_COUNTERPART_SET).spec.current
+    assert published is not None
+    return published.laws
 
 
 def _simulated(
