@@ -58,10 +58,10 @@ def test_the_best_of_each_column_is_bold_and_the_reference_never_is() -> None:
 
 def test_a_building_without_dampers_shows_no_force() -> None:
     table = value_table(study_samples.results(), 0)
-    assert table.rows[0][table.columns.index("force (kN)")] == "–"
-    assert table.rows[1][table.columns.index("force (kN)")] != "–"
+    assert table.rows[0][table.columns.index("Force (kN)")] == "–"
+    assert table.rows[1][table.columns.index("Force (kN)")] != "–"
     # Isolators are no dampers with a command.
-    assert table.rows[2][table.columns.index("force (kN)")] == "–"
+    assert table.rows[2][table.columns.index("Force (kN)")] == "–"
 
 
 def test_a_check_of_the_step_has_its_table(page: str) -> None:
@@ -114,3 +114,9 @@ def test_the_page_fits_its_window_without_complaint(
     tab.open(path, width=width)
     assert tab.ask("document.documentElement.scrollWidth") <= width
     assert tab.complaints == []
+
+
+def test_headings_of_tables_are_capitalised() -> None:
+    results = study_samples.results()
+    for table in (overview_table(results), ratio_table(results, 0), value_table(results, 0)):
+        assert all(heading[0].isupper() for heading in table.columns if heading)

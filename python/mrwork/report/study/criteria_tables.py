@@ -17,20 +17,20 @@ from mrwork.study.study import Kind
 _MILLIMETRE, _KILONEWTON = ("mm", 1e3), ("kN", 1e-3)
 _ACCELERATION = ("m/s²", 1.0)
 _VALUES = (
-    ("peak_drift", "drift", *_MILLIMETRE),
-    ("peak_acceleration", "acceleration", *_ACCELERATION),
-    ("peak_base_shear", "base shear", *_KILONEWTON),
+    ("peak_drift", "Drift", *_MILLIMETRE),
+    ("peak_acceleration", "Acceleration", *_ACCELERATION),
+    ("peak_base_shear", "Base shear", *_KILONEWTON),
     ("rms_drift", "RMS drift", *_MILLIMETRE),
     ("rms_acceleration", "RMS acc.", *_ACCELERATION),
-    ("peak_force", "force", *_KILONEWTON),
-    ("peak_stroke", "stroke", *_MILLIMETRE),
+    ("peak_force", "Force", *_KILONEWTON),
+    ("peak_stroke", "Stroke", *_MILLIMETRE),
     ("rms_current", "RMS", "", 1.0),
 )
 _RATIOS = ("peak_drift", "peak_acceleration", "peak_base_shear", "rms_drift", "rms_acceleration")
 _NARROW = {
-    "peak_drift": "drift",
-    "peak_acceleration": "acc.",
-    "peak_base_shear": "shear",
+    "peak_drift": "Drift",
+    "peak_acceleration": "Acc.",
+    "peak_base_shear": "Shear",
     "rms_drift": "RMS drift",
     "rms_acceleration": "RMS acc.",
 }
@@ -53,7 +53,7 @@ def overview_table(results: StudyResults) -> Table:
         results,
         columns,
         label="Score and mean ratios over all motions",
-        first=("score",),
+        first=("Score",),
         note="The score is our own: the mean over the motions of peak and RMS drift and acceleration, each over "
         "its value at i = 0. Ratios are means over the motions. The best of each column is bold, the building without "
         "dampers excluded.",

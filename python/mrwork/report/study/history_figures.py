@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
 from mrwork.report import style
-from mrwork.report.canvas import column_axes, finish, name_small_axes, small_axes
+from mrwork.report.canvas import column_axes, finish, name_small_axes, plain_ticks, small_axes
 from mrwork.report.study.figures import Stroke
 from mrwork.report.style import DisplayUnit
 from mrwork.study.run_result import RunHistory
@@ -74,7 +75,8 @@ def command_figure(history: RunHistory, device: int, unit: str, largest: float, 
     time, current = envelope(history.time[part], history.current[part, device], _SMALL_BINS)
     axes.plot(time, current, color=stroke.colour, linewidth=0.7)
     axes.set_ylim(-0.04 * largest, 1.06 * largest)
-    axes.set_yticks([0.0, largest / 2.0, largest], ["0", f"{largest / 2.0:.3g}", f"{largest:.3g}"])
+    axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=[1, 2, 5, 10]))
+    plain_ticks(axes, 3, "y")
     name_small_axes(axes, f"{'Current' if unit == 'A' else 'Voltage'} ({unit})", "Time (s)")
     return figure
 

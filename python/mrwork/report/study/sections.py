@@ -78,7 +78,7 @@ def motion_section(results: StudyResults) -> Section:
             Group(
                 table=Table(
                     label="Ground motions",
-                    columns=("", "peak (m/s²)", "duration (s)", "source", "changes"),
+                    columns=("", "Peak (m/s²)", "Duration (s)", "Source", "Changes"),
                     rows=tuple(
                         (
                             motion.name,
@@ -114,7 +114,7 @@ def _balance_table(results: StudyResults) -> Table:
         )
     return Table(
         label="Balance of energy",
-        columns=("", "dissipated by dampers (%)", "largest error of balance", "most steps per sample"),
+        columns=("", "Dissipated by dampers (%)", "Largest error of balance", "Most steps per sample"),
         rows=tuple(rows),
         note="Input = kinetic + strain + structural damping + dampers, integrated with the same stages as the motion. "
         "The error is the imbalance over the largest energy, the largest of all motions.",
@@ -149,7 +149,7 @@ def step_section(results: StudyResults) -> Section | None:
             Group(
                 table=Table(
                     label="Largest change of a criterion with half the step",
-                    columns=("", "largest change", "criterion, motion"),
+                    columns=("", "Largest change", "Criterion, motion"),
                     rows=tuple(
                         (
                             results.rows[each.row].label,
