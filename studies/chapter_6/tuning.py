@@ -146,6 +146,6 @@ def _law(name: str, designs: Sequence[Design], device: Device) -> ControlLaw:
         for gain in control_law(name).gains
     }
     curve = None
-    if control_law(name).wants_curve:
+    if control_law(name).needs_curve:
         curve = DesignProblem(building=FRAME, devices=(device,), sample_time=1e-3).curve
     return ControlLaw(name=name, gains=gains, tables=designs[0].tables, curve=curve)

@@ -315,7 +315,7 @@ def test_gains_of_the_wrong_shape_are_refused(spec: ControlLawSpec) -> None:
         simulate_loop(five_storeys(), loop, replace(law, gains={**law.gains, "more": 1.0}), [SHORT])
 
 
-@pytest.mark.parametrize("spec", [spec for spec in control_laws() if spec.wants_curve], ids=name_of)
+@pytest.mark.parametrize("spec", [spec for spec in control_laws() if spec.needs_curve], ids=name_of)
 def test_a_law_without_its_curve_is_refused(spec: ControlLawSpec) -> None:
     loop = devices(rd1005())
     with pytest.raises(SettingError, match="give the law a `curve`"):

@@ -136,7 +136,7 @@ def law_with_gains(name: str, plant: Plant, *, strength: float = 1.0) -> Control
         "fuzzy": {"shares": strength * _shares()},
         "inverse_network": _network(strength),
     }
-    curve = rd1005() if control_law(name).wants_curve else None
+    curve = rd1005() if control_law(name).needs_curve else None
     return ControlLaw(name=name, gains=gains[name], tables=tables.get(name, {}), curve=curve)
 
 

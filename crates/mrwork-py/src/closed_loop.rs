@@ -107,7 +107,7 @@ fn law_dict<'py>(py: Python<'py>, spec: &LawSpec) -> PyResult<Bound<'py, PyDict>
     entry.set_item("description", spec.description)?;
     entry.set_item("source", spec.source)?;
     entry.set_item("tables", spec.tables.to_vec())?;
-    entry.set_item("wants_curve", spec.wants_curve)?;
+    entry.set_item("needs_curve", spec.needs_curve)?;
     let gains = spec.gains.iter().map(|gain| {
         let entry = PyDict::new(py);
         entry.set_item("name", gain.name)?;

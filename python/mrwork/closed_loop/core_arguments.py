@@ -102,7 +102,7 @@ def curve_of(law: ControlLaw) -> tuple[Laws, Floats] | None:
         If it needs one and none is given, or one that is not static hysteretic with current laws.
     """
     if law.curve is None:
-        if law.spec.wants_curve:
+        if law.spec.needs_curve:
             raise SettingError(
                 f"{law.name} needs the force as a function of the command; give it a `curve`: a static_hysteretic with "
                 f"current laws, of the damper itself or of its static counterpart"

@@ -86,5 +86,5 @@ def design_law(
             f"the settings are {type(settings).__name__}; {name} takes {SETTINGS[name].__name__}"
         )
     design = settings.design(problem)
-    curve = problem.curve if spec.wants_curve else None
+    curve = problem.curve if spec.needs_curve else None
     return ControlLaw(name=name, gains=design.gains, tables=design.tables, curve=curve)

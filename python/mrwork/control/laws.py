@@ -36,7 +36,7 @@ class GainSpec:
 class ControlLawSpec:
     """A law: its formula, source, gains and tables.
 
-    `tables` are arrays that all candidates share. A law that `wants_curve` evaluates the damper force as a function of
+    `tables` are arrays that all candidates share. A law that `needs_curve` evaluates the damper force as a function of
     the command, by a static hysteretic model of the damper. A law that `commands_force` drives ideal actuators.
     """
 
@@ -47,7 +47,7 @@ class ControlLawSpec:
     source: str
     gains: tuple[GainSpec, ...]
     tables: tuple[str, ...]
-    wants_curve: bool
+    needs_curve: bool
     commands_force: bool
 
 

@@ -42,7 +42,7 @@ impl Batch<'_> {
             });
         }
         self.law.check_tables(self.tables)?;
-        if spec.wants_curve && self.curve.is_none() {
+        if spec.needs_curve && self.curve.is_none() {
             return Err(DynamicsError::NoCurve(spec.name));
         }
         if let Some(device) =

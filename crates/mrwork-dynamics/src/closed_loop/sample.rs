@@ -52,7 +52,7 @@ impl<R: Lanes> Controller<R> {
             unknown = R::select(column.equal(column), unknown, column);
         }
         let largest: Vec<f64> = ranges.iter().map(|&[_, largest]| largest).collect();
-        let curves = match (law.spec().wants_curve, &batch.curve) {
+        let curves = match (law.spec().needs_curve, &batch.curve) {
             (true, Some(model)) => {
                 largest.iter().zip(mountings).map(|(&largest, &place)| model.curve(largest, place)).collect()
             }

@@ -4,7 +4,7 @@ use super::clipped_optimal::GAIN;
 use super::{ControlLaw, Gains, LawSpec, Measurement};
 use crate::lanes::Lanes;
 
-/// The wanted force itself, for a device that can give any force.
+/// The desired force itself, for a device that can give any force.
 pub struct Active;
 
 impl ControlLaw for Active {
@@ -12,13 +12,13 @@ impl ControlLaw for Active {
         name: "active",
         title: "Ideal active force",
         equation: "f = f_c = -K s",
-        description: "The bound that semi-active laws chase: the command is a force in newtons, for the device \
-                      `ideal_actuator`, which may also push energy into the building.",
+        description: "The bound of every semi-active law: the command is a force in newtons, for the device \
+                      `ideal_actuator`, which may also add energy to the building.",
         source: "linear quadratic regulator",
         gains: &[GAIN],
         tables: &[],
         memory: 0,
-        wants_curve: false,
+        needs_curve: false,
     };
 
     #[inline(always)]

@@ -8,13 +8,13 @@ pub(super) const GAIN: GainSpec = GainSpec {
     name: "gain",
     unit: "N",
     shape: Shape::State,
-    description: "K of the wanted resisting force f_c = -K s",
+    description: "K of the desired resisting force f_c = -K s",
 };
 const FULL_FORCE: GainSpec = GainSpec {
     name: "full_force",
     unit: "N",
     shape: Shape::Device,
-    description: "wanted force at which the largest command is sent",
+    description: "desired force at which the command is the largest",
 };
 
 /// Zero or the largest command.
@@ -25,13 +25,14 @@ impl ControlLaw for ClippedOptimal {
         name: "clipped_optimal",
         title: "Clipped-optimal",
         equation: "i = i_max H((f_c - f) f), f_c = -K s",
-        description: "Full command where the damper resists in the wanted direction and less than wanted. Wants the \
-                      force measured. Switches at every sample, so results hold for the stated sample time.",
+        description: "Full command where the damper force has the direction of the desired force and is smaller. \
+                      Needs the measured force. It may switch at every sample, so results hold for the stated \
+                      sample time.",
         source: "Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575",
         gains: &[GAIN],
         tables: &[],
         memory: 0,
-        wants_curve: false,
+        needs_curve: false,
     };
 
     #[inline(always)]
@@ -42,19 +43,19 @@ impl ControlLaw for ClippedOptimal {
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {
-            let wanted = -gains.of_state(0, device, measured);
-            *command = clipped(wanted, measured.force[device], R::splat(measured.largest[device]));
+            let desired = -gains.of_state(0, device, measured);
+            *command = clipped(desired, measured.force[device], R::splat(measured.largest[device]));
         }
     }
 }
 
-/// `command` if the damper resists in the wanted direction and less than wanted, else zero.
+/// `command` if the damper resists in the desired direction and less than desired, else zero.
 #[inline(always)]
-pub(super) fn clipped<R: Real>(wanted: R, force: R, command: R) -> R {
-    where_positive((wanted - force) * force, command)
+pub(super) fn clipped<R: Real>(desired: R, force: R, command: R) -> R {
+    where_positive((desired - force) * force, command)
 }
 
-/// Command in proportion to the wanted force.
+/// Command in proportion to the desired force.
 pub struct ModifiedClippedOptimal;
 
 impl ControlLaw for ModifiedClippedOptimal {
@@ -62,12 +63,12 @@ impl ControlLaw for ModifiedClippedOptimal {
         name: "modified_clipped_optimal",
         title: "Modified clipped-optimal",
         equation: "i = i_max min(|f_c|/f_full, 1) H((f_c - f) f), f_c = -K s",
-        description: "The clipped-optimal law with a command in proportion to the wanted force.",
+        description: "The clipped-optimal law with a command in proportion to the desired force.",
         source: "Yoshida, Dyke, J. Eng. Mech. 130(4), 2004",
         gains: &[GAIN, FULL_FORCE],
         tables: &[],
         memory: 0,
-        wants_curve: false,
+        needs_curve: false,
     };
 
     #[inline(always)]
@@ -78,9 +79,9 @@ impl ControlLaw for ModifiedClippedOptimal {
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {
-            let wanted = -gains.of_state(0, device, measured);
-            let share = (wanted.abs() / gains.of_device(1, device)).min(R::splat(1.0));
-            *command = clipped(wanted, measured.force[device], share * R::splat(measured.largest[device]));
+            let desired = -gains.of_state(0, device, measured);
+            let share = (desired.abs() / gains.of_device(1, device)).min(R::splat(1.0));
+            *command = clipped(desired, measured.force[device], share * R::splat(measured.largest[device]));
         }
     }
 }
@@ -96,13 +97,13 @@ impl ControlLaw for ProportionalClippedOptimal {
         name: "proportional_clipped_optimal",
         title: "Proportional clipped-optimal",
         equation: "i = i_max min(|f_c - f|/(0.1 f_full), 1) H((f_c - f) f), f_c = -K s",
-        description: "The clipped-optimal law with a command in proportion to the force that is missing: smooth where \
-                      the damper follows.",
+        description: "The clipped-optimal law with a command in proportion to the difference between desired and \
+                      measured force; smooth where the damper follows.",
         source: "our definition",
         gains: &[GAIN, FULL_FORCE],
         tables: &[],
         memory: 0,
-        wants_curve: false,
+        needs_curve: false,
     };
 
     #[inline(always)]
@@ -113,10 +114,10 @@ impl ControlLaw for ProportionalClippedOptimal {
         command: &mut [R],
     ) {
         for (device, command) in command.iter_mut().enumerate() {
-            let wanted = -gains.of_state(0, device, measured);
-            let missing = (wanted - measured.force[device]).abs();
+            let desired = -gains.of_state(0, device, measured);
+            let missing = (desired - measured.force[device]).abs();
             let share = (missing / (R::splat(BAND) * gains.of_device(1, device))).min(R::splat(1.0));
-            *command = clipped(wanted, measured.force[device], share * R::splat(measured.largest[device]));
+            *command = clipped(desired, measured.force[device], share * R::splat(measured.largest[device]));
         }
     }
 }

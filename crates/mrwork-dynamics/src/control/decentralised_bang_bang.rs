@@ -11,13 +11,14 @@ impl ControlLaw for DecentralisedBangBang {
         name: "decentralised_bang_bang",
         title: "Decentralised bang-bang",
         equation: "i = i_max H((e q' + e r v_g) f)",
-        description: "Full command where the force brakes the absolute motion of the floors that the device holds on \
-                      to. Each device needs its own motion and force, and that of the ground where it stands on it.",
+        description: "Full command where the force opposes the absolute motion of the floors to which the device \
+                      is attached. Each device needs its own motion and force, and the motion of the ground if \
+                      it is attached to it.",
         source: "Jansen, Dyke, J. Eng. Mech. 126(8), 2000, 795-803",
         gains: &[],
         tables: &[],
         memory: 0,
-        wants_curve: false,
+        needs_curve: false,
     };
 
     #[inline(always)]

@@ -17,13 +17,13 @@ impl ControlLaw for LyapunovDirect {
         name: "lyapunov_direct",
         title: "Lyapunov, current directly",
         equation: "i = argmin over [0, i_max] of sigma f(i), sigma = s'P B, f(i) = F0 + G i + H i^2",
-        description: "The best of 0, i_max and -G/(2H) where it lies between. Needs no measured force, but a model of \
-                      the damper.",
+        description: "The best of 0, i_max and, if it lies between them, -G/(2H). Needs a model of the damper \
+                      instead of the measured force.",
         source: THESIS,
         gains: &[WEIGHT],
         tables: &[],
         memory: 0,
-        wants_curve: true,
+        needs_curve: true,
     };
 
     #[inline(always)]
@@ -62,12 +62,12 @@ impl ControlLaw for LyapunovDirectBangBang {
         name: "lyapunov_direct_bang_bang",
         title: "Lyapunov, current directly, on or off",
         equation: "i = i_max H(-sigma G), sigma = s'P B",
-        description: "Full current where more of it makes V = s'Ps/2 fall faster.",
+        description: "Full current where a larger current makes V = s'Ps/2 fall faster.",
         source: THESIS,
         gains: &[WEIGHT],
         tables: &[],
         memory: 0,
-        wants_curve: true,
+        needs_curve: true,
     };
 
     #[inline(always)]
@@ -93,8 +93,8 @@ impl ControlLaw for ProportionalDirect {
         name: "proportional_direct",
         title: "Direct current, proportional",
         equation: "i = sat(-kappa sigma G), sigma = s'P B",
-        description: "Smooth. With P of a Lyapunov equation the thesis' first controller, with that of a Riccati \
-                      equation and kappa = 1/R its second.",
+        description: "Smooth. With P of a Lyapunov equation it is the first controller of the thesis, with P of \
+                      a Riccati equation and kappa = 1/R the second.",
         source: THESIS,
         gains: &[
             WEIGHT,
@@ -107,7 +107,7 @@ impl ControlLaw for ProportionalDirect {
         ],
         tables: &[],
         memory: 0,
-        wants_curve: true,
+        needs_curve: true,
     };
 
     #[inline(always)]
@@ -125,7 +125,7 @@ impl ControlLaw for ProportionalDirect {
     }
 }
 
-/// The current at which the damper gives the wanted force.
+/// The current at which the damper gives the desired force.
 pub struct InverseDirect;
 
 impl ControlLaw for InverseDirect {
@@ -133,13 +133,13 @@ impl ControlLaw for InverseDirect {
         name: "inverse_direct",
         title: "Linear regulator, damper inverted",
         equation: "H i^2 + G i + F0 = f_c, f_c = -K s; where no root lies in [0, i_max], the end point nearest in force",
-        description: "The damper gives the wanted force wherever it can. Exact where the force is a parabola in the \
-                      current, as in the static model.",
+        description: "The current at which the damper exerts the desired force, as far as it can. Exact where \
+                      the force is a parabola in the current, and an approximation otherwise.",
         source: THESIS,
         gains: &[GAIN],
         tables: &[],
         memory: 0,
-        wants_curve: true,
+        needs_curve: true,
     };
 
     #[inline(always)]
@@ -151,10 +151,10 @@ impl ControlLaw for InverseDirect {
     ) {
         let (zero, two) = (R::splat(0.0), R::splat(2.0));
         for (device, command) in command.iter_mut().enumerate() {
-            let wanted = -gains.of_state(0, device, measured);
+            let desired = -gains.of_state(0, device, measured);
             let [offset, slope, bend] = measured.parabola(device);
             let largest = R::splat(measured.largest[device]);
-            let missing = offset - wanted;
+            let missing = offset - desired;
             let at_largest = largest.mul_add(bend.mul_add(largest, slope), missing);
             let nearest = R::select(at_largest.abs().less(missing.abs()), largest, zero);
             // The root on the branch through i = 0, in the form that stays finite for a straight line.

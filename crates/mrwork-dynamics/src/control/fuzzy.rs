@@ -12,8 +12,8 @@ impl ControlLaw for Fuzzy {
         name: "fuzzy",
         title: "Fuzzy",
         equation: "i = i_max T(d/d_s, d'/v_s)",
-        description: "A Mamdani rule base, worked out beforehand on a square grid over -1 to 1 in both inputs and \
-                      interpolated bilinearly. Here as a comparison.",
+        description: "A Mamdani rule base, evaluated beforehand on a square grid over -1 to 1 in both inputs and \
+                      interpolated bilinearly. Included for comparison.",
         source: "our definition",
         gains: &[
             GainSpec {
@@ -31,7 +31,7 @@ impl ControlLaw for Fuzzy {
         ],
         tables: &["shares"],
         memory: 0,
-        wants_curve: false,
+        needs_curve: false,
     };
 
     #[inline(always)]

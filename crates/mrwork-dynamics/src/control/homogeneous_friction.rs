@@ -3,7 +3,7 @@
 use super::{ControlLaw, GainSpec, Gains, LawSpec, Measurement, Shape, where_positive};
 use crate::lanes::Lanes;
 
-/// On while the force is below the friction wanted at the last peak.
+/// On while the force is below the friction desired at the last peak.
 pub struct ModulatedHomogeneousFriction;
 
 impl ControlLaw for ModulatedHomogeneousFriction {
@@ -11,18 +11,19 @@ impl ControlLaw for ModulatedHomogeneousFriction {
         name: "modulated_homogeneous_friction",
         title: "Modulated homogeneous friction",
         equation: "i = i_max H(g |d_p| - |f|), d_p the deformation at its last peak",
-        description: "A friction that grows with the motion, so that the damping ratio does not depend on it. A peak \
-                      is where the rate changes sign between two samples.",
+        description: "A friction force in proportion to the last peak of the deformation, so that the damping \
+                      ratio does not depend on the amplitude. A peak is where the rate changes sign between two \
+                      samples.",
         source: "Inaudi, Earthquake Eng. Struct. Dyn. 26(3), 1997, 361-376",
         gains: &[GainSpec {
             name: "slope",
             unit: "N/m",
             shape: Shape::Device,
-            description: "g, wanted friction force per deformation at the last peak",
+            description: "g, desired friction force per deformation at the last peak",
         }],
         tables: &[],
         memory: 3,
-        wants_curve: false,
+        needs_curve: false,
     };
 
     #[inline(always)]

@@ -1,4 +1,4 @@
-//! The inverse of the damper as a small neural network: command as a function of motion and wanted force.
+//! The inverse of the damper as a small neural network: command as a function of motion and desired force.
 
 use super::clipped_optimal::GAIN;
 use super::{ControlLaw, Gains, LawSpec, Measurement, within};
@@ -9,23 +9,23 @@ use crate::lanes::Lanes;
 /// One hidden layer of hyperbolic tangents.
 pub struct InverseNetwork;
 
-/// Deformation, rate, wanted force.
+/// Deformation, rate, desired force.
 const SIGNALS: usize = 3;
 
 impl ControlLaw for InverseNetwork {
     const SPEC: LawSpec = LawSpec {
         name: "inverse_network",
         title: "Linear regulator, network as inverse",
-        equation: "i = w2' tanh(W1 c + b1) + b2, c = (d, d', f_c, and the same a sample before), each within what the \
-                   network was trained on; f_c = -K s",
-        description: "The inverse model as the literature has it. `layer` has a row for each hidden unit: its bias, the \
+        equation: "i = w2' tanh(W1 c + b1) + b2, c = (d, d', f_c, and the same a sample before), each within the range of \
+                   its training; f_c = -K s",
+        description: "The inverse model of the literature. `layer` has a row for each hidden unit: its bias, the \
                       weights of its inputs in SI units, its weight in the output; `output` is b2; `reach` the largest \
                       magnitude of each input. With three inputs the previous sample is left out.",
         source: "after Chang, Zhou, J. Struct. Eng. 128(2), 2002; form our own",
         gains: &[GAIN],
         tables: &["layer", "output", "reach"],
         memory: SIGNALS,
-        wants_curve: false,
+        needs_curve: false,
     };
 
     #[inline(always)]
@@ -40,8 +40,8 @@ impl ControlLaw for InverseNetwork {
         for (device, (command, before)) in
             command.iter_mut().zip(memory.chunks_exact_mut(SIGNALS)).enumerate()
         {
-            let wanted = -gains.of_state(0, device, measured);
-            let now = [measured.deformation[device], measured.rate[device], wanted];
+            let desired = -gains.of_state(0, device, measured);
+            let now = [measured.deformation[device], measured.rate[device], desired];
             let mut sum = R::splat(output.iter().sum());
             for unit in layer.chunks_exact(n_inputs + 2) {
                 let mut inner = R::splat(unit[0]);

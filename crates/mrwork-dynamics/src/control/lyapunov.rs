@@ -7,7 +7,7 @@ pub(super) const WEIGHT: GainSpec = GainSpec {
     name: "weight",
     unit: "1/s per N, times any factor",
     shape: Shape::State,
-    description: "P B of each device: sigma = s'P B is by how much V' grows with the force",
+    description: "P B of each device: sigma = s'P B is the derivative of V' with respect to the force",
 };
 
 /// On or off by the sign of sigma f.
@@ -18,12 +18,12 @@ impl ControlLaw for Lyapunov {
         name: "lyapunov",
         title: "Lyapunov",
         equation: "i = i_max H(-sigma f), sigma = s'P B, A'P + P A = -Q",
-        description: "Full command where the damper's force lowers V = s'Ps/2. Wants the force measured.",
+        description: "Full command where the damper force reduces V = s'Ps/2. Needs the measured force.",
         source: "Jansen, Dyke, J. Eng. Mech. 126(8), 2000, 795-803",
         gains: &[WEIGHT],
         tables: &[],
         memory: 0,
-        wants_curve: false,
+        needs_curve: false,
     };
 
     #[inline(always)]

@@ -11,13 +11,13 @@ impl ControlLaw for MaximumEnergyDissipation {
         name: "maximum_energy_dissipation",
         title: "Maximum energy dissipation",
         equation: "i = i_max H(e q' f)",
-        description: "Full command while the device takes energy out. A damper nearly always does, so it comes close \
-                      to passive-on.",
+        description: "Full command while the device dissipates energy. A damper nearly always does, so the law \
+                      is close to passive-on.",
         source: "Jansen, Dyke, J. Eng. Mech. 126(8), 2000, 795-803",
         gains: &[],
         tables: &[],
         memory: 0,
-        wants_curve: false,
+        needs_curve: false,
     };
 
     #[inline(always)]

@@ -86,7 +86,7 @@ pub struct LawSpec {
     /// Numbers per device that it keeps from sample to sample.
     pub memory: usize,
     /// Whether it needs the damper force as a function of the command.
-    pub wants_curve: bool,
+    pub needs_curve: bool,
 }
 
 impl LawSpec {

@@ -11,18 +11,18 @@ impl ControlLaw for Passive {
         name: "passive",
         title: "Constant command",
         equation: "i = i_0",
-        description: "Passive-off where it is zero, passive-on at its largest. The best constant command is the \
-                      baseline that a semi-active law has to beat.",
+        description: "Passive-off for a command of zero, passive-on for the largest. The best constant command \
+                      is the baseline for semi-active laws.",
         source: "Dyke, Spencer, Sain, Carlson, Smart Mater. Struct. 5, 1996, 565-575",
         gains: &[GainSpec {
             name: "command",
             unit: "A or V",
             shape: Shape::Device,
-            description: "the command that is held",
+            description: "the constant command",
         }],
         tables: &[],
         memory: 0,
-        wants_curve: false,
+        needs_curve: false,
     };
 
     #[inline(always)]

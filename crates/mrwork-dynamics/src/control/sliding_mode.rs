@@ -9,7 +9,8 @@ const SURFACE: GainSpec = GainSpec {
     name: "surface",
     unit: "1",
     shape: Shape::State,
-    description: "S of the surface S s = 0, one row for each device, signed so that its force pushes S s down",
+    description: "S of the surface S s = 0, one row for each device, with the sign for which its force \
+                  reduces S s",
 };
 const BOUNDARY: GainSpec = GainSpec {
     name: "boundary",
@@ -26,8 +27,8 @@ impl ControlLaw for SlidingMode {
         name: "sliding_mode",
         title: "Sliding mode",
         equation: "f_c = -K s + rho sat(S s/phi), then i = i_max H((f_c - f) f)",
-        description: "The equivalent force K keeps the state on the surface, the switching force rho brings it there; \
-                      the wanted force is clipped.",
+        description: "The equivalent force K keeps the state on the surface, the switching force rho brings it \
+                      there; the desired force is clipped.",
         source: "after Yang, Wu, Agrawal, J. Eng. Mech. 121(12), 1995; form our own",
         gains: &[
             GAIN,
@@ -42,7 +43,7 @@ impl ControlLaw for SlidingMode {
         ],
         tables: &[],
         memory: 0,
-        wants_curve: false,
+        needs_curve: false,
     };
 
     #[inline(always)]
@@ -55,8 +56,8 @@ impl ControlLaw for SlidingMode {
         for (device, command) in command.iter_mut().enumerate() {
             let layer = saturated(gains.of_state(1, device, measured), gains.of_device(3, device));
             let equivalent = gains.of_state(0, device, measured);
-            let wanted = gains.of_device(2, device).mul_add(layer, -equivalent);
-            *command = clipped(wanted, measured.force[device], R::splat(measured.largest[device]));
+            let desired = gains.of_device(2, device).mul_add(layer, -equivalent);
+            *command = clipped(desired, measured.force[device], R::splat(measured.largest[device]));
         }
     }
 }
@@ -77,7 +78,7 @@ impl ControlLaw for AdaptiveSlidingMode {
         title: "Adaptive sliding mode",
         equation: "f_c = -K s + rho sat(S s/phi), rho' = a |S s| sgn(|S s| - phi) between floor and ceiling,\n\
                    then i = i_max H((f_c - f) f)",
-        description: "Needs no bound of the disturbance: the switching force is learned.",
+        description: "Needs no bound of the disturbance: the switching force adapts.",
         source: "Plestan, Shtessel, Bregeault, Poznyak, Int. J. Control 83(9), 2010, 1907-1919",
         gains: &[
             GAIN,
@@ -104,7 +105,7 @@ impl ControlLaw for AdaptiveSlidingMode {
         ],
         tables: &[],
         memory: 1,
-        wants_curve: false,
+        needs_curve: false,
     };
 
     #[inline(always)]
@@ -121,8 +122,8 @@ impl ControlLaw for AdaptiveSlidingMode {
             let change = R::select(boundary.less(distance.abs()), growth, -growth);
             *switching = within(*switching + change, gains.of_device(4, device), gains.of_device(5, device));
             let equivalent = gains.of_state(0, device, measured);
-            let wanted = switching.mul_add(saturated(distance, boundary), -equivalent);
-            *command = clipped(wanted, measured.force[device], R::splat(measured.largest[device]));
+            let desired = switching.mul_add(saturated(distance, boundary), -equivalent);
+            *command = clipped(desired, measured.force[device], R::splat(measured.largest[device]));
         }
     }
 }
@@ -152,7 +153,7 @@ impl ControlLaw for SuperTwisting {
                 name: "push",
                 unit: "unit of S s per N s",
                 shape: Shape::Device,
-                description: "S B, rate of S s per resisting force",
+                description: "S B, rate of S s per unit of resisting force",
             },
             GainSpec {
                 name: "root_gain",
@@ -169,7 +170,7 @@ impl ControlLaw for SuperTwisting {
         ],
         tables: &[],
         memory: 1,
-        wants_curve: true,
+        needs_curve: true,
     };
 
     #[inline(always)]
@@ -186,7 +187,7 @@ impl ControlLaw for SuperTwisting {
             let rise = gains.of_device(4, device) * R::splat(-measured.sample_time);
             *integral = rise.mul_add(side, *integral);
             let reach = gains.of_device(3, device) * distance.abs().sqrt();
-            let wanted = *integral - reach * side;
+            let desired = *integral - reach * side;
             let [f_0, _, f_max] =
                 measured.curves[device].points(measured.deformation[device], measured.rate[device]);
             let push = gains.of_device(2, device);
@@ -194,7 +195,7 @@ impl ControlLaw for SuperTwisting {
             let slope = push * (f_max - f_0) * R::splat(1.0 / measured.largest[device]);
             // Zero current if the force does not depend on it.
             let still = slope.equal(R::splat(0.0));
-            *command = R::select(still, if_known(free, R::splat(0.0)), (wanted - free) / slope);
+            *command = R::select(still, if_known(free, R::splat(0.0)), (desired - free) / slope);
         }
     }
 }

@@ -21,11 +21,11 @@ impl DamperModel for Bingham {
         name: "bingham",
         title: "Bingham",
         equation: "f = f_c tanh(v/v_s) + c0 v + f0",
-        description: "A yield force and a dashpot: enough for the energy of a cycle, and for a first look at a \
-                      control law. The force follows from the velocity alone, so there is no hysteresis over \
-                      velocity and no stiffness before yield. The published model has sgn(v) where this has \
-                      tanh(v/v_s); as v_s goes to zero the two agree. On a record of a real damper v_s comes out \
-                      wide, for it stands in for the loop that the model lacks.",
+        description: "A yield force and a dashpot: sufficient for the energy of a cycle and for a first estimate \
+                      of a control law. The force depends on the velocity alone, so there is no hysteresis over \
+                      velocity and no stiffness before yield. The published model has sgn(v) in place of \
+                      tanh(v/v_s); the two agree as v_s goes to zero. On a record of a real damper the \
+                      identified v_s is large, because it has to represent the loop that the model lacks.",
         source: "Stanway, Sproston, Stevens, J. Electrostat. 20(2), 1987, 167-184",
         nominal_source: "Spencer et al. 1997, at 1.5 V (published, not independently verified); v_s is our own",
         parameters: PARAMETERS,

@@ -27,10 +27,9 @@ impl DamperModel for BoucWen {
         title: "Bouc-Wen (Spencer form)",
         equation: "f = c0 v + k0 (x - x0) + alpha z\n\
                    z' = -gamma |v| z |z|^(n-1) - beta v |z|^n + A v",
-        description: "A smooth hysteresis loop between +-alpha z_max, z_max = (A/(beta+gamma))^(1/n). \
-                      Redundant: alpha, A, beta and gamma share one scaling freedom, so data fix only \
-                      three of them; use normalised_bouc_wen to identify. gamma and beta follow Spencer; \
-                      OpenSees swaps the two.",
+        description: "A smooth hysteresis loop between +-alpha z_max, z_max = (A/(beta+gamma))^(1/n). Redundant: \
+                      alpha, A, beta and gamma contain one free scale, so data determine only three of them; use \
+                      normalised_bouc_wen to identify. gamma and beta follow Spencer; OpenSees swaps the two.",
         source: "Spencer, Dyke, Sain, Carlson, J. Eng. Mech. 123(3), 1997, 230-238",
         nominal_source: "Spencer et al. 1997, at 1.5 V (published, not independently verified)",
         parameters: PARAMETERS,

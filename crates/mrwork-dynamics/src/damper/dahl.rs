@@ -19,9 +19,10 @@ impl DamperModel for Dahl {
         title: "Dahl",
         equation: "f = k_w w + f0\n\
                    w' = rho (v - |v| w)",
-        description: "Friction with a stiffness k_w rho before it slips, |w| <= 1; its exponent is 1. The loop does \
-                      not depend on the speed, so a test at one slow frequency is all it can follow: a damper \
-                      with oil in it wants viscous_dahl. It is normalised_bouc_wen with n = 1, sigma = 1, c = k = 0.",
+        description: "Friction with a stiffness k_w rho before it slips, |w| <= 1, with exponent 1. The loop \
+                      does not depend on the speed, so the model can represent tests at one low frequency only; \
+                      for a damper with viscous force use viscous_dahl. It is normalised_bouc_wen with n = 1, \
+                      sigma = 1, c = k = 0.",
         source: "Dahl, The Aerospace Corporation, TOR-0158(3107-18)-1, 1968",
         nominal_source: "our own, typical of a small damper of 1-3 kN; not verified against a record",
         parameters: PARAMETERS,

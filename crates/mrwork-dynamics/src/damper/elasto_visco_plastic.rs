@@ -9,7 +9,7 @@ parameters! {
     f_y: "N", Log, 1e-3 .. 1e9, nominal 700.0, "yield force of the core";
     v_r: "m/s", Log, 1e-6 .. 10.0, nominal 0.02, "velocity over which the core yields: rounds the knee over velocity";
     c: "N s/m", Log, 1e-3 .. 1e9, nominal 1800.0, "viscous damping of the core beyond yield";
-    rho: "1/m", Log, 1e-2 .. 1e7, nominal 5700.0, "spring in series over f_y: the loop yields within about 1/rho of travel";
+    rho: "1/m", Log, 1e-2 .. 1e7, nominal 5700.0, "spring in series divided by f_y: the loop yields within about 1/rho of travel";
     r: "1/s", Log, 1e-6 .. 1e4, nominal 5.0, "creep: rate at which the spring force relaxes while the damper is held";
     k: "N/m", Linear, -1e9 .. 1e9, nominal 1500.0, "stiffness in parallel, of the accumulator";
     f0: "N", Offset, -1e8 .. 1e8, nominal 40.0, "force offset";
@@ -28,11 +28,12 @@ impl DamperModel for ElastoViscoPlastic {
         equation: "f = q(u) + k x + f0\n\
                    q(u) = f_y tanh(u/v_r) + c u\n\
                    u' = (rho f_y (v - u) - r q(u)) / q'(u)",
-        description: "The fluid yields over a velocity v_r, behind a spring rho f_y: elasticity of fluid, seals and mounts; \
-                      u is the velocity of the core. Round knees over velocity, hysteresis that grows with \
-                      frequency, few parameters: good on fast and broad-band tests. r = rho f_y/c_k stands for a creep \
-                      dashpot c_k in series, and tests much shorter than 1/r do not fix it. With c small against \
-                      f_y/v_r the core gives way at once, which takes many sub-steps.",
+        description: "The fluid yields over a velocity v_r, in series with a spring rho f_y (elasticity of \
+                      fluid, seals and mounts); u is the velocity of the core. Round knees over velocity, \
+                      hysteresis that grows with frequency, few parameters: suited to fast and broad-band tests. \
+                      r = rho f_y/c_k represents a creep dashpot c_k in series; tests much shorter than 1/r do \
+                      not determine it. If c is small against f_y/v_r, the core yields abruptly, which needs \
+                      many sub-steps.",
         source: "Maxwell element with the viscoplastic core of Stanway, Sproston, Stevens, J. Electrostatics 20, \
                  1987, 167-184, smoothed; this form is our own",
         nominal_source: "our own choice at the scale of an RD-1005-3 at 1 A (not verified)",

@@ -8,7 +8,7 @@ use crate::real::Real;
 parameters! {
     f_o: "N", Log, 1e-3 .. 1e9, nominal 700.0, "yield force";
     V_r: "m/s", Log, 1e-7 .. 1e2, nominal 0.03, "velocity over which the damper yields";
-    d_r: "m", Log, 1e-7 .. 1e2, nominal 0.02, "displacement worth as much as V_r; it opens the loop over velocity";
+    d_r: "m", Log, 1e-7 .. 1e2, nominal 0.02, "displacement equivalent to V_r; it opens the loop over velocity";
     k0: "N/m", Linear, -1e9 .. 1e9, nominal 1500.0, "stiffness in parallel";
     c0: "N s/m", Log, 1e-3 .. 1e9, nominal 2500.0, "viscous damping";
     f0: "N", Offset, -1e8 .. 1e8, nominal 40.0, "force offset";
@@ -24,11 +24,11 @@ impl DamperModel for HyperbolicTangentGavin {
         name: "hyperbolic_tangent_gavin",
         title: "Hyperbolic tangent (Gavin)",
         equation: "f = f_o tanh(v/V_r + x/d_r) + k0 x + c0 v + f0",
-        description: "No internal state and few numbers; good for loops about a fixed middle. The width of the loop \
-                      over velocity, 2 x V_r/d_r at the turning point, grows with the amplitude. A trap: the \
-                      hysteresis remembers x and not the last reversal, so a static offset of x acts as a force, \
-                      and small cycles away from x = 0 have the wrong loop. f_o is the yield force, f0 the offset, \
-                      which the published model lacks.",
+        description: "No internal state and few parameters; suited to loops about a fixed mid-stroke. The width \
+                      of the loop over velocity, 2 x V_r/d_r at the turning point, grows with the amplitude. \
+                      Limitation: the hysteresis depends on x and not on the last reversal, so a static offset \
+                      of x acts as a force, and small cycles away from x = 0 have the wrong loop. f_o is the \
+                      yield force; f0 is an offset that the published model lacks.",
         source: "Gavin, J. Intell. Mater. Syst. Struct. 12(5), 2001, 353-366",
         nominal_source: "our own, typical of a small damper of 1-3 kN; not verified against a record",
         parameters: PARAMETERS,

@@ -21,11 +21,11 @@ impl DamperModel for HyperbolicTangentGuo {
         name: "hyperbolic_tangent_guo",
         title: "Hyperbolic tangent (Guo)",
         equation: "f = A1 tanh(A3 (v + omega x)) + A2 (v + omega x) + f0",
-        description: "No internal state and five numbers. The published model writes V0/X0 for omega: only the \
-                      quotient is seen in a force, so it is one parameter here, and no frequency of the motion. It \
-                      is the model of Gavin with k0 = A2 omega: the stiffness is tied to the width of the loop, \
-                      which a gas accumulator need not obey. Its traps are the same: the hysteresis remembers x \
-                      and not the last reversal.",
+        description: "No internal state and five parameters. The published model writes V0/X0 for omega; the \
+                      force depends on the quotient only, so it is one parameter here, and it is no frequency of \
+                      the motion. It is the model of Gavin with k0 = A2 omega: the stiffness is tied to the \
+                      width of the loop, which need not hold for a gas accumulator. Its limitation is the same: \
+                      the hysteresis depends on x and not on the last reversal.",
         source: "Guo, Yang, Pan, J. Intell. Mater. Syst. Struct. 17(1), 2006, 3-14",
         nominal_source: "our own, typical of a small damper of 1-3 kN; not verified against a record",
         parameters: PARAMETERS,

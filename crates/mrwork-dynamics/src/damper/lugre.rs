@@ -6,7 +6,7 @@ use crate::real::Real;
 
 parameters! {
     sigma_0: "N/m", Log, 1e-3 .. 1e12, nominal 2.1e6, "stiffness of the bristles: the loop lies between +-sigma_0/a0";
-    sigma_1: "N s/m", Log, 1e-3 .. 1e9, nominal 2000.0, "damping of the bristles; felt after a reversal only";
+    sigma_1: "N s/m", Log, 1e-3 .. 1e9, nominal 2000.0, "damping of the bristles; it acts just after a reversal only";
     sigma_2: "N s/m", Log, 1e-3 .. 1e9, nominal 2500.0, "viscous damping";
     a0: "1/m", Log, 1e-2 .. 1e7, nominal 3000.0, "inverse of the largest deflection of the bristles";
     f0: "N", Offset, -1e8 .. 1e8, nominal 40.0, "force offset";
@@ -21,12 +21,12 @@ impl DamperModel for LuGre {
         title: "LuGre (modified)",
         equation: "f = sigma_0 z + sigma_1 z' + sigma_2 v + f0\n\
                    z' = v - a0 |v| z",
-        description: "viscous_dahl, with z = w/a0, and a damping of the bristles beside; passive under any motion \
-                      but for f0. Modified: the friction of the original falls as the speed grows (Stribeck), \
-                      which MR dampers do not show, and here it does not. The published force has two more terms, \
-                      sigma_0 z V and sigma_b v V with the voltage V: linear laws of the current on sigma_0 and \
-                      sigma_2, whose constant parts are called sigma_a and sigma_2 there. ForceOutput the yield force \
-                      sigma_0/a0 in mind when bounds are set: sigma_0 and a0 alone say little.",
+        description: "viscous_dahl with z = w/a0 and a damping of the bristles in parallel; passive under any \
+                      motion except for f0. Modified: the friction of the original falls as the speed grows \
+                      (Stribeck effect), which MR dampers do not show; here it does not. The published force has \
+                      two more terms, sigma_0 z V and sigma_b v V with the voltage V: linear laws of the current \
+                      on sigma_0 and sigma_2, whose constant parts are called sigma_a and sigma_2 there. \
+                      Consider the yield force sigma_0/a0 when you set bounds: sigma_0 and a0 alone say little.",
         source: "Jimenez, Alvarez-Icaza, Struct. Control Health Monit. 12(1), 2005, 91-116; \
                  after Canudas de Wit et al., IEEE Trans. Autom. Control 40(3), 1995, 419-425",
         nominal_source: "our own, typical of a small damper of 1-3 kN; not verified against a record",

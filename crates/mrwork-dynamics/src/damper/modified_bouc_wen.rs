@@ -12,7 +12,7 @@ const VOLTAGE: f64 = 2.25;
 parameters! {
     c0: "N s/m", Log, 1e-3 .. 1e9, nominal 2100.0 + 350.0 * VOLTAGE, "viscous damping beside the loop, at large velocities";
     k0: "N/m", Log, 1e-3 .. 1e9, nominal 4690.0, "stiffness beside the loop, at large velocities";
-    c1: "N s/m", Log, 1e-3 .. 1e9, nominal 28_300.0 + 295.0 * VOLTAGE, "dashpot in series: rolls the force off at small velocities";
+    c1: "N s/m", Log, 1e-3 .. 1e9, nominal 28_300.0 + 295.0 * VOLTAGE, "dashpot in series: reduces the force at small velocities";
     k1: "N/m", Linear, -1e9 .. 1e9, nominal 500.0, "stiffness in parallel, of the accumulator";
     x0: "m", Offset, -10.0 .. 10.0, nominal 0.143, "displacement at which the spring k1 is free";
     alpha: "N/m", Log, 1e-3 .. 1e12, nominal 14_000.0 + 69_500.0 * VOLTAGE, "force per hysteretic displacement z";
@@ -34,11 +34,12 @@ impl DamperModel for ModifiedBoucWen {
         equation: "f = c1 y' + k1 (x - x0)\n\
                    y' = (alpha z + c0 v + k0 (x - y)) / (c0 + c1)\n\
                    z' = -gamma |v - y'| z |z|^(n-1) - beta (v - y') |z|^n + A (v - y')",
-        description: "Bouc-Wen behind a dashpot c1, which rolls the force off where velocity is small and \
-                      acceleration opposes it. Redundant as bouc_wen is: alpha, A, beta and gamma share one scaling \
-                      freedom; identify normalised_modified_bouc_wen. k1 x0 is a force offset, to be dropped in \
-                      simulations of buildings; without k1 the data say nothing of x0. On records much shorter than \
-                      (c0+c1)/k0, k0 and k1 are hard to tell apart. Stiff: the published damper yields in 21 um.",
+        description: "Bouc-Wen in series with a dashpot c1, which reduces the force where the velocity is small \
+                      and the acceleration opposes it. Redundant as bouc_wen is: alpha, A, beta and gamma \
+                      contain one free scale; identify normalised_modified_bouc_wen. k1 x0 is a force offset, to \
+                      be left out in simulations of buildings; without k1 the data do not determine x0. On \
+                      records much shorter than (c0+c1)/k0 the data hardly distinguish k0 from k1. Stiff: the \
+                      published damper yields within 21 um.",
         source: "Spencer, Dyke, Sain, Carlson, J. Eng. Mech. 123(3), 1997, 230-238",
         nominal_source: "prototype damper of Dyke et al., Smart Mater. Struct. 5, 1996, 565-575, held at 2.25 V \
                          (verified against their building responses)",

@@ -33,10 +33,11 @@ impl DamperModel for NonSymmetricBoucWen {
         title: "Non-symmetric Bouc-Wen",
         equation: "f = c (v - share mu s) + k (x - x0) + k_w w, s = tanh(w/w_s)\n\
                    w' = rho (g - sigma |g| |w|^(n-1) w + (sigma - 1) g |w|^n), g = v - mu s",
-        description: "Bouc-Wen whose loop over velocity is shifted to either side by mu, a few mm/s: on measured tests \
-                      its RMS error is a seventh to a quarter below that of the symmetric model. The published sign \
-                      of the state would chatter where w = 0; tanh(w/w_s) does not. w_s is better held than \
-                      identified: data hardly feel it below 0.1. Held still, the loop relaxes at rho mu/w_s.",
+        description: "Bouc-Wen whose loop over velocity is shifted to either side by mu, a few mm/s: on measured \
+                      tests its RMS error is a seventh to a quarter below that of the symmetric model. The \
+                      published sign of the state would chatter at w = 0; tanh(w/w_s) does not. w_s should be \
+                      fixed rather than identified: below 0.1 the data are insensitive to it. While the damper \
+                      is held still, the loop relaxes at the rate rho mu/w_s.",
         source: "Kwok, Ha, Nguyen, Li, Samali, ISA Trans. 46(2), 2007, 167-179; where the shift acts, and its smooth \
                  sign, are our own reading",
         nominal_source: "normalised_bouc_wen, with mu of the size published for an RD-1005-3; share and w_s are our \

@@ -33,10 +33,10 @@ impl DamperModel for NonSymmetricBoucWenDisplacement {
         title: "Non-symmetric Bouc-Wen, shifted by displacement",
         equation: "f = c (v - share mu s) + k (x - x0) + k_w w, s = tanh(x/x_s)\n\
                    w' = rho (g - sigma |g| |w|^(n-1) w + (sigma - 1) g |w|^n), g = v - mu s",
-        description: "The other reading of non_symmetric_bouc_wen: the shift changes side with the displacement. On \
-                      measured tests it is worth less, a twentieth to an eighth of the RMS error. It needs a \
-                      mid-stroke at x = 0. Not passive: held off mid-stroke the loop creeps to its far side, so keep \
-                      it out of simulations with long pauses.",
+        description: "The other reading of non_symmetric_bouc_wen: the shift changes side with the displacement. \
+                      On measured tests it improves less, by a twentieth to an eighth of the RMS error. It \
+                      requires the mid-stroke at x = 0. Not passive: while the damper is held off mid-stroke the \
+                      loop creeps to its far side, so it is unsuited to simulations with long pauses.",
         source: "Kwok, Ha, Nguyen, Li, Samali, ISA Trans. 46(2), 2007, 167-179; where the shift acts, and its smooth \
                  sign, are our own reading",
         nominal_source: "normalised_bouc_wen, with mu of the size published for an RD-1005-3; share and x_s are our \

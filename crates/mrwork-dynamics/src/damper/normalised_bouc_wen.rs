@@ -28,10 +28,10 @@ impl DamperModel for NormalisedBoucWen {
         title: "Normalised Bouc-Wen",
         equation: "f = c v + k (x - x0) + k_w w\n\
                    w' = rho (v - sigma |v| |w|^(n-1) w + (sigma - 1) v |w|^n)",
-        description: "The Bouc-Wen loop scaled to |w| <= 1, so that every parameter can be seen in the data. \
-                      rho = A/z_max, sigma = gamma/(beta+gamma), k_w = alpha z_max. The default for identification. \
-                      From sigma = 1/2 on, where published sets lie, the element is passive under any motion; \
-                      below it only its closed loops dissipate.",
+        description: "The Bouc-Wen loop scaled to |w| <= 1, so that the data determine every parameter. rho = \
+                      A/z_max, sigma = gamma/(beta+gamma), k_w = alpha z_max. The default for identification. \
+                      For sigma >= 1/2, as in published sets, the element is passive under any motion; below \
+                      that only its closed loops dissipate.",
         source: "Ikhouane, Rodellar, Systems with Hysteresis, Wiley, 2007",
         nominal_source: "Spencer et al. 1997, at 1.5 V, converted (published, not independently verified)",
         parameters: PARAMETERS,

@@ -11,7 +11,7 @@ const Z_MAX: f64 = 6.438_948_291_174_479e-3;
 parameters! {
     c0: "N s/m", Log, 1e-3 .. 1e9, nominal 2887.5, "viscous damping beside the loop, at large velocities";
     k0: "N/m", Log, 1e-3 .. 1e9, nominal 4690.0, "stiffness beside the loop, at large velocities";
-    c1: "N s/m", Log, 1e-3 .. 1e9, nominal 28_963.75, "dashpot in series: rolls the force off at small velocities";
+    c1: "N s/m", Log, 1e-3 .. 1e9, nominal 28_963.75, "dashpot in series: reduces the force at small velocities";
     k1: "N/m", Linear, -1e9 .. 1e9, nominal 500.0, "stiffness in parallel, of the accumulator";
     x0: "m", Offset, -10.0 .. 10.0, nominal 0.143, "displacement at which the spring k1 is free";
     k_w: "N", Log, 1e-3 .. 1e9, nominal 170_375.0 * Z_MAX, "yield force of the loop";
@@ -32,10 +32,10 @@ impl DamperModel for NormalisedModifiedBoucWen {
         equation: "f = c1 y' + k1 (x - x0)\n\
                    y' = (k_w w + c0 v + k0 (x - y)) / (c0 + c1)\n\
                    w' = rho (g - sigma |g| |w|^(n-1) w + (sigma - 1) g |w|^n), g = v - y'",
-        description: "The modified Bouc-Wen model with its loop scaled to |w| <= 1: the form to identify. \
-                      rho = A/z_max, sigma = gamma/(beta+gamma), k_w = alpha z_max, the rest as in \
-                      modified_bouc_wen. Without k1 the data say nothing of x0; on records much shorter than \
-                      (c0+c1)/k0, k0 and k1 are hard to tell apart.",
+        description: "The modified Bouc-Wen model with its loop scaled to |w| <= 1: the form to identify. rho = \
+                      A/z_max, sigma = gamma/(beta+gamma), k_w = alpha z_max, the rest as in modified_bouc_wen. \
+                      Without k1 the data do not determine x0; on records much shorter than (c0+c1)/k0 the data \
+                      hardly distinguish k0 from k1.",
         source: "Spencer, Dyke, Sain, Carlson, J. Eng. Mech. 123(3), 1997, 230-238; loop of Ikhouane, Rodellar, \
                  Systems with Hysteresis, Wiley, 2007",
         nominal_source: "prototype damper of Dyke et al., Smart Mater. Struct. 5, 1996, 565-575, held at 2.25 V, \

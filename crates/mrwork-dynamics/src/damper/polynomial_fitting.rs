@@ -30,14 +30,15 @@ impl DamperModel for PolynomialFitting {
                    F_m = a (2/(1 + exp(-b (v - v0))) - 1) + c v + f0\n\
                    T = h exp(-(v - v1)^2/(2 w^2))",
         description: "A curve fit of one harmonic test: the mean of the two branches over velocity and their \
-                      distance; each coefficient is then a polynomial in the current, hence the name. The branch is \
-                      meant to be -sgn(v'), upper while the damper slows down. Here it is tanh(x/x_s), the same \
-                      in a harmonic test about x = 0 as x_s goes to zero, because a measured acceleration is the \
-                      second derivative of noise. In any other motion the two differ, and neither was meant for \
-                      it: a test about another x, or a broad-band one, wants another model. Records of a real \
-                      damper want a wide x_s, for the branches part gradually; once it passes the stroke only \
-                      h/x_s is seen. Hold x_s small for the published branch. No stiffness beyond the thickness; \
-                      coefficients of one frequency do not serve another.",
+                      distance; each coefficient is then a polynomial in the current, hence the name. The \
+                      published branch is -sgn(v'), upper while the damper slows down. Here it is tanh(x/x_s), \
+                      which is the same in a harmonic test about x = 0 as x_s goes to zero, because a measured \
+                      acceleration is the second derivative of noise. In any other motion the two differ, and \
+                      neither is intended for it: for a test about another x, or a broad-band one, use another \
+                      model. The identified x_s of a real damper is large, because the branches part gradually; \
+                      once it exceeds the stroke, the data determine only h/x_s. Fix x_s at a small value for \
+                      the published branch. There is no stiffness beyond the thickness, and coefficients of one \
+                      frequency do not apply to another.",
         source: "after Nguyen, PhD thesis, University of Technology, Sydney, 2009, section 5.4; \
                  its text was not at hand, the curves are our definition",
         nominal_source: "our own, typical of a small damper of 1-3 kN; not verified against a record",

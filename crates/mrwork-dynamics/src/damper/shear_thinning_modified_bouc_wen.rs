@@ -12,10 +12,10 @@ const Z_MAX: f64 = 6.438_948_291_174_479e-3;
 
 parameters! {
     c0: "N s/m", Log, 1e-3 .. 1e9, nominal 2887.5, "viscous damping beside the loop, at large velocities";
-    c2: "N s/m", Log, 1e-3 .. 1e9, nominal 2000.0, "viscous damping that is lost as velocity grows";
-    v_s: "m/s", Log, 1e-6 .. 1e2, nominal 0.05, "velocity over which it is lost";
+    c2: "N s/m", Log, 1e-3 .. 1e9, nominal 2000.0, "viscous damping that vanishes as the velocity grows";
+    v_s: "m/s", Log, 1e-6 .. 1e2, nominal 0.05, "velocity over which it vanishes";
     k0: "N/m", Log, 1e-3 .. 1e9, nominal 4690.0, "stiffness beside the loop, at large velocities";
-    c1: "N s/m", Log, 1e-3 .. 1e9, nominal 28_963.75, "dashpot in series: rolls the force off at small velocities";
+    c1: "N s/m", Log, 1e-3 .. 1e9, nominal 28_963.75, "dashpot in series: reduces the force at small velocities";
     k1: "N/m", Linear, -1e9 .. 1e9, nominal 500.0, "stiffness in parallel, of the accumulator";
     x0: "m", Offset, -10.0 .. 10.0, nominal 0.143, "displacement at which the spring k1 is free";
     k_w: "N", Log, 1e-3 .. 1e9, nominal 170_375.0 * Z_MAX, "yield force of the loop";
@@ -36,10 +36,11 @@ impl DamperModel for ShearThinningModifiedBoucWen {
         equation: "f = c1 y' + k1 (x - x0)\n\
                    y' = (k_w w + c v + k0 (x - y)) / (c + c1), c = c0 + c2 exp(-|v|/v_s)\n\
                    w' = rho (g - sigma |g| |w|^(n-1) w + (sigma - 1) g |w|^n), g = v - y'",
-        description: "normalised_modified_bouc_wen for a fluid that thins under shear. The dashpot follows the \
-                      velocity of the whole damper, not v - y', so that y' stays explicit. Worth its two parameters \
-                      where one set has to fit slow and fast tests; on a single slow test c2 and c0 are one. The \
-                      traps of normalised_modified_bouc_wen apply.",
+        description: "normalised_modified_bouc_wen for a fluid that thins under shear. The dashpot depends on \
+                      the velocity of the whole damper, not on v - y', so that y' remains explicit. Its two \
+                      further parameters are useful where one set has to fit slow and fast tests; on a single \
+                      slow test the data do not distinguish c2 from c0. The limitations of \
+                      normalised_modified_bouc_wen apply.",
         source: "Spencer, Dyke, Sain, Carlson, J. Eng. Mech. 123(3), 1997, 230-238; the thinning term is our own",
         nominal_source: "as normalised_modified_bouc_wen; c2 and v_s are our own choice (not verified)",
         parameters: PARAMETERS,

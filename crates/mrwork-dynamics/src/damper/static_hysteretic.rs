@@ -24,9 +24,9 @@ impl DamperModel for StaticHysteretic {
         name: "static_hysteretic",
         title: "Static hysteretic",
         equation: "f = c v + k x + alpha tanh(beta v + delta tanh(x/x_s)) + f0",
-        description: "No internal state, so it inverts for the current in closed form. The published model has \
-                      sgn(x) where this has tanh(x/x_s): a plain sign chatters near rest in a closed loop. \
-                      As x_s goes to zero the two agree; 0.1 mm is the default, and it is best identified.",
+        description: "No internal state: the force depends on the present motion and current only. The published \
+                      model has sgn(x) in place of tanh(x/x_s): a plain sign chatters near rest in a closed \
+                      loop. The two agree as x_s goes to zero; 0.1 mm is the default, and it is best identified.",
         source: "Kwok, Ha, Nguyen, Li, Samali, Sens. Actuators A 132, 2006, 441-451",
         nominal_source: "RD-1005-3 at 1 A, from the current polynomials of Kwok et al. 2006 \
                          (published, not independently verified)",

@@ -21,10 +21,11 @@ impl DamperModel for ViscousDahl {
         title: "Viscous and Dahl",
         equation: "f = k_x v + k_w w + f0\n\
                    w' = rho (v - |v| w)",
-        description: "Dahl's friction and a dashpot: the fewest numbers that still give a hysteresis loop, and \
-                      passive under any motion but for f0, which the published model lacks. No stiffness in \
-                      parallel, so no accumulator, and the knee has one shape, an exponential. k_x multiplies the \
-                      velocity: it is a damping. It is normalised_bouc_wen with n = 1, sigma = 1, k = 0.",
+        description: "Dahl's friction and a dashpot: the fewest parameters that give a hysteresis loop, and \
+                      passive under any motion except for f0, which the published model lacks. There is no \
+                      stiffness in parallel, hence no accumulator, and the knee has one shape, an exponential. \
+                      k_x multiplies the velocity: it is a damping. It is normalised_bouc_wen with n = 1, sigma \
+                      = 1, k = 0.",
         source: "Ikhouane, Dyke, Smart Mater. Struct. 16(3), 2007, 605-616",
         nominal_source: "our own, typical of a small damper of 1-3 kN; not verified against a record",
         parameters: PARAMETERS,
