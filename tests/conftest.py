@@ -9,6 +9,7 @@ import os
 import signal
 from collections.abc import Iterator
 
+import hypothesis
 import pytest
 from compiled import release_compiled
 
@@ -16,6 +17,10 @@ from compiled import release_compiled
 # A flag that is set already comes last, so it decides.
 _QUICK_COMPILATION = "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
 os.environ["XLA_FLAGS"] = f"{_QUICK_COMPILATION} {os.environ.get('XLA_FLAGS', '')}".strip()
+
+# No test asserts a wall time: an example that takes long on a loaded machine is not a wrong one.
+hypothesis.settings.register_profile("mrwork", deadline=None)
+hypothesis.settings.load_profile("mrwork")
 
 # A background job of a shell ignores Ctrl-C, and so would every process that it starts.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

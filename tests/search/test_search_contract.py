@@ -256,7 +256,7 @@ def fails(unit, threshold):
 
 
 @pytest.mark.parametrize("aborting", [fails, drops_values])
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(rng=st.integers(0, 2**64 - 1), n_params=st.integers(1, 5))
 def test_exact_values_beyond_the_threshold_change_not_a_bit(aborting, rng, n_params):
     for own in OPTIMISERS.values():

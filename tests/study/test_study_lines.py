@@ -89,7 +89,7 @@ VALUES = st.recursive(
 )
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@settings(max_examples=60, derandomize=True)
 @given(st.lists(VALUES, min_size=1, max_size=6))
 def test_a_marker_after_any_values_is_found_on_its_line(values: list[str]) -> None:
     # TOML 1.0 wants an inline table on one line.
