@@ -1,12 +1,29 @@
-"""No verb loads JAX in a fresh process, nor SciPy where it need not; no number depends on what was loaded before."""
+"""Heavy packages are imported in their modules only, JAX by no verb; no number depends on what was imported before."""
 
 from __future__ import annotations
 
+import ast
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+import mrwork
+
+# The modules that may import a package, also within a function; all others reach it through them. Optional packages
+# that are imported by name (`importlib`) are not listed.
+HOMES = {
+    ("jax", "equinox", "optimistix"): (
+        "twins",
+        "identification.levenberg_marquardt_twin",
+        "uncertainty.posterior.nuts",
+    ),
+    ("emcee", "h5py", "xarray"): ("uncertainty.posterior",),
+    ("pyarrow",): ("records.table",),
+    ("matplotlib", "fontTools", "jinja2"): ("report",),
+    ("control",): ("buildings.state_space",),
+}
 
 TESTS = """
 import pickle, sys
@@ -34,6 +51,31 @@ VERBS = {
     "predict and calibrate": "mr.calibrate([mr.predict(fit, other)], held_out='')",
     "choose": "mr.choose_model([test, other], models=['bingham', 'viscous_dahl'])",
 }
+
+
+def imports_of(file: Path) -> set[str]:
+    """First names of all packages that a module imports."""
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.Import):
+            names.update(alias.name.partition(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names.add(node.module.partition(".")[0])
+    return names
+
+
+@pytest.mark.parametrize(("packages", "homes"), HOMES.items(), ids=lambda value: value[0])
+def test_heavy_packages_are_imported_in_their_modules_only(
+    packages: tuple[str, ...], homes: tuple[str, ...]
+) -> None:
+    root = Path(mrwork.__file__).parent
+    importers = {
+        ".".join(file.relative_to(root).with_suffix("").parts)
+        for file in root.rglob("*.py")
+        if imports_of(file) & set(packages)
+    }
+    assert importers
+    assert not [name for name in importers if not any(f"{name}.".startswith(f"{home}.") for home in homes)]
 
 
 def in_fresh_process(code: str, *arguments: object) -> str:

@@ -108,6 +108,7 @@ fn law_dict<'py>(py: Python<'py>, spec: &LawSpec) -> PyResult<Bound<'py, PyDict>
     entry.set_item("source", spec.source)?;
     entry.set_item("tables", spec.tables.to_vec())?;
     entry.set_item("needs_curve", spec.needs_curve)?;
+    entry.set_item("commands_force", spec.commands_force)?;
     let gains = spec.gains.iter().map(|gain| {
         let entry = PyDict::new(py);
         entry.set_item("name", gain.name)?;

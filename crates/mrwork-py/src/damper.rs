@@ -42,6 +42,7 @@ fn damper_dict<'py>(py: Python<'py>, spec: &DamperSpec) -> PyResult<Bound<'py, P
     entry.set_item("n_states", spec.n_states)?;
     entry.set_item("odd", spec.odd)?;
     entry.set_item("relaxes", spec.relaxes)?;
+    entry.set_item("spring", spec.spring)?;
     let parameters = spec.parameters.iter().map(|parameter| parameter_dict(py, parameter));
     entry.set_item("parameters", parameters.collect::<PyResult<Vec<_>>>()?)?;
     Ok(entry)

@@ -18,9 +18,6 @@ from mrwork.summary import Summarised, Summary, rounded
 Floats = NDArray[np.float64]
 Shape = Literal["device", "state"]
 
-# Laws whose command is a force [N] of an ideal actuator instead of a current or voltage.
-_OF_FORCES = frozenset({"active"})
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainSpec:
@@ -143,7 +140,6 @@ def control_laws() -> tuple[ControlLawSpec, ...]:
         ControlLawSpec(
             **{**entry, "tables": tuple(entry["tables"])}
             | {"gains": tuple(GainSpec(**gain) for gain in entry["gains"])},
-            commands_force=entry["name"] in _OF_FORCES,
         )
         for entry in _rust.control_laws()
     )

@@ -31,7 +31,8 @@ class DamperSpec(Summarised):
     """A damper model: equations, source and parameters in order, declared in Rust beside the equations.
 
     The parameters of a model with current laws are their coefficients, named `k_w.0`, `k_w.1`; `plain` has the
-    parameters of the model itself.
+    parameters of the model itself. `spring` names the stiffness k and the free length x0 of the accumulator; its
+    force k (x - x0) depends on x0 through the product k x0 alone.
     """
 
     name: str
@@ -43,6 +44,7 @@ class DamperSpec(Summarised):
     n_states: int
     odd: bool
     relaxes: bool
+    spring: tuple[str, str] | None
     parameters: tuple[ParamSpec, ...]
     plain: tuple[ParamSpec, ...]
     current: CurrentLaws | None = None
@@ -58,16 +60,12 @@ class DamperSpec(Summarised):
         return np.array([parameter.nominal for parameter in self.parameters])
 
     @property
-    def spring(self) -> tuple[int, int] | None:
-        """Indices of the accumulator's stiffness k and free length x0, `None` where the model has no such constants.
-
-        Its force k (x - x0) depends on x0 through the product k x0 alone.
-        """
-        plain = {parameter.name for parameter in self.plain}
-        stiffness = next((name for name in ("k1", "k", "k0") if name in plain), "")
-        if "x0" not in self.names or stiffness not in self.names:
+    def spring_indices(self) -> tuple[int, int] | None:
+        """Indices of the two parameters of `spring`; `None` if there is none, or one of them follows a law."""
+        if self.spring is None or not set(self.spring) <= set(self.names):
             return None
-        return self.names.index(stiffness), self.names.index("x0")
+        stiffness, free_length = self.spring
+        return self.names.index(stiffness), self.names.index(free_length)
 
     def with_current_laws(
         self, laws: Mapping[str, LawName], *, unit: CommandUnit = "A", lagged: bool = False

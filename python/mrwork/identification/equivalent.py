@@ -90,7 +90,7 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
 
 def _mirrored(spec: DamperSpec, box: Box) -> tuple[int, ...]:
     """Stiffness and free length of the model's spring, where both are free and may have either sign."""
-    pair = spec.spring or ()
+    pair = spec.spring_indices or ()
     return pair if all(box.lower[index] < 0.0 < box.upper[index] for index in pair) else ()
 
 

@@ -19,6 +19,7 @@ impl ControlLaw for Active {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        commands_force: true,
     };
 
     #[inline(always)]

@@ -33,6 +33,7 @@ impl ControlLaw for ClippedOptimal {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        commands_force: false,
     };
 
     #[inline(always)]
@@ -69,6 +70,7 @@ impl ControlLaw for ModifiedClippedOptimal {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        commands_force: false,
     };
 
     #[inline(always)]
@@ -104,6 +106,7 @@ impl ControlLaw for ProportionalClippedOptimal {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        commands_force: false,
     };
 
     #[inline(always)]

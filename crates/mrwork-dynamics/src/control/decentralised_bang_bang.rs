@@ -19,6 +19,7 @@ impl ControlLaw for DecentralisedBangBang {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        commands_force: false,
     };
 
     #[inline(always)]

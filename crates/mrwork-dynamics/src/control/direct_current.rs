@@ -24,6 +24,7 @@ impl ControlLaw for LyapunovDirect {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        commands_force: false,
     };
 
     #[inline(always)]
@@ -68,6 +69,7 @@ impl ControlLaw for LyapunovDirectBangBang {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        commands_force: false,
     };
 
     #[inline(always)]
@@ -108,6 +110,7 @@ impl ControlLaw for ProportionalDirect {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        commands_force: false,
     };
 
     #[inline(always)]
@@ -140,6 +143,7 @@ impl ControlLaw for InverseDirect {
         tables: &[],
         memory: 0,
         needs_curve: true,
+        commands_force: false,
     };
 
     #[inline(always)]

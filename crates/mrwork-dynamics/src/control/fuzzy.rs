@@ -32,6 +32,7 @@ impl ControlLaw for Fuzzy {
         tables: &["shares"],
         memory: 0,
         needs_curve: false,
+        commands_force: false,
     };
 
     #[inline(always)]

@@ -24,6 +24,7 @@ impl ControlLaw for ModulatedHomogeneousFriction {
         tables: &[],
         memory: 3,
         needs_curve: false,
+        commands_force: false,
     };
 
     #[inline(always)]

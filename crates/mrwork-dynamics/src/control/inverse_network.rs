@@ -26,6 +26,7 @@ impl ControlLaw for InverseNetwork {
         tables: &["layer", "output", "reach"],
         memory: SIGNALS,
         needs_curve: false,
+        commands_force: false,
     };
 
     #[inline(always)]

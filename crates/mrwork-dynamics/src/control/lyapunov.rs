@@ -24,6 +24,7 @@ impl ControlLaw for Lyapunov {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        commands_force: false,
     };
 
     #[inline(always)]

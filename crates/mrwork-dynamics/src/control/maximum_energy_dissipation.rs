@@ -18,6 +18,7 @@ impl ControlLaw for MaximumEnergyDissipation {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        commands_force: false,
     };
 
     #[inline(always)]

@@ -87,6 +87,8 @@ pub struct LawSpec {
     pub memory: usize,
     /// Whether it needs the damper force as a function of the command.
     pub needs_curve: bool,
+    /// Whether its command is a force, for a device that exerts it, and not a current or voltage.
+    pub commands_force: bool,
 }
 
 impl LawSpec {

@@ -23,6 +23,7 @@ impl ControlLaw for Passive {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        commands_force: false,
     };
 
     #[inline(always)]

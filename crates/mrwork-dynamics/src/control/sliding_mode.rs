@@ -44,6 +44,7 @@ impl ControlLaw for SlidingMode {
         tables: &[],
         memory: 0,
         needs_curve: false,
+        commands_force: false,
     };
 
     #[inline(always)]
@@ -106,6 +107,7 @@ impl ControlLaw for AdaptiveSlidingMode {
         tables: &[],
         memory: 1,
         needs_curve: false,
+        commands_force: false,
     };
 
     #[inline(always)]
@@ -171,6 +173,7 @@ impl ControlLaw for SuperTwisting {
         tables: &[],
         memory: 1,
         needs_curve: true,
+        commands_force: false,
     };
 
     #[inline(always)]

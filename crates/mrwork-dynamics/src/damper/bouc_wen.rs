@@ -37,6 +37,7 @@ impl DamperModel for BoucWen {
         odd: true,
         offset_adds: true,
         relaxes: false,
+        spring: Some(("k0", "x0")),
     };
     type Parameters<R: Real> = Parameters<R>;
     type State<R: Real> = [R; 1];

@@ -30,6 +30,7 @@ impl DamperModel for Dahl {
         odd: true,
         offset_adds: true,
         relaxes: false,
+        spring: None,
     };
     type Parameters<R: Real> = Parameters<R>;
     type State<R: Real> = [R; 1];

@@ -42,6 +42,7 @@ impl DamperModel for ElastoViscoPlastic {
         odd: true,
         offset_adds: true,
         relaxes: true,
+        spring: None,
     };
     type Parameters<R: Real> = Parameters<R>;
     type State<R: Real> = [R; 1];

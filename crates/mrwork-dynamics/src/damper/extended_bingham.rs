@@ -38,6 +38,7 @@ impl DamperModel for ExtendedBingham {
         odd: true,
         offset_adds: true,
         relaxes: true,
+        spring: None,
     };
     type Parameters<R: Real> = Parameters<R>;
     type State<R: Real> = [R; 2];

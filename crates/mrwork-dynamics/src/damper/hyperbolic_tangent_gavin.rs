@@ -36,6 +36,7 @@ impl DamperModel for HyperbolicTangentGavin {
         odd: true,
         offset_adds: true,
         relaxes: false,
+        spring: None,
     };
     type Parameters<R: Real> = Parameters<R>;
     type State<R: Real> = [R; 0];

@@ -33,6 +33,7 @@ impl DamperModel for HyperbolicTangentGuo {
         odd: true,
         offset_adds: true,
         relaxes: false,
+        spring: None,
     };
     type Parameters<R: Real> = Parameters<R>;
     type State<R: Real> = [R; 0];

@@ -24,6 +24,7 @@ impl DamperModel for IdealActuator {
         odd: true,
         offset_adds: true,
         relaxes: false,
+        spring: None,
     };
     type Parameters<R: Real> = Parameters<R>;
     type State<R: Real> = [R; 0];

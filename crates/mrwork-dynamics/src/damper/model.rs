@@ -28,6 +28,9 @@ pub struct DamperSpec {
     pub offset_adds: bool,
     /// Whether the states move while the damper is held still: a series dashpot creeps, a loop does not.
     pub relaxes: bool,
+    /// Stiffness k and free length x0 of the accumulator's spring, whose force k (x - x0) depends on x0 through the
+    /// product k x0 alone.
+    pub spring: Option<(&'static str, &'static str)>,
 }
 
 /// Elongation of the damper and its rate.

@@ -47,6 +47,7 @@ impl DamperModel for NonSymmetricBoucWen {
         odd: true,
         offset_adds: true,
         relaxes: true,
+        spring: Some(("k", "x0")),
     };
     type Parameters<R: Real> = Parameters<R>;
     type State<R: Real> = [R; 1];

@@ -46,6 +46,7 @@ impl DamperModel for NonSymmetricBoucWenDisplacement {
         odd: true,
         offset_adds: true,
         relaxes: true,
+        spring: Some(("k", "x0")),
     };
     type Parameters<R: Real> = Parameters<R>;
     type State<R: Real> = [R; 1];

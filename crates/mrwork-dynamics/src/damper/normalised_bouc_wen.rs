@@ -39,6 +39,7 @@ impl DamperModel for NormalisedBoucWen {
         odd: true,
         offset_adds: true,
         relaxes: false,
+        spring: Some(("k", "x0")),
     };
     type Parameters<R: Real> = Parameters<R>;
     type State<R: Real> = [R; 1];

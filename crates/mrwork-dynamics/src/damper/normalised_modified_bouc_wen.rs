@@ -45,6 +45,7 @@ impl DamperModel for NormalisedModifiedBoucWen {
         odd: true,
         offset_adds: true,
         relaxes: true,
+        spring: Some(("k1", "x0")),
     };
     type Parameters<R: Real> = Parameters<R>;
     type State<R: Real> = [R; 2];

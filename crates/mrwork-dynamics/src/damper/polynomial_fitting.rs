@@ -47,6 +47,7 @@ impl DamperModel for PolynomialFitting {
         odd: true,
         offset_adds: false,
         relaxes: false,
+        spring: None,
     };
     type Parameters<R: Real> = Parameters<R>;
     type State<R: Real> = [R; 0];

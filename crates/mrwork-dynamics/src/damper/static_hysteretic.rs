@@ -35,6 +35,7 @@ impl DamperModel for StaticHysteretic {
         odd: true,
         offset_adds: true,
         relaxes: false,
+        spring: None,
     };
     type Parameters<R: Real> = Parameters<R>;
     type State<R: Real> = [R; 0];

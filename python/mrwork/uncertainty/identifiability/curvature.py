@@ -93,8 +93,8 @@ class Scaled:
         bounds = (np.array(each)[free] for each in (box.lower, box.upper))
         lower, upper = (np.where(log, np.log(np.where(log, each, 1.0)), each / size) for each in bounds)
         spring = None
-        if spec.spring is not None and set(spec.spring) <= set(box.free):
-            spring = (box.free.index(spec.spring[0]), box.free.index(spec.spring[1]))
+        if spec.spring_indices is not None and set(spec.spring_indices) <= set(box.free):
+            spring = (box.free.index(spec.spring_indices[0]), box.free.index(spec.spring_indices[1]))
         return cls(theta=theta, free=box.free, log=log, size=size, lower=lower, upper=upper, spring=spring)
 
     def position(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
