@@ -9,7 +9,7 @@ use crate::current_law::CurrentLaws;
 use crate::dual_block::{LaneRows, Seed, TANGENTS};
 use crate::error::{DynamicsError, Outcome};
 use crate::loading::LoadingHistory;
-use crate::plan::Plan;
+use crate::schedule::Schedule;
 use crate::settings::Settings;
 use crate::simulate::{CandidateResult, stopped};
 use crate::threads::on_threads;
@@ -37,19 +37,19 @@ pub fn sensitivities(
     if let Some(&column) = asked.iter().find(|&&column| column >= n_columns) {
         return Err(DynamicsError::NoColumn { model: damper.spec().name, column, n_columns });
     }
-    let plan = Plan::new(damper, laws, theta, loading, settings)?;
+    let schedule = Schedule::new(damper, laws, theta, loading, settings)?;
     let n_time = loading.n_time();
-    let n_batch = plan.rows.len();
+    let n_batch = schedule.rows.len();
     check("force", force.len(), n_batch * n_time)?;
     check("jacobian", jacobian.len(), n_batch * asked.len() * n_time)?;
     force.fill(f64::INFINITY);
     jacobian.fill(f64::INFINITY);
 
     let progress = BatchProgress::at_rest(damper.spec(), n_batch, None);
-    let lanes = lanes(&plan.order, asked, force, jacobian, n_time);
+    let lanes = lanes(&schedule.order, asked, force, jacobian, n_time);
     let set = settings.instruction_set.or_plain();
-    let work = blocks(lanes, set.vector_width(), |candidate| plan.rows[candidate].substeps);
-    on_threads(plan.threads, work, |mut lanes: LaneList<'_>| {
+    let work = blocks(lanes, set.vector_width(), |candidate| schedule.rows[candidate].substeps);
+    on_threads(schedule.threads, work, |mut lanes: LaneList<'_>| {
         let block = Block {
             theta,
             laws,
@@ -57,14 +57,14 @@ pub fn sensitivities(
             loading,
             span: 0..n_time,
             progress: &progress,
-            substeps: plan.rows[lanes.candidates[0]].substeps,
+            substeps: schedule.rows[lanes.candidates[0]].substeps,
             stop: settings.stop,
         };
         damper.sensitivities(set, &block, &lanes.seeds, &mut lanes.rows);
     })?;
     stopped(settings.stop)?;
 
-    let mut rows = plan.rows.clone();
+    let mut rows = schedule.rows.clone();
     for (index, row) in rows.iter_mut().enumerate().filter(|(_, row)| row.outcome == Outcome::Finished) {
         let history = &mut force[index * n_time..][..n_time];
         let derivatives = &mut jacobian[index * asked.len() * n_time..][..asked.len() * n_time];

@@ -1,4 +1,4 @@
-//! How a batch is computed, whatever it simulates.
+//! Settings of a batch, of damper tests as of closed loops.
 
 use crate::dispatch::InstructionSet;
 use crate::threads::StopRequested;

@@ -8,8 +8,8 @@ use crate::current_law::CurrentLaws;
 use crate::error::{DynamicsError, Outcome};
 use crate::loading::LoadingHistory;
 use crate::misfit::Target;
-pub use crate::plan::CandidateResult;
-use crate::plan::Plan;
+pub use crate::schedule::CandidateResult;
+use crate::schedule::Schedule;
 pub use crate::settings::Settings;
 use crate::threads::{StopRequested, on_threads};
 
@@ -40,21 +40,21 @@ pub fn misfits(
     if target.first >= loading.n_time() {
         return Err(DynamicsError::EmptyWindow { first: target.first, n_time: loading.n_time() });
     }
-    let plan = Plan::new(damper, laws, theta, loading, settings)?;
-    let n_batch = plan.rows.len();
+    let schedule = Schedule::new(damper, laws, theta, loading, settings)?;
+    let n_batch = schedule.rows.len();
     if let Some(limits) = limits
         && limits.len() != n_batch
     {
         return Err(DynamicsError::LimitCount { found: limits.len(), expected: n_batch });
     }
     let whole = core::iter::once(0..loading.n_time()).collect();
-    let spans = if limits.is_some() { plan.spans() } else { whole };
+    let spans = if limits.is_some() { schedule.spans() } else { whole };
     let mut progress = BatchProgress::at_rest(damper.spec(), n_batch, limits);
-    let mut rows = plan.rows.clone();
-    let mut remaining = plan.order.clone();
+    let mut rows = schedule.rows.clone();
+    let mut remaining = schedule.order.clone();
     for span in spans {
-        let blocks = plan.blocks(&remaining, &span, &progress);
-        let results = on_threads(plan.threads, blocks.iter().collect(), |block: &Block<'_>| {
+        let blocks = schedule.blocks(&remaining, &span, &progress);
+        let results = on_threads(schedule.threads, blocks.iter().collect(), |block: &Block<'_>| {
             damper.squared_errors(settings.instruction_set, block, target)
         })?;
         stopped(settings.stop)?;
@@ -67,7 +67,7 @@ pub fn misfits(
         }
         remaining.retain(|&candidate| progress.is_within(candidate));
     }
-    for &candidate in &plan.order {
+    for &candidate in &schedule.order {
         let row = &mut rows[candidate];
         if progress.is_within(candidate) {
             row.squared_error = progress.sums[candidate];
@@ -94,24 +94,24 @@ pub fn force_histories(
     force: &mut [f64],
     settings: Settings<'_>,
 ) -> Result<Vec<CandidateResult>, DynamicsError> {
-    let plan = Plan::new(damper, laws, theta, loading, settings)?;
-    let expected = plan.rows.len() * loading.n_time();
+    let schedule = Schedule::new(damper, laws, theta, loading, settings)?;
+    let expected = schedule.rows.len() * loading.n_time();
     if force.len() != expected {
         return Err(DynamicsError::LengthMismatch { name: "force", found: force.len(), expected });
     }
     force.fill(f64::INFINITY);
-    let progress = BatchProgress::at_rest(damper.spec(), plan.rows.len(), None);
-    let blocks = plan.blocks(&plan.order, &(0..loading.n_time()), &progress);
+    let progress = BatchProgress::at_rest(damper.spec(), schedule.rows.len(), None);
+    let blocks = schedule.blocks(&schedule.order, &(0..loading.n_time()), &progress);
     let mut unclaimed: Vec<Option<&mut [f64]>> = force.chunks_mut(loading.n_time()).map(Some).collect();
     let work: Vec<(&Block<'_>, Vec<&mut [f64]>)> = blocks
         .iter()
         .map(|block| (block, block.candidates.iter().filter_map(|&row| unclaimed[row].take()).collect()))
         .collect();
-    on_threads(plan.threads, work, |(block, mut rows)| {
+    on_threads(schedule.threads, work, |(block, mut rows)| {
         damper.histories(settings.instruction_set, block, &mut rows);
     })?;
     stopped(settings.stop)?;
-    let mut rows = plan.rows.clone();
+    let mut rows = schedule.rows.clone();
     for (row, history) in rows.iter_mut().zip(force.chunks_mut(loading.n_time())) {
         if row.outcome == Outcome::Finished {
             if history.iter().all(|sample| sample.is_finite()) {

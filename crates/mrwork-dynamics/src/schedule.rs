@@ -33,7 +33,7 @@ pub struct CandidateResult {
 }
 
 /// A batch whose arguments have been checked.
-pub(crate) struct Plan<'a> {
+pub(crate) struct Schedule<'a> {
     pub(crate) laws: &'a CurrentLaws,
     pub(crate) theta: &'a [f64],
     pub(crate) loading: &'a LoadingHistory,
@@ -48,7 +48,7 @@ pub(crate) struct Plan<'a> {
     varying: bool,
 }
 
-impl<'a> Plan<'a> {
+impl<'a> Schedule<'a> {
     pub(crate) fn new(
         damper: &'a dyn Damper,
         laws: &'a CurrentLaws,
