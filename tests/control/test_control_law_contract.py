@@ -318,5 +318,5 @@ def test_gains_of_the_wrong_shape_are_refused(spec: ControlLawSpec) -> None:
 @pytest.mark.parametrize("spec", [spec for spec in control_laws() if spec.needs_curve], ids=name_of)
 def test_a_law_without_its_curve_is_refused(spec: ControlLawSpec) -> None:
     loop = devices(rd1005())
-    with pytest.raises(SettingError, match="give the law a `curve`"):
+    with pytest.raises(SettingError, match="give it a `curve`"):
         simulate_loop(five_storeys(), loop, replace(law_of(spec, loop), curve=None), [SHORT])
