@@ -13,7 +13,7 @@ from mrwork.dampers.parameters import current_laws, polynomial_laws
 from mrwork.dampers.spec import damper
 from mrwork.errors import MrworkError, SettingError, UnknownNameError
 from mrwork.simulate import Outcome, simulate_force, simulate_forces
-from mrwork.twins._base import parameters_at, simulate
+from mrwork.twins.models import parameters_at, simulate
 
 LAWS = ("linear", "quadratic", "cubic", "exponential")
 

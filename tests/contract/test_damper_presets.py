@@ -12,7 +12,7 @@ from mrwork.dampers.presets import PUBLISHED_SETS
 from mrwork.dampers.spec import damper, damper_models
 from mrwork.errors import UnknownNameError
 from mrwork.simulate import Loading, simulate_force
-from mrwork.twins._base import parameters_at
+from mrwork.twins.models import parameters_at
 
 
 def presets():

@@ -10,7 +10,7 @@ from damper_samples import DT, N_TIME, noise, random_theta
 
 from mrwork import _rust
 from mrwork.simulate import Loading, simulate_forces
-from mrwork.twins._base import simulate, twin_of
+from mrwork.twins.models import simulate, twin_of
 
 # Sub-steps beyond this only make the twin slow, they exercise no other line of it.
 SUBSTEPS_TO_COMPARE = 32

@@ -238,7 +238,7 @@ def test_a_model_is_compiled_once_and_found_again_by_the_next_process(tmp_path: 
 
 
 WHERE = (
-    "import jax; from mrwork.twins._base import keep_compiled; keep_compiled(); "
+    "import jax; from mrwork.twins.models import keep_compiled; keep_compiled(); "
     "print(jax.config.jax_compilation_cache_dir)"
 )
 

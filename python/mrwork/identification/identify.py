@@ -12,14 +12,20 @@ from numpy.typing import NDArray
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, SimulationError
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace
-from mrwork.identification.global_search import OnSearch, StartingPoints
+from mrwork.identification.global_search import (
+    OnSearch,
+    StartingPoints,
+    points_from_multistart,
+    points_from_optimiser,
+)
 from mrwork.identification.levenberg_marquardt import LocalMinimum
+from mrwork.identification.multistart import Multistart
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.polish import polish
 from mrwork.identification.problem import Problem, fingerprint_of
 from mrwork.identification.progress import Progress, Reporter, interruptible
 from mrwork.identification.result import fit_at
-from mrwork.identification.searches import Search, method_of
+from mrwork.identification.searches import Search, UnregisteredSearch
 from mrwork.identification.settings import Engine, FitSettings, Start
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
@@ -214,7 +220,15 @@ def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:
     Interrupted
         On Ctrl-C, carrying `StartingPoints` with only the best point so far, `None` where there is none.
     """
-    return method_of(problem.search).starting_points(problem, on_search=on_search)
+    search = problem.search
+    if isinstance(search, Multistart):
+        return points_from_multistart(problem, search, on_search=on_search)
+    assert not isinstance(search, UnregisteredSearch)  # `Problem.of` has refused it
+    if problem.form.spec.current is None:
+        return points_from_optimiser(problem, search, on_search=on_search)
+    from mrwork.identification.level_search import points_from_levels
+
+    return points_from_levels(problem, search, on_search=on_search)
 
 
 def identify_again(

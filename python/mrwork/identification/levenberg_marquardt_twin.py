@@ -19,7 +19,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.nuisance import NuisanceName, columns_of, scaled
 from mrwork.identification.objective import Objective
 from mrwork.simulate import loading_of
-from mrwork.twins._base import keep_compiled, simulate
+from mrwork.twins.models import keep_compiled, simulate
 
 
 class RecordArrays(NamedTuple):

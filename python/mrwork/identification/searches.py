@@ -11,8 +11,6 @@ from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.multistart import Multistart
 
 if TYPE_CHECKING:
-    from mrwork.identification.global_search import OnSearch, StartingPoints
-    from mrwork.identification.problem import Problem
     from mrwork.search.loop import Optimiser
 
 _MULTISTART = "multistart"
@@ -52,9 +50,6 @@ class SearchMethod(Protocol):
             Where that is so; the message says what to do.
         """
 
-    def starting_points(self, problem: Problem, *, on_search: OnSearch) -> StartingPoints:
-        """Run the search of a problem, with the errors of `identify.starting_points`."""
-
 
 @dataclass(frozen=True, slots=True)
 class _MultistartMethod:
@@ -72,11 +67,6 @@ class _MultistartMethod:
                 f"`search` is Multistart, this {model} has current laws; "
                 "give an optimiser such as EfficientGA, or leave it out"
             )
-
-    def starting_points(self, problem: Problem, *, on_search: OnSearch) -> StartingPoints:
-        from mrwork.identification.global_search import points_from_multistart
-
-        return points_from_multistart(problem, self.search, on_search=on_search)
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,15 +87,6 @@ class _OptimiserMethod:
     def check_runs(self, model: str, *, with_laws: bool) -> None:
         pass
 
-    def starting_points(self, problem: Problem, *, on_search: OnSearch) -> StartingPoints:
-        if problem.form.spec.current is None:
-            from mrwork.identification.global_search import points_from_optimiser
-
-            return points_from_optimiser(problem, self.search, on_search=on_search)
-        from mrwork.identification.level_search import points_from_levels
-
-        return points_from_levels(problem, self.search, on_search=on_search)
-
 
 @dataclass(frozen=True, slots=True)
 class _UnregisteredMethod:
@@ -116,9 +97,6 @@ class _UnregisteredMethod:
         raise self._refusal()
 
     def check_runs(self, model: str, *, with_laws: bool) -> None:
-        raise self._refusal()
-
-    def starting_points(self, problem: Problem, *, on_search: OnSearch) -> StartingPoints:
         raise self._refusal()
 
     def _refusal(self) -> SettingError:

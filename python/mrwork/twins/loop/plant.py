@@ -12,7 +12,7 @@ from jax import Array
 from numpy.typing import ArrayLike
 
 from mrwork.dampers.spec import DamperSpec
-from mrwork.twins._base import parameters_at, twin_of
+from mrwork.twins.models import parameters_at, twin_of
 
 
 class LoopPlant(NamedTuple):

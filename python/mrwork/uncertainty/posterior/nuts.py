@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mrwork.errors import SettingError
 from mrwork.simulate import loading_of
 from mrwork.summary import Summarised
-from mrwork.twins._base import simulate
+from mrwork.twins.models import simulate
 from mrwork.uncertainty.noise import NOISES, names_in_words
 from mrwork.uncertainty.posterior.laplace import centre_and_root
 from mrwork.uncertainty.posterior.target import Target
