@@ -23,7 +23,7 @@ from mrwork.identification.identify import identify
 from mrwork.identification.levenberg_marquardt import find_minima, find_minimum
 from mrwork.identification.levenberg_marquardt_twin import TwinResiduals, arrays_of, find_minimum_on_twin
 from mrwork.identification.linearisation import linearised
-from mrwork.identification.nuisance import NuisanceName, offsets_left_to
+from mrwork.identification.nuisance import NuisanceName, bounds_without_offsets
 from mrwork.identification.objective import Objective
 from mrwork.identification.polish import jacobian, standard_errors
 from mrwork.identification.result import remark_of
@@ -139,7 +139,7 @@ def test_residuals_of_the_twin_and_their_derivatives_are_those_of_the_lanes(
     objective = Objective.of(LAWS, joint_tests(), nuisances=nuisances, power=power)
     theta = joint_theta() * np.exp(0.1 * np.random.default_rng(2).standard_normal(len(LAWS.names)))
     # No sample is close enough to mid-stroke to feel x_s, and f0 is an offset.
-    columns = identifiable_form(LAWS, SHARP | offsets_left_to(nuisances, LAWS)).box.free
+    columns = identifiable_form(LAWS, SHARP | bounds_without_offsets(nuisances, LAWS)).box.free
     (residuals,), (derivatives,) = linearised(objective, theta[None], columns)
     twin, arrays = TwinResiduals.of(objective), arrays_of(objective, (1, 1))
 

@@ -241,8 +241,6 @@ def test_impossible_settings_are_named(
 
 
 def test_another_power_has_no_likelihood(fit: Fit, test: DamperTest) -> None:
-    powered = replace(
-        fit, provenance=replace(fit.provenance, settings=fit.provenance.settings | {"power": 4.0})
-    )
+    powered = replace(fit, live_settings=replace(fit.settings, power=4.0))
     with pytest.raises(SettingError, match="power 4"):
         mr.profile(powered, [test])

@@ -19,8 +19,9 @@ from jax import Array
 from mrwork.dampers.parameters import CurrentLaws, current_laws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import UnknownNameError
+from mrwork.twins._base import Parameters  # also sets double precision
 
-Equation = Callable[[Any, Array, Array, Array], Array]
+Equation = Callable[[Parameters, Array, Array, Array], Array]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.numba_objective import NumbaObjective
 from benchmarks.posterior_job import Rows
-from mrwork.uncertainty import Iid, Target
+from mrwork.uncertainty import Target
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -28,7 +28,7 @@ class NumbaTarget:
             n_params, n_time = target.space.n_params, target.objective.n_time
             # The squared misfit is the mean of squared residuals in deviations of the force.
             squared = n_time * self.objective.misfits(np.ascontiguousarray(values[rows, :n_params])) ** 2
-            density[rows] = target.temper * Iid.log_likelihood_of_sum(
+            density[rows] = target.temper * target.noise.log_likelihood_of_sum(
                 squared, n_time, values[rows, n_params:]
             )
         return density
