@@ -66,9 +66,28 @@ def test_times_written_with_few_digits_are_taken_as_uniform() -> None:
     columns = without_velocity()
     columns["t_s"] = np.round(np.arange(400) / 1024.0, 4)
     test = built(columns)
-    assert "0.1 ms" in message(test, "time_rounded")
+    assert "0.9 to 1 ms" in message(test, "time_rounded")
     assert test.dt == pytest.approx(1.0 / 1024.0, rel=0.1 / 399.0)
     np.testing.assert_array_equal(test.force, columns["force_n"])
+
+
+@pytest.mark.parametrize("written", ["%.4f", "%.5g", "%.6g"])
+def test_times_of_mixed_decimals_have_the_frequency_of_their_regression(written: str) -> None:
+    # Five significant digits give steps of 0.0003, 0.00033, 0.0003328 and 0.0004 s in one column of 3005 Hz.
+    time = np.array([float(written % value) for value in np.arange(30_000) / 3005.0])
+    x = AMPLITUDE * np.sin(2.0 * np.pi * np.arange(time.size) / 3005.0)
+    test = built({"t_s": time, "displacement_m": x, "force_n": 1e5 * x})
+    assert codes(test).count("time_rounded") == 1
+    assert 1.0 / test.dt == pytest.approx(3005.0, rel=1e-6)
+    np.testing.assert_array_equal(test.displacement, x)
+
+
+def test_a_missing_sample_is_not_taken_for_rounding() -> None:
+    columns = without_velocity()
+    columns["t_s"] = np.round(np.arange(400) / 1024.0, 5)
+    test = built({name: np.delete(samples, 200) for name, samples in columns.items()})
+    assert "time_rounded" not in codes(test)
+    assert "resampled" in codes(test)
 
 
 def test_a_uniform_clock_that_started_long_ago_is_uniform() -> None:

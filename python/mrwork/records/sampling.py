@@ -136,14 +136,16 @@ def uniform_step(signals: Signals, *, source: str) -> tuple[Signals, float, tupl
     deviation = float(np.max(np.abs(steps - median)))
     if deviation <= _JITTER * median + 2.0 * np.spacing(np.max(np.abs(time))):
         return signals, mean, ()
-    if is_rounded(time, steps):
-        message = (
-            f"times are written to {1e3 * np.ptp(steps):.3g} ms only; "
-            f"taken as uniform every {1e3 * mean:.6g} ms"
+    uniform = rounded_grid(time)
+    if uniform is not None:
+        dt = float(uniform[-1] - uniform[0]) / (time.size - 1)
+        rounded = Finding(
+            code="time_rounded",
+            severity="note",
+            message=f"times are rounded, with steps of {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms; taken "
+            f"as uniform every {1e3 * dt:.6g} ms ({1.0 / dt:.6g} Hz), by regression on the number of the sample",
         )
-        uniform = np.linspace(time[0], time[-1], time.size)
-        rounded = Finding(code="time_rounded", severity="note", message=message)
-        return replace(signals, time=uniform), mean, (rounded,)
+        return replace(signals, time=uniform), dt, (rounded,)
 
     n_uniform = round(duration / median) + 1
     gaps = np.flatnonzero(steps > _GAP_STEPS * median)
@@ -185,13 +187,32 @@ def uniform_step(signals: Signals, *, source: str) -> tuple[Signals, float, tupl
     return replace(resampled, time=grid), dt, tuple(findings)
 
 
-def is_rounded(time: NDArray[np.float64], steps: NDArray[np.float64]) -> bool:
-    """Whether times are a uniform grid rounded to few digits.
+def rounded_grid(time: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """The uniform grid of which these times are rounded values, shape (n_time,); `None` if they are not.
 
-    Rounding gives steps of two sizes that differ by the last digit, and shifts no time by more than that. A digit above
-    half a step could equally be a missing sample.
+    The grid is the regression of the time on the number of the sample, which rounding does not bias, unlike the
+    median step. Each time may differ from it by no more than the last digit with which it is written: one column may
+    have times of different numbers of decimals, as a format with a fixed number of significant digits prints them.
+    A digit above half a step could equally be a missing sample.
     """
-    digit = float(np.ptp(steps))
-    two_sizes = np.minimum(steps - steps.min(), steps.max() - steps) < 1e-3 * digit
-    off_grid = np.abs(time - np.linspace(time[0], time[-1], time.size))
-    return bool(digit <= 0.5 * steps.min() and np.all(two_sizes) and np.all(off_grid <= digit))
+    index = np.arange(time.size) - 0.5 * (time.size - 1)
+    slope = float(index @ time) / float(index @ index)
+    grid = np.asarray(np.mean(time) + slope * index, dtype=np.float64)
+    digit = last_digit(time)
+    typical = float(np.median(digit))
+    if typical > 0.5 * slope:
+        return None
+    # Times with more decimals than the rest are as far from the grid as the regression is uncertain.
+    allowed = np.minimum(np.maximum(digit, 0.1 * typical), 0.5 * slope)
+    return grid if np.all(np.abs(time - grid) <= allowed) else None
+
+
+def last_digit(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Power of ten of the last decimal with which each value can be written, shape of `values`, 1 to 1e-12."""
+    digit = np.full(values.shape, 1e-12)
+    for power in range(12, -1, -1):
+        scaled = values * 10.0**power
+        # Values that were converted from another unit are a few roundings away from their decimals.
+        written = np.abs(scaled - np.round(scaled)) <= 1e-9 + 8.0 * np.spacing(np.abs(scaled))
+        digit = np.where(written, 10.0**-power, digit)
+    return digit

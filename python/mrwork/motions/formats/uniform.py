@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.records.sampling import is_rounded
+from mrwork.records.sampling import rounded_grid
 
 Floats = NDArray[np.float64]
 
@@ -78,12 +78,10 @@ def _on_one_step(
     regular = np.abs(steps - median) <= _JITTER * median + 2.0 * np.spacing(np.abs(time).max())
     if regular.all():
         return mean, acceleration, ""
-    if is_rounded(time, steps):
-        return (
-            mean,
-            acceleration,
-            f"times written to {np.ptp(steps):.3g} s taken as uniform, every {mean:.6g} s",
-        )
+    uniform = rounded_grid(time)
+    if uniform is not None:
+        dt = float(uniform[-1] - uniform[0]) / steps.size
+        return dt, acceleration, f"times written to {np.ptp(steps):.3g} s taken as uniform, every {dt:.6g} s"
     dt = float(steps[regular].mean())
     # Regular steps are taken as equal, so that their samples are kept and not interpolated.
     knots = np.concatenate(([0.0], np.cumsum(np.where(regular, dt, steps))))
