@@ -82,6 +82,13 @@ def test_times_of_mixed_decimals_have_the_frequency_of_their_regression(written:
     np.testing.assert_array_equal(test.displacement, x)
 
 
+def test_jitter_above_the_last_digit_is_not_taken_for_rounding() -> None:
+    columns = without_velocity()
+    jitter = np.random.default_rng(3).uniform(-0.9e-3, 0.9e-3, 400)
+    columns["t_s"] = np.round(np.arange(400) * 0.005 + jitter, 3)
+    assert "time_rounded" not in codes(built(columns))
+
+
 def test_a_missing_sample_is_not_taken_for_rounding() -> None:
     columns = without_velocity()
     columns["t_s"] = np.round(np.arange(400) / 1024.0, 5)

@@ -185,7 +185,7 @@ def search_of_record(record: Mapping[str, Any]) -> Search:
     if kind not in searches():
         settings = {name: value for name, value in record.items() if name != "kind"}
         return UnregisteredSearch(kind=kind, settings=settings)
-    return _built(type(searches()[kind]), record)  # type: ignore[no-any-return]
+    return _built(type(searches()[kind]), record)  # type: ignore[no-any-return] # as above
 
 
 def _kind_of_development_version(record: Mapping[str, Any]) -> str:

@@ -191,9 +191,9 @@ def rounded_grid(time: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """The uniform grid of which these times are rounded values, shape (n_time,); `None` if they are not.
 
     The grid is the regression of the time on the number of the sample, which rounding does not bias, unlike the
-    median step. Each time may differ from it by no more than the last digit with which it is written: one column may
-    have times of different numbers of decimals, as a format with a fixed number of significant digits prints them.
-    A digit above half a step could equally be a missing sample.
+    median step. Each time may differ from it by half of the last digit with which it is written, more is jitter: one
+    column may have times of different numbers of decimals, as a format with a fixed number of significant digits
+    prints them. A digit above half a step could equally be a missing sample.
     """
     index = np.arange(time.size) - 0.5 * (time.size - 1)
     slope = float(index @ time) / float(index @ index)
@@ -202,8 +202,8 @@ def rounded_grid(time: NDArray[np.float64]) -> NDArray[np.float64] | None:
     typical = float(np.median(digit))
     if typical > 0.5 * slope:
         return None
-    # Times with more decimals than the rest are as far from the grid as the regression is uncertain.
-    allowed = np.minimum(np.maximum(digit, 0.1 * typical), 0.5 * slope)
+    # The regression of a short record is itself uncertain by a fifth of the typical digit.
+    allowed = np.minimum(0.5 * digit + 0.25 * typical, 0.5 * slope)
     return grid if np.all(np.abs(time - grid) <= allowed) else None
 
 

@@ -75,7 +75,7 @@ def state_from_arrays(kind: type[T], arrays: Mapping[str, NDArray[Any]]) -> T:
     """Undo `arrays_of`, bit for bit; `kind` is the class of the state."""
     hints = get_type_hints(kind)
     values: dict[str, Any] = {}
-    for name, hint in ((each.name, hints[each.name]) for each in dataclasses.fields(kind)):  # type: ignore[arg-type]
+    for name, hint in ((each.name, hints[each.name]) for each in dataclasses.fields(kind)):  # type: ignore[arg-type] # a dataclass
         if dataclasses.is_dataclass(hint):
             inner = {key.removeprefix(f"{name}."): each for key, each in arrays.items()}
             values[name] = state_from_arrays(hint, inner)  # type: ignore[arg-type] # a hint is a class here

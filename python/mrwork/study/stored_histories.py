@@ -54,7 +54,7 @@ class Histories:
         }
         target = self._begun / self._names[row, motion]
         with replacing(target) as beside, beside.open("wb") as stream:
-            np.savez(stream, **arrays)  # type: ignore[arg-type]
+            np.savez(stream, **arrays)  # type: ignore[arg-type] # no array is called allow_pickle
 
     def read(self, row: int, motion: int) -> RunHistory | None:
         """The history of a run, if it is stored."""
