@@ -9,7 +9,7 @@ from dataclasses import fields, replace
 
 import numpy as np
 import pytest
-from law_formulas import FORMULAS, Recorded, commands
+from law_formulas import FORMULAS, SEARCHED, Recorded, commands
 from loop_samples import (
     LARGEST,
     devices,
@@ -113,8 +113,15 @@ def test_commands_are_those_of_the_formula(spec: ControlLawSpec, sample_time: fl
     run = run_of(law, loop, Hardware(sample_time=sample_time))
     seen = Recorded.of(law, five_storeys(), loop, sweep(), run, sample_time)
     expected = commands(seen)
-    # Rounding differs; a switch is turned by it only where its argument vanishes, as at rest.
-    np.testing.assert_allclose(run.command, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+    if spec.name in SEARCHED:
+        force = seen.believed(expected)
+        np.testing.assert_allclose(
+            seen.believed(run.command), force, rtol=0.0, atol=1e-5 * np.abs(force).max()
+        )
+        np.testing.assert_allclose(run.command, expected, rtol=0.0, atol=5e-3 * LARGEST)
+    else:
+        # Rounding differs; a switch is turned by it only where its argument vanishes, as at rest.
+        np.testing.assert_allclose(run.command, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
     assert np.ptp(run.command) > 0.0 or spec.name == "passive"
 
 
@@ -128,7 +135,11 @@ def test_commands_stay_in_their_range(spec: ControlLawSpec) -> None:
         assert np.all((run.current >= 0.0) & (run.current <= [LARGEST, 0.7]))
 
 
-@pytest.mark.parametrize("spec", [spec for spec in WITH_GAINS if spec.name != "inverse_direct"], ids=name_of)
+@pytest.mark.parametrize(
+    "spec",
+    [spec for spec in WITH_GAINS if spec.name not in {"inverse_direct", "inverse_parabola"}],
+    ids=name_of,
+)
 def test_a_law_that_asks_for_nothing_sends_nothing(spec: ControlLawSpec) -> None:
     loop = devices(rd1005())
     run = run_of(law_of(spec, loop, strength=0.0), loop)
@@ -265,9 +276,11 @@ MEASURED = {
         "super_twisting",
         "fuzzy",
         "lyapunov_direct",
+        "lyapunov_parabola",
         "lyapunov_direct_bang_bang",
         "proportional_direct",
         "inverse_direct",
+        "inverse_parabola",
         "inverse_network",
     },
 }

@@ -188,7 +188,18 @@ def _fuzzy(run: Recorded) -> Floats:
     return np.asarray(shares(np.stack([x, y], axis=-1)) * run.largest)
 
 
+# Commands among which the current is searched: many, so that every crossing of a force is seen.
+_MANY = 1921
+
+
 def _direct(run: Recorded) -> Floats:
+    """The least of sigma f among many commands."""
+    share = np.linspace(0.0, 1.0, _MANY)
+    cost = np.stack([run.sigma * run.believed(each * run.largest) for each in share])
+    return share[np.argmin(cost, axis=0)] * run.largest
+
+
+def _direct_parabola(run: Recorded) -> Floats:
     F0, G, H = run.parabola
     with np.errstate(divide="ignore", invalid="ignore"):
         vertex = np.clip(np.nan_to_num(-G / (2.0 * H)), 0.0, run.largest)
@@ -206,6 +217,19 @@ def _direct_proportional(run: Recorded) -> Floats:
 
 
 def _inverse(run: Recorded) -> Floats:
+    """The least of many commands at which the force passes through the wanted one, or else the nearest in force."""
+    share = np.linspace(0.0, 1.0, _MANY)
+    error = np.stack([run.believed(each * run.largest) for each in share]) - run.wanted
+    passes = error[:-1] * error[1:] <= 0.0
+    first = np.argmax(passes, axis=0)
+    before = np.take_along_axis(error, first[None], axis=0)[0]
+    after = np.take_along_axis(error, first[None] + 1, axis=0)[0]
+    between = np.divide(before, before - after, out=np.zeros_like(before), where=before != after)
+    nearest = np.argmin(np.abs(error), axis=0) / (_MANY - 1)
+    return np.where(passes.any(axis=0), (first + between) / (_MANY - 1), nearest) * run.largest
+
+
+def _inverse_parabola(run: Recorded) -> Floats:
     """The least root within the range, or else the end that is nearest in force."""
     found = np.empty_like(run.force)
     F0, G, H = run.parabola
@@ -250,12 +274,18 @@ FORMULAS: dict[str, Callable[[Recorded], Floats]] = {
     "super_twisting": _super_twisting,
     "fuzzy": _fuzzy,
     "lyapunov_direct": _direct,
+    "lyapunov_parabola": _direct_parabola,
     "lyapunov_direct_bang_bang": _direct_on_off,
     "proportional_direct": _direct_proportional,
     "inverse_direct": _inverse,
+    "inverse_parabola": _inverse_parabola,
     "inverse_network": _network,
     "active": _active,
 }
+
+
+SEARCHED = ("lyapunov_direct", "inverse_direct")
+"""Laws whose formula here is a search among many commands: exact in the force, not in the command."""
 
 
 def commands(run: Recorded) -> Floats:

@@ -126,9 +126,11 @@ def law_with_gains(name: str, plant: Plant, *, strength: float = 1.0) -> Control
         },
         "fuzzy": scale,
         "lyapunov_direct": {"weight": weight},
+        "lyapunov_parabola": {"weight": weight},
         "lyapunov_direct_bang_bang": {"weight": weight},
         "proportional_direct": {"weight": weight, "slope": 5.0 * each},
         "inverse_direct": {"gain": K},
+        "inverse_parabola": {"gain": K},
         "inverse_network": {"gain": K},
         "active": {"gain": K},
     }

@@ -32,6 +32,7 @@ TOLD = {
     "fuzzy": "deformation = '5 mm'\nrate = 0.1",
     "proportional_direct": "slope = 1e-3",
     "inverse_direct": "control_weight = 1e-12\ndrifts = 1e4",
+    "inverse_parabola": "control_weight = 1e-12\ndrifts = 1e4",
     "inverse_network": "control_weight = 1e-12\namplitude = 0.005\nvelocity = 0.1\nhidden = 3",
     "active": "control_weight = 1e-12",
 }

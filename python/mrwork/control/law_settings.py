@@ -311,9 +311,11 @@ SETTINGS: Mapping[str, type[LawSettings]] = {
     "super_twisting": SuperTwistingSettings,
     "fuzzy": FuzzySettings,
     "lyapunov_direct": LyapunovSettings,
+    "lyapunov_parabola": LyapunovSettings,
     "lyapunov_direct_bang_bang": LyapunovSettings,
     "proportional_direct": ProportionalSettings,
     "inverse_direct": RegulatorSettings,
+    "inverse_parabola": RegulatorSettings,
     "inverse_network": NetworkSettings,
     "active": RegulatorSettings,
 }

@@ -1,4 +1,8 @@
-//! Direct-current laws of the thesis: with f(i) = F0 + G i + H i^2 the current itself is chosen, not a force.
+//! Direct-current laws of the thesis: the current itself is chosen by the model of the damper, not a force.
+//!
+//! The thesis takes the force as F0 + G i + H i^2, which holds where no parameter inside the tanh depends on the current.
+//! `lyapunov_direct` and `inverse_direct` use the force of the model itself; the laws named after the parabola use the one
+//! through the forces at 0, half and all of the largest current.
 
 use super::clipped_optimal::GAIN;
 use super::lyapunov::WEIGHT;
@@ -16,9 +20,41 @@ impl ControlLaw for LyapunovDirect {
     const SPEC: LawSpec = LawSpec {
         name: "lyapunov_direct",
         title: "Lyapunov, current directly",
+        equation: "i = argmin over [0, i_max] of sigma f(i), sigma = s'P B",
+        description: "Minimises with the force of the damper's model itself. Needs that model instead of the \
+                      measured force.",
+        source: THESIS,
+        gains: &[WEIGHT],
+        tables: &[],
+        memory: 0,
+        needs_curve: true,
+        commands_force: false,
+    };
+
+    #[inline(always)]
+    fn command<R: Lanes>(
+        gains: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        _: &mut [R],
+        command: &mut [R],
+    ) {
+        for (device, command) in command.iter_mut().enumerate() {
+            *command = measured.minimiser(device, gains.of_state(0, device, measured));
+        }
+    }
+}
+
+/// The same with the parabola of the thesis.
+pub struct LyapunovParabola;
+
+impl ControlLaw for LyapunovParabola {
+    const SPEC: LawSpec = LawSpec {
+        name: "lyapunov_parabola",
+        title: "Lyapunov, current by a parabola",
         equation: "i = argmin over [0, i_max] of sigma f(i), sigma = s'P B, f(i) = F0 + G i + H i^2",
-        description: "The best of 0, i_max and, if it lies between them, -G/(2H). Needs a model of the damper \
-                      instead of the measured force.",
+        description: "The best of 0, i_max and, if it lies between them, -G/(2H); the parabola passes through the \
+                      forces at 0, i_max/2 and i_max. It differs from `lyapunov_direct` where a parameter \
+                      inside the tanh depends on the current.",
         source: THESIS,
         gains: &[WEIGHT],
         tables: &[],
@@ -62,8 +98,9 @@ impl ControlLaw for LyapunovDirectBangBang {
     const SPEC: LawSpec = LawSpec {
         name: "lyapunov_direct_bang_bang",
         title: "Lyapunov, current directly, on or off",
-        equation: "i = i_max H(-sigma G), sigma = s'P B",
-        description: "Full current where a larger current makes V = s'Ps/2 fall faster.",
+        equation: "i = i_max H(-sigma G), sigma = s'P B, f(i) = F0 + G i + H i^2",
+        description: "Full current where a larger current makes V = s'Ps/2 fall faster. G is the slope at i = 0 of the \
+                      parabola through the forces at 0, i_max/2 and i_max.",
         source: THESIS,
         gains: &[WEIGHT],
         tables: &[],
@@ -94,9 +131,10 @@ impl ControlLaw for ProportionalDirect {
     const SPEC: LawSpec = LawSpec {
         name: "proportional_direct",
         title: "Direct current, proportional",
-        equation: "i = sat(-kappa sigma G), sigma = s'P B",
+        equation: "i = sat(-kappa sigma G), sigma = s'P B, f(i) = F0 + G i + H i^2",
         description: "Smooth. With P of a Lyapunov equation it is the first controller of the thesis, with P of \
-                      a Riccati equation and kappa = 1/R the second.",
+                      a Riccati equation and kappa = 1/R the second. G is the slope at i = 0 of the parabola \
+                      through the forces at 0, i_max/2 and i_max.",
         source: THESIS,
         gains: &[
             WEIGHT,
@@ -128,16 +166,46 @@ impl ControlLaw for ProportionalDirect {
     }
 }
 
-/// The current at which the damper gives the desired force.
+/// The current at which the damper exerts the desired force.
 pub struct InverseDirect;
 
 impl ControlLaw for InverseDirect {
     const SPEC: LawSpec = LawSpec {
         name: "inverse_direct",
         title: "Linear regulator, damper inverted",
+        equation: "f(i) = f_c, f_c = -K s; where no i in [0, i_max] has this force, the one nearest in force",
+        description: "Inverts the force of the damper's model itself; of several currents it takes the least.",
+        source: THESIS,
+        gains: &[GAIN],
+        tables: &[],
+        memory: 0,
+        needs_curve: true,
+        commands_force: false,
+    };
+
+    #[inline(always)]
+    fn command<R: Lanes>(
+        gains: &Gains<'_, R>,
+        measured: &Measurement<'_, R>,
+        _: &mut [R],
+        command: &mut [R],
+    ) {
+        for (device, command) in command.iter_mut().enumerate() {
+            *command = measured.inverse(device, -gains.of_state(0, device, measured));
+        }
+    }
+}
+
+/// The same with the parabola of the thesis.
+pub struct InverseParabola;
+
+impl ControlLaw for InverseParabola {
+    const SPEC: LawSpec = LawSpec {
+        name: "inverse_parabola",
+        title: "Linear regulator, damper inverted by a parabola",
         equation: "H i^2 + G i + F0 = f_c, f_c = -K s; where no root lies in [0, i_max], the end point nearest in force",
-        description: "The current at which the damper exerts the desired force, as far as it can. Exact where \
-                      the force is a parabola in the current, and an approximation otherwise.",
+        description: "The parabola passes through the forces at 0, i_max/2 and i_max. It differs from `inverse_direct` \
+                      where a parameter inside the tanh depends on the current.",
         source: THESIS,
         gains: &[GAIN],
         tables: &[],

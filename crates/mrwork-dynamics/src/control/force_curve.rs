@@ -1,6 +1,6 @@
 //! The controller's model of its damper: force as a function of the command at the measured motion.
 
-use super::Measurement;
+use super::{Measurement, if_known, within};
 use crate::current_law::CurrentLaws;
 use crate::damper::model::{DamperModel, Motion};
 use crate::damper::static_hysteretic::StaticHysteretic;
@@ -8,6 +8,12 @@ use crate::elementary::tanh;
 use crate::error::DynamicsError;
 use crate::parameters::FromSlice;
 use crate::real::Real;
+
+/// Number of commands at which the force is tabulated, evenly spaced from zero to the largest; odd, for the middle one.
+const NODES: usize = 17;
+/// Steps of the root finder in the piece between two of them.
+const STEPS: usize = 5;
+const PARAMETERS: usize = StaticHysteretic::SPEC.parameters.len();
 
 /// A static hysteretic model with current laws. It has no internal state, so a controller can evaluate it.
 #[derive(Clone, Debug)]
@@ -34,16 +40,24 @@ impl<'a> CurveModel<'a> {
 
     /// The curve of one device.
     pub(crate) fn curve<R: Real>(&self, largest: f64, mounting: Mounting) -> ForceCurve<R> {
-        let at = |command: f64| {
-            let mut values = vec![f64::NAN; self.laws.n_params()];
-            self.laws.evaluate(self.theta, command, &mut values);
-            let values: Vec<R> = values.into_iter().map(R::splat).collect();
-            Parameters::from_slice(&values)
-        };
-        let at = [at(0.0), at(0.5 * largest), at(largest)];
-        let one_side = at.iter().all(|p| R::all(p.x_s.equal(at[0].x_s)));
-        ForceCurve { at, mounting, largest, one_side }
+        let columns: Vec<R> = self.theta.iter().map(|&value| R::splat(value)).collect();
+        let nodes: Vec<Node<R>> = (0..NODES)
+            .map(|node| {
+                let command = R::splat(largest * node as f64 / (NODES - 1) as f64);
+                Node { command, at: parameters_at(self.laws, &columns, command) }
+            })
+            .collect();
+        let one_side = nodes.iter().all(|node| R::all(node.at.x_s.equal(nodes[0].at.x_s)));
+        ForceCurve { laws: self.laws.clone(), columns, nodes, mounting, largest, one_side }
     }
+}
+
+/// Parameters of the model at a command.
+#[inline(always)]
+fn parameters_at<R: Real>(laws: &CurrentLaws, columns: &[R], command: R) -> Parameters<R> {
+    let mut values = [R::splat(f64::NAN); PARAMETERS];
+    laws.evaluate(columns, command, &mut values);
+    Parameters::from_slice(&values)
 }
 
 /// Number and arrangement of the dampers of a device.
@@ -55,30 +69,60 @@ pub struct Mounting {
     pub differential: bool,
 }
 
-/// Force of a device at three commands: zero, half of the largest, the largest.
+/// Parameters of the model at one of the tabulated commands.
+struct Node<R: Real> {
+    command: R,
+    at: Parameters<R>,
+}
+
+/// Force of a device as a function of the command.
 pub(crate) struct ForceCurve<R: Real> {
-    at: [Parameters<R>; 3],
+    laws: CurrentLaws,
+    columns: Vec<R>,
+    nodes: Vec<Node<R>>,
     mounting: Mounting,
     largest: f64,
-    /// Whether `x_s` is the same at all three commands.
+    /// Whether `x_s` is the same at all commands.
     one_side: bool,
 }
 
 impl<R: Real> ForceCurve<R> {
+    /// Forces at the tabulated commands.
+    #[inline(always)]
+    fn table(&self, deformation: R, rate: R) -> [R; NODES] {
+        let motion = Motion { displacement: deformation, velocity: rate };
+        let mut forces = [R::splat(0.0); NODES];
+        let mut side = tanh(deformation * self.nodes[0].at.per_x_s);
+        for (force, node) in forces.iter_mut().zip(&self.nodes) {
+            if !self.one_side {
+                side = tanh(deformation * node.at.per_x_s);
+            }
+            *force = self.whole(&node.at, side, motion);
+        }
+        forces
+    }
+
+    /// Force of all dampers of the device.
+    #[inline(always)]
+    fn whole(&self, p: &Parameters<R>, side: R, motion: Motion<R>) -> R {
+        let one = StaticHysteretic::force_on_side(p, side, motion);
+        // Two in opposition: the model is odd except for its offset.
+        let whole = if self.mounting.differential { (one - p.f0) * R::splat(2.0) } else { one };
+        whole * R::splat(self.mounting.count)
+    }
+
     /// Forces at zero, half of the largest, and the largest command.
     #[inline(always)]
     pub(crate) fn points(&self, deformation: R, rate: R) -> [R; 3] {
         let motion = Motion { displacement: deformation, velocity: rate };
         let mut forces = [R::splat(0.0); 3];
-        let mut side = tanh(deformation * self.at[0].per_x_s);
-        for (force, p) in forces.iter_mut().zip(&self.at) {
+        let mut side = tanh(deformation * self.nodes[0].at.per_x_s);
+        for (point, force) in forces.iter_mut().enumerate() {
+            let p = &self.nodes[point * (NODES - 1) / 2].at;
             if !self.one_side {
                 side = tanh(deformation * p.per_x_s);
             }
-            let one = StaticHysteretic::force_on_side(p, side, motion);
-            // Two in opposition: the model is odd except for its offset.
-            let whole = if self.mounting.differential { (one - p.f0) * R::splat(2.0) } else { one };
-            *force = whole * R::splat(self.mounting.count);
+            *force = self.whole(p, side, motion);
         }
         forces
     }
@@ -91,6 +135,91 @@ impl<R: Real> ForceCurve<R> {
         let slope = (all - none) * R::splat(1.0 / self.largest) - bend * R::splat(self.largest);
         [none, slope, bend]
     }
+
+    /// The least command with this force; if there is none, the command whose force is nearest to it.
+    ///
+    /// The first piece between two tabulated commands over which the force passes through `desired` holds the root, which
+    /// the Illinois method finds with the model itself (Dowell, Jarratt, BIT 11, 1971, 168-174).
+    #[inline(always)]
+    pub(crate) fn inverse(&self, deformation: R, rate: R, desired: R) -> R {
+        let zero = R::splat(0.0);
+        let forces = self.table(deformation, rate);
+        let mut bracketed = zero;
+        let (mut from, mut to) = (zero, zero);
+        let (mut error_from, mut error_to) = (forces[0] - desired, forces[0] - desired);
+        for (pair, force) in self.nodes.windows(2).zip(forces.windows(2)) {
+            let (before, after) = (force[0] - desired, force[1] - desired);
+            let crosses = R::select(zero.less(before * after), zero, R::splat(1.0));
+            let first = R::select(zero.less(bracketed), zero, crosses);
+            let taken = zero.less(first);
+            from = R::select(taken, pair[0].command, from);
+            to = R::select(taken, pair[1].command, to);
+            error_from = R::select(taken, before, error_from);
+            error_to = R::select(taken, after, error_to);
+            bracketed = bracketed + first;
+        }
+        let motion = Motion { displacement: deformation, velocity: rate };
+        for _ in 0..STEPS {
+            let command = secant(from, to, error_from, error_to);
+            let p = parameters_at(&self.laws, &self.columns, command);
+            let error = self.whole(&p, tanh(deformation * p.per_x_s), motion) - desired;
+            let crossed = (error * error_to).less(zero);
+            // The end that stays counts half the next time, so that both ends approach the root.
+            error_from = R::select(crossed, error_to, error_from * R::splat(0.5));
+            from = R::select(crossed, to, from);
+            to = command;
+            error_to = error;
+        }
+        let root = secant(from, to, error_from, error_to);
+        let mut distance = [zero; NODES];
+        for (distance, force) in distance.iter_mut().zip(forces) {
+            *distance = (force - desired).abs();
+        }
+        let nearest = self.least(&distance);
+        if_known(forces[0] + desired, R::select(zero.less(bracketed), root, nearest))
+    }
+
+    /// The command that minimises `sigma` times the force.
+    #[inline(always)]
+    pub(crate) fn minimiser(&self, deformation: R, rate: R, sigma: R) -> R {
+        let forces = self.table(deformation, rate);
+        let mut values = forces;
+        for value in &mut values {
+            *value = sigma * *value;
+        }
+        if_known(values[0], self.least(&values))
+    }
+
+    /// The command of the least of the tabulated values, between commands by the parabola through three of them.
+    #[inline(always)]
+    fn least(&self, values: &[R; NODES]) -> R {
+        let last = NODES - 1;
+        let step = R::splat(self.largest / last as f64);
+        let (mut least, mut command) = (values[0], R::splat(0.0));
+        for (node, &value) in values.iter().enumerate() {
+            // Its vertex counts only within half a step of the least value.
+            let centre = node.clamp(1, last - 1);
+            let (before, middle, after) = (values[centre - 1], values[centre], values[centre + 1]);
+            let bend = before - middle - middle + after;
+            let vertex = R::splat(centre as f64) + (before - after) / (bend + bend);
+            let lower = R::splat((node as f64 - 0.5).max(0.0));
+            let upper = R::splat((node as f64 + 0.5).min(last as f64));
+            let here =
+                R::select(R::splat(0.0).less(bend), within(vertex, lower, upper), R::splat(node as f64));
+            let better = if node == 0 { least.equal(value) } else { value.less(least) };
+            command = R::select(better, here * step, command);
+            least = R::select(better, value, least);
+        }
+        command
+    }
+}
+
+/// Where the chord between two commands of opposite errors is zero; the first command where both have the same error.
+#[inline(always)]
+fn secant<R: Real>(from: R, to: R, error_from: R, error_to: R) -> R {
+    let fall = error_from - error_to;
+    let crossing = (error_to / fall).mul_add(to - from, to);
+    R::select(fall.equal(R::splat(0.0)), from, crossing)
 }
 
 impl<R: Real> Measurement<'_, R> {
@@ -98,5 +227,17 @@ impl<R: Real> Measurement<'_, R> {
     #[inline(always)]
     pub(crate) fn parabola(&self, device: usize) -> [R; 3] {
         self.curves[device].parabola(self.deformation[device], self.rate[device])
+    }
+
+    /// The least command with which a device exerts this force at the measured motion, as nearly as it can.
+    #[inline(always)]
+    pub(crate) fn inverse(&self, device: usize, desired: R) -> R {
+        self.curves[device].inverse(self.deformation[device], self.rate[device], desired)
+    }
+
+    /// The command that minimises `sigma` times the force of a device at the measured motion.
+    #[inline(always)]
+    pub(crate) fn minimiser(&self, device: usize, sigma: R) -> R {
+        self.curves[device].minimiser(self.deformation[device], self.rate[device], sigma)
     }
 }

@@ -233,9 +233,11 @@ laws! {
     sliding_mode::SuperTwisting,
     fuzzy::Fuzzy,
     direct_current::LyapunovDirect,
+    direct_current::LyapunovParabola,
     direct_current::LyapunovDirectBangBang,
     direct_current::ProportionalDirect,
     direct_current::InverseDirect,
+    direct_current::InverseParabola,
     inverse_network::InverseNetwork,
     active::Active,
 }
