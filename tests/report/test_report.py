@@ -188,6 +188,14 @@ def test_an_unfinished_fit_says_so_in_a_banner() -> None:
     assert "before it converged" in report(comparison(), status="not_converged").split(banner)[1][:300]
 
 
+def test_warnings_of_a_fit_stand_above_its_figures() -> None:
+    warned = replace(fit(comparison()), warnings=("the commands differ",))
+    text = identification_report(warned, [comparison()], model_title="m", equation="f = 0", source="s")
+    assert text.index("the commands differ") < text.index('class="headline"')
+    assert "warning: the commands differ" in repr(warned)
+    assert warned.as_dict()["warnings"] == ("the commands differ",)
+
+
 def test_names_from_files_cannot_write_markup() -> None:
     hostile = '<script>alert("1")</script>&amp;'
     found = Finding(code="x", severity="note", message=hostile)

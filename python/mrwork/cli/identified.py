@@ -117,6 +117,7 @@ def summary_of(fit: Fit, folder: Path) -> dict[str, Any]:
         "error_norms": asdict(fit.error_norms),
         "status": fit.status,
         "stop_reason": fit.stop_reason,
+        "warnings": fit.warnings,
         "evaluations": fit.evaluations,
         "refinement_steps": fit.refinement_steps,
         "seconds": fit.seconds,
@@ -136,6 +137,8 @@ def text_of(fit: Fit, tests: tuple[DamperTest, ...], folder: Path) -> str:
         *result_lines(fit),
         "",
     ]
+    if fit.warnings:
+        lines += [*(f"  warning: {each}" for each in fit.warnings), ""]
     if fit.identifiability is not None and fit.identifiability.directions:
         lines += [*(f"  - {each.sentence}" for each in fit.identifiability.directions), ""]
     for test, quality in zip(tests, fit.quality, strict=True):

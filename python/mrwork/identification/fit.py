@@ -109,7 +109,8 @@ class Fit(Summarised):
     `evaluations` counts the simulated candidates of the search and of the selection of starting points;
     `refinement_steps` counts those of the final fit, one simulation with its derivatives each. `identifiability` is
     the result of `uncertainty.identifiability_of`, `None` where it was not computed. `forces` are those of the free
-    runs, one for each test, [N], shape (n_time,); `live_settings` are the settings with the search that ran. A fit that
+    runs, one for each test, [N], shape (n_time,); `warnings` are sentences on what could mislead in the result;
+    `live_settings` are the settings with the search that ran. A fit that
     was read from its file has neither.
     """
 
@@ -131,6 +132,7 @@ class Fit(Summarised):
     current: CurrentLaws | None = None
     nuisances: tuple[NuisanceName, ...] = ()
     identifiability: Identifiability | None = None
+    warnings: tuple[str, ...] = ()
     forces: tuple[NDArray[np.float64], ...] = field(default=(), compare=False)
     live_settings: FitSettings | None = field(default=None, compare=False)
 
@@ -209,6 +211,7 @@ class Fit(Summarised):
                 )
                 for each in self.estimates
             ],
+            notes=[f"warning: {each}" for each in self.warnings],
         )
 
 
