@@ -11,6 +11,7 @@ __all__ = [
     "InvalidSettingError",
     "JournalError",
     "MrworkError",
+    "MrworkWarning",
     "OutputError",
     "RecordError",
     "SettingError",
@@ -31,6 +32,10 @@ class MrworkError(Exception):
     """
 
     document: str = ""
+
+
+class MrworkWarning(UserWarning):
+    """A result will be computed but is likely to mislead; the text is one clear sentence."""
 
 
 class RecordError(MrworkError, ValueError):

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from math import isnan
+from textwrap import wrap
 from typing import Any, ClassVar
 
 # Rows of a table and characters of a line that fit on one screen.
@@ -46,8 +47,11 @@ class Summary:
         lines += [f"  {name:<{width}}  {value}" for name, value in self.facts]
         if self.rows:
             lines += ["", *(f"  {line}" for line in aligned([self.columns, *self.shown]))]
-        lines += [f"  {note}" for note in (self.left_out, *self.notes) if note]
-        return "\n".join(_cut(line) for line in lines)
+        lines = [_cut(line) for line in (*lines, *([f"  {self.left_out}"] if self.left_out else []))]
+        for note in self.notes:
+            # A warning must be read to its end.
+            lines += wrap(note, _MOST_CHARACTERS, initial_indent="  ", subsequent_indent="    ")
+        return "\n".join(lines)
 
     def html(self) -> str:
         """For a notebook."""

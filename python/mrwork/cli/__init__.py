@@ -8,12 +8,13 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Sequence
+import warnings
+from collections.abc import Callable, Sequence
 from importlib import import_module
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from mrwork import __version__
-from mrwork.errors import MrworkError
+from mrwork.errors import MrworkError, MrworkWarning
 
 _VERBS = {
     "models": "list the damper models, or show one in full",
@@ -57,13 +58,28 @@ def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
     return root
 
 
+def _shown_in_one_line(shown_by_python: Callable[..., None]) -> Callable[..., None]:
+    """How a command line shows warnings: those of this package in one line, as its errors."""
+
+    def show(message: Warning | str, category: type[Warning], *place: Any) -> None:
+        if issubclass(category, MrworkWarning):
+            print(f"mrwork: warning: {message}", file=sys.stderr)
+        else:
+            shown_by_python(message, category, *place)
+
+    return show
+
+
 def main(arguments: Sequence[str] | None = None) -> NoReturn:
     """Run a command line and exit with its status."""
     arguments = sys.argv[1:] if arguments is None else arguments
     try:
-        # Inside the block, because the modules of a verb take a moment to load and Ctrl-C may occur meanwhile.
-        options = parser(arguments).parse_args(arguments)
-        status = int(options.run(options))
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", MrworkWarning)
+            warnings.showwarning = _shown_in_one_line(warnings.showwarning)
+            # Inside the block, because the modules of a verb take a moment to load and Ctrl-C may occur meanwhile.
+            options = parser(arguments).parse_args(arguments)
+            status = int(options.run(options))
         sys.stdout.flush()
     except MrworkError as error:
         print(f"mrwork: {error}", file=sys.stderr)

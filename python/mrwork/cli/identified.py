@@ -134,11 +134,11 @@ def text_of(fit: Fit, tests: tuple[DamperTest, ...], folder: Path) -> str:
     lines = [
         f"{damper(fit.model).title}, {status} after {fit.evaluations} simulations, {fit.seconds:.1f} s",
         "",
+        *(f"  warning: {each}" for each in fit.warnings),
+        *([""] if fit.warnings else []),
         *result_lines(fit),
         "",
     ]
-    if fit.warnings:
-        lines += [*(f"  warning: {each}" for each in fit.warnings), ""]
     if fit.identifiability is not None and fit.identifiability.directions:
         lines += [*(f"  - {each.sentence}" for each in fit.identifiability.directions), ""]
     for test, quality in zip(tests, fit.quality, strict=True):

@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from warnings import warn
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.errors import Interrupted, SimulationError
+from mrwork.errors import Interrupted, MrworkWarning, SimulationError
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace
 from mrwork.identification.global_search import (
     OnSearch,
@@ -109,6 +110,11 @@ def identify(
     Interrupted
         On Ctrl-C, carrying the `Fit` at the best found so far, `None` where no candidate was simulated yet.
 
+    Warns
+    -----
+    MrworkWarning
+        Before the search, where the tests are at several commands and the model has no law; see `Fit.warnings`.
+
     Examples
     --------
     >>> import mrwork as mr
@@ -136,8 +142,9 @@ def identify_with(
     threads: int = 0,
     on_progress: Callable[[Progress], bool | None] | None = None,
     journal: Journal | None = None,
+    warns: bool = True,
 ) -> Fit:
-    """`identify` with its settings as one value."""
+    """`identify` with its settings as one value; without `warns` its warnings are with the fit only."""
     began = time.perf_counter() - (0.0 if journal is None else journal.seconds_before)
     problem = Problem.of(
         damper(model) if isinstance(model, str) else model,
@@ -146,6 +153,9 @@ def identify_with(
         threads=threads,
         journal=journal,
     )
+    for sentence in problem.warnings if warns else ():
+        # Of the line that calls `identify`.
+        warn(sentence, MrworkWarning, stacklevel=3)
     spec, objective = problem.spec, problem.objective
     if journal is not None:
         journal.agree("identification", fingerprint_of(problem))
@@ -243,4 +253,4 @@ def identify_again(
     The earlier fit and its starts are not used as starts, because they depend on tests that may have been left out.
     """
     settings = replace(fit.settings, starts=(), engine="lanes")
-    return identify_with(fit.spec, tests, settings, threads=threads, on_progress=on_progress)
+    return identify_with(fit.spec, tests, settings, threads=threads, on_progress=on_progress, warns=False)

@@ -28,6 +28,7 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.identification.search_ranges import search_box
 from mrwork.records import DamperTest
+from mrwork.records.command import command_level
 from mrwork.records.window import excerpt
 from mrwork.search import Optimiser, SearchResult
 from mrwork.search.loop import GenerationEvent
@@ -150,11 +151,10 @@ def levels_of(spec: DamperSpec, tests: tuple[DamperTest, ...]) -> dict[float, tu
         Where there are fewer commands than a law has coefficients.
     """
     commands = [float(np.mean(np.asarray(loading_of(test, spec).command))) for test in tests]
-    # Measured commands of one level differ by noise.
-    level_of = np.round(np.array(commands), 2)
+    level_of = [command_level(command) for command in commands]
     levels = {
-        float(level): tuple(test for test, own in zip(tests, level_of, strict=True) if own == level)
-        for level in np.unique(level_of)
+        level: tuple(test for test, own in zip(tests, level_of, strict=True) if own == level)
+        for level in sorted(set(level_of))
     }
     current = spec.current
     if current is not None:

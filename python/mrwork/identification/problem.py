@@ -23,8 +23,10 @@ from mrwork.identification.objective import ROOT_MEAN_SQUARE, Objective
 from mrwork.identification.searches import Search, method_of, search_named
 from mrwork.identification.settings import FitSettings, Start
 from mrwork.records import DamperTest
+from mrwork.records.command import command_level
 from mrwork.store import Journal, digest_of
 from mrwork.store.fingerprint import package_version
+from mrwork.summary import listed
 
 _PACKAGES = ("mrwork", "numpy", "scipy", "jax", "optimistix")
 # Settings that are separate fields of a fit.
@@ -108,6 +110,11 @@ class Problem:
         return cls(spec=spec, settings=settings, form=form, objective=objective)
 
     @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on why any result is likely to mislead, known before the search."""
+        return command_warning(self.objective.tests, (self.spec,))
+
+    @property
     def search(self) -> Search:
         """The search, which complete settings always have."""
         return _search_of(self.settings)
@@ -186,6 +193,29 @@ def fingerprint_of(problem: Problem) -> dict[str, object]:
         ],
         "version": {name: package_version(name) for name in _PACKAGES},
     }
+
+
+def command_warning(tests: Sequence[DamperTest], specs: Sequence[DamperSpec]) -> tuple[str, ...]:
+    """A sentence where models with constant parameters are to describe tests at several commands; else nothing."""
+    known = [
+        (unit, command_level(command))
+        for test in tests
+        for unit, command in [("V", test.voltage) if test.current is None else ("A", test.current)]
+        if command is not None
+    ]
+    levels = sorted(set(known))
+    constant = [spec.name for spec in specs if spec.current is None]
+    if not constant or len(levels) < 2:
+        return ()
+    listing = ", ".join(
+        f"{', '.join(f'{level:g}' for each, level in levels if each == unit)} {unit}"
+        for unit in dict.fromkeys(unit for unit, _ in levels)
+    )
+    return (
+        f"the tests are at {len(levels)} commands ({listing}) but no parameter of {listed(constant)} follows the "
+        "command, so the fit is a compromise between them and right at none; let parameters follow the command "
+        "with --law NAME=LAW (in Python `with_current_laws`), or give tests at one command",
+    )
 
 
 def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:

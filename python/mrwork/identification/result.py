@@ -188,6 +188,7 @@ def fit_at(
         nuisances=objective.nuisances,
         forces=tuple(force for force, _ in runs),
         live_settings=problem.settings,
+        warnings=problem.warnings,
     )
 
 

@@ -60,6 +60,11 @@ def _variation(samples: NDArray[np.float64], low: float, high: float) -> str:
     return "ramps between" if abs(np.corrcoef(time, samples)[0, 1]) > _RAMPING else "varies between"
 
 
+def command_level(value: float) -> float:
+    """Set point of a measured command [A or V]: measured commands of one level differ by noise."""
+    return round(value, 2)
+
+
 def motion_matches_name(
     displacement: NDArray[np.float64],
     dominant: float,

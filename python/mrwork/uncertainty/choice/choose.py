@@ -7,12 +7,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TypeVar
+from warnings import warn
 
 from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import Interrupted, JournalError, MrworkError, OutputError, SettingError
+from mrwork.errors import Interrupted, JournalError, MrworkError, MrworkWarning, OutputError, SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify_with
+from mrwork.identification.problem import command_warning
 from mrwork.identification.progress import Progress
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest
@@ -21,7 +23,7 @@ from mrwork.store import Journal
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.autocorrelation import effective_samples
 from mrwork.uncertainty.bands.prediction import ONE_TEST, Fold, folds_of, held_out_errors, held_out_words
-from mrwork.uncertainty.choice.families import ALL, Family, command_remark, families
+from mrwork.uncertainty.choice.families import ALL, Family, families
 from mrwork.uncertainty.choice.leave_one_out import Likelihood, free_parameters, residuals_of, variance_of
 from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank, ranking_of
 from mrwork.uncertainty.noise import noise_model
@@ -113,6 +115,7 @@ class RunningComparison:
                 settings,
                 threads=self.threads,
                 on_progress=partial(self._report, number, task),
+                warns=False,
             )
             fit = self._journalled(f"{model}/{step}", lambda journal: identify(journal=journal))
             made.append(fit)
@@ -263,6 +266,11 @@ def choose_model(
     Interrupted
         On Ctrl-C, carrying the `Choice` so far, `None` before the end of the first family.
 
+    Warns
+    -----
+    MrworkWarning
+        Where the tests are at several commands, and a family has no law.
+
     Examples
     --------
     >>> import mrwork as mr
@@ -275,7 +283,10 @@ def choose_model(
         raise SettingError("`starts` are of one model; leave them out where models are compared")
     tests = as_tests(tests)
     compared, remarks = families(models, laws=laws or {}, unit=unit, bounds=settings.bounds)
-    remarks += command_remark(tests, has_laws=bool(laws))
+    about_commands = command_warning(tests, [family.spec for family in compared])
+    for sentence in about_commands:
+        warn(sentence, MrworkWarning, stacklevel=2)
+    remarks += about_commands
     if len(tests) == 1:
         remarks += (ONE_TEST,)
     n_folds = len(folds_of(tests, leave_out)) if len(tests) > 1 else 1

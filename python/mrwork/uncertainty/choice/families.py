@@ -9,7 +9,6 @@ from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.equivalent import identifiable_form
-from mrwork.records import DamperTest
 
 ALL = "all"
 
@@ -74,16 +73,6 @@ def families(
             for spec in lawful
         ),
         tuple(remarks),
-    )
-
-
-def command_remark(tests: Sequence[DamperTest], *, has_laws: bool) -> tuple[str, ...]:
-    """Remark where models without laws are to describe tests at several commands."""
-    commands = {(test.current, test.voltage) for test in tests}
-    if has_laws or len(commands) < 2:
-        return ()
-    return (
-        f"the tests are at {len(commands)} commands, which plain models cannot follow; give laws, or fewer tests",
     )
 
 

@@ -228,7 +228,7 @@ class Ranking(Summarised):
                 )
                 for each in self.standings
             ],
-            notes=(self.sentence,),
+            notes=(self.sentence, *(f"note: {remark}" for remark in self.remarks)),
         )
 
 
