@@ -165,3 +165,17 @@ def test_ctrl_c_ends_a_long_batch() -> None:
             simulate_loop(five_storeys(), devices(rd1005()), law, [sweep(30.0)], step_factor=64)
     finally:
         timer.cancel()
+
+
+def test_a_command_for_dampers_that_follow_none_is_refused() -> None:
+    building = mr.building("uts")
+    spec = mr.damper("bingham")
+    device = mr.Device(
+        name="passive", spec=spec, theta=spec.nominal, row=building.storeys[0], largest_command=1.0
+    )
+    motion = mr.GroundMotion(name="step", dt=0.01, acceleration=np.ones(20))
+    command = mr.ControlLaw(name="passive", gains={"command": [1.0]})
+    with pytest.raises(mr.errors.SettingError, match="no parameter depends on the command"):
+        mr.simulate_loop(building, [device], command, [motion])
+    none = mr.ControlLaw(name="passive", gains={"command": [0.0]})
+    assert mr.simulate_loop(building, [device], none, [motion]).peak_force[0, 0] > 0.0

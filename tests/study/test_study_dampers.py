@@ -86,6 +86,14 @@ def test_an_identified_run_is_taken_with_its_laws() -> None:
         ('model = "dahll"', r"line 2: no damper model is called 'dahll', did you mean dahl"),
         ('model = "dahl"\nparameters = { k_w = [1, 2] }', r"has no rho, f0 of dahl; add to its parameters"),
         ('model = "dahl"\nparameters = { k_w = [1, 2], rho = 1, f0 = 0 }', "has no largest_command"),
+        (
+            'model = "dahl"\nparameters = { k_w = 1, rho = 1, f0 = 0 }',
+            "no parameter of this dahl .* depends on",
+        ),
+        (
+            'preset = "kwok2006"\npassive = true',
+            r"line 3: passive is true, and c, k, alpha, delta, f0 of this",
+        ),
         ('run = "gone"\nlargest_command = 1', r"line 2: place/gone does not exist"),
     ],
 )

@@ -21,9 +21,7 @@ storey = 1
 run = "rig/run"
 {more}
 
-[[controller]]
-law = "passive_on"
-label = "on"
+{controller}
 
 [[motion]]
 synthetic = "kanai_tajimi"
@@ -35,33 +33,60 @@ histories = "none"
 """
 
 
-def responded(folder: Path, capsys: pytest.CaptureFixture[str], more: str) -> dict[str, Any]:
+ON = '[[controller]]\nlaw = "passive_on"\nlabel = "on"'
+CLIPPED = '[[controller]]\nlaw = "clipped_optimal"'
+
+
+def responded(
+    folder: Path, capsys: pytest.CaptureFixture[str], more: str, controller: str = ""
+) -> dict[str, Any]:
     """The runs of the study, by label."""
-    (folder / "study.toml").write_text(STUDY.format(more=more))
+    (folder / "study.toml").write_text(STUDY.format(more=more, controller=controller))
     text = printed(capsys, "respond", folder / "study.toml", "--out", folder / "out", "--json")
     return {entry["controller"]: entry for entry in json.loads(text)["results"]}
 
 
-def test_a_damper_identified_without_laws_is_a_passive_one(
+def identify_without_laws(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = folder / "rig" / "run"
+    printed(capsys, "identify", "synthetic:rd1005_1a", "--model", "bingham", "--out", out, "--quiet")
+
+
+def test_a_run_without_laws_is_taken_as_a_passive_damper_where_the_study_says_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    printed(
-        capsys,
-        "identify",
-        "synthetic:rd1005_1a",
-        "--model",
-        "bingham",
-        "--out",
-        tmp_path / "rig" / "run",
-        "--quiet",
-    )
-    found = responded(tmp_path, capsys, more="")
-    assert found["i = 0"]["outcome"] == "finished"
-    assert found["i = 0"]["energy_error"] < 1e-6
-    assert found["i = 0"]["criteria"]["peak_drift"] < found["uncontrolled"]["criteria"]["peak_drift"]
-    # It follows no command, and the page says so.
-    assert found["on"]["criteria"]["peak_force"] == found["i = 0"]["criteria"]["peak_force"]
-    assert "follows no command" in (tmp_path / "out" / "report.html").read_text()
+    identify_without_laws(tmp_path, capsys)
+    found = responded(tmp_path, capsys, more="passive = true")
+    assert set(found) == {"uncontrolled", "passive"}
+    assert found["passive"]["outcome"] == "finished"
+    assert found["passive"]["energy_error"] < 1e-6
+    assert found["passive"]["criteria"]["peak_drift"] < found["uncontrolled"]["criteria"]["peak_drift"]
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "passive: all its parameters are constant" in page
+    assert "i = 0" not in page
+
+
+@pytest.mark.parametrize(
+    ("more", "controller", "message"),
+    [
+        ("", "", "line 4: no parameter of this bingham .* depends on the command"),
+        ("largest_command = 1.0", CLIPPED, "no parameter of this bingham"),
+        ("passive = true\nlargest_command = 1.0", "", "line 8: a passive damper takes no command"),
+        ("passive = true", CLIPPED, "line 10: clipped_optimal commands the dampers, and they are passive"),
+        ("passive = true", ON, "line 10: passive_on commands the dampers, and they are passive"),
+        ("passive = true", ON.replace("_on", "_off"), ""),
+    ],
+)
+def test_a_run_without_laws_is_no_controllable_damper(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], more: str, controller: str, message: str
+) -> None:
+    identify_without_laws(tmp_path, capsys)
+    study = tmp_path / "study.toml"
+    study.write_text(STUDY.format(more=more, controller=controller))
+    if not message:
+        assert [each.row.label for each in mr.read_study(study).arrangements] == ["uncontrolled", "on"]
+        return
+    with pytest.raises(mr.errors.SettingError, match=message):
+        mr.read_study(study)
 
 
 def test_a_damper_identified_with_laws_follows_its_command(
@@ -89,10 +114,10 @@ def test_a_damper_identified_with_laws_follows_its_command(
     short = ("--generations", "3", "--population", "20", "--quiet")
     out = tmp_path / "rig" / "run"
     printed(capsys, "identify", *records, "--model", "bingham", "--law", "f_c=linear", *short, "--out", out)
-    with_laws = responded(tmp_path, capsys, more="largest_command = 1.0")
+    with_laws = responded(tmp_path, capsys, more="largest_command = 1.0", controller=ON)
     weak, strong = with_laws["i = 0"]["criteria"], with_laws["on"]["criteria"]
     # At 1 A the friction is nine times that at none.
     assert strong["peak_force"] > 2.0 * weak["peak_force"]
     assert strong["rms_drift"] < weak["rms_drift"]
     assert with_laws["on"]["energy_error"] < 1e-6
-    assert "follows no command" not in (tmp_path / "out" / "report.html").read_text()
+    assert "passive: all" not in (tmp_path / "out" / "report.html").read_text()

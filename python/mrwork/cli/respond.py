@@ -201,9 +201,10 @@ def _text(results: StudyResults, folder: Path) -> str:
 
 
 def _motion_lines(results: StudyResults, motion: int) -> list[str]:
-    """Criteria under one motion, and their ratios to those of the passive damper (i = 0), or without dampers."""
-    against: Kind = "uncontrolled" if results.row_of("passive_off") is None else "passive_off"
-    over = "i = 0" if against == "passive_off" else "uncontrolled"
+    """Criteria under one motion, and their ratios to those of the dampers without a command, or without dampers."""
+    reference = results.row_of("passive_off")
+    against: Kind = "uncontrolled" if reference is None else "passive_off"
+    over = "uncontrolled" if reference is None else results.rows[reference].label
     table = [("", "drift mm", "m/s2", "force N", *_RATIOS.values())]
     for row, each in enumerate(results.rows):
         found = results.criteria(row, motion)

@@ -65,7 +65,7 @@ def simulate_loop(
     Raises
     ------
     SettingError
-        If devices, law and building do not match.
+        If devices, law and building do not match, or the law sends a command to dampers that follow none.
 
     Examples
     --------
@@ -90,6 +90,12 @@ def simulate_loop(
     n_states = 2 * len(building.mass)
     gains = law.gain_rows(len(devices), n_states)
     actuators = law.spec.commands_force
+    if not (actuators or devices[0].spec.follows_command or (gains.size and not gains.any())):
+        raise SettingError(
+            f"{law.name} commands {devices[0].name}, a {devices[0].spec.name} of which no parameter depends on the "
+            "command: it would have no effect; give the model current laws, or simulate the passive damper with the "
+            "law passive and a command of zero"
+        )
     model, laws, theta, ranges = dampers_of(devices, actuators=actuators)
     shape = (len(gains), len(motions), len(theta))
     matrices = matrices_of(building, devices)

@@ -17,6 +17,7 @@ from mrwork.dampers.parameters import (
     LawName,
     ParamSpec,
     coefficients,
+    current_laws,
     law_equations,
     laws_in_order,
     polynomial_laws,
@@ -66,6 +67,11 @@ class DamperSpec(Summarised):
             return None
         stiffness, free_length = self.spring
         return self.names.index(stiffness), self.names.index(free_length)
+
+    @property
+    def follows_command(self) -> bool:
+        """Whether any parameter depends on the command; a damper without such a parameter is passive."""
+        return self.current is not None and any(current_laws()[law].degree != 0 for law in self.current.laws)
 
     def with_current_laws(
         self, laws: Mapping[str, LawName], *, unit: CommandUnit = "A", lagged: bool = False

@@ -55,12 +55,15 @@ def arrangements(
     Raises
     ------
     SettingError
-        If a law or a baseline is wrong, or a law has no dampers.
+        If a law or a baseline is wrong, or a law has no dampers or passive ones.
     """
     none = Row(label="uncontrolled", kind="uncontrolled", description="the building without dampers")
     found = [arranged(bare, none, bare, (), constant_command((), 0.0))]
+    controllable = any(device.spec.follows_command for device in devices)
     if devices:
         off = Row(label="i = 0", kind="passive_off", description="the dampers without a command")
+        if not controllable:
+            off = Row(label="passive", kind="passive_off", description="the dampers, which follow no command")
         found.append(arranged(bare, off, building, devices, constant_command(devices, 0.0)))
     found += [_baseline(baseline, table, bare, folder) for baseline in table.baseline]
     first = table.damper[0] if devices else None
@@ -74,6 +77,8 @@ def arrangements(
     for controller in table.controller:
         if not devices:
             controller.place.refuse("a control law needs dampers, and the study has none; give a [[damper]]")
+        if not controllable:
+            _refuse_command(controller)
         title, law = chosen_law(controller, problem)
         constant = CONSTANT_LAWS.get(controller.law)
         if constant is not None and constant.share == 0.0:
@@ -85,6 +90,17 @@ def arrangements(
         row = Row(label=controller.label or title, kind="controller", description=controller.law)
         found.append(arranged(bare, row, building, devices, law))
     return tuple(found)
+
+
+def _refuse_command(controller: ControllerTable) -> None:
+    """Refuse a law that commands dampers which follow no command; an active law replaces them by actuators."""
+    constant = CONSTANT_LAWS.get(controller.law)
+    commanding = {spec.name for spec in control_laws() if not spec.commands_force}
+    if controller.law in commanding or (constant is not None and constant.share != 0.0):
+        controller.place.within("law").refuse(
+            f"{controller.law} commands the dampers, and they are passive: none of their parameters depends on the "
+            "command; leave this law out, or give a damper with laws"
+        )
 
 
 def _range(table: DamperTable, name: str, given: tuple[float, ...] | None) -> tuple[float, float] | None:

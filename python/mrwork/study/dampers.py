@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -28,19 +28,13 @@ Identified = Callable[[Path], tuple[DamperSpec, tuple[float, ...]]]
 class ChosenDamper:
     """A model with current laws and its parameters; the command lies between 0 and `largest_command`.
 
-    `largest_command` is 1 if no parameter depends on the command.
+    `largest_command` is 1 for a passive damper, which follows no command.
     """
 
     spec: DamperSpec
     theta: NDArray[np.float64]
     largest_command: float
     source: str
-
-    @property
-    def follows_command(self) -> bool:
-        """Whether any parameter depends on the command."""
-        current = self.spec.current
-        return current is not None and _depend_on_command(current.laws)
 
 
 def identified_damper(run: Path) -> tuple[DamperSpec, tuple[float, ...]]:
@@ -64,7 +58,8 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> C
     Raises
     ------
     SettingError
-        If the table names no damper or several, or the model does not have a parameter.
+        If the table names no damper or several, the model does not have a parameter, or no parameter depends on the
+        command and the table does not say that the damper is passive.
     """
     place = table.place
     _refuse_ambiguous(table)
@@ -81,12 +76,13 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> C
         place.refuse(
             f"{place.table} has no {', '.join(missing)} of {draft.plain.name}; add to its parameters"
         )
+    spec = draft.plain.with_current_laws(draft.laws, unit=draft.unit, lagged=draft.lag is not None)
+    _refuse_unless_passive(table, spec, source)
     largest = table.largest_command if table.largest_command is not None else largest
-    if largest is None and _depend_on_command(draft.laws.values()):
+    if largest is None and spec.follows_command:
         place.refuse(
             f"{place.table} has no largest_command; give the largest command of the driver [{draft.unit}]"
         )
-    spec = draft.plain.with_current_laws(draft.laws, unit=draft.unit, lagged=draft.lag is not None)
     numbers = [number for name in draft.plain.names for number in draft.values[name]]
     theta = np.array([*numbers, *([] if draft.lag is None else [draft.lag])])
     return ChosenDamper(spec=spec, theta=theta, largest_command=largest or 1.0, source=source)
@@ -103,8 +99,30 @@ class _Draft:
     lag: float | None
 
 
-def _depend_on_command(laws: Iterable[LawName]) -> bool:
-    return any(current_laws()[law].degree != 0 for law in laws)
+def _refuse_unless_passive(table: DamperTable, spec: DamperSpec, source: str) -> None:
+    """Refuse a damper that follows no command unless the table says so, and a passive one that follows a command."""
+    place = table.place
+    if not spec.follows_command and not table.passive:
+        place.refuse(
+            f"no parameter of this {spec.name} ({source}) depends on the command, so that i = 0, the largest command "
+            "and every control law would give the same response; identify it from tests at several commands with "
+            "--law, or give its laws, or add passive = true to take it as a passive damper"
+        )
+    if not table.passive:
+        return
+    if spec.follows_command and spec.current is not None:
+        following = [
+            parameter.name
+            for parameter, law in zip(spec.plain, spec.current.laws, strict=True)
+            if current_laws()[law].degree != 0
+        ]
+        place.within("passive").refuse(
+            f"passive is true, and {', '.join(following)} of this {spec.name} depend on the command; leave passive "
+            "out, the damper at a constant command is the law passive_off, passive_on or best_passive"
+        )
+    for name in ("largest_command", "lag"):
+        if getattr(table, name) is not None:
+            place.within(name).refuse(f"a passive damper takes no command; leave {name} out")
 
 
 def _refuse_ambiguous(table: DamperTable) -> None:

@@ -132,9 +132,7 @@ def _facts(
     for device, damper in zip(devices, chosen, strict=True):
         count = f"{device.count} x " if device.count > 1 else ""
         pair = ", a differential pair" if device.differential else ""
-        fixed = (
-            "" if damper.follows_command else ", which follows no command: all its parameters are constant"
-        )
+        fixed = "" if damper.spec.follows_command else ", passive: all its parameters are constant"
         facts.append((device.name[:1].upper() + device.name[1:], f"{count}{device.spec.title}{pair}{fixed}"))
     facts += [("Parameters", text) for text in dict.fromkeys(damper.source for damper in chosen)]
     facts.append(

@@ -62,6 +62,10 @@ class DamperTable:
     largest_command: float | None = key(
         "largest command of the driver, instead of that of the preset", unit="A or V", default=None, above=0.0
     )
+    passive: bool = key(
+        "whether the damper is passive: required where no parameter depends on the command, as in a run without --law",
+        default=False,
+    )
     count: int = key("number of equal dampers in parallel", default=1, least=1)
     differential: bool = key(
         "whether an equal damper acts in opposition, with the same command", default=False
