@@ -129,7 +129,9 @@ def identify_each(
     fits = []
     for test in tests.tests:
         on_progress(f"{test.name}: {model.label}")
-        fits.append(mr.identify(model.damper, test, bounds=model.bounds, search=search, rng=rng))
+        fits.append(
+            mr.identify(model.damper, test, bounds=model.bounds, observe="none", search=search, rng=rng)
+        )
     return PerCurrent(model=model, currents=tests.currents, fits=tuple(fits))
 
 
@@ -138,7 +140,7 @@ def compare_laws(
 ) -> LawComparison:
     model = each.model
     on_progress(f"{tests.name}: {model.label}, all currents at once")
-    fit = mr.identify(model.spec, tests.tests, bounds=model.bounds, search=search, rng=rng)
+    fit = mr.identify(model.spec, tests.tests, bounds=model.bounds, observe="none", search=search, rng=rng)
     errors = [_or_nan(estimate.standard_error) for estimate in fit.estimates]
     return LawComparison(
         through=_laws_through(each, tests, weighted=False),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 import mrwork as mr
 from mrwork.dampers import DamperSpec, LawName
-from mrwork.records import AS_IT_IS, DamperTest, Observation, build_damper_test, cut, detect_smoothing
+from mrwork.records import AS_IT_IS, DamperTest, build_damper_test, cut, observed
 
 Floats = NDArray[np.float64]
 
@@ -213,9 +213,7 @@ def _current(test: DamperTest) -> float:
 def _settled(test: DamperTest) -> DamperTest:
     if test.frequency is None:
         raise mr.MrworkError(f"{test.path}: no frequency is known; name the file like 10mm1Hz0x5A")
-    smoothing = detect_smoothing(test)
-    if smoothing is not None:
-        test = replace(test, observation=Observation(average_seconds=smoothing.window_seconds))
+    test = observed(test, ["detect"])
     start = test.start_time + 2.0 / test.frequency
     # The quarter is what is simulated but not compared.
     end = start + (CYCLES + 0.25) / test.frequency

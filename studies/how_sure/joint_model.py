@@ -28,7 +28,7 @@ SPEC = damper("normalised_bouc_wen").with_current_laws({"k_w": "cubic", "c": "li
 
 
 def tests() -> tuple[DamperTest, ...]:
-    return tuple(rig_test(motion, current, observed=True) for current in CURRENTS for motion in MOTIONS)
+    return tuple(rig_test(motion, current, averaged=True) for current in CURRENTS for motion in MOTIONS)
 
 
 def left_out(fold: Fold, *, rng: int, threads: int) -> LeftOut:

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from pathlib import Path
 
-from mrwork.records import DamperTest, Observation, cut, detect_smoothing, read_damper_test, repair
+from mrwork.records import DamperTest, cut, observed, read_damper_test, repair
 
 ROOT = Path(__file__).parents[2]
 DATA = Path(os.environ.get("MRWORK_DATA", ROOT.parent / "shared" / "data"))
@@ -19,12 +18,10 @@ FITTED = "10mm1Hz"
 _PER_CYCLE = 250
 
 
-def rig_test(motion: str, current: str, *, observed: bool = False) -> DamperTest:
-    """One test, thinned, its late velocity derived anew; if `observed`, with the moving average of its authors."""
+def rig_test(motion: str, current: str, *, averaged: bool = False) -> DamperTest:
+    """One test, thinned, its late velocity derived anew; if `averaged`, with the moving average of its authors."""
     test, _ = repair(read_damper_test(RECORDS / f"{motion}{current}.csv"), ["velocity"])
     assert test.frequency is not None
-    if observed:
-        smoothing = detect_smoothing(test)
-        if smoothing is not None:
-            test = replace(test, observation=Observation(average_seconds=smoothing.window_seconds))
+    if averaged:
+        test = observed(test, ["detect"])
     return cut(test, every=max(1, int(1.0 / (test.frequency * test.dt * _PER_CYCLE))))

@@ -39,7 +39,7 @@ class Fitted:
 
 def fitted(current: str, *, rng: int, threads: int) -> Fitted:
     test = rig_test(FITTED, current)
-    fit = identify(MODEL, test, rng=rng, threads=threads)
+    fit = identify(MODEL, test, observe="none", rng=rng, threads=threads)
     others = [motion for motion in MOTIONS if motion != FITTED]
     return Fitted(
         test=test,

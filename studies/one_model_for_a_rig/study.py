@@ -13,7 +13,7 @@ import sys
 import time
 import tomllib
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import get_args
 
@@ -23,7 +23,8 @@ from mrwork import identify
 from mrwork.dampers import DamperSpec, LawName, damper
 from mrwork.errors import SimulationError
 from mrwork.identification import Fit, Progress, free_run, start_from
-from mrwork.records import AS_IT_IS, DamperTest, Observation, cut, detect_smoothing, read_damper_tests, repair
+from mrwork.records import DamperTest, cut, read_damper_tests, repair
+from mrwork.records import observed as with_observation
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -104,12 +105,7 @@ def sinusoids(*, observed: bool) -> tuple[DamperTest, ...]:
     tests = read_damper_tests(sorted(str(path) for path in RECORDS.glob("[0-9]*.csv")))
     # Where `mrwork check` sees that a velocity column is late, it is derived anew; elsewhere the repair does nothing.
     mended = (repair(test, ["velocity"])[0] for test in tests)
-    return tuple(replace(test, observation=_smoothing(test) if observed else AS_IT_IS) for test in mended)
-
-
-def _smoothing(test: DamperTest) -> Observation:
-    smoothing = detect_smoothing(test)
-    return AS_IT_IS if smoothing is None else Observation(average_seconds=smoothing.window_seconds)
+    return tuple(with_observation(test, ["detect" if observed else "none"]) for test in mended)
 
 
 def _thinned(test: DamperTest) -> DamperTest:
@@ -138,6 +134,7 @@ def fitted(
         family.spec,
         tests,
         bounds=family.bounds,
+        observe="none",
         starts=starts,
         power=family.power,
         rng=seed,

@@ -32,6 +32,7 @@ OTHER = FitSettings(
     power=4.0,
     engine="twin",
     nuisances=("level",),
+    observe=("average=0.1T", "gain=1.1"),
     rng=3,
 )
 

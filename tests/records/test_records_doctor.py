@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from mrwork.dampers.spec import damper
-from mrwork.records import DamperTest, Finding, build_damper_test, mislabelled
+from mrwork.records import DamperTest, Finding, build_damper_test, detect_smoothing, mislabelled
 from mrwork.records.build import examine
 from mrwork.records.checks import breakaway_overshoot, clipped_share
 from mrwork.records.detectors.cycles import drift_finding, loop_drift, moving_mass
@@ -104,7 +104,7 @@ def test_a_smoothed_record_tells_no_delay() -> None:
         velocity=np.convolve(test.velocity, window, mode="valid"),
         force=np.convolve(test.force, window, mode="valid"),
     )
-    assert force_delay(smoothed) is None
+    assert force_delay(replace(smoothed, smoothing=detect_smoothing(smoothed))) is None
 
 
 @pytest.mark.parametrize("model", [*CORNERED, SMOOTH])

@@ -18,7 +18,7 @@ from mrwork.cli.options import (
     add_run,
     add_threads,
     nuisances_of,
-    observed,
+    observation_of,
     read_tests,
 )
 from mrwork.cli.output import print_json, renew_page, table_lines
@@ -27,7 +27,7 @@ from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import read_fit, reopen
 from mrwork.identification.identify import identify_again
-from mrwork.records import DamperTest
+from mrwork.records import DamperTest, observed
 from mrwork.store.run_folder import CALIBRATION
 from mrwork.uncertainty.bands.calibration_files import Folds, write_calibration, write_predictions
 from mrwork.uncertainty.bands.conformal import (
@@ -50,7 +50,7 @@ def add_parser(verbs: Any) -> None:
     )
     add_run(parser)
     add_files(parser, required=False)
-    add_observation(parser)
+    add_observation(parser, default="as in the identification")
     parser.add_argument(
         "--leave-out",
         choices=get_args(Fold),
@@ -85,7 +85,8 @@ def run(options: argparse.Namespace) -> int:
 def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:
     """Predictions of the files by the fit of the run, for which they must not have been used."""
     fit = read_fit(options.run_folder)
-    tests = observed(read_tests(options), options)
+    words = observation_of(options, fit.settings.observe)
+    tests = [observed(test, words) for test in read_tests(options)]
     used = set(fit.provenance.inputs.values())
     for test in tests:
         if test.sha256 in used:

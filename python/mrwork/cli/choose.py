@@ -16,11 +16,12 @@ from mrwork.cli.identified import (
     with_identifiability,
     write_identification,
 )
-from mrwork.cli.options import cannot_be_resumed, command_unit, laws_of, observed, reading_of
+from mrwork.cli.options import cannot_be_resumed, command_unit, laws_of, reading_of
 from mrwork.cli.output import note
 from mrwork.cli.progress import ProgressLine, choice_described
 from mrwork.errors import Interrupted, MrworkError, SettingError
 from mrwork.identification.settings import FitSettings
+from mrwork.records import observed
 from mrwork.store.run_folder import FIT, MODELS, RANKING, check_destination
 from mrwork.store.unfinished import StepJournals
 from mrwork.summary import aligned
@@ -73,7 +74,7 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
 
     models: str | list[str] = ALL if options.model == ALL else options.model.split(",")
     reading = reading_of(options)
-    tests = observed(reading.tests(), options)
+    tests = tuple(observed(test, settings.observe) for test in reading.tests())
     folder = options.out or Path("out") / f"{stem_of(tests)}-models"
     check_destination(folder)
     journals = StepJournals(folder, resume=options.resume, note=note)

@@ -29,7 +29,7 @@ from mrwork.cli.options import (
     command_unit,
     laws_of,
     nuisances_of,
-    observed,
+    observation_of,
     parse_bounds,
     reading_of,
 )
@@ -42,7 +42,7 @@ from mrwork.identification.identify import identify_with
 from mrwork.identification.problem import start_from
 from mrwork.identification.searches import Search, method_of, search_named, searches
 from mrwork.identification.settings import Engine, FitSettings
-from mrwork.records import DamperTest
+from mrwork.records import DamperTest, observed
 from mrwork.store.run_folder import check_destination
 from mrwork.store.unfinished import begin_journal, discard_journal, is_copy, resume_journal
 
@@ -147,6 +147,7 @@ def settings_of(options: argparse.Namespace) -> FitSettings:
         power=options.power,
         engine=options.engine,
         nuisances=nuisances_of(options),
+        observe=observation_of(options),
         rng=options.seed,
     )
 
@@ -163,7 +164,7 @@ def run(options: argparse.Namespace) -> int:
         return choose.run(options, settings)
     plain = damper(options.model)
     reading = reading_of(options)
-    tests = observed(reading.tests(), options)
+    tests = tuple(observed(test, settings.observe) for test in reading.tests())
     spec = _with_laws(plain, tests, options)
     starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
     folder = options.out or Path("out") / f"{stem_of(tests)}-{spec.name}"

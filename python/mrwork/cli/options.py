@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
-from dataclasses import replace
 from math import isfinite
 from pathlib import Path
 from typing import get_args
@@ -13,19 +12,9 @@ from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.settings import Reading
-from mrwork.records import DamperTest, Observation, parse_column_option
-from mrwork.records.detectors.smoothing import detect_smoothing
-from mrwork.records.motion import spectrum
+from mrwork.records import DamperTest, parse_column_option
+from mrwork.records.observing import DETECT, as_words
 from mrwork.records.repairs import REPAIR_KINDS, RepairKind
-
-_OBSERVED = {
-    "average": "average_seconds",
-    "lowpass": "lowpass_hz",
-    "delay": "delay_seconds",
-    "gain": "gain",
-    "offset": "offset",
-}
-_DETECT = "detect"
 
 
 def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
@@ -67,16 +56,17 @@ def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None
     )
 
 
-def add_observation(parser: argparse.ArgumentParser) -> None:
-    """--observe and --nuisance."""
+def add_observation(parser: argparse.ArgumentParser, *, default: str = DETECT) -> None:
+    """--observe, by default as `default` says, and --nuisance."""
     parser.add_argument(
         "--observe",
         action="append",
         default=[],
         metavar="WHAT=VALUE",
         help="observation model: effect of the measurement on the force, which is applied to the model force before "
-        "the comparison: average=S (or 0.1T, a share of the period), lowpass=HZ, delay=S, gain=G, offset=N; detect "
-        "estimates a moving average; repeat for more",
+        "the comparison: detect applies a moving average that is found in the record, none has no effect; average=S "
+        "(or 0.1T, a share of the period), lowpass=HZ, delay=S, gain=G, offset=N; repeat for more; default: "
+        f"{default}",
     )
     parser.add_argument(
         "--nuisance",
@@ -190,32 +180,15 @@ def nuisances_of(options: argparse.Namespace) -> tuple[NuisanceName, ...]:
     return tuple(name for name in get_args(NuisanceName) if name in options.nuisance)
 
 
-def observed(tests: tuple[DamperTest, ...], options: argparse.Namespace) -> tuple[DamperTest, ...]:
-    """The tests with the observation model of the command line.
+def observation_of(options: argparse.Namespace, default: Sequence[str] = (DETECT,)) -> tuple[str, ...]:
+    """The words of --observe, checked; `default` where there is none.
 
     Raises
     ------
     SettingError
-        Where an observation is not of the form WHAT=VALUE, or its value is impossible.
+        Where a word is neither detect, none nor WHAT=VALUE, or its value is impossible.
     """
-    return tuple(_observed(test, options) for test in tests)
-
-
-def _observed(test: DamperTest, options: argparse.Namespace) -> DamperTest:
-    values: dict[str, float] = {}
-    for text in options.observe:
-        if text == _DETECT:
-            smoothing = detect_smoothing(test)
-            if smoothing is not None:
-                values["average_seconds"] = smoothing.window_seconds
-            continue
-        name, _, value = text.partition("=")
-        if name not in _OBSERVED:
-            raise SettingError(
-                f"--observe is {text!r}; give {_DETECT}, or {', '.join(f'{key}=VALUE' for key in _OBSERVED)}"
-            )
-        values[_OBSERVED[name]] = _observed_number(value, text, test)
-    return replace(test, observation=Observation(**values)) if values else test
+    return as_words(options.observe or default)
 
 
 def _number(text: str, option: str) -> float:
@@ -234,16 +207,3 @@ def _repair(option: str) -> tuple[RepairKind, float | None]:
         if kind == name:
             return kind, _number(amount, option) if equals else None
     raise SettingError(f"--repair is {option!r}; give one of {', '.join(REPAIR_KINDS)}")
-
-
-def _observed_number(value: str, text: str, test: DamperTest) -> float:
-    period = 1.0
-    if value.endswith("T") and text.startswith(("average", "delay")):
-        frequency = test.frequency or spectrum(test.displacement, test.dt).dominant
-        value, period = value[:-1], 1.0 / frequency
-    try:
-        return float(value) * period
-    except ValueError:
-        raise SettingError(
-            f"{value!r} in --observe {text} is not a number; write it as 0.002, or 0.1T"
-        ) from None

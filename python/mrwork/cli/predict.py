@@ -14,11 +14,12 @@ from mrwork.cli.options import (
     add_observation,
     add_run,
     nuisances_of,
-    observed,
+    observation_of,
     read_tests,
 )
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.result import free_run
+from mrwork.records import observed
 from mrwork.summary import aligned
 from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.calibration_files import read_calibration
@@ -33,7 +34,7 @@ def add_parser(verbs: Any) -> None:
     )
     add_run(parser)
     add_files(parser)
-    add_observation(parser)
+    add_observation(parser, default="as in the identification")
     parser.add_argument(
         "--substep-factor",
         type=int,
@@ -59,7 +60,8 @@ def run(options: argparse.Namespace) -> int:
     spec, theta = fit.spec, np.array(fit.theta)
     rows: list[dict[str, Any]] = []
     nuisances = nuisances_of(options)
-    for test in observed(read_tests(options), options):
+    words = observation_of(options, fit.settings.observe)
+    for test in (observed(test, words) for test in read_tests(options)):
         force, quality = free_run(
             spec, theta, test, nuisances=nuisances, substep_factor=options.substep_factor
         )

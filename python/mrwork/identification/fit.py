@@ -13,7 +13,7 @@ from mrwork.dampers.parameters import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings, Reading
-from mrwork.records import AS_IT_IS, Observation
+from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
 from mrwork.summary import Summarised, Summary, listed, rounded
 
 # Key of the record of settings that the command line adds to those of `FitSettings`.
@@ -144,6 +144,10 @@ class Fit(Summarised):
             return plain
         laws = dict(zip(plain.names, self.current.laws, strict=True))
         return plain.with_current_laws(laws, unit=self.current.unit, lagged=self.current.lagged)
+
+    def observed(self, test: DamperTest) -> DamperTest:
+        """A test with the observation model that the settings of the fit ask for, or with its own."""
+        return observed(test, self.settings.observe)
 
     @property
     def settings(self) -> FitSettings:

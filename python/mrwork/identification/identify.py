@@ -30,6 +30,7 @@ from mrwork.identification.searches import Search, UnregisteredSearch
 from mrwork.identification.settings import Engine, FitSettings, Start
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
+from mrwork.records.observing import DETECT, as_words
 from mrwork.store import Journal
 
 
@@ -40,6 +41,7 @@ def identify(
     search: Search | str | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     nuisances: Sequence[NuisanceName] = (),
+    observe: str | Sequence[str] = DETECT,
     starts: Sequence[Start] = (),
     power: float = 2.0,
     engine: Engine = "lanes",
@@ -68,6 +70,11 @@ def identify(
     nuisances
         Parameters of the force channel that are estimated for each test along with the damper: "offset", "level" or
         "delay". With "offset" the model's own force offset is fixed at zero, because the two cannot be distinguished.
+    observe
+        Observation model of the tests that have none of their own: "detect" applies a moving average that was found in
+        the record also to the model's force, and has no effect where none was found; "none" compares the model's force
+        as it is; "average=0.1T", "lowpass=50", "delay=0.002", "gain=1.02" and "offset=-20" give values [s, Hz, N; T is
+        the dominant period].
     starts
         Starts of the final fit, by parameter name, in addition to those of the search; `start_from` takes them from an
         earlier fit. A parameter that is not named has the value of the best point found; a value outside the bounds is
@@ -129,6 +136,7 @@ def identify(
         power=power,
         engine=engine,
         nuisances=tuple(nuisances),
+        observe=as_words(observe),
         rng=rng,
     )
     return identify_with(model, tests, settings, threads=threads, on_progress=on_progress, journal=journal)

@@ -129,7 +129,7 @@ class Objective(Summarised):
             if test.observation != AS_IT_IS:
                 raise SettingError(
                     f"{test.name} was recorded {test.observation.in_words}, which the twin cannot follow; "
-                    "leave the engine to `lanes`, or the observation out"
+                    "leave the engine to `lanes`, or compare the force as it is with --observe none"
                 )
 
     @property

@@ -22,7 +22,7 @@ from mrwork.identification.nuisance import bounds_without_offsets
 from mrwork.identification.objective import ROOT_MEAN_SQUARE, Objective
 from mrwork.identification.searches import Search, method_of, search_named
 from mrwork.identification.settings import FitSettings, Start
-from mrwork.records import DamperTest
+from mrwork.records import DamperTest, observed
 from mrwork.records.command import command_level
 from mrwork.store import Journal, digest_of
 from mrwork.store.fingerprint import package_version
@@ -101,7 +101,7 @@ class Problem:
         form = identifiable_form(spec, settings.bounds)
         objective = Objective.of(
             form.spec,
-            tests,
+            tuple(observed(test, settings.observe) for test in tests),
             nuisances=settings.nuisances,
             power=settings.power,
             threads=threads,

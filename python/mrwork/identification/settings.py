@@ -12,6 +12,7 @@ from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.objective import ROOT_MEAN_SQUARE
 from mrwork.identification.searches import Search, record_of_search, search_named, search_of_record
 from mrwork.records import DamperTest, read_damper_test, repair
+from mrwork.records.observing import DETECT, NONE, as_words
 from mrwork.records.repairs import RepairKind
 from mrwork.records.window import counted_from, cut
 from mrwork.synthetic import synthetic_test
@@ -103,7 +104,7 @@ class FitSettings:
     Raises
     ------
     SettingError
-        Where the power, the engine or a nuisance parameter is impossible.
+        Where the power, the engine, a nuisance parameter or an observation is impossible.
     UnknownNameError
         Where no search has the name.
     """
@@ -114,11 +115,13 @@ class FitSettings:
     power: float = ROOT_MEAN_SQUARE
     engine: Engine = "lanes"
     nuisances: tuple[NuisanceName, ...] = ()
+    observe: tuple[str, ...] = (DETECT,)
     rng: int = 0
 
     def __post_init__(self) -> None:
         if isinstance(self.search, str):
             object.__setattr__(self, "search", search_named(self.search))
+        object.__setattr__(self, "observe", as_words(self.observe))
         if self.engine not in get_args(Engine):
             raise SettingError(f"`engine` is {self.engine!r}; choose one of {', '.join(get_args(Engine))}")
         if not ROOT_MEAN_SQUARE <= self.power <= _LARGEST_POWER:
@@ -143,7 +146,7 @@ class FitSettings:
 
     @classmethod
     def of_record(cls, record: Mapping[str, Any]) -> FitSettings:
-        """Undo `as_record`. Missing fields have their defaults; unknown keys are ignored.
+        """Undo `as_record`. Missing fields have their defaults, unknown keys are ignored.
 
         Raises
         ------
@@ -153,6 +156,8 @@ class FitSettings:
         try:
             known = {each.name: record[each.name] for each in fields(cls) if each.name in record}
             search = known.pop("search", None)
+            # Before there was this setting, observation models were those of the tests.
+            known.setdefault("observe", (NONE,))
             return cls(
                 search=None if search is None else search_of_record(search),
                 **{name: _restored(value) for name, value in known.items()},

@@ -3,11 +3,12 @@ from .columns import parse_column_option as parse_column_option
 from .damper_test import DamperTest as DamperTest
 from .damper_test import Finding as Finding
 from .damper_test import Measured as Measured
+from .damper_test import Smoothing as Smoothing
 from .detectors.labels import mislabelled as mislabelled
-from .detectors.smoothing import Smoothing as Smoothing
 from .detectors.smoothing import detect_smoothing as detect_smoothing
 from .observation import AS_IT_IS as AS_IT_IS
 from .observation import Observation as Observation
+from .observing import observed as observed
 from .read import read_damper_test as read_damper_test
 from .read import read_damper_tests as read_damper_tests
 from .repairs import repair as repair

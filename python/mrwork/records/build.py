@@ -16,7 +16,7 @@ from mrwork.records.command import constant_command, motion_matches_name
 from mrwork.records.damper_test import DamperTest, Finding, frozen
 from mrwork.records.detectors.cycles import drift_finding, mass_finding
 from mrwork.records.detectors.delay import delay_finding
-from mrwork.records.detectors.smoothing import smoothing_finding
+from mrwork.records.detectors.smoothing import detect_smoothing, smoothing_finding
 from mrwork.records.detectors.velocity import velocity_agrees
 from mrwork.records.motion import Smoother, spectrum
 from mrwork.records.sampling import Signals, check_time, complete_rows, uniform_step
@@ -144,6 +144,7 @@ def build_damper_test(
         frequency=frequency,
         synthetic=synthetic,
     )
+    test = replace(test, smoothing=detect_smoothing(test))
     return replace(test, findings=(*findings, *examine(test)))
 
 

@@ -13,6 +13,7 @@ from mrwork.records.observation import AS_IT_IS, Observation
 from mrwork.summary import Summarised, Summary, of_unit
 
 Severity = Literal["note", "warning", "repaired"]
+Channel = Literal["displacement", "force"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,6 +35,15 @@ class Finding:
     measured: Measured | None = None
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Smoothing:
+    """A moving average over `window_seconds` [s] that was applied to the named channels."""
+
+    window_seconds: float
+    kind: Literal["moving_average"]
+    channels: tuple[Channel, ...]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class DamperTest(Summarised):
     """A force-motion record of one damper at one command, uniformly sampled, in SI.
@@ -44,7 +54,9 @@ class DamperTest(Summarised):
     `velocity_source` states whether the velocity is a measured column or a derivative. The first `n_settle` samples
     are simulated but not compared: until the damper has travelled half its peak-to-peak stroke, its force depends on
     the state of the hysteresis before the record. `observation` models how the recorded force follows from that of
-    the damper. `original` is the record before repairs, if it was repaired.
+    the damper. `smoothing` is the moving average that was found in the whole record, `None` where there is none; it
+    is kept with a part of the record, where it may no longer be found. `original` is the record before repairs, if it
+    was repaired.
     """
 
     name: str
@@ -63,6 +75,7 @@ class DamperTest(Summarised):
     frequency: float | None = None
     synthetic: bool = False
     observation: Observation = AS_IT_IS
+    smoothing: Smoothing | None = None
     findings: tuple[Finding, ...] = ()
     original: DamperTest | None = None
 

@@ -164,7 +164,7 @@ def _multistart(attempt: Attempt, seed: int) -> None:
 
 def _identify(attempt: Attempt, seed: int) -> None:
     job = attempt.job
-    fit = identify(job.spec, job.test, bounds=HELD, rng=seed, threads=job.objective.threads)
+    fit = identify(job.spec, job.test, bounds=HELD, observe="none", rng=seed, threads=job.objective.threads)
     attempt.evaluations = fit.evaluations
     attempt.least = fit.nrmse
     attempt.seconds = time.perf_counter() - attempt.began

@@ -36,7 +36,7 @@ class PosteriorJob:
         bounds = {
             name: (lower, upper) for name, lower, upper in zip(box.names, box.lower, box.upper, strict=True)
         }
-        fit = identify(search.spec, search.test, bounds=bounds, rng=1, threads=threads)
+        fit = identify(search.spec, search.test, bounds=bounds, observe="none", rng=1, threads=threads)
         form = identifiable_form(search.spec, bounds)
         start = np.asarray(form.box.inside(np.array(fit.theta)))
         target = Target.of(form, search.objective, Iid(), start=start, priors={}, tempering="effective")

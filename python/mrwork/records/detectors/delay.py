@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from mrwork.records.checks import half_range
 from mrwork.records.damper_test import DamperTest, Finding, Measured
-from mrwork.records.detectors.smoothing import detect_smoothing
 from mrwork.records.motion import motion_of, turning_points
 
 # All in periods of the dominant frequency.
@@ -48,7 +47,7 @@ def force_delay(test: DamperTest) -> Measured | None:
     a lag is then underestimated, and a lead counts only if the force has passed its middle at the turn. Compliance in
     series with the damper delays the corner in the same way as a slow channel.
     """
-    if detect_smoothing(test) is not None:
+    if test.smoothing is not None:
         return None
     motion = motion_of(test.displacement, test.dt)
     period = 1.0 / motion.frequency

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.records.damper_test import DamperTest, Finding, Measured
+from mrwork.records.damper_test import Channel, DamperTest, Finding, Measured, Smoothing
 from mrwork.records.motion import spectrum
-
-Channel = Literal["displacement", "force"]
 
 _DIFFERENCES: Final = 2
 _HARMONICS: Final = np.arange(1, 5)
@@ -27,15 +24,6 @@ _EACH: Final = (0.5, 1.5)
 _SIGNIFICANT: Final = 6.0
 # Factor by which a Hann taper raises the variance of the cepstrum, since neighbouring spectral lines are correlated.
 _TAPER: Final = 1.94
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Smoothing:
-    """A moving average over `window_seconds` [s] that was applied to the named channels."""
-
-    window_seconds: float
-    kind: Literal["moving_average"]
-    channels: tuple[Channel, ...]
 
 
 def detect_smoothing(test: DamperTest) -> Smoothing | None:
@@ -71,7 +59,7 @@ def detect_smoothing(test: DamperTest) -> Smoothing | None:
 
 def smoothing_finding(test: DamperTest) -> tuple[Finding, ...]:
     """Warn of a moving average, with the fraction of a cycle that it covers."""
-    smoothing = detect_smoothing(test)
+    smoothing = test.smoothing
     if smoothing is None:
         return ()
     window = smoothing.window_seconds

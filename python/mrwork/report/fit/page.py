@@ -68,6 +68,7 @@ _HASH_SHOWN = 12
 def comparisons_of(fit: Fit, tests: Sequence[DamperTest]) -> tuple[Comparison, ...]:
     """The tests of a fit, each with the force that its model gives; simulated where the fit was read from its file."""
     theta = np.array(fit.theta)
+    tests = [fit.observed(test) for test in tests]
     forces = fit.forces or tuple(
         free_run(fit.spec, theta, test, nuisances=fit.nuisances)[0] for test in tests
     )

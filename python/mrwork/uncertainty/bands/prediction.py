@@ -105,7 +105,7 @@ class Prediction(Summarised):
 
 
 def predict(fit: Fit, test: DamperTest, *, nuisances: tuple[NuisanceName, ...] | None = None) -> Prediction:
-    """Simulate a fitted damper on a test, with the test's observation model applied.
+    """Simulate a fitted damper on a test, with the test's observation model applied, or else that of the fit.
 
     Parameters
     ----------
@@ -123,6 +123,7 @@ def predict(fit: Fit, test: DamperTest, *, nuisances: tuple[NuisanceName, ...] |
     >>> fit = mr.identify("bingham", mr.synthetic_test("spencer1997"))  # doctest: +SKIP
     >>> mr.predict(fit, mr.synthetic_test("spencer1997_slow"))  # doctest: +SKIP
     """
+    test = fit.observed(test)
     observed = ObservedTest.of(fit.spec, test, fit.nuisances if nuisances is None else nuisances)
     force, _, _ = observed.predicted(np.array(fit.theta))
     return Prediction(test=test, model_force=force)

@@ -17,7 +17,7 @@ from mrwork.identification.identify import identify_with
 from mrwork.identification.problem import command_warning
 from mrwork.identification.progress import Progress
 from mrwork.identification.settings import FitSettings
-from mrwork.records import DamperTest
+from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store import Journal
 from mrwork.summary import Summarised, Summary
@@ -281,7 +281,7 @@ def choose_model(
     settings = settings or FitSettings()
     if settings.starts:
         raise SettingError("`starts` are of one model; leave them out where models are compared")
-    tests = as_tests(tests)
+    tests = tuple(observed(test, settings.observe) for test in as_tests(tests))
     compared, remarks = families(models, laws=laws or {}, unit=unit, bounds=settings.bounds)
     about_commands = command_warning(tests, [family.spec for family in compared])
     for sentence in about_commands:

@@ -1,0 +1,68 @@
+"""A moving average of the record is part of the model by default, in the fit and in what follows from it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+import mrwork as mr
+from mrwork.errors import SettingError
+from mrwork.identification.settings import FitSettings
+from mrwork.records import AS_IT_IS, DamperTest, Observation, build_damper_test
+from mrwork.uncertainty import identifiability_of, predict
+
+WINDOW = 61
+CLEAN = mr.synthetic_test("spencer1997")
+NOMINAL = {"k_w": 650.0, "sigma": 0.5, "n": 2.0, "k": 2500.0, "x0": 0.038}
+HELD = {name: (value, value) for name, value in NOMINAL.items()}
+identify = partial(mr.identify, "normalised_bouc_wen", bounds=HELD, threads=1)
+
+
+def recorded(seconds: slice = slice(None)) -> DamperTest:
+    """The clean test as a rig would write it that averages force and motion."""
+    weights = np.full(WINDOW, 1.0 / WINDOW)
+    x, v, force = (
+        np.convolve(samples, weights, mode="valid")[seconds]
+        for samples in (CLEAN.displacement, CLEAN.velocity, CLEAN.force)
+    )
+    return build_damper_test(
+        name="recorded", time=CLEAN.dt * np.arange(x.size), displacement=x, velocity=v, force=force
+    )
+
+
+def test_the_average_is_detected_by_default_and_left_out_on_request() -> None:
+    test = recorded()
+    averaged, plain = identify(test), identify(test, observe="none")
+    assert averaged.quality[0].observation == Observation(average_seconds=WINDOW * test.dt)
+    assert plain.quality[0].observation == AS_IT_IS
+    assert averaged.fit_percent > plain.fit_percent + 1.0
+    told = identify(replace(test, observation=averaged.quality[0].observation), observe="none")
+    assert told.theta == averaged.theta
+
+
+def test_nothing_detected_is_none_to_the_bit() -> None:
+    assert identify(CLEAN).theta == identify(CLEAN, observe="none").theta
+
+
+def test_predictions_and_posteriors_use_the_observation_of_the_fit() -> None:
+    first, second = recorded(slice(None, 1000)), recorded(slice(900, None))
+    fit = identify(first)
+    assert predict(fit, second).test.observation == Observation(average_seconds=WINDOW * first.dt)
+    told = replace(first, observation=fit.quality[0].observation)
+    assert identifiability_of(fit, first, threads=1) == identifiability_of(fit, told, threads=1)
+
+
+def test_a_fit_of_an_earlier_version_detects_nothing() -> None:
+    record = FitSettings().as_record()
+    assert FitSettings.of_record(json.loads(json.dumps(record))).observe == ("detect",)
+    del record["observe"]
+    assert FitSettings.of_record(record).observe == ("none",)
+
+
+def test_the_twin_says_how_to_do_without() -> None:
+    with pytest.raises(SettingError, match="--observe none"):
+        identify(recorded(), engine="twin")

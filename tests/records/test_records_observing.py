@@ -1,0 +1,81 @@
+"""The observation model of a test follows from the words of a setting."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mrwork.errors import SettingError
+from mrwork.records import AS_IT_IS, DamperTest, Observation, build_damper_test, cut, observed
+from mrwork.records.damper_test import Smoothing
+from mrwork.records.observing import as_words
+from mrwork.synthetic import synthetic_test
+
+WINDOW = 33
+CLEAN = synthetic_test("spencer1997")
+
+
+def averaged(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.convolve(samples, np.full(WINDOW, 1.0 / WINDOW), mode="valid")
+
+
+@pytest.fixture(scope="module")
+def smoothed() -> DamperTest:
+    """As a rig would write it: the record went through a moving average before anyone read it."""
+    return build_damper_test(
+        name="smoothed",
+        time=CLEAN.dt * np.arange(CLEAN.n_time - WINDOW + 1),
+        displacement=averaged(CLEAN.displacement),
+        velocity=averaged(CLEAN.velocity),
+        force=averaged(CLEAN.force),
+    )
+
+
+def test_detect_averages_as_the_whole_record_was_also_on_a_part_of_it(smoothed: DamperTest) -> None:
+    # Of every 16th sample the window has two, which no detector finds.
+    for part in (smoothed, cut(smoothed, start=0.5, end=3.0), cut(smoothed, every=16)):
+        assert observed(part, ["detect"]).observation == Observation(average_seconds=WINDOW * smoothed.dt)
+
+
+def test_what_has_no_average_or_a_model_of_its_own_is_the_same_test(smoothed: DamperTest) -> None:
+    assert observed(CLEAN, ["detect"]) is CLEAN
+    assert observed(smoothed, ["none"]) is smoothed
+    given = replace(smoothed, observation=Observation(gain=2.0))
+    assert observed(given, ["detect"]) is given
+    once = observed(smoothed, ["detect"])
+    assert observed(once, ["detect"]) is once
+
+
+def test_an_average_of_the_displacement_alone_leaves_the_force(smoothed: DamperTest) -> None:
+    alone = Smoothing(window_seconds=0.1, kind="moving_average", channels=("displacement",))
+    assert observed(replace(smoothed, smoothing=alone), ["detect"]).observation == AS_IT_IS
+
+
+def test_values_are_given_in_seconds_or_periods(smoothed: DamperTest) -> None:
+    test = replace(smoothed, frequency=2.0)
+    found = observed(test, as_words(["average=0.25T", "delay=-0.002", "offset=-20"]))
+    assert found.observation == Observation(average_seconds=0.125, delay_seconds=-0.002, offset=-20.0)
+    assert observed(test, as_words(["detect", "gain=1.1"])).observation == Observation(
+        average_seconds=WINDOW * smoothed.dt, gain=1.1
+    )
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        [],
+        ["none", "detect"],
+        ["smooth"],
+        ["average"],
+        ["average=x"],
+        ["gain=0"],
+        ["lowpass=0.1T"],
+        ["delay=inf"],
+    ],
+)
+def test_other_words_are_refused(words: list[str]) -> None:
+    with pytest.raises(SettingError, match="observ"):
+        as_words(words)
