@@ -94,6 +94,27 @@ def test_an_earlier_fit_without_verdicts_is_read(run: Path, tmp_path: Path) -> N
     assert read_fit(old).identifiability is None
 
 
+def test_standard_errors_of_an_earlier_fit_are_widened_to_effective_samples(
+    run: Path, tmp_path: Path
+) -> None:
+    old = tmp_path / "old"
+    shutil.copytree(run, old)
+    document = json.loads((old / "fit.json").read_text())
+    share = document.pop("n_effective") / document["n_time"]
+    assert share < 0.99
+    for estimate in document["estimates"]:
+        estimate["standard_error"] *= share**0.5
+    (old / "fit.json").write_text(json.dumps(document))
+    before, now = read_fit(old), read_fit(run)
+    assert before.n_effective == now.n_effective
+    errors = [[each.standard_error for each in fit.estimates] for fit in (before, now)]
+    assert errors[0] == pytest.approx(errors[1])
+    # Without verdicts the number of effective samples is not known.
+    document["identifiability"] = None
+    (old / "fit.json").write_text(json.dumps(document))
+    assert "independent samples" in repr(read_fit(old))
+
+
 def test_profiles_do_not_outlive_their_fit(
     run: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:

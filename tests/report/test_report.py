@@ -136,19 +136,16 @@ def test_every_parameter_stands_in_the_table_with_its_error_bounds_and_remark(tw
     assert rows["f0"] == ["f0", "f0", "0", "–", "–", "N", "−500", "500", "fixed"]
 
 
-def test_correlated_residuals_are_said_to_make_the_errors_optimistic() -> None:
+def test_the_page_says_how_many_samples_the_standard_errors_count() -> None:
     tested = comparison()
     described = fit(tested)
-
-    def caution(autocorrelation: float) -> str:
-        tried = replace(tested.quality, residual_autocorrelation=autocorrelation)
-        return parameters.caution(replace(described, quality=(tried,)))
-
-    assert "0.9871, so the standard errors are optimistic" in caution(0.98712)
-    assert "optimistic" not in caution(0.01)
+    counted = report(tested, n_effective=212.3)
+    assert "Standard error, 212 effective samples" in counted
+    assert "residuals as 212 independent ones" in counted
+    old = parameters.caution(replace(described, n_effective=None))
+    assert "read them as lower limits" in old
     nothing = tuple(replace(estimate, standard_error=None) for estimate in described.estimates)
     assert "No standard errors" in report(tested, estimates=nothing)
-    assert "independent from one sample to the next" in report(tested)
 
 
 def test_findings_are_shown_with_warnings_first(two_tests: str) -> None:

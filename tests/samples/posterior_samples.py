@@ -33,6 +33,15 @@ def small_fit() -> Fit:
     return identify(MODEL, small_test(), rng=1)
 
 
+def independent_errors(fit: Fit) -> list[float]:
+    """Standard errors of a fit if every residual counted, as in a likelihood without tempering."""
+    assert fit.n_effective is not None
+    share = fit.n_effective / fit.n_time
+    return [
+        np.nan if each.standard_error is None else each.standard_error * share**0.5 for each in fit.estimates
+    ]
+
+
 def small_sampling(noise: str = "iid", **settings: object) -> SamplingProblem:
     plain: dict[str, object] = {
         "noise": noise_model(noise).name,

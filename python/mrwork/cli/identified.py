@@ -122,6 +122,7 @@ def summary_of(fit: Fit, folder: Path) -> dict[str, Any]:
         "refinement_steps": fit.refinement_steps,
         "seconds": fit.seconds,
         "n_time": fit.n_time,
+        "n_effective": fit.n_effective,
         "rng": fit.provenance.rng,
         "files": [asdict(quality) for quality in fit.quality],
         "out": str(folder),

@@ -26,8 +26,8 @@ FitStatus = Literal["converged", "not_converged", "interrupted", "stopped"]
 class Estimate:
     """One parameter of a fit, in SI.
 
-    `standard_error` follows from the Jacobian and assumes independent residuals; it is `None` where the parameter is
-    not identifiable, was fixed, or is on a bound.
+    `standard_error` follows from the Jacobian and counts `Fit.n_effective` samples, fewer than there are where
+    residuals are correlated. It is `None` where the parameter is not identifiable, was fixed, or is on a bound.
     """
 
     name: str
@@ -106,6 +106,8 @@ class Provenance:
 class Fit(Summarised):
     """An identified damper: estimates in the order of the model's spec, quality per test, provenance.
 
+    `n_effective` is the effective number of samples that the standard errors assume, see `effective_samples`; `None`
+    where there are no standard errors, or, in files of earlier versions, those of `n_time` independent residuals.
     `evaluations` counts the simulated candidates of the search and of the selection of starting points;
     `refinement_steps` counts those of the final fit, one simulation with its derivatives each. `identifiability` is
     the result of `uncertainty.identifiability_of`, `None` where it was not computed. `forces` are those of the free
@@ -131,6 +133,7 @@ class Fit(Summarised):
     provenance: Provenance
     current: CurrentLaws | None = None
     nuisances: tuple[NuisanceName, ...] = ()
+    n_effective: float | None = None
     identifiability: Identifiability | None = None
     warnings: tuple[str, ...] = ()
     forces: tuple[NDArray[np.float64], ...] = field(default=(), compare=False)
@@ -183,6 +186,13 @@ class Fit(Summarised):
         """Parameter values in spec order."""
         return tuple(estimate.value for estimate in self.estimates)
 
+    @property
+    def uncertainty_heading(self) -> str:
+        """Heading of the column of uncertainties: their kind, and how many samples they count."""
+        if self.n_effective is None:
+            return f"standard error, {self.n_time} independent samples"
+        return f"standard error, {self.n_effective:.0f} effective samples"
+
     def as_dict(self) -> dict[str, Any]:
         """Nested dictionaries and lists for JSON, without the forces and the live settings."""
         document = asdict(replace(self, forces=(), live_settings=None))
@@ -204,7 +214,7 @@ class Fit(Summarised):
                 ("error", f"{self.rmse_n:.4g} N rms, {100.0 * self.nrmse:.3g} % of the force's deviation"),
                 ("search", f"{self.evaluations} simulations, {self.seconds:.1f} s, {self.stop_reason}"),
             ),
-            columns=("parameter", "value", "standard error", "unit", "remark"),
+            columns=("parameter", "value", self.uncertainty_heading, "unit", "remark"),
             rows=[
                 (
                     each.name,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import sqrt
 from pathlib import Path
 from typing import Any
 
@@ -103,7 +104,7 @@ def read_fit(path: str | Path) -> Fit:
     fit = read_document(Fit, place / FIT, name="fit", verb="identify")
     if fit is None:
         raise RecordError(f"{place / FIT} cannot be read (it does not exist); run `mrwork identify` again")
-    return fit
+    return _with_effective_samples(fit)
 
 
 def fit_from_json(text: str, *, origin: str) -> Fit:
@@ -114,7 +115,25 @@ def fit_from_json(text: str, *, origin: str) -> Fit:
     RecordError
         If the text is not JSON or not a fit; the message names the field.
     """
-    return record_from_json(Fit, text, origin=origin, name="fit", verb="identify")
+    fit = record_from_json(Fit, text, origin=origin, name="fit", verb="identify")
+    return _with_effective_samples(fit)
+
+
+def _with_effective_samples(fit: Fit) -> Fit:
+    """The fit with standard errors of effective samples; those of earlier versions took residuals as independent."""
+    if fit.n_effective is not None or fit.identifiability is None:
+        return fit
+    widening = sqrt(fit.identifiability.n_time / fit.identifiability.n_effective)
+    return replace(
+        fit,
+        n_effective=fit.identifiability.n_effective,
+        estimates=tuple(
+            each
+            if each.standard_error is None
+            else replace(each, standard_error=widening * each.standard_error)
+            for each in fit.estimates
+        ),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

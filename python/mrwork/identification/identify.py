@@ -221,6 +221,7 @@ def identify_with(
         problem,
         polished.theta,
         errors=polished.standard_errors,
+        n_effective=polished.n_effective,
         trace=points.trace,
         steps=polished.steps,
         status="converged" if polished.converged else "not_converged",

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
+from mrwork.identification.autocorrelation import effective_samples, residuals_by_test
 from mrwork.identification.equivalent import Form
 from mrwork.identification.global_search import StartingPoints
 from mrwork.identification.levenberg_marquardt import LocalMinimum, find_minima, find_minimum
@@ -32,10 +32,14 @@ OnStep = Callable[[int, float], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Polished:
-    """A minimum: parameters and standard errors, shape (n_params,), steps of the final fit, whether it converged."""
+    """A minimum: parameters and standard errors, shape (n_params,), steps of the final fit, whether it converged.
+
+    The standard errors count the residuals as `n_effective` samples.
+    """
 
     theta: NDArray[np.float64]
     standard_errors: NDArray[np.float64]
+    n_effective: float
     steps: int
     converged: bool
 
@@ -108,11 +112,13 @@ def _on_the_twin(problem: Problem, starts: NDArray[np.float64], on_step: OnStep)
 
 def _with_standard_errors(objective: Objective, form: Form, ended: LocalMinimum) -> Polished:
     """A minimum with its standard errors, which are those of least squares for every power of the objective."""
-    plain = objective.plain
-    misfit = ended.misfit if objective.is_plain else float(plain(ended.theta[None])[0])
-    errors = standard_errors(partial(jacobian, plain), form, ended.theta, misfit)
+    errors, n_effective = standard_errors(objective.plain, form, ended.theta)
     return Polished(
-        theta=ended.theta, standard_errors=errors, steps=ended.evaluations, converged=ended.converged
+        theta=ended.theta,
+        standard_errors=errors,
+        n_effective=n_effective,
+        steps=ended.evaluations,
+        converged=ended.converged,
     )
 
 
@@ -174,35 +180,34 @@ def jacobian(objective: Objective, box: Box, theta: NDArray[np.float64]) -> NDAr
 
 
 def standard_errors(
-    derivative: Callable[[Box, NDArray[np.float64]], NDArray[np.float64]],
-    form: Form,
-    theta: NDArray[np.float64],
-    misfit: float,
-) -> NDArray[np.float64]:
-    """Standard error of each parameter of the requested model, shape (n_params,); 0 for those that do not vary.
+    objective: Objective, form: Form, theta: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], float]:
+    """Standard error of each parameter of the requested model, and the number of samples that they assume.
 
-    A parameter on its bound is treated as known.
+    The errors have shape (n_params,) and are 0 for parameters that do not vary. The residuals of a record are
+    correlated, so they count as `effective_samples`, and the covariance is that of independent residuals times
+    `n_residuals/n_effective`. A parameter on its bound is treated as known.
 
     Parameters
     ----------
-    derivative
-        Jacobian of the residuals with respect to the free parameters of a box, shape (n_residuals, n_free).
+    objective
+        Sum of squares, in the parameters of the form.
+    theta
+        The minimum, in the parameters of the form, shape (n_params,).
     """
-    box = form.box
-    interior = [index for index in box.free if remark_of(box, index, theta[index]) == ""]
-    n_params = len(theta)
-    cov = np.zeros((n_params, n_params))
+    interior = [index for index in form.box.free if remark_of(form.box, index, theta[index]) == ""]
+    # A derivative is simulated also where every parameter is on a bound: it gives the residuals.
+    (residuals,), (slopes,) = linearised(objective, theta[None], interior or form.box.free)
+    n_effective = effective_samples(residuals_by_test(residuals, objective.tests))
+    cov = np.zeros((len(theta), len(theta)))
     if interior:
-        lower, upper = list(box.lower), list(box.upper)
-        for index in set(box.free) - set(interior):
-            lower[index] = upper[index] = float(theta[index])
-        free = Box(names=box.names, lower=tuple(lower), upper=tuple(upper), log=box.log)
-        cov[np.ix_(interior, interior)] = covariance(derivative(free, theta), misfit)
-    return spread_through(form.to_model.jacobian(theta), cov)
+        independent = covariance(slopes.T, float(np.linalg.norm(residuals)))
+        cov[np.ix_(interior, interior)] = independent * (residuals.size / n_effective)
+    return spread_through(form.to_model.jacobian(theta), cov), n_effective
 
 
 def covariance(jacobian: NDArray[np.float64], misfit: float) -> NDArray[np.float64]:
-    """Covariance of the columns' parameters, shape (n_params, n_params); NaN where they are not identifiable.
+    """Covariance for independent residuals, shape (n_params, n_params); NaN where columns are not identifiable.
 
     `cov = s^2 (J'J)^-1` with `s^2 = misfit^2 / (n_residuals - n_params)`, for the Jacobian of residuals whose sum
     of squares is the squared misfit. Parameters that take part in a combination to which the residuals are insensitive

@@ -145,6 +145,7 @@ def fit_at(
     theta: NDArray[np.float64],
     *,
     errors: NDArray[np.float64] | None,
+    n_effective: float | None = None,
     trace: SearchTrace,
     steps: int,
     status: FitStatus,
@@ -156,6 +157,8 @@ def fit_at(
     ----------
     errors
         Standard errors, shape (n_params,), of the requested model, where they are known.
+    n_effective
+        Effective number of samples that they assume.
     steps
         Number of steps of the final fit.
     """
@@ -186,6 +189,7 @@ def fit_at(
         provenance=provenance_of(problem),
         current=spec.current,
         nuisances=objective.nuisances,
+        n_effective=n_effective,
         forces=tuple(force for force, _ in runs),
         live_settings=problem.settings,
         warnings=problem.warnings,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -59,24 +58,21 @@ def parameter_rows(estimates: Sequence[Estimate]) -> list[ParameterRow]:
 
 
 def caution(fit: Fit) -> str:
-    """The assumption of the standard errors, and whether the residuals of this fit meet it."""
+    """What the standard errors assume."""
     if all(estimate.standard_error is None for estimate in fit.estimates):
         return "No standard errors: they could not be computed for this fit."
-    assumption = "Standard errors assume residuals that are independent from one sample to the next."
-    seen = [
-        quality.residual_autocorrelation
-        for quality in fit.quality
-        if math.isfinite(quality.residual_autocorrelation)
-    ]
-    if not seen:
-        return f"{assumption} The autocorrelation of these residuals is not known."
-    lowest, highest = numbers.fixed(min(seen), 4), numbers.fixed(max(seen), 4)
-    span = lowest if lowest == highest else f"between {lowest} and {highest}"
-    if max(seen) < 0.1:
-        return f"{assumption} The lag-1 autocorrelation of these residuals is {span}, close to that."
+    linear = (
+        "They take the force to be linear in the parameters over that range, and the model to be right; profiles and "
+        "posterior draws do without the first."
+    )
+    if fit.n_effective is None:
+        return (
+            "These standard errors are of an earlier version, which took residuals to be independent from one sample "
+            f"to the next: read them as lower limits. {linear}"
+        )
     return (
-        f"{assumption} The lag-1 autocorrelation of these residuals is {span}, "
-        "so the standard errors are optimistic: read them as lower limits."
+        f"Standard errors count the {numbers.fixed(fit.n_time, 0)} residuals as {numbers.fixed(fit.n_effective, 0)} "
+        f"independent ones, because residuals are correlated from one sample to the next. {linear}"
     )
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.identification.autocorrelation import effective_samples
 from mrwork.records.motion import whole_cycles
 from mrwork.report.comparison import Comparison
-from mrwork.uncertainty.autocorrelation import effective_samples
 from mrwork.uncertainty.bands.prediction import has_regular_cycles
 
 Array = NDArray[np.float64]

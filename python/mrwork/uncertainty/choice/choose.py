@@ -12,6 +12,7 @@ from warnings import warn
 from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, JournalError, MrworkError, MrworkWarning, OutputError, SettingError
+from mrwork.identification.autocorrelation import effective_samples
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify_with
 from mrwork.identification.problem import command_warning
@@ -21,7 +22,6 @@ from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store import Journal
 from mrwork.summary import Summarised, Summary
-from mrwork.uncertainty.autocorrelation import effective_samples
 from mrwork.uncertainty.bands.prediction import ONE_TEST, Fold, folds_of, held_out_errors, held_out_words
 from mrwork.uncertainty.choice.families import ALL, Family, families
 from mrwork.uncertainty.choice.leave_one_out import Likelihood, free_parameters, residuals_of, variance_of

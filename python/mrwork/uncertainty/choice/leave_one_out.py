@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
+from mrwork.identification.autocorrelation import autocorrelation_time, effective_samples
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.records.motion import whole_cycles
 from mrwork.store import Journal, digest_of
-from mrwork.uncertainty.autocorrelation import autocorrelation_time, effective_samples
 from mrwork.uncertainty.noise import NOISES, Noise
 from mrwork.uncertainty.posterior.laplace import draw_about
 from mrwork.uncertainty.posterior.target import Target, in_chunks

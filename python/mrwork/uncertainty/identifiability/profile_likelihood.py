@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
+from mrwork.identification.autocorrelation import effective_samples, residuals_by_test
 from mrwork.identification.fit import Fit
 from mrwork.identification.objective import ROOT_MEAN_SQUARE
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
 from mrwork.uncertainty.identifiability.curvature import Scale, Scaled, curvature, linearise
 from mrwork.uncertainty.identifiability.profile import Profiles, profile_of
 from mrwork.uncertainty.identifiability.walk import (

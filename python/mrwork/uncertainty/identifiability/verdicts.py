@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
+from mrwork.identification.autocorrelation import effective_samples, residuals_by_test
 from mrwork.identification.fit import Fit, Identifiability, Verdict
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
@@ -16,7 +17,6 @@ from mrwork.identification.problem import Problem
 from mrwork.identification.result import remark_of
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
 from mrwork.uncertainty.identifiability.curvature import Scale
 from mrwork.uncertainty.identifiability.information import identifiability_from
 

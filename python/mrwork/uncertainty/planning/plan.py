@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, SimulationError, UnknownNameError
+from mrwork.identification.autocorrelation import effective_samples, residuals_by_test
 from mrwork.identification.fit import Fit
 from mrwork.identification.nuisance import NuisanceName, without_nuisance
 from mrwork.identification.problem import Problem
@@ -17,7 +18,6 @@ from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.simulate import Outcome, simulate_forces
 from mrwork.summary import Summarised, Summary, of_unit, rounded
-from mrwork.uncertainty.autocorrelation import effective_samples, residuals_by_test
 from mrwork.uncertainty.identifiability.curvature import Scale, Scaled, curvature, linearise
 from mrwork.uncertainty.planning.candidates import Candidate, motion_of
 

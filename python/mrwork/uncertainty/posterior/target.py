@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
+from mrwork.identification.autocorrelation import effective_samples
 from mrwork.identification.equivalent import Form
 from mrwork.identification.objective import Objective
 from mrwork.summary import Summarised
-from mrwork.uncertainty.autocorrelation import effective_samples
 from mrwork.uncertainty.noise import Noise
 from mrwork.uncertainty.posterior.prior import Prior
 from mrwork.uncertainty.posterior.space import Space

@@ -8,9 +8,9 @@ from scipy.signal import lfilter
 
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
+from mrwork.identification.autocorrelation import autocorrelation_time, effective_samples, residuals_by_test
 from mrwork.identification.objective import Objective
 from mrwork.synthetic import synthetic_test
-from mrwork.uncertainty.autocorrelation import autocorrelation_time, effective_samples, residuals_by_test
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.5, 0.93])
