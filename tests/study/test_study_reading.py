@@ -92,7 +92,7 @@ def test_a_study_begins_with_its_references(tmp_path: Path) -> None:
         "uncontrolled",
         "passive_off",
         "baseline",
-        "controller",
+        "passive",
     ]
     assert study.arrangements[0].devices == ()
     assert [motion.peak for motion in study.motions] == pytest.approx([1.0, 2.0])

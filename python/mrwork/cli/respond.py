@@ -9,31 +9,21 @@ import shlex
 import sys
 import time
 from datetime import UTC, datetime
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from mrwork import __version__
 from mrwork.cli.options import add_json, add_quiet, add_threads, cannot_be_resumed, check_not_negative
-from mrwork.cli.output import note, table_lines
+from mrwork.cli.output import note
 from mrwork.cli.progress import PATIENCE, ProgressLine, study_described
 from mrwork.errors import Interrupted, MrworkError, SettingError
 from mrwork.store import digest_of
-from mrwork.summary import with_decimals
 
 if TYPE_CHECKING:
     from mrwork.store import Journal
     from mrwork.study.results import StudyResults
     from mrwork.study.stored_histories import Histories
-    from mrwork.study.study import Kind, Study
-
-# Ratios that the tables show, and their headings.
-_RATIOS = {
-    "peak_drift": "drift",
-    "peak_acceleration": "accel.",
-    "rms_drift": "rms drift",
-    "rms_acceleration": "rms acc.",
-}
+    from mrwork.study.study import Study
 
 
 def add_parser(verbs: Any) -> None:
@@ -122,7 +112,9 @@ def run(options: argparse.Namespace) -> int:
         document = study_document(results) | {"out": str(place)}
         print(json.dumps(document, allow_nan=False, ensure_ascii=False))
     else:
-        print(_text(results, place))
+        from mrwork.cli.study_text import study_text
+
+        print(study_text(results, place))
     if status == 130:
         note(
             f"interrupted; the completed runs are in {place}; run the same command with --resume to continue"
@@ -184,69 +176,3 @@ def _write(
         journal=journal.path,
         histories=histories,
     )
-
-
-def _text(results: StudyResults, folder: Path) -> str:
-    """A table for each motion, the scores, the check of the step, warnings, and the path of the page."""
-    from mrwork.study.results import OFF_BALANCE
-
-    lines = [results.title, ""]
-    for motion in range(len(results.motions)):
-        lines += [*_motion_lines(results, motion), ""]
-    for block in (_score_lines(results), _step_lines(results)):
-        lines += [*block, ""] if block else []
-    lines += [f"warning: {warning}" for warning in results.warnings()]
-    lines += [] if results.balanced else [OFF_BALANCE]
-    return "\n".join([*lines, f"Report: {folder / 'report.html'}"])
-
-
-def _motion_lines(results: StudyResults, motion: int) -> list[str]:
-    """Criteria under one motion, and their ratios to those of the dampers without a command, or without dampers."""
-    reference = results.row_of("passive_off")
-    against: Kind = "uncontrolled" if reference is None else "passive_off"
-    over = "uncontrolled" if reference is None else results.rows[reference].label
-    table = [("", "drift mm", "m/s2", "force N", *_RATIOS.values())]
-    for row, each in enumerate(results.rows):
-        found = results.criteria(row, motion)
-        if found is None:
-            run = results.runs.get((row, motion))
-            table.append((each.label, "not run" if run is None else run.outcome, *[""] * (2 + len(_RATIOS))))
-            continue
-        ratios = results.ratios(row, motion, against)
-        table.append(
-            (
-                each.label,
-                f"{1e3 * found['peak_drift']:.4g}",
-                f"{found['peak_acceleration']:.3g}",
-                f"{found['peak_force']:.4g}" if each.kind in ("passive_off", "controller") else "-",
-                *(with_decimals(ratios[name], 3) for name in _RATIOS),
-            )
-        )
-    return [f"{results.motions[motion].name}: criteria, and over {over}", *table_lines(table)]
-
-
-def _score_lines(results: StudyResults) -> list[str]:
-    scores = [results.score(row) for row in range(len(results.rows))]
-    if not any(map(isfinite, scores)):
-        return []
-    table = [(row.label, with_decimals(score, 3)) for row, score in zip(results.rows, scores, strict=True)]
-    heading = f"Score, the mean of these ratios over {len(results.motions)} motions:"
-    return [heading, *table_lines([("", "score"), *table])]
-
-
-def _step_lines(results: StudyResults) -> list[str]:
-    from mrwork.study.results import ON_OFF, largest_step_changes
-
-    changes = largest_step_changes(results)
-    if not changes:
-        return []
-    table = [
-        (
-            results.rows[each.row].label,
-            f"{each.change:.1e}" if each.criterion else "-",
-            each.in_words(results),
-        )
-        for each in changes
-    ]
-    heading = "Half the step: the largest change of a criterion, over its value"
-    return [heading, *table_lines([("", "change", ""), *table]), ON_OFF]

@@ -12,6 +12,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,9 +32,13 @@ Weights = float | tuple[float, ...]
 
 
 class LawSettings(ABC):
-    """Settings of a control law, declared by `key`, with the design of the law."""
+    """Settings of a control law, declared by `key`, with the design of the law.
+
+    `constant` says whether the law sends a constant command, which makes the damper a passive one.
+    """
 
     __slots__ = ()
+    constant: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         check_keys(self)
@@ -56,6 +61,7 @@ class NoSettings(LawSettings):
 class PassiveSettings(LawSettings):
     """A constant command."""
 
+    constant: ClassVar[bool] = True
     command: float = key("the command that is held constant, up to the largest", unit="A or V", least=0.0)
 
     def design(self, problem: DesignProblem) -> Design:

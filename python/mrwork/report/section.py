@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 from markupsafe import Markup
@@ -35,7 +36,8 @@ class Table:
     """A table: its first column names the row, those in `words` are text, all others numbers.
 
     `label` describes it to a screen reader, `note` stands below it. `over` are headings above the columns, each with
-    the number of columns that it spans; `strong` are the cells (row, column) in bold.
+    the number of columns that it spans; `strong` are the cells (row, column) in bold, `alarming` those in the colour of
+    warnings. `headings` are headings above rows, by the number of the row.
     """
 
     label: str
@@ -46,6 +48,8 @@ class Table:
     note: str = ""
     over: tuple[tuple[str, int], ...] = ()
     strong: frozenset[tuple[int, int]] = frozenset()
+    alarming: frozenset[tuple[int, int]] = frozenset()
+    headings: Mapping[int, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,7 +18,7 @@ from mrwork.control.law_settings import SETTINGS, LawSettings
 from mrwork.control.laws import ControlLaw, control_laws
 from mrwork.study.declared import located, read_table, suggestion
 from mrwork.study.schema import BaselineTable, ControllerTable, DamperTable, StudyTable
-from mrwork.study.study import Arrangement, Row, arranged
+from mrwork.study.study import Arrangement, Kind, Row, arranged
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +87,7 @@ def arrangements(
                 found[1], row=replace(found[1].row, label=controller.label or found[1].row.label)
             )
             continue
-        row = Row(label=controller.label or title, kind="controller", description=controller.law)
+        row = Row(label=controller.label or title, kind=_kind(law), description=controller.law)
         found.append(arranged(bare, row, building, devices, law))
     return tuple(found)
 
@@ -101,6 +101,14 @@ def _refuse_command(controller: ControllerTable) -> None:
             f"{controller.law} commands the dampers, and they are passive: none of their parameters depends on the "
             "command; leave this law out, or give a damper with laws"
         )
+
+
+def _kind(law: ControlLaw | None) -> Kind:
+    if law is None:
+        return "best_passive"
+    if law.spec.commands_force:
+        return "actuator"
+    return "passive" if SETTINGS[law.name].constant else "controller"
 
 
 def _range(table: DamperTable, name: str, given: tuple[float, ...] | None) -> tuple[float, float] | None:

@@ -6,7 +6,7 @@ import csv
 import io
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,10 @@ from mrwork.closed_loop.evaluation import criteria
 from mrwork.errors import RecordError
 from mrwork.store.codec import finite, json_document, read_document
 from mrwork.store.run_folder import HISTORIES, JOURNAL, MANIFEST, REPORT, RESULTS, STUDY, write_folder
+from mrwork.study.comparison import compared
 from mrwork.study.results import Key, MotionFacts, StudyCriteria, StudyResults
 from mrwork.study.run_result import RunEnd
+from mrwork.study.stored_changes import StoredChanges, stored_changes
 from mrwork.study.stored_histories import Histories
 from mrwork.study.study import Kind, Row
 
@@ -38,7 +40,11 @@ class StoredStepCheck:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoredStudyRun(RunEnd):
-    """A run in the results file: its criteria and their ratios to those without dampers and at i = 0."""
+    """A run in the results file: its criteria and their ratios to other rows under the same motion.
+
+    These are the building without dampers, i = 0, and the passive damper with the lowest score; the last is absent from
+    older files.
+    """
 
     controller: str
     kind: Kind
@@ -50,6 +56,7 @@ class StoredStudyRun(RunEnd):
     energy_error: float
     steps: int
     step_check: StoredStepCheck | None
+    over_best_passive: _Criteria = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +69,10 @@ class _StoredMotion:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Document:
-    """The results file; its fields are the keys of the JSON object."""
+    """The results file; its fields are the keys of the JSON object.
+
+    `changes` has the rows of each rank together, the lowest score first; older files have none.
+    """
 
     title: str
     complete: bool
@@ -71,6 +81,8 @@ class _Document:
     scores: _Criteria
     warnings: tuple[str, ...]
     results: tuple[StoredStudyRun, ...]
+    best_passive: str | None = None
+    changes: tuple[StoredChanges, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -186,6 +198,8 @@ def write_study(
 
 def study_document(results: StudyResults) -> dict[str, Any]:
     """The results as a JSON object; numbers that are not finite are `null`."""
+    comparison = compared(results)
+    passive = comparison.passive
     document = _Document(
         title=results.title,
         complete=results.complete,
@@ -196,7 +210,9 @@ def study_document(results: StudyResults) -> dict[str, Any]:
         ),
         scores={row.label: results.score(number) for number, row in enumerate(results.rows)},
         warnings=tuple(results.warnings()),
-        results=tuple(_stored_run(results, *key) for key in sorted(results.runs)),
+        results=tuple(_stored_run(results, *key, passive) for key in sorted(results.runs)),
+        best_passive=None if passive is None else results.rows[passive].label,
+        changes=tuple(stored_changes(comparison)),
     )
     found: dict[str, Any] = finite(asdict(document))
     return found
@@ -233,7 +249,7 @@ def profiles_csv(results: StudyResults) -> str:
     return _csv(lines)
 
 
-def _stored_run(results: StudyResults, row: int, motion: int) -> StoredStudyRun:
+def _stored_run(results: StudyResults, row: int, motion: int, passive: int | None) -> StoredStudyRun:
     run = results.runs[row, motion]
     return StoredStudyRun(
         controller=results.rows[row].label,
@@ -243,6 +259,7 @@ def _stored_run(results: StudyResults, row: int, motion: int) -> StoredStudyRun:
         criteria=_every_criterion(results.criteria(row, motion)),
         over_uncontrolled=_every_criterion(results.ratios(row, motion, "uncontrolled")),
         over_passive_off=_every_criterion(results.ratios(row, motion, "passive_off")),
+        over_best_passive=_every_criterion(results.ratios_to(row, motion, passive)),
         energy_error=run.energy_error,
         steps=run.steps,
         step_check=_stored_step_check(results, row, motion),

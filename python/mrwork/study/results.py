@@ -104,16 +104,17 @@ class StudyCriteria(Summarised, ABC):
         return next((number for number, row in enumerate(self.rows) if row.kind == kind), None)
 
     def ratios(self, row: int, motion: int, against: Kind) -> dict[str, float]:
-        """Ratio of every criterion to that without dampers or at i = 0; NaN if there is no reference."""
-        reference = self.row_of(against)
+        """Ratio of every criterion to that of the first row of a kind; NaN if there is no such row."""
+        return self.ratios_to(row, motion, self.row_of(against))
+
+    def ratios_to(self, row: int, motion: int, reference: int | None) -> dict[str, float]:
+        """Ratio of every criterion to that of a reference row; NaN if there is none or a run did not finish."""
         above = self.criteria(row, motion)
         below = None if reference is None else self.criteria(reference, motion)
-        if above is None or below is None:
+        if above is None or below is None or reference is None:
             return {entry.name: float("nan") for entry in criteria()}
-        named = {
-            entry.name: entry.uncontrolled if against == "uncontrolled" else entry.name
-            for entry in criteria()
-        }
+        bare = self.rows[reference].kind == "uncontrolled"
+        named = {entry.name: entry.uncontrolled if bare else entry.name for entry in criteria()}
         return {
             name: float(ratio(np.array(above[name]), np.array(below[other]))) if other else float("nan")
             for name, other in named.items()

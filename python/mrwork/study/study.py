@@ -17,7 +17,9 @@ from mrwork.store import digest_of
 from mrwork.store.fingerprint import package_version
 from mrwork.summary import Summarised, Summary, listed
 
-Kind = Literal["uncontrolled", "passive_off", "baseline", "controller"]
+Kind = Literal["uncontrolled", "passive_off", "passive", "best_passive", "baseline", "controller", "actuator"]
+"""What a row is: the building without dampers, i = 0, a constant command, the best of those, other devices, a control
+law of the dampers, or one of ideal actuators."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

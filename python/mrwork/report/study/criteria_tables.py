@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.report.numbers import fixed, significant
 from mrwork.report.section import Table
+from mrwork.study.comparison import RANKS, compared
 from mrwork.study.results import StudyResults
 from mrwork.study.study import Kind
 
@@ -27,36 +29,33 @@ _VALUES = (
     ("rms_current", "RMS", "", 1.0),
 )
 _RATIOS = ("peak_drift", "peak_acceleration", "peak_base_shear", "rms_drift", "rms_acceleration")
-_NARROW = {
-    "peak_drift": "Drift",
-    "peak_acceleration": "Acc.",
-    "peak_base_shear": "Shear",
-    "rms_drift": "RMS drift",
-    "rms_acceleration": "RMS acc.",
-}
 _AGAINST: tuple[Kind, ...] = ("uncontrolled", "passive_off")
 _DECIMALS = 3
 
 
 def overview_table(results: StudyResults) -> Table:
-    """The score, and the mean of each ratio over the motions."""
+    """The score, and the mean of each ratio over the motions, the rows of each rank together."""
+    comparison = compared(results)
     motions = range(len(results.motions))
-    rows = range(len(results.rows))
+    order = [row for _, rows in comparison.ranks for row in rows]
 
     def mean(row: int, against: Kind, name: str) -> float:
         return float(np.mean([results.ratios(row, motion, against)[name] for motion in motions]))
 
-    columns = [[results.score(row) for row in rows]]
+    columns = [[results.score(row) for row in order]]
     for against in _AGAINST:
-        columns += [[mean(row, against, name) for row in rows] for name in _RATIOS]
+        columns += [[mean(row, against, name) for row in order] for name in _RATIOS]
     return _ratio_table(
         results,
+        order,
         columns,
         label="Score and mean ratios over all motions",
         first=("Score",),
+        headings={order.index(rows[0]): rank.title for rank, rows in comparison.ranks},
         note="The score is our own: the mean over the motions of peak and RMS drift and acceleration, each over "
-        "its value with the dampers without a command. Ratios are means over the motions. The best of each column is "
-        "bold, the building without dampers excluded.",
+        "its value with the dampers without a command. A low score may hide a quantity that became worse: see the "
+        "changes. Ratios are means over the motions. Control laws, passive dampers and other devices are ranked apart, "
+        "and the best of each column is bold in each.",
     )
 
 
@@ -69,7 +68,7 @@ def ratio_table(results: StudyResults, motion: int) -> Table:
         for name in _RATIOS
     ]
     return _ratio_table(
-        results, columns, label=f"Ratios under {results.motions[motion].name}", first=(), note=""
+        results, rows, columns, label=f"Ratios under {results.motions[motion].name}", first=(), note=""
     )
 
 
@@ -90,8 +89,9 @@ def value_table(results: StudyResults, motion: int) -> Table:
         rows=tuple(
             (row.label, *(column[number] for column in cells)) for number, row in enumerate(results.rows)
         ),
-        strong=_best(results, columns[:5]),
-        note="Peaks unless stated otherwise, of the worst floor, storey or damper.",
+        strong=_best(results, range(len(results.rows)), columns[:5]),
+        note="Peaks unless stated otherwise, of the worst floor, storey or damper. The best control law and the best "
+        "passive damper of each column are bold.",
     )
 
 
@@ -105,21 +105,24 @@ def _value(results: StudyResults, row: int, motion: int, name: str) -> float:
 
 def _ratio_table(
     results: StudyResults,
+    rows: Sequence[int],
     columns: Sequence[Sequence[float]],
     *,
     label: str,
     first: tuple[str, ...],
     note: str,
+    headings: Mapping[int, str] = MappingProxyType({}),
 ) -> Table:
     cells = [[fixed(number, _DECIMALS) for number in column] for column in columns]
     return Table(
         label=label,
-        columns=("", *first, *(_NARROW[name] for _ in _AGAINST for name in _RATIOS)),
+        columns=("", *first, *(criterion(name).short for _ in _AGAINST for name in _RATIOS)),
         rows=tuple(
-            (row.label, *(column[number] for column in cells)) for number, row in enumerate(results.rows)
+            (results.rows[row].label, *(column[place] for column in cells)) for place, row in enumerate(rows)
         ),
         over=(("", 1 + len(first)), *((_over(results, against), len(_RATIOS)) for against in _AGAINST)),
-        strong=_best(results, columns),
+        strong=_best(results, rows, columns),
+        headings=headings,
         note=note,
     )
 
@@ -132,13 +135,16 @@ def _over(results: StudyResults, against: Kind) -> str:
     return f"over {results.rows[reference].label}"
 
 
-def _best(results: StudyResults, columns: Sequence[Sequence[float]]) -> frozenset[tuple[int, int]]:
-    """Cells with the smallest printed number of each column; none if there is only one number."""
-    candidates = [number for number, row in enumerate(results.rows) if row.kind != "uncontrolled"]
+def _best(
+    results: StudyResults, rows: Sequence[int], columns: Sequence[Sequence[float]]
+) -> frozenset[tuple[int, int]]:
+    """Cells with the smallest printed number of each column, among the rows of each rank; none of a rank of one."""
     strong = set()
-    for place, column in enumerate(columns, start=1):
-        known = [column[number] for number in candidates if not math.isnan(column[number])]
-        if len(known) > 1:
-            least = significant(min(known), 3)
-            strong |= {(number, place) for number in candidates if significant(column[number], 3) == least}
+    for rank in RANKS:
+        candidates = [place for place, row in enumerate(rows) if results.rows[row].kind in rank.kinds]
+        for cell, column in enumerate(columns, start=1):
+            known = [column[place] for place in candidates if not math.isnan(column[place])]
+            if len(known) > 1:
+                least = significant(min(known), 3)
+                strong |= {(place, cell) for place in candidates if significant(column[place], 3) == least}
     return frozenset(strong)

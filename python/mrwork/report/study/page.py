@@ -1,16 +1,23 @@
-"""The page of a study: tables of criteria, profiles, histories, loops, energies."""
+"""The page of a study: changes of every quantity, tables of criteria, profiles, histories, loops, energies."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
+from mrwork.closed_loop.evaluation import criterion
 from mrwork.report.html import filled_in
-from mrwork.report.numbers import fixed
+from mrwork.report.numbers import MINUS, fixed
 from mrwork.report.section import Group, Section
+from mrwork.report.study.comparison_tables import change_table, leading_table, signed_percent
 from mrwork.report.study.criteria_tables import overview_table, ratio_table, value_table
 from mrwork.report.study.history_sections import ReadHistory, device_section, history_section
 from mrwork.report.study.sections import energy_section, motion_section, profile_section, step_section
+from mrwork.study.comparison import ADD_BEST_PASSIVE, Comparison, compared
 from mrwork.study.results import OFF_BALANCE, StudyResults
+
+# Quantities of the headline; the section of changes has all of them.
+_HEADLINE = ("peak_drift", "peak_acceleration", "peak_base_shear")
 
 
 def study_page(
@@ -40,8 +47,10 @@ def study_page(
     str
         HTML with embedded styles and figures.
     """
+    comparison = compared(results)
     sections = [
-        _criteria_section(results),
+        _comparison_section(comparison),
+        _criteria_section(results, comparison),
         profile_section(results, motion),
         history_section(results, histories, motion, drawn),
         device_section(results, histories, motion, drawn),
@@ -54,7 +63,8 @@ def study_page(
         title=results.title,
         motions=results.motions,
         banner=_banner(results),
-        headline=_headline(results),
+        leading=_leading_in_words(comparison),
+        headline=_headline(comparison),
         status=status,
         warnings=results.warnings(),
         advice="" if results.balanced else OFF_BALANCE,
@@ -63,45 +73,84 @@ def study_page(
     )
 
 
-def _criteria_section(results: StudyResults) -> Section:
+def _comparison_section(comparison: Comparison) -> Section | None:
+    if comparison.leading is None:
+        return None
+    results, leading = comparison.results, comparison.leading
+    words = [text.replace(" -", f" {MINUS}") for text in comparison.in_words(leading)]
+    lacking = (ADD_BEST_PASSIVE,) if comparison.lacks_best_passive else ()
+    groups = [
+        Group(title=comparison.heading(leading), table=leading_table(comparison, leading)),
+        *(
+            Group(
+                title=f"Every arrangement against {results.rows[reference].label}",
+                prose=lacking if reference == comparison.passive else (),
+                table=change_table(comparison, reference),
+            )
+            for reference in comparison.references
+        ),
+    ]
+    return Section(anchor="changes", title="Changes", summary=" ".join(words), groups=tuple(groups))
+
+
+def _criteria_section(results: StudyResults, comparison: Comparison) -> Section:
     groups = (
-        [Group(title="Over all motions", table=overview_table(results))] if len(results.motions) > 1 else []
+        [Group(title="Score and ratios over all motions", table=overview_table(results))]
+        if len(results.motions) > 1
+        else []
     )
     for number, motion in enumerate(results.motions):
         groups.append(
             Group(title=motion.name, synthetic=motion.synthetic, table=ratio_table(results, number))
         )
         groups.append(Group(table=value_table(results, number)))
-    return Section(anchor="criteria", title="Criteria", summary=_best_in_words(results), groups=tuple(groups))
-
-
-def _best(results: StudyResults) -> tuple[int, float] | None:
-    """The control law with the lowest score."""
-    scores = [(results.score(row), row) for row in range(len(results.rows))]
-    known = [
-        (score, row) for score, row in scores if score == score and results.rows[row].kind == "controller"
-    ]
-    return (min(known)[1], min(known)[0]) if known else None
-
-
-def _best_in_words(results: StudyResults) -> str:
-    best = _best(results)
-    if best is None:
-        return ""
-    row, score = best
-    return (
-        f"{results.rows[row].label} has the lowest score, {fixed(score, 3)}: on average drift and acceleration are "
-        f"{fixed(100.0 * (1.0 - score), 0)} % below those at i = 0."
+    return Section(
+        anchor="criteria", title="Criteria", summary=comparison.scores_in_words(), groups=tuple(groups)
     )
 
 
-def _headline(results: StudyResults) -> list[tuple[str, str, str]]:
-    best = _best(results)
-    return [
-        ("Lowest score", fixed(None if best is None else best[1], 3), ""),
-        ("Arrangements", fixed(len(results.rows), 0), ""),
-        ("Ground motions", fixed(len(results.motions), 0), ""),
-    ]
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Number:
+    """A number of the headline, and a line below it; those that became worse are coloured."""
+
+    title: str
+    value: str
+    unit: str = ""
+    worse: bool = False
+    note: str = ""
+    note_worse: bool = False
+
+
+def _headline(comparison: Comparison) -> list[_Number]:
+    """Changes of the leading row against the building without dampers, and below against the best passive damper."""
+    results, row = comparison.results, comparison.leading
+    if row is None or comparison.uncontrolled is None:
+        return [
+            _Number(title="Arrangements", value=fixed(len(results.rows), 0)),
+            _Number(title="Ground motions", value=fixed(len(results.motions), 0)),
+        ]
+    numbers = []
+    for name in _HEADLINE:
+        bare = comparison.changes(row, comparison.uncontrolled)[name]
+        number = _Number(
+            title=criterion(name).title, value=signed_percent(bare.mean), unit="%", worse=bare.worse
+        )
+        if comparison.passive is not None and comparison.passive != row:
+            passive = comparison.changes(row, comparison.passive)[name]
+            number = replace(
+                number,
+                note=f"{signed_percent(passive.mean)} % against the best passive damper",
+                note_worse=passive.worse,
+            )
+        numbers.append(number)
+    return numbers
+
+
+def _leading_in_words(comparison: Comparison) -> str:
+    if comparison.leading is None or comparison.uncontrolled is None:
+        return ""
+    label = comparison.results.rows[comparison.uncontrolled].label
+    return f"{comparison.heading(comparison.leading)}, against {label}:"
 
 
 def _banner(results: StudyResults) -> str:

@@ -1,0 +1,124 @@
+"""Results of a study on the terminal: changes of every quantity first, then criteria of each motion, then scores."""
+
+from __future__ import annotations
+
+from math import isfinite
+from pathlib import Path
+from textwrap import wrap
+
+from mrwork.cli.output import table_lines
+from mrwork.closed_loop.evaluation import SCORE, criterion
+from mrwork.study.comparison import ADD_BEST_PASSIVE, Comparison, compared, in_percent
+from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyResults, largest_step_changes
+from mrwork.study.study import Kind
+from mrwork.summary import with_decimals
+
+_WIDTH = 100
+# Quantities whose changes the tables show; the page and the results file have all.
+_QUANTITIES = (
+    "peak_displacement",
+    "peak_drift",
+    "peak_acceleration",
+    "peak_base_shear",
+    "rms_drift",
+    "rms_acceleration",
+)
+
+
+def study_text(results: StudyResults, folder: Path) -> str:
+    """Changes of every quantity, a table for each motion, scores, check of the step, warnings, path of the page."""
+    comparison = compared(results)
+    lines = [results.title, "", *_leading_lines(comparison)]
+    for reference in comparison.references:
+        lines += [*_change_lines(comparison, reference), ""]
+    for motion in range(len(results.motions)):
+        lines += [*_motion_lines(results, motion), ""]
+    for block in (_score_lines(comparison), _step_lines(results)):
+        lines += [*block, ""] if block else []
+    lines += [f"warning: {warning}" for warning in results.warnings()]
+    lines += [] if results.balanced else [OFF_BALANCE]
+    return "\n".join([*lines, f"Report: {folder / 'report.html'}"])
+
+
+def _leading_lines(comparison: Comparison) -> list[str]:
+    """What the leading row changes, quantity by quantity, and what the passive dampers of the study leave open."""
+    lines: list[str] = []
+    if comparison.leading is not None:
+        lines.append(comparison.heading(comparison.leading))
+        for sentence in comparison.in_words(comparison.leading):
+            lines += wrap(sentence, width=_WIDTH, initial_indent="  ", subsequent_indent="    ")
+    lines += wrap(ADD_BEST_PASSIVE, width=_WIDTH) if comparison.lacks_best_passive else []
+    return [*lines, ""] if lines else []
+
+
+def _change_lines(comparison: Comparison, reference: int) -> list[str]:
+    """Changes of every row against a reference, the rows of each rank together."""
+    results = comparison.results
+    several = len(results.motions) > 1
+    table = [("", *(criterion(name).short for name in _QUANTITIES))]
+    for rank, rows in comparison.ranks:
+        others = [row for row in rows if row != reference]
+        table += [(rank.title, *[""] * len(_QUANTITIES))] if others else []
+        for row in others:
+            changes = [comparison.changes(row, reference)[name] for name in _QUANTITIES]
+            cells = [
+                f"{in_percent(each.mean):>4}" + (f" ({in_percent(each.largest):>3})" if several else "")
+                for each in changes
+            ]
+            table.append((f"  {results.rows[row].label}", *cells))
+    means = f", mean of {len(results.motions)} motions (largest of one motion)" if several else ""
+    return [f"Change in % against {results.rows[reference].label}{means}", *table_lines(table)]
+
+
+def _motion_lines(results: StudyResults, motion: int) -> list[str]:
+    """Criteria under one motion, and their ratios to those of the dampers without a command, or without dampers."""
+    reference = results.row_of("passive_off")
+    against: Kind = "uncontrolled" if reference is None else "passive_off"
+    over = "uncontrolled" if reference is None else results.rows[reference].label
+    table = [("", "drift mm", "m/s2", "force N", *(criterion(name).short for name in SCORE))]
+    for row, each in enumerate(results.rows):
+        found = results.criteria(row, motion)
+        if found is None:
+            run = results.runs.get((row, motion))
+            table.append((each.label, "not run" if run is None else run.outcome, *[""] * (2 + len(SCORE))))
+            continue
+        ratios = results.ratios(row, motion, against)
+        table.append(
+            (
+                each.label,
+                f"{1e3 * found['peak_drift']:.4g}",
+                f"{found['peak_acceleration']:.3g}",
+                "-" if each.kind in ("uncontrolled", "baseline") else f"{found['peak_force']:.4g}",
+                *(with_decimals(ratios[name], 3) for name in SCORE),
+            )
+        )
+    return [f"{results.motions[motion].name}: criteria, and over {over}", *table_lines(table)]
+
+
+def _score_lines(comparison: Comparison) -> list[str]:
+    results = comparison.results
+    if not any(isfinite(results.score(row)) for row in range(len(results.rows))):
+        return []
+    table = [("", "score")]
+    for rank, rows in comparison.ranks:
+        table.append((rank.title, ""))
+        table += [(f"  {results.rows[row].label}", with_decimals(results.score(row), 3)) for row in rows]
+    heading = f"Score, the mean of these ratios over {len(results.motions)} motions, lowest first:"
+    return [heading, *table_lines(table)]
+
+
+def _step_lines(results: StudyResults) -> list[str]:
+
+    changes = largest_step_changes(results)
+    if not changes:
+        return []
+    table = [
+        (
+            results.rows[each.row].label,
+            f"{each.change:.1e}" if each.criterion else "-",
+            each.in_words(results),
+        )
+        for each in changes
+    ]
+    heading = "Half the step: the largest change of a criterion, over its value"
+    return [heading, *table_lines([("", "change", ""), *table]), ON_OFF]

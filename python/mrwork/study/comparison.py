@@ -1,0 +1,241 @@
+"""Comparison of the rows of a study: changes of each quantity against a reference, and ranks of rows of a kind.
+
+A score hides what became worse. So the change of every quantity comes first, against the building without dampers and
+against the best passive damper, and dampers with a constant command are ranked apart from control laws.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from mrwork.closed_loop.evaluation import Criterion, criteria
+from mrwork.study.results import StudyCriteria
+from mrwork.study.study import Kind
+from mrwork.summary import Summarised, Summary
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rank:
+    """Rows that are compared with each other: their name in files, a heading of tables, and their kinds."""
+
+    name: str
+    title: str
+    kinds: tuple[Kind, ...]
+
+
+LAWS = Rank(name="law", title="Control laws", kinds=("controller",))
+PASSIVE = Rank(name="passive", title="Passive dampers", kinds=("passive_off", "passive", "best_passive"))
+RANKS = (
+    LAWS,
+    PASSIVE,
+    Rank(name="actuator", title="Ideal actuators", kinds=("actuator",)),
+    Rank(name="other_device", title="Other devices", kinds=("baseline",)),
+    Rank(name="uncontrolled", title="No dampers", kinds=("uncontrolled",)),
+)
+"""Ranks in the order of tables; every kind of row belongs to one."""
+
+ADD_BEST_PASSIVE = (
+    "The study has no best constant command, and against i = 0 alone any law looks good: add a [[controller]] with "
+    'law = "best_passive".'
+)
+"""Advice for a study whose passive dampers do not include the best one."""
+
+
+def compared_quantities() -> tuple[Criterion, ...]:
+    """The criteria whose change against a reference is meaningful."""
+    return tuple(entry for entry in criteria() if entry.ratio)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """Change of a quantity relative to a reference, -0.2 for 20 % less: mean over motions, and the largest.
+
+    `motion` is the index of the motion of the largest. NaN if a run is missing or did not finish.
+    """
+
+    mean: float
+    largest: float
+    motion: int
+
+    @property
+    def worse(self) -> bool:
+        """Whether the mean increases."""
+        return rounds_to_increase(self.mean)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Comparison(Summarised):
+    """A study row by row: its ranks, the best passive damper, and the row that leads.
+
+    `ranks` are the rows of each rank, the lowest score first; rows without a score last, in the order of the study.
+    `passive` is the passive damper with the lowest score, `uncontrolled` the building without dampers. `leading` is the
+    first control law; without one, the best passive damper or other device. `None` if there is no such row.
+    `tables` are the changes of the compared quantities by name, for each (row, reference).
+    """
+
+    results: StudyCriteria
+    ranks: tuple[tuple[Rank, tuple[int, ...]], ...]
+    uncontrolled: int | None
+    passive: int | None
+    leading: int | None
+    tables: Mapping[tuple[int, int], dict[str, Change]]
+
+    def _summary(self) -> Summary:
+        facts = [] if self.leading is None else [("leading", self.heading(self.leading))]
+        reference = next(iter(self.references), None)
+        rows = [
+            (
+                self.results.rows[row].label,
+                *(in_percent(change.mean) for change in self.changes(row, reference).values()),
+            )
+            for _, rows in self.ranks
+            for row in rows
+            if reference is not None
+        ]
+        over = "" if reference is None else f"against {self.results.rows[reference].label} [%]"
+        return Summary(
+            title=f"{self.results.title}: changes",
+            facts=facts,
+            columns=(over, *(entry.short for entry in compared_quantities())),
+            rows=rows,
+            notes=[] if self.leading is None else self.in_words(self.leading),
+        )
+
+    @property
+    def references(self) -> tuple[int, ...]:
+        """The building without dampers and the best passive damper, as far as the study has them."""
+        return tuple(row for row in (self.uncontrolled, self.passive) if row is not None)
+
+    @property
+    def lacks_best_passive(self) -> bool:
+        """Whether control laws are compared, but not with the best constant command."""
+        kinds = {row.kind for row in self.results.rows}
+        return "controller" in kinds and "best_passive" not in kinds
+
+    def rank_of(self, row: int) -> Rank:
+        """The rank of a row."""
+        return next(rank for rank, rows in self.ranks if row in rows)
+
+    def changes(self, row: int, reference: int) -> dict[str, Change]:
+        """Changes of the compared quantities of a row against one of the references, by name."""
+        return self.tables[row, reference]
+
+    def heading(self, row: int) -> str:
+        """The label of a row, its place among the rows of its rank, and over what its changes are averaged."""
+        motions = len(self.results.motions)
+        rank, rows = next((rank, rows) for rank, rows in self.ranks if row in rows)
+        parts = [self.results.rows[row].label]
+        if len(rows) > 1 and row == rows[0] and math.isfinite(self.results.score(row)):
+            parts.append(f"lowest score of {len(rows)} {_small_first(rank.title)}")
+        if motions > 1:
+            parts.append(f"mean changes over {motions} motions")
+        return ", ".join(parts)
+
+    def in_words(self, row: int) -> list[str]:
+        """What a row changes, better and worse, a sentence for each reference whose changes are known."""
+        return [
+            f"Against {self.results.rows[reference].label}: {found}."
+            for reference in self.references
+            if reference != row and (found := self._words_of(self.changes(row, reference)))
+        ]
+
+    def _words_of(self, changes: dict[str, Change]) -> str:
+        known = [
+            (entry, changes[entry.name])
+            for entry in compared_quantities()
+            if not math.isnan(changes[entry.name].mean)
+        ]
+        better = ", ".join(
+            f"{_small_first(entry.title)} {in_percent(change.mean)} %"
+            for entry, change in known
+            if not change.worse
+        )
+        worse = ", ".join(
+            f"{_small_first(entry.title)} {in_percent(change.mean)} %{self._largest(change)}"
+            for entry, change in known
+            if change.worse
+        )
+        return f"{better}{'; ' if better else ''}worse: {worse}" if worse else better
+
+    def _largest(self, change: Change) -> str:
+        if len(self.results.motions) == 1:
+            return ""
+        return f" ({in_percent(change.largest)} % under {self.results.motions[change.motion].name})"
+
+    def scores_in_words(self) -> str:
+        """The lowest score of each rank; empty if there are no scores."""
+        found = []
+        for rank, rows in self.ranks:
+            score = self.results.score(rows[0])
+            if rank.name != "uncontrolled" and math.isfinite(score):
+                found.append(f"{_small_first(rank.title)} {score:.3f} ({self.results.rows[rows[0]].label})")
+        return (
+            f"lowest score of each kind, the dampers without a command being 1: {'; '.join(found)}."
+            if found
+            else ""
+        )
+
+    def worse_counts(self, reference: int) -> dict[str, int]:
+        """How many control laws are worse than a reference, for each quantity."""
+        found = [self.changes(row, reference) for rank, rows in self.ranks if rank is LAWS for row in rows]
+        return {entry.name: sum(each[entry.name].worse for each in found) for entry in compared_quantities()}
+
+
+def compared(results: StudyCriteria) -> Comparison:
+    """The comparison of the rows of a study."""
+    scores = [results.score(row) for row in range(len(results.rows))]
+    order = sorted(range(len(scores)), key=lambda row: (math.isnan(scores[row]), scores[row], row))
+    ranks = tuple(
+        (rank, rows)
+        for rank in RANKS
+        if (rows := tuple(row for row in order if results.rows[row].kind in rank.kinds))
+    )
+    first = {rank.name: rows[0] for rank, rows in ranks}
+    leading = next((row for name, row in first.items() if name != "uncontrolled"), None)
+    uncontrolled, passive = first.get("uncontrolled"), first.get(PASSIVE.name)
+    return Comparison(
+        results=results,
+        ranks=ranks,
+        uncontrolled=uncontrolled,
+        passive=passive,
+        leading=leading,
+        tables={
+            (row, reference): _changes(results, row, reference)
+            for reference in (uncontrolled, passive)
+            if reference is not None
+            for row in range(len(scores))
+        },
+    )
+
+
+def rounds_to_increase(change: float) -> bool:
+    """Whether a change is an increase in whole percent, as tables show it."""
+    return change > 0.005
+
+
+def in_percent(change: float) -> str:
+    """A change in whole percent with its sign; a dash if it is not known."""
+    if math.isnan(change):
+        return "-"
+    text = f"{100.0 * change:+.0f}"
+    return "0" if text in ("+0", "-0") else text
+
+
+def _changes(results: StudyCriteria, row: int, reference: int) -> dict[str, Change]:
+    ratios = [results.ratios_to(row, motion, reference) for motion in range(len(results.motions))]
+    return {
+        entry.name: _change([each[entry.name] - 1.0 for each in ratios]) for entry in compared_quantities()
+    }
+
+
+def _change(changes: Sequence[float]) -> Change:
+    if not changes or any(map(math.isnan, changes)):
+        return Change(mean=math.nan, largest=math.nan, motion=0)
+    largest = max(changes)
+    return Change(mean=math.fsum(changes) / len(changes), largest=largest, motion=changes.index(largest))
+
+
+def _small_first(title: str) -> str:
+    return title if title[:2].isupper() else title[:1].lower() + title[1:]

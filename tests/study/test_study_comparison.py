@@ -1,0 +1,165 @@
+"""Changes of every quantity come before a score, and constant commands are ranked apart from control laws."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import study_samples
+
+from mrwork.cli.study_text import study_text
+from mrwork.report.study.comparison_tables import change_table, leading_table
+from mrwork.report.study.page import study_page
+from mrwork.study.comparison import ADD_BEST_PASSIVE, compared, compared_quantities
+from mrwork.study.folder import study_document
+from mrwork.study.results import StudyResults
+from mrwork.study.study import Row
+
+# Isolation has the lowest score of all, and Lyapunov that of the laws in spite of its peak accelerations.
+SHAKEN = 4
+WORSE = 1.68
+
+
+def shaken(rows: tuple[Row, ...] = study_samples.ROWS, **changes: object) -> StudyResults:
+    """The samples, with the peak acceleration of the last law under the second motion far above that of i = 0."""
+    whole = study_samples.results()
+    runs = dict(whole.runs)
+    for motion in range(2):
+        isolated = runs[2, motion]
+        runs[2, motion] = replace(
+            isolated,
+            **{
+                f"{statistic}_{name}": 0.1 * getattr(isolated, f"{statistic}_{name}")
+                for statistic in ("peak", "rms")
+                for name in ("drift", "acceleration")
+            },
+        )
+        runs[3, motion] = replace(runs[3, motion], rms_drift=2.0 * runs[3, motion].rms_drift)
+    peak = WORSE * runs[0, 1].peak_acceleration
+    runs[SHAKEN, 1] = replace(runs[SHAKEN, 1], peak_acceleration=peak)
+    return replace(whole, runs=runs, rows=rows, **changes)  # type: ignore[arg-type]
+
+
+def with_constant() -> StudyResults:
+    """The same with the third row as the best constant command."""
+    rows = list(study_samples.ROWS)
+    rows[3] = Row(label="Best constant, 0.4 A", kind="best_passive")
+    return shaken(tuple(rows))
+
+
+def test_what_became_worse_leads_in_words_with_its_motion() -> None:
+    comparison = compared(shaken())
+    assert comparison.leading == SHAKEN
+    bare, passive = comparison.in_words(SHAKEN)
+    better, _, worse = bare.partition("; worse: ")
+    assert bare.startswith("Against uncontrolled: peak displacement -60 %, peak drift -60 %")
+    assert worse == "peak acceleration +4 % (+68 % under filtered noise)."
+    assert "acceleration" not in better.replace("RMS acceleration", "")
+    assert passive.startswith("Against i = 0: ")
+
+
+def test_changes_are_those_of_the_criteria() -> None:
+    results = shaken()
+    comparison = compared(results)
+    changes = comparison.changes(SHAKEN, 0)
+    assert set(changes) == {entry.name for entry in compared_quantities()}
+    expected = [
+        results.ratios(SHAKEN, motion, "uncontrolled")["peak_acceleration"] - 1.0 for motion in (0, 1)
+    ]
+    found = changes["peak_acceleration"]
+    assert (found.mean, found.largest, found.motion) == pytest.approx((sum(expected) / 2, WORSE - 1.0, 1))
+
+
+def test_constant_commands_and_other_devices_are_ranked_apart() -> None:
+    comparison = compared(with_constant())
+    ranks = {rank.name: rows for rank, rows in comparison.ranks}
+    assert ranks == {"law": (4,), "passive": (3, 1), "other_device": (2,), "uncontrolled": (0,)}
+    # Isolation has the lowest score of all, and is no law.
+    assert min(range(5), key=comparison.results.score) == 2
+    assert comparison.leading == 4
+    assert comparison.passive == 3
+    assert not comparison.lacks_best_passive
+
+
+def test_a_study_without_the_best_constant_command_says_so() -> None:
+    assert compared(shaken()).lacks_best_passive
+    assert ADD_BEST_PASSIVE in " ".join(study_text(shaken(), Path("out")).split())
+    assert ADD_BEST_PASSIVE not in " ".join(study_text(with_constant(), Path("out")).split())
+
+
+def test_the_terminal_begins_with_the_changes_and_ends_with_the_scores() -> None:
+    text = study_text(with_constant(), Path("out"))
+    places = [
+        text.index(part)
+        for part in (
+            "worse: peak",
+            "Change in % against uncontrolled",
+            "Change in % against Best constant, 0.4 A",
+            "El Centro: criteria",
+            "Score, ",
+        )
+    ]
+    assert places == sorted(places)
+    scores = text[places[-1] :]
+    assert scores.index("Control laws") < scores.index("Passive dampers") < scores.index("Other devices")
+
+
+def test_the_page_leads_with_the_changes_and_colours_the_worse_ones() -> None:
+    results = with_constant()
+    page = study_page(results, study_samples.histories, motion=1, drawn=range(5))
+    head = page[page.index('<dl class="headline">') : page.index("</dl>")]
+    assert '<span class="remark">+4<span class="unit">%</span>' in head
+    assert page.index('id="changes"') < page.index('id="criteria"')
+    assert "score" not in page[page.index("<h1>") : page.index('<ul class="summary">')].lower()
+    comparison = compared(results)
+    line = [entry.name for entry in compared_quantities()].index("peak_acceleration")
+    assert (line, 1) in leading_table(comparison, SHAKEN).alarming
+    table = change_table(comparison, 0)
+    assert table.rows[0][0] == "Lyapunov <1 A>"
+    assert (0, line + 1) in table.alarming
+    assert table.rows[0][-1] == "Acc. +68, filtered noise"
+    assert list(table.headings.values()) == ["Control laws", "Passive dampers", "Other devices"]
+
+
+def test_the_results_file_has_every_change() -> None:
+    document = study_document(with_constant())
+    assert document["best_passive"] == "Best constant, 0.4 A"
+    law, best, off, *_ = document["changes"]
+    assert (law["controller"], law["rank"], law["place"]) == ("Lyapunov <1 A>", "law", 1)
+    assert law["worse_than_uncontrolled"] == ["peak_acceleration"]
+    assert law["against_uncontrolled"]["peak_acceleration"]["motion"] == "filtered noise"
+    assert set(law["against_best_passive"]) == {entry.name for entry in compared_quantities()}
+    assert [each["rank"] for each in (best, off)] == ["passive", "passive"]
+    run = next(each for each in document["results"] if each["controller"] == law["controller"])
+    reference = next(each for each in document["results"] if each["controller"] == best["controller"])
+    assert run["over_best_passive"]["peak_drift"] == pytest.approx(
+        run["criteria"]["peak_drift"] / reference["criteria"]["peak_drift"]
+    )
+
+
+def test_a_run_that_failed_leaves_no_change() -> None:
+    results = shaken()
+    runs = dict(results.runs)
+    runs[SHAKEN, 0] = replace(runs[SHAKEN, 0], outcome="diverged")
+    failed = replace(results, runs=runs)
+    assert compared(failed).leading == 3
+    assert compared(failed).in_words(SHAKEN) == []
+    assert study_document(failed)["changes"][1]["against_uncontrolled"]["peak_drift"]["mean"] is None
+
+
+def test_one_motion_has_no_mean_and_many_laws_are_counted() -> None:
+    results = shaken()
+    one = replace(
+        results,
+        motions=results.motions[1:],
+        runs={(row, 0): run for (row, motion), run in results.runs.items() if motion == 1},
+    )
+    comparison = compared(one)
+    assert "mean" not in comparison.heading(4)
+    assert change_table(comparison, 0).columns[-1] == "RMS shear"
+    # Of the two laws, the last one.
+    counts = comparison.worse_counts(0)
+    assert counts["peak_acceleration"] == 1
+    assert counts["peak_drift"] == 0
+    assert change_table(comparison, 0).foot[0] == "Control laws that are worse, of 2"
