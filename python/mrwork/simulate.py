@@ -115,7 +115,7 @@ class Sensitivities:
 
 
 def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
-    """Motion of a test, with its command in the unit of the model.
+    """Motion of a test, with its command in the unit of the model, constant or held from sample to sample.
 
     Raises
     ------
@@ -125,15 +125,13 @@ def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
     motion = Loading(dt=test.dt, displacement=test.displacement, velocity=test.velocity)
     if spec.current is None:
         return motion
-    known: dict[CommandUnit, float | None] = {"A": test.current, "V": test.voltage}
-    command = known[spec.current.unit]
-    if command is None:
-        others = [f"{value:g} {unit}" for unit, value in known.items() if value is not None]
-        raise RecordError(
-            f"{test.label}: the model takes its command in {spec.current.unit}, the test has "
-            f"{others[0] if others else 'none'}; give a column for it, or a model in the other unit"
-        )
-    return replace(motion, command=command, command_unit=spec.current.unit)
+    for command, unit in test.commands:
+        if unit == spec.current.unit:
+            return replace(motion, command=command, command_unit=unit)
+    raise RecordError(
+        f"{test.label}: the model takes its command in {spec.current.unit}, the test has "
+        f"{test.command_in_words or 'none'}; give a column for it, or a model in the other unit"
+    )
 
 
 def simulate_misfits(

@@ -279,15 +279,6 @@ def test_a_velocity_of_something_else_is_told(kind: str) -> None:
     assert "both columns belong to this test" in message(built(columns), "velocity_inconsistent")
 
 
-def test_a_command_that_varies_is_told_and_its_median_taken() -> None:
-    columns = clean_columns()
-    current = np.where(columns["t_s"] > 0.5, 1.0, 0.0)
-    test = built(columns, current=current)
-    assert test.current == 1.0
-    assert "between 0 and 1 A" in message(test, "command_varies")
-    assert severity(test, "command_varies") == "warning"
-
-
 def test_a_command_given_in_some_rows_only_is_still_known() -> None:
     current = np.full(400, np.nan)
     current[0] = 0.5

@@ -14,6 +14,7 @@ import numpy as np
 from mrwork.cli.options import add_files, add_json, reading_of
 from mrwork.errors import MrworkError
 from mrwork.records import DamperTest, Finding, mislabelled
+from mrwork.records.command_signal import Command, command_range
 
 
 def add_parser(verbs: Any) -> None:
@@ -62,21 +63,25 @@ def _facts(test: DamperTest) -> dict[str, Any]:
         "peak_displacement_m": float(np.abs(test.displacement).max()),
         "peak_velocity_mps": float(np.abs(test.velocity).max()),
         "peak_force_n": float(np.abs(test.force).max()),
-        "current_a": test.current,
-        "voltage_v": test.voltage,
+        "current_a": _plain(test.current),
+        "voltage_v": _plain(test.voltage),
         "velocity_source": test.velocity_source,
         "synthetic": test.synthetic,
         "findings": [asdict(finding) for finding in test.findings],
     }
 
 
+def _plain(command: Command | None) -> float | dict[str, float] | None:
+    """A command for JSON: the range of one that varies."""
+    if not isinstance(command, np.ndarray):
+        return command
+    low, high = command_range(command)
+    return {"lowest": low, "highest": high}
+
+
 def _report(test: DamperTest) -> str:
     facts = _facts(test)
-    command = "".join(
-        f", {value:g} {unit}"
-        for value, unit in ((test.current, "A"), (test.voltage, "V"))
-        if value is not None
-    )
+    command = f", {test.command_in_words}" if test.commands else ""
     head = (
         f"{test.label}: {test.n_time} samples at {1.0 / test.dt:g} Hz, "
         f"{1e3 * facts['peak_displacement_m']:.3g} mm, {1e3 * facts['peak_velocity_mps']:.3g} mm/s, "

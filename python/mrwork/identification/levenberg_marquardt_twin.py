@@ -25,7 +25,8 @@ from mrwork.twins.models import keep_compiled, simulate
 class RecordArrays(NamedTuple):
     """One test: sampling step [s], motion at the stage times, command [A or V], measured force [N], weight.
 
-    With these weights the sum of squared residuals of all tests is the squared misfit.
+    The command has shape (), or (n_time,) in every test if it varies in any. With these weights the sum of squared
+    residuals of all tests is the squared misfit.
     """
 
     dt: jax.Array
@@ -91,7 +92,7 @@ class TwinResiduals:
             force = jax.vmap(lambda *test: simulate(self.spec, theta, *test))(
                 jnp.stack([_lengthened(test.motion, longest) for test in own.values()]),
                 jnp.stack([test.dt for test in own.values()]),
-                jnp.stack([test.command for test in own.values()]),
+                jnp.stack([_extended(test.command, longest + 1) for test in own.values()]),
             )
             for row, (index, test) in enumerate(own.items()):
                 forces[index] = force[row, : len(test.motion) + 1]
@@ -100,14 +101,16 @@ class TwinResiduals:
 
 def arrays_of(objective: Objective, substeps: tuple[int, ...]) -> tuple[RecordArrays, ...]:
     """The tests of an objective as arrays of the twin, each with its number of sub-steps."""
+    commands = [loading_of(each.test, objective.spec).command for each in objective.compared]
+    varying = any(isinstance(command, np.ndarray) for command in commands)
     entries = []
-    for each, count in zip(objective.compared, substeps, strict=True):
-        command = loading_of(each.test, objective.spec).command
+    for each, command, count in zip(objective.compared, commands, substeps, strict=True):
+        received = jnp.asarray(0.0 if command is None else command)
         entries.append(
             RecordArrays(
                 dt=jnp.asarray(each.test.dt),
                 motion=jnp.asarray(each.history.stages(count)),
-                command=jnp.asarray(0.0 if command is None else command),
+                command=jnp.broadcast_to(received, (each.test.n_time,)) if varying else received,
                 force=jnp.asarray(each.measured),
                 weight=jnp.asarray(each.weight(len(objective.compared))),
             )
@@ -119,6 +122,11 @@ def _lengthened(motion: jax.Array, n_steps: int) -> jax.Array:
     """A motion, (n, n_stages, 2), extended by its last point; the forces there are discarded."""
     end = jnp.broadcast_to(motion[-1, -1], (n_steps - len(motion), *motion.shape[1:]))
     return jnp.concatenate([motion, end])
+
+
+def _extended(command: jax.Array, n_time: int) -> jax.Array:
+    """A command of shape () as it is, one of shape (n,) extended to (n_time,) by its last sample."""
+    return command if command.ndim == 0 else jnp.pad(command, (0, n_time - len(command)), mode="edge")
 
 
 def _without_nuisance(force: jax.Array, residuals: jax.Array, names: tuple[NuisanceName, ...]) -> jax.Array:

@@ -24,6 +24,7 @@ from mrwork.identification.searches import Search, method_of, search_named
 from mrwork.identification.settings import FitSettings, Start
 from mrwork.records import DamperTest, observed
 from mrwork.records.command import command_level
+from mrwork.records.command_signal import Command, command_in_words
 from mrwork.store import Journal, digest_of
 from mrwork.store.fingerprint import package_version
 from mrwork.summary import listed
@@ -183,8 +184,8 @@ def fingerprint_of(problem: Problem) -> dict[str, object]:
                 "sha256": test.sha256,
                 "samples": test.n_time,
                 "settle_samples": test.n_settle,
-                "current": test.current,
-                "voltage": test.voltage,
+                "current": _recorded(test.current),
+                "voltage": _recorded(test.voltage),
                 "observation": test.observation.in_words,
                 # Changes with windows, repairs and units of columns.
                 "signals": digest_of(test.dt, test.displacement, test.velocity, test.force, test.observation),
@@ -196,26 +197,33 @@ def fingerprint_of(problem: Problem) -> dict[str, object]:
 
 
 def command_warning(tests: Sequence[DamperTest], specs: Sequence[DamperSpec]) -> tuple[str, ...]:
-    """A sentence where models with constant parameters are to describe tests at several commands; else nothing."""
-    known = [
-        (unit, command_level(command))
-        for test in tests
-        for unit, command in [("V", test.voltage) if test.current is None else ("A", test.current)]
-        if command is not None
-    ]
-    levels = sorted(set(known))
+    """A sentence where models with constant parameters are to describe several commands; else nothing."""
+    known = [test.commands[0] for test in tests if test.commands]
+    levels = sorted(
+        {(unit, command_level(value)) for value, unit in known if not isinstance(value, np.ndarray)}
+    )
+    varying = {command_in_words(value, unit) for value, unit in known if isinstance(value, np.ndarray)}
     constant = [spec.name for spec in specs if spec.current is None]
-    if not constant or len(levels) < 2:
+    if not constant or len(levels) + 2 * len(varying) < 2:
         return ()
-    listing = ", ".join(
+    listing = [
         f"{', '.join(f'{level:g}' for each, level in levels if each == unit)} {unit}"
         for unit in dict.fromkeys(unit for unit, _ in levels)
-    )
+    ]
+    if varying:
+        found = f"the command varies during tests ({'; '.join([*listing, *sorted(varying)])})"
+    else:
+        found = f"the tests are at {len(levels)} commands ({', '.join(listing)})"
     return (
-        f"the tests are at {len(levels)} commands ({listing}) but no parameter of {listed(constant)} follows the "
+        f"{found} but no parameter of {listed(constant)} follows the "
         "command, so the fit is a compromise between them and right at none; let parameters follow the command "
         "with --law NAME=LAW (in Python `with_current_laws`), or give tests at one command",
     )
+
+
+def _recorded(command: Command | None) -> float | str | None:
+    """A constant command, or the digest of one that varies."""
+    return digest_of(command) if isinstance(command, np.ndarray) else command
 
 
 def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:

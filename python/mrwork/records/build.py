@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.errors import RecordError
 from mrwork.records import checks
-from mrwork.records.command import constant_command, motion_matches_name
+from mrwork.records.command import command_of, motion_matches_name
+from mrwork.records.command_signal import Command
 from mrwork.records.damper_test import DamperTest, Finding, frozen
 from mrwork.records.detectors.cycles import drift_finding, mass_finding
 from mrwork.records.detectors.delay import delay_finding
@@ -59,7 +60,8 @@ def build_damper_test(
     velocity
         Shape (n_time,) [m/s]; derived from the displacement when absent.
     current, voltage
-        Command [A, V], one number or shape (n_time,); the test has its median.
+        Command [A, V], one number or shape (n_time,). The test has its median if it is constant within noise; else
+        each sample is held until the next.
     amplitude, frequency
         Nominal values [m, Hz], compared with the motion.
     synthetic
@@ -91,14 +93,17 @@ def build_damper_test(
         force=_channel(force, "force", source),
         velocity=None if velocity is None else _channel(velocity, "velocity", source),
     )
-    for channel_name, channel in raw.channels():
+    amperes, about_current = _command(current, "current", "A", source)
+    volts, about_voltage = _command(voltage, "voltage", "V", source)
+    given = replace(raw, current=_if_varying(amperes), voltage=_if_varying(volts))
+    for channel_name, channel in given.channels():
         if channel.size != raw.time.size:
             raise RecordError(
                 f"{source}: the {channel_name} has {channel.size} samples where the time has "
                 f"{raw.time.size}; give one value per sample"
             )
     findings: list[Finding] = []
-    complete, first_row, dropped = complete_rows(raw, source=source, locate=where)
+    complete, first_row, dropped = complete_rows(given, source=source, locate=where)
     check_time(complete.time, source=source, locate=lambda row: where(row + first_row))
     checks.check_varies(complete.displacement, "displacement", "m", source=source)
     checks.check_varies(complete.force, "force", "N", source=source)
@@ -115,8 +120,6 @@ def build_damper_test(
     else:
         moving, about_velocity = velocity_agrees(signals.velocity, displaced, smoother, motion.dominant)
     resisting, about_sign = checks.force_sign(signals.force, derivative)
-    amperes, about_current = _command(current, "current", "A", source)
-    volts, about_voltage = _command(voltage, "voltage", "V", source)
     findings += [
         *about_velocity,
         *about_sign,
@@ -138,8 +141,8 @@ def build_damper_test(
         force=frozen(resisting),
         velocity_source="derived" if signals.velocity is None else "measured",
         n_settle=settling_samples(displaced),
-        current=amperes,
-        voltage=volts,
+        current=amperes if signals.current is None else frozen(signals.current),
+        voltage=volts if signals.voltage is None else frozen(signals.voltage),
         amplitude=amplitude,
         frequency=frequency,
         synthetic=synthetic,
@@ -167,10 +170,14 @@ def _channel(samples: ArrayLike, name: str, source: str) -> NDArray[np.float64]:
 
 def _command(
     samples: ArrayLike | None, quantity: str, unit: str, source: str
-) -> tuple[float | None, tuple[Finding, ...]]:
+) -> tuple[Command | None, tuple[Finding, ...]]:
     if samples is None:
         return None, ()
-    return constant_command(_channel(np.atleast_1d(samples), quantity, source), quantity, unit, source=source)
+    return command_of(_channel(np.atleast_1d(samples), quantity, source), quantity, unit, source=source)
+
+
+def _if_varying(command: Command | None) -> NDArray[np.float64] | None:
+    return command if isinstance(command, np.ndarray) else None
 
 
 def _velocity_derived(smoother: Smoother) -> Finding:

@@ -15,14 +15,16 @@ TestQuantity = Literal["time", "displacement", "velocity", "force", "current", "
 QUANTITIES: Final[tuple[TestQuantity, ...]] = get_args(TestQuantity)
 REQUIRED: Final[tuple[TestQuantity, ...]] = ("time", "displacement", "force")
 
+# Set point of the driver, in amperes or volts: the unit decides.
+_COMMAND: Final = frozenset({"command", "cmd", "setpoint"})
 # `v` and `u` have different meanings on different rigs; the unit after them decides.
 _STEMS: Final[Mapping[TestQuantity, frozenset[str]]] = {
     "time": frozenset({"time", "t"}),
     "displacement": frozenset({"displacement", "disp", "stroke", "position", "x", "u"}),
     "velocity": frozenset({"velocity", "vel", "v"}),
     "force": frozenset({"force", "load", "f"}),
-    "current": frozenset({"current", "i"}),
-    "voltage": frozenset({"voltage", "volt", "v", "u"}),
+    "current": frozenset({"current", "i", *_COMMAND}),
+    "voltage": frozenset({"voltage", "volt", "v", "u", *_COMMAND}),
 }
 _EXAMPLE: Final[Mapping[TestQuantity, str]] = {
     "time": "t_s",

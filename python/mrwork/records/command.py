@@ -1,4 +1,4 @@
-"""Command of a test, and the nominal amplitude, frequency and command that its file name states."""
+"""Command of a test from its column, and the nominal amplitude, frequency and command that its file name states."""
 
 from __future__ import annotations
 
@@ -10,24 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
+from mrwork.records.command_signal import Command, command_range, variation_in_words
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 
 _RELATIVE: Final = 0.05
 # A measured command of zero is not exactly zero; deviations below this [A or V] are sensor noise.
 _ABSOLUTE: Final = 0.02
-# Fraction of the samples in the middle half of the range of a command, and correlation with time. A ramp over the
-# whole record has 0.5 and 1.
-_STEPPING: Final = 0.05
-_RAMPING: Final = 0.9
+# Fewest samples of a pulse that noise does not explain.
+_PULSE: Final = 3
 # Tolerances: nominal amplitude and frequency are set points, which the rig reaches only approximately.
 _AMPLITUDE: Final = 0.25
 _FREQUENCY: Final = 0.20
 
 
-def constant_command(
+def command_of(
     samples: NDArray[np.float64], quantity: str, unit: str, *, source: str
-) -> tuple[float, tuple[Finding, ...]]:
-    """Return the median of a command that should be constant, and a warning if it varies.
+) -> tuple[Command, tuple[Finding, ...]]:
+    """Return a command as a number, its median, if it varies no more than a measured constant does; else as it is.
+
+    A varying command comes with a note on its range.
 
     Raises
     ------
@@ -39,25 +40,23 @@ def constant_command(
         problem = "has no value" if present.size == 0 else "has infinite values"
         raise RecordError(f"{source}: the {quantity} {problem}; correct the column or leave it out")
     value = float(np.median(present))
+    tolerance = _RELATIVE * abs(value) + _ABSOLUTE
     low, high = np.percentile(present, [1.0, 99.0])
-    if high - low <= _RELATIVE * abs(value) + _ABSOLUTE:
+    if high - low <= tolerance and not _has_pulse(np.abs(present - value) > tolerance):
         return value, ()
+    low, high = command_range(present)
     message = (
-        f"the {quantity} {_variation(present, low, high)} {low:.3g} and {high:.3g} {unit}; its median of {value:.3g} "
-        f"{unit} is taken as the constant command of the test"
+        f"the {quantity} {variation_in_words(present)} {low:.3g} and {high:.3g} {unit}; a model follows it by current "
+        "laws (--law)"
     )
-    measured = Measured(value=float(high - low), unit=unit)
-    return value, (Finding(code="command_varies", severity="warning", message=message, measured=measured),)
+    measured = Measured(value=high - low, unit=unit)
+    return samples, (Finding(code="command_varies", severity="note", message=message, measured=measured),)
 
 
-def _variation(samples: NDArray[np.float64], low: float, high: float) -> str:
-    """Describe a varying command: a ramp has many samples in the middle half of its range, steps have hardly any."""
-    quarter = 0.25 * (high - low)
-    between = float(np.mean((samples > low + quarter) & (samples < high - quarter)))
-    if between < _STEPPING:
-        return "switches between"
-    time = np.arange(samples.size)
-    return "ramps between" if abs(np.corrcoef(time, samples)[0, 1]) > _RAMPING else "varies between"
+def _has_pulse(outside: NDArray[np.bool_]) -> bool:
+    """Whether samples beyond the tolerance follow each other, as in a pulse too short for the percentiles."""
+    runs = np.convolve(outside, np.ones(_PULSE), mode="valid") if outside.size >= _PULSE else np.zeros(0)
+    return bool(np.any(runs > _PULSE - 0.5))
 
 
 def command_level(value: float) -> float:
@@ -93,8 +92,10 @@ def with_nominal_command(test: DamperTest, nominal: Nominal) -> DamperTest:
     ):
         if measured is None or named is None:
             continue
-        if abs(measured - named) > _RELATIVE * abs(named) + _ABSOLUTE:
-            findings.append(_disagrees(quantity, named, measured, unit))
+        # A varying command disagrees if it never is the nominal one.
+        nearest = float(np.clip(named, *command_range(measured)))
+        if abs(nearest - named) > _RELATIVE * abs(named) + _ABSOLUTE:
+            findings.append(_disagrees(quantity, named, nearest, unit))
     return replace(
         test,
         current=nominal.current if test.current is None else test.current,

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.dampers.parameters import CommandUnit
+from mrwork.records.command_signal import Command, command_in_words, part_of_command
 from mrwork.records.observation import AS_IT_IS, Observation
-from mrwork.summary import Summarised, Summary, of_unit
+from mrwork.summary import Summarised, Summary
 
 Severity = Literal["note", "warning", "repaired"]
 Channel = Literal["displacement", "force"]
@@ -46,17 +48,17 @@ class Smoothing:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class DamperTest(Summarised):
-    """A force-motion record of one damper at one command, uniformly sampled, in SI.
+    """A force-motion record of one damper, uniformly sampled, in SI.
 
     Arrays have shape (n_time,): `displacement` [m] and `velocity` [m/s] of elongation, and the resisting `force` [N],
-    so that force times velocity is dissipated power. `current` [A] and `voltage` [V] are constant over the test,
-    `None` if unknown. `amplitude` [m] and `frequency` [Hz] are nominal values from the file name, `None` if unknown.
-    `velocity_source` states whether the velocity is a measured column or a derivative. The first `n_settle` samples
-    are simulated but not compared: until the damper has travelled half its peak-to-peak stroke, its force depends on
-    the state of the hysteresis before the record. `observation` models how the recorded force follows from that of
-    the damper. `smoothing` is the moving average that was found in the whole record, `None` where there is none; it
-    is kept with a part of the record, where it may no longer be found. `original` is the record before repairs, if it
-    was repaired.
+    so that force times velocity is dissipated power. `current` [A] and `voltage` [V] are a number if they are constant
+    over the test, an array of shape (n_time,) if they vary, each sample held until the next, `None` if unknown.
+    `amplitude` [m] and `frequency` [Hz] are nominal values from the file name, `None` if unknown. `velocity_source`
+    states whether the velocity is a measured column or a derivative. The first `n_settle` samples are simulated but
+    not compared: until the damper has travelled half its peak-to-peak stroke, its force depends on the state of the
+    hysteresis before the record. `observation` models how the recorded force follows from that of the damper.
+    `smoothing` is the moving average that was found in the whole record, `None` where there is none; it is kept with a
+    part of the record, where it may no longer be found. `original` is the record before repairs, if it was repaired.
     """
 
     name: str
@@ -69,8 +71,8 @@ class DamperTest(Summarised):
     force: NDArray[np.float64]
     velocity_source: Literal["measured", "derived"]
     n_settle: int = 0
-    current: float | None = None
-    voltage: float | None = None
+    current: Command | None = None
+    voltage: Command | None = None
     amplitude: float | None = None
     frequency: float | None = None
     synthetic: bool = False
@@ -95,16 +97,41 @@ class DamperTest(Summarised):
         return slice(self.n_settle, None)
 
     @property
+    def commands(self) -> tuple[tuple[Command, CommandUnit], ...]:
+        """The known commands, each with its unit."""
+        pairs: tuple[tuple[Command | None, CommandUnit], ...] = ((self.current, "A"), (self.voltage, "V"))
+        return tuple((command, unit) for command, unit in pairs if command is not None)
+
+    @property
+    def has_varying_command(self) -> bool:
+        """Whether a command changes during the test."""
+        return any(isinstance(command, np.ndarray) for command, _ in self.commands)
+
+    @property
+    def command_in_words(self) -> str:
+        """The known commands with their units, the range of one that varies; empty if none is known."""
+        return ", ".join(command_in_words(command, unit) for command, unit in self.commands)
+
+    def part(self, first: int, last: int, every: int = 1) -> DamperTest:
+        """Every `every`-th sample from `first` up to `last`; a varying command stays held between samples."""
+        window = slice(first, last, every)
+        return replace(
+            self,
+            displacement=frozen(self.displacement[window]),
+            velocity=frozen(self.velocity[window]),
+            force=frozen(self.force[window]),
+            current=part_of_command(self.current, first, min(last, self.n_time), every),
+            voltage=part_of_command(self.voltage, first, min(last, self.n_time), every),
+            dt=self.dt * every,
+            start_time=self.start_time + first * self.dt,
+        )
+
+    @property
     def time(self) -> NDArray[np.float64]:
         """Sample times [s], shape (n_time,)."""
         return self.start_time + self.dt * np.arange(self.n_time, dtype=np.float64)
 
     def _summary(self) -> Summary:
-        command = " ".join(
-            of_unit(value, unit)
-            for value, unit in ((self.current, "A"), (self.voltage, "V"))
-            if value is not None
-        )
         return Summary(
             title=f"Damper test {self.name}",
             facts=(
@@ -112,7 +139,7 @@ class DamperTest(Summarised):
                     "samples",
                     f"{self.n_time} at {1.0 / self.dt:.5g} Hz, the first {self.n_settle} not compared",
                 ),
-                ("command", command or "unknown"),
+                ("command", self.command_in_words or "unknown"),
                 ("displacement", f"{self.displacement.min():.4g} to {self.displacement.max():.4g} m"),
                 (
                     "velocity",

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
+from mrwork.records.command_signal import resampled_command
 from mrwork.records.damper_test import Finding
 
 FEWEST_SAMPLES: Final = 10
@@ -22,17 +23,22 @@ _GAP_STEPS: Final = 3.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signals:
-    """Channels in SI on one time base, each of shape (n_time,); `velocity` is `None` if not measured."""
+    """Channels in SI on one time base, each of shape (n_time,); `None` for a channel that was not measured.
+
+    `current` and `voltage` are the commands that vary.
+    """
 
     time: NDArray[np.float64]
     displacement: NDArray[np.float64]
     force: NDArray[np.float64]
-    velocity: NDArray[np.float64] | None
+    velocity: NDArray[np.float64] | None = None
+    current: NDArray[np.float64] | None = None
+    voltage: NDArray[np.float64] | None = None
 
     def channels(self) -> tuple[tuple[str, NDArray[np.float64]], ...]:
         """Name and samples of every channel that exists."""
-        named = (("time", self.time), ("displacement", self.displacement), ("force", self.force))
-        return named if self.velocity is None else (*named, ("velocity", self.velocity))
+        named = ((each.name, getattr(self, each.name)) for each in fields(self))
+        return tuple((name, channel) for name, channel in named if channel is not None)
 
     def through(self, change: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> Signals:
         """Signals with the same change applied to every channel."""
@@ -116,8 +122,8 @@ def uniform_step(signals: Signals, *, source: str) -> tuple[Signals, float, tupl
 
     If a step differs from the median by more than 1e-3 of it, the record is resampled to about the median step,
     keeping the first and the last sample: by a cubic spline, or by PCHIP, which does not overshoot, if there are
-    gaps. Times that are uniform except for rounding to few digits are not resampled, because their samples were taken
-    uniformly.
+    gaps. A command that changes in steps is held between its samples, another one is interpolated linearly. Times that
+    are uniform except for rounding to few digits are not resampled, because their samples were taken uniformly.
 
     Raises
     ------
@@ -181,10 +187,14 @@ def uniform_step(signals: Signals, *, source: str) -> tuple[Signals, float, tupl
     from scipy.interpolate import CubicSpline, PchipInterpolator  # slow to load, and rarely needed
 
     interpolator = PchipInterpolator if gaps.size else CubicSpline
-    resampled = signals.through(
+    motion = replace(signals, current=None, voltage=None).through(
         lambda channel: np.asarray(interpolator(time, channel)(grid), dtype=np.float64)
     )
-    return replace(resampled, time=grid), dt, tuple(findings)
+    current, voltage = (
+        None if command is None else resampled_command(time, command, grid)
+        for command in (signals.current, signals.voltage)
+    )
+    return replace(motion, time=grid, current=current, voltage=voltage), dt, tuple(findings)
 
 
 def rounded_grid(time: NDArray[np.float64]) -> NDArray[np.float64] | None:

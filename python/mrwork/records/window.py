@@ -39,24 +39,13 @@ def cut(
         raise SettingError(f"--every is {every}; it must be 1 or more")
     first = 0 if start is None else max(0, ceil((start - test.start_time) / test.dt - 1e-9))
     last = test.n_time if end is None else ceil((end - test.start_time) / test.dt - 1e-9)
-    window = slice(first, max(first, last), every)
-    displacement, velocity, force = (
-        np.ascontiguousarray(channel[window]) for channel in (test.displacement, test.velocity, test.force)
-    )
-    if displacement.size < _FEWEST:
+    shorter = test.part(first, max(first, last), every)
+    if shorter.n_time < _FEWEST:
         raise SettingError(
-            f"{test.label}: {displacement.size} samples would remain of a record from "
+            f"{test.label}: {shorter.n_time} samples would remain of a record from "
             f"{test.time[0]:g} to {test.time[-1]:g} s; keep at least {_FEWEST}"
         )
-    return replace(
-        test,
-        displacement=displacement,
-        velocity=velocity,
-        force=force,
-        dt=test.dt * every,
-        start_time=test.start_time + first * test.dt,
-        n_settle=settling_samples(displacement),
-    )
+    return replace(shorter, n_settle=settling_samples(shorter.displacement))
 
 
 # Cycles for a settled loop, and samples per cycle that resolve its knees.
@@ -72,7 +61,7 @@ def excerpt(test: DamperTest) -> DamperTest:
     """Return the first cycles of a cyclic test, decimated to a resolution that shows the loop.
 
     This is sufficient for a search, since further cycles add little information. A motion whose band extends beyond a
-    few times its dominant frequency keeps its length.
+    few times its dominant frequency keeps its length, and so does a test whose command varies.
     """
     motion = spectrum(test.displacement, test.dt)
     if motion.dominant <= 0.0:
@@ -80,6 +69,8 @@ def excerpt(test: DamperTest) -> DamperTest:
     thin = max(1, int(1.0 / (motion.dominant * test.dt * _EXCERPT_PER_CYCLE)))
     if motion.band_edge > _CYCLIC_BAND * motion.dominant:
         return cut(test, every=max(1, int(1.0 / (motion.band_edge * test.dt * _PER_FASTEST))))
+    if test.has_varying_command:
+        return cut(test, every=thin)
     whole = test.n_settle * test.dt + _EXCERPT_CYCLES / motion.dominant
     return cut(test, end=test.start_time + whole, every=thin)
 

@@ -26,8 +26,10 @@ def moving_mass(test: DamperTest) -> Measured | None:
         m = int (F - mean F) a dt / int a^2 dt > 0,
 
     is inertia, so that the mass is at least m. A force that leads the displacement has the same effect. The standard
-    error is that of the mean over the cycles.
+    error is that of the mean over the cycles. A varying command changes the force within cycles and hides the mass.
     """
+    if test.has_varying_command:
+        return None
     motion = motion_of(test.displacement, test.dt)
     spans = whole_cycles(motion.displacement)
     if len(spans) < _FEWEST_FOR_MASS:
@@ -72,8 +74,10 @@ def loop_drift(test: DamperTest) -> Measured | None:
 
     The force of a cycle is its dissipated energy per distance travelled, int F v dt / int |v| dt. Its logarithm is
     regressed on the cycle number and, if the stroke varies, on the logarithm of the stroke. The estimate needs five
-    cycles of equal duration whose stroke does not change steadily.
+    cycles of equal duration whose stroke does not change steadily, at a constant command.
     """
+    if test.has_varying_command:
+        return None
     motion = motion_of(test.displacement, test.dt)
     spans = whole_cycles(motion.displacement)
     if len(spans) < _FEWEST_FOR_DRIFT:

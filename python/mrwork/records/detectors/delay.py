@@ -45,9 +45,10 @@ def force_delay(test: DamperTest) -> Measured | None:
     period and no smooth curve fits as well. A force that falls smoothly with the velocity has no such corner, and
     averaging over time removes it. If the force falls steeply with the velocity before the turn, the corner is early:
     a lag is then underestimated, and a lead counts only if the force has passed its middle at the turn. Compliance in
-    series with the damper delays the corner in the same way as a slow channel.
+    series with the damper delays the corner in the same way as a slow channel. A varying command changes the force
+    between turns, which can then not be folded.
     """
-    if test.smoothing is not None:
+    if test.has_varying_command or test.smoothing is not None:
         return None
     motion = motion_of(test.displacement, test.dt)
     period = 1.0 / motion.frequency

@@ -38,13 +38,18 @@ def mislabelled(tests: Sequence[DamperTest]) -> tuple[Finding, ...]:
 
     The dissipative force of a test is int F v dt / int |v| dt. Its logarithm is modelled by a level for each command
     and one slope over the logarithm of the peak velocity. Both are medians, so that a few wrong labels do not affect
-    them. Commands with fewer than three tests have no level.
+    them. Commands with fewer than three tests have no level, nor have tests whose command varies.
     """
     findings: list[Finding] = []
     for quantity, unit in (("current", "A"), ("voltage", "V")):
-        labelled = [test for test in tests if getattr(test, quantity) is not None]
-        if len(labelled) >= _FEWEST_ALIKE:
-            commands = np.array([getattr(test, quantity) for test in labelled])
+        constant = {
+            index: command
+            for index, test in enumerate(tests)
+            for command, own in test.commands
+            if own == unit and not isinstance(command, np.ndarray)
+        }
+        if len(constant) >= _FEWEST_ALIKE:
+            labelled, commands = [tests[index] for index in constant], np.array(list(constant.values()))
             findings += _standing_out(labelled, commands, quantity, unit)
     return tuple(findings)
 

@@ -111,8 +111,7 @@ def _conditions(test: DamperTest, quality: FitQuality) -> str:
     """Command, motion and sampling of a test, and the observation model of its force, in one line."""
     observed = ", ".join(filter(None, (quality.observation.in_words, quality.nuisance.in_words)))
     parts = [
-        _quantity(test.current, "A"),
-        _quantity(test.voltage, "V"),
+        test.command_in_words,
         _quantity(None if test.amplitude is None else 1e3 * test.amplitude, "mm"),
         _quantity(test.frequency, "Hz"),
         f"{numbers.fixed(test.n_time, 0)} samples every {numbers.shortest(1e3 * test.dt)}{_THIN}ms",

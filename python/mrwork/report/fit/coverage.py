@@ -88,15 +88,12 @@ def _names(bands: StoredBands) -> list[str]:
 
 def conditions_in_words(test: DamperTest) -> str:
     """Name of a test with its command, amplitude and frequency, as far as these are known."""
-    parts = [
-        (test.current, "A", 1.0),
-        (test.voltage, "V", 1.0),
-        (test.amplitude, "mm", 1e3),
-        (test.frequency, "Hz", 1.0),
-    ]
+    parts = [(test.amplitude, "mm", 1e3), (test.frequency, "Hz", 1.0)]
     known = [
         f"{numbers.shortest(value * factor)} {unit}" for value, unit, factor in parts if value is not None
     ]
+    if test.commands:
+        known.insert(0, test.command_in_words)
     return f"{test.name} ({', '.join(known)})" if known else test.name
 
 

@@ -14,6 +14,7 @@ from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import fit_from_json
 from mrwork.records import DamperTest, Observation
+from mrwork.records.command_signal import Command
 from mrwork.store.codec import json_document, read_document
 from mrwork.store.fingerprint import digest_of
 from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS, write_files
@@ -31,13 +32,13 @@ _FACTS = (
     "start_time",
     "n_settle",
     "velocity_source",
-    "current",
-    "voltage",
     "amplitude",
     "frequency",
     "synthetic",
 )
 _CHANNELS = ("displacement", "velocity", "force")
+# A constant command is a fact, one that varies a channel.
+_COMMANDS = ("current", "voltage")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -124,17 +125,28 @@ def write_predictions(place: Path, predictions: Sequence[Prediction]) -> None:
         Where they cannot be written.
     """
     facts = [
-        {fact: getattr(each.test, fact) for fact in _FACTS} | {"observation": asdict(each.test.observation)}
+        {fact: getattr(each.test, fact) for fact in _FACTS}
+        | {name: _constant(getattr(each.test, name)) for name in _COMMANDS}
+        | {"observation": asdict(each.test.observation)}
         for each in predictions
     ]
     arrays = {
         f"{channel}_{number}": getattr(each.test, channel).astype(np.float32)
         for number, each in enumerate(predictions)
-        for channel in _CHANNELS
+        for channel in _channels(each.test)
     } | {f"model_{number}": each.model_force.astype(np.float32) for number, each in enumerate(predictions)}
     content = io.BytesIO()
     np.savez_compressed(content, facts=np.array(json.dumps(facts)), **arrays)
     write_files(place, {PREDICTIONS: content.getvalue()})
+
+
+def _constant(command: Command | None) -> float | None:
+    return None if isinstance(command, np.ndarray) else command
+
+
+def _channels(test: DamperTest) -> tuple[str, ...]:
+    varying = (name for name in _COMMANDS if isinstance(getattr(test, name), np.ndarray))
+    return (*_CHANNELS, *varying)
 
 
 def read_predictions(place: Path) -> tuple[Prediction, ...]:
@@ -154,11 +166,13 @@ def read_predictions(place: Path) -> tuple[Prediction, ...]:
             return tuple(
                 Prediction(
                     test=DamperTest(
-                        **{fact: each[fact] for fact in _FACTS},
-                        observation=Observation(**each["observation"]),
-                        **{
-                            channel: stored[f"{channel}_{number}"].astype(np.float64) for channel in _CHANNELS
+                        **{fact: each[fact] for fact in (*_FACTS, *_COMMANDS)}
+                        | {
+                            channel: stored[f"{channel}_{number}"].astype(np.float64)
+                            for channel in (*_CHANNELS, *_COMMANDS)
+                            if f"{channel}_{number}" in stored
                         },
+                        observation=Observation(**each["observation"]),
                     ),
                     model_force=stored[f"model_{number}"].astype(np.float64),
                 )
@@ -177,7 +191,13 @@ class Folds:
 
     def fit(self, tests: tuple[DamperTest, ...], identify: Callable[[], Fit]) -> Fit:
         """The fit to these tests: read if it is stored, else identified and stored if that was not interrupted."""
-        seen = [digest_of(test.dt, test.displacement, test.velocity, test.force) for test in tests]
+        seen = [
+            digest_of(
+                *(test.dt, test.displacement, test.velocity, test.force),
+                *(command for command, _ in test.commands if isinstance(command, np.ndarray)),
+            )
+            for test in tests
+        ]
         path = self._place / FOLDS / f"{digest_of(self._fit.model, self._fit.theta, seen)[:16]}.json"
         if path.exists():
             return fit_from_json(path.read_text(encoding="utf-8"), origin=str(path))

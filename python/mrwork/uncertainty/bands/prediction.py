@@ -14,6 +14,7 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import DamperTest
+from mrwork.records.command_signal import same_command
 from mrwork.records.motion import whole_cycles
 from mrwork.summary import Summarised, Summary
 
@@ -227,7 +228,7 @@ def folds_of(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:
 
 
 def _same_command(one: DamperTest, other: DamperTest) -> bool:
-    return (one.current, one.voltage) == (other.current, other.voltage)
+    return same_command(one.current, other.current) and same_command(one.voltage, other.voltage)
 
 
 def _same_motion(one: DamperTest, other: DamperTest) -> bool:
@@ -282,13 +283,7 @@ def halves(test: DamperTest) -> tuple[DamperTest, DamperTest]:
     middle = test.n_settle + (test.n_time - test.n_settle) // 2
     if len(counted) > 1:
         middle = counted[len(counted) // 2].start
-    first = replace(
-        test,
-        displacement=test.displacement[:middle],
-        velocity=test.velocity[:middle],
-        force=test.force[:middle],
-    )
-    return first, replace(test, n_settle=middle)
+    return test.part(0, middle), replace(test, n_settle=middle)
 
 
 def _later_cycles(test: DamperTest, identify_rest: IdentifyRest) -> tuple[float, ...]:

@@ -14,6 +14,7 @@ from mrwork.dampers.parameters import CommandUnit
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest
+from mrwork.records.command_signal import command_range
 from mrwork.records.damper_test import as_tests
 from mrwork.records.motion import spectrum
 from mrwork.simulate import Loading
@@ -106,8 +107,8 @@ def candidate_grid(
     frequencies = frequencies or _about([each.frequency for each in tested])
     levels: Sequence[float | None] = [None]
     if spec.current is not None:
-        known = [test.current if spec.current.unit == "A" else test.voltage for test in tests]
-        levels = commands or sorted({level for level in known if level is not None})
+        known = [command for test in tests for command, unit in test.commands if unit == spec.current.unit]
+        levels = commands or sorted({level for command in known for level in command_range(command)})
     grid = tuple(
         candidate
         for command in levels

@@ -47,7 +47,11 @@ def twin_log_posterior(target: Target, substeps: tuple[int, ...]) -> LogDensity:
         for history, count in zip(objective.histories, substeps, strict=True)
     ]
     measured = [jnp.asarray(each.measured) for each in objective.compared]
-    commands = [float(loading_of(test, objective.spec).command or 0.0) for test in objective.tests]
+    loadings = [loading_of(test, objective.spec) for test in objective.tests]
+    commands = [
+        jnp.asarray(0.0 if loading.command is None else loading.command, dtype=jnp.float64)
+        for loading in loadings
+    ]
 
     def log_posterior(position: jax.Array) -> jax.Array:
         values, inside = space.values(position)

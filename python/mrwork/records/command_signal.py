@@ -1,0 +1,100 @@
+"""Command of a test: one number, or one value per sample, held until the next as a driver holds its set point."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.summary import of_unit
+
+Command = float | NDArray[np.float64]
+"""Command [A or V]: a number if it is constant, else shape (n_time,)."""
+
+# Share of the samples in the middle half of the range of a command that switches between two levels.
+_BETWEEN: Final = 0.05
+# Correlation with time of a ramp over the whole record.
+_RAMPING: Final = 0.9
+# A jump is a change by this share of the range, beside which the command changes by less than this share of the jump.
+_JUMP: Final = 0.05
+_BESIDE: Final = 0.25
+# Share of the sum of squared changes that the jumps of a stepped command have.
+_STEPPED: Final = 0.8
+
+
+def command_range(command: Command) -> tuple[float, float]:
+    """Lowest and highest value of a command."""
+    return float(np.min(command)), float(np.max(command))
+
+
+def command_in_words(command: Command, unit: str) -> str:
+    """Value of a constant command, range and kind of a varying one, as in ``0 to 1 A, stepped``."""
+    if not isinstance(command, np.ndarray):
+        return of_unit(command, unit)
+    low, high = command_range(command)
+    return f"{low:.3g} to {high:.3g} {unit}, {'stepped' if is_stepped(command) else 'varying'}"
+
+
+def variation_in_words(command: NDArray[np.float64]) -> str:
+    """Verb for how a command changes: a ramp has half of its samples in the middle half of its range, switching few."""
+    if _switches(command):
+        return "switches between"
+    if abs(float(np.corrcoef(np.arange(command.size), command)[0, 1])) > _RAMPING:
+        return "ramps between"
+    return "steps between" if is_stepped(command) else "varies between"
+
+
+def is_stepped(command: NDArray[np.float64]) -> bool:
+    """Whether a command changes in steps, shape (n_time,): it must then be held, not interpolated, between samples.
+
+    It switches between two levels, or jumps from one sample to the next make up nearly all of its squared changes.
+    """
+    return _switches(command) or _jumps(command)
+
+
+def _switches(command: NDArray[np.float64]) -> bool:
+    low, high = np.percentile(command, [1.0, 99.0])
+    quarter = 0.25 * (high - low)
+    return bool(np.mean((command > low + quarter) & (command < high - quarter)) < _BETWEEN)
+
+
+def _jumps(command: NDArray[np.float64]) -> bool:
+    change = np.abs(np.diff(command))
+    beside = np.pad(change, 1)
+    largest_beside = np.maximum(beside[:-2], beside[2:])
+    jump = (change > _JUMP * np.ptp(command)) & (largest_beside < _BESIDE * change)
+    return bool(np.sum(change[jump] ** 2) > _STEPPED * np.sum(change**2))
+
+
+def resampled_command(
+    time: NDArray[np.float64], command: NDArray[np.float64], grid: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """A command at other times [s], shape (n_grid,): the last value before each if it is stepped, else linear."""
+    if not is_stepped(command):
+        return np.asarray(np.interp(grid, time, command))
+    # Times that are equal except for rounding are the same sample.
+    last = np.searchsorted(time, grid + 1e-6 * float(np.median(np.diff(time))), side="right") - 1
+    return np.asarray(command[np.clip(last, 0, command.size - 1)])
+
+
+def part_of_command(command: Command | None, first: int, last: int, every: int = 1) -> Command | None:
+    """Command of every `every`-th sample from `first` up to `last`, each held for `every` samples.
+
+    The value is that in the middle of the samples for which it is held, so that switching is not late on average. A
+    command that is constant over the part is a number.
+    """
+    if not isinstance(command, np.ndarray):
+        return command
+    part = command[np.minimum(np.arange(first, last, every) + every // 2, last - 1)]
+    if part.size and np.ptp(part) == 0.0:
+        return float(part[0])
+    part.setflags(write=False)
+    return part
+
+
+def same_command(one: Command | None, other: Command | None) -> bool:
+    """Whether two commands are equal, sample by sample where they vary."""
+    if one is None or other is None:
+        return one is other
+    return bool(np.shape(one) == np.shape(other) and np.all(np.equal(one, other)))

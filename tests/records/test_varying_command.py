@@ -1,0 +1,148 @@
+"""A varying command is a channel of the test: it is cut, decimated and resampled with the others, and stays held."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from record_files import AMPLITUDE, FREQUENCY, clean_columns, codes
+
+from mrwork.errors import RecordError
+from mrwork.records import DamperTest, build_damper_test, cut, mislabelled, read_damper_test, repair
+from mrwork.records.command_signal import is_stepped, same_command
+from mrwork.records.window import excerpt
+
+DT = 1e-3
+N_TIME = 4000
+TIME = DT * np.arange(N_TIME)
+SWITCHING = np.where(TIME % 0.5 < 0.25, 0.0, 1.0)
+SMOOTH = 0.5 + 0.4 * np.sin(2.0 * np.pi * 0.7 * TIME)
+
+
+def built(
+    current: NDArray[np.float64] | float, time: NDArray[np.float64] = TIME, voltage: float | None = None
+) -> DamperTest:
+    omega = 2.0 * np.pi * 2.0
+    return build_damper_test(
+        name="rig",
+        time=time,
+        displacement=0.01 * np.sin(omega * time),
+        force=(200.0 + 800.0 * np.nanmean(current)) * np.tanh(30.0 * np.cos(omega * time))
+        + 2e3 * np.cos(omega * time),
+        current=current,
+        voltage=voltage,
+    )
+
+
+@pytest.mark.parametrize("current", [SWITCHING, SMOOTH], ids=["switching", "smooth"])
+def test_a_varying_command_is_kept_sample_by_sample(current: NDArray[np.float64]) -> None:
+    test = built(current)
+    assert isinstance(test.current, np.ndarray)
+    np.testing.assert_array_equal(test.current, current)
+    assert not test.current.flags.writeable
+    (finding,) = [each for each in test.findings if each.code == "command_varies"]
+    assert finding.severity == "note"
+    assert "--law" in finding.message
+
+
+def test_noise_about_a_constant_command_is_not_a_varying_one() -> None:
+    measured = 0.5 + 0.004 * np.random.default_rng(3).standard_normal(N_TIME)
+    assert built(measured).current == float(np.median(measured))
+
+
+def test_a_pulse_shorter_than_a_hundredth_of_the_record_is_a_varying_command() -> None:
+    pulse = np.where((TIME > 2.0) & (TIME < 2.03), 1.0, 0.0)
+    assert built(pulse).has_varying_command
+    spike = np.where(np.arange(N_TIME) == 2000, 1.0, 0.0)
+    assert built(spike).current == 0.0
+
+
+def test_steps_are_told_from_a_smooth_course() -> None:
+    rng = np.random.default_rng(5)
+    random_steps = np.repeat(rng.uniform(0.0, 1.0, 40), 100)
+    assert is_stepped(SWITCHING)
+    assert is_stepped(random_steps)
+    assert is_stepped(random_steps + 0.004 * rng.standard_normal(N_TIME))
+    assert not is_stepped(SMOOTH)
+
+
+def test_decimation_makes_no_ramps_and_does_not_delay_the_switching() -> None:
+    rng = np.random.default_rng(7)
+    switches = np.sort(rng.choice(np.arange(20, N_TIME - 20), 200, replace=False))
+    command = np.cumsum(np.isin(np.arange(N_TIME), switches)) % 2 * 1.0
+    for every in (2, 5, 8):
+        coarse = cut(built(command), every=every).current
+        assert isinstance(coarse, np.ndarray)
+        assert set(np.unique(coarse)) == {0.0, 1.0}
+        # Held: integral of the command, with the standard error of switching times rounded to `every` samples.
+        error = np.sqrt(switches.size / 12.0) * every
+        assert every * coarse.sum() == pytest.approx(command.sum(), abs=4.0 * error + every)
+
+
+def test_a_window_of_one_level_has_a_constant_command() -> None:
+    test = built(SWITCHING)
+    assert cut(test, start=1.25, end=1.5).current == 1.0
+    both = cut(test, start=1.0, end=1.6)
+    np.testing.assert_array_equal(both.current, SWITCHING[1000:1600])
+
+
+def test_jitter_leaves_a_stepped_command_at_its_levels() -> None:
+    rng = np.random.default_rng(11)
+    time = TIME + 0.2 * DT * rng.uniform(-1.0, 1.0, N_TIME)
+    stepped, smooth = built(SWITCHING, time), built(SMOOTH, time)
+    assert "resampled" in codes(stepped)
+    assert set(np.unique(stepped.current)) == {0.0, 1.0}
+    expected = 0.5 + 0.4 * np.sin(2.0 * np.pi * 0.7 * smooth.time)
+    # Linear interpolation: h^2/8 of the second derivative, and the samples moved by the jitter.
+    np.testing.assert_allclose(smooth.current, expected, atol=0.4 * 0.3 * DT * 4.4)
+
+
+def test_rows_without_a_command_are_dropped_at_the_ends_and_refused_between() -> None:
+    late = SWITCHING.copy()
+    late[:3] = np.nan
+    assert built(late).n_time == N_TIME - 3
+    hole = SWITCHING.copy()
+    hole[100] = np.nan
+    with pytest.raises(RecordError, match="sample 101 has no value for current"):
+        built(hole)
+    with pytest.raises(RecordError, match="the current has 3999 samples where the time has 4000"):
+        built(SWITCHING[1:])
+
+
+def test_repairs_and_excerpts_keep_the_command_beside_the_motion() -> None:
+    test = built(SWITCHING)
+    shifted, _ = repair(test, [], amounts={"delay": 0.004})
+    np.testing.assert_array_equal(shifted.current, SWITCHING[:-4])
+    np.testing.assert_array_equal(shifted.displacement, test.displacement[:-4])
+    whole = excerpt(test)
+    assert whole.dt * whole.n_time == pytest.approx(test.dt * test.n_time)
+
+
+def test_a_varying_command_gives_no_finding_on_cycles_that_differ_by_it() -> None:
+    rising = built(np.where(TIME < 2.0, 0.0, 1.0))
+    assert {"loop_drift", "force_delay", "moving_mass"}.isdisjoint(codes(rising))
+    assert mislabelled([built(SWITCHING), *(built(0.5) for _ in range(3))]) == ()
+
+
+def test_commands_are_the_same_sample_by_sample() -> None:
+    assert same_command(0.5, 0.5)
+    assert not same_command(0.5, None)
+    assert not same_command(SWITCHING, 0.5)
+    assert same_command(SWITCHING, SWITCHING.copy())
+    assert not same_command(SWITCHING, 1.0 - SWITCHING)
+
+
+@pytest.mark.parametrize("heading", ["current_A", "command [A]", "setpoint_a", "i_cmd"])
+def test_a_file_with_a_column_of_the_command_is_read(tmp_path: Path, heading: str) -> None:
+    columns = clean_columns()
+    columns[heading] = np.where(np.sin(0.6 * np.pi * FREQUENCY * columns["t_s"]) > 0.0, 1.0, 0.2)
+    path = tmp_path / "rig.csv"
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(path, table, delimiter=",", header=",".join(columns), comments="")
+    extra = {"current": "i_cmd:A"} if heading == "i_cmd" else None
+    test = read_damper_test(path, columns=extra)
+    np.testing.assert_array_equal(test.current, columns[heading])
+    assert test.displacement.max() == pytest.approx(AMPLITUDE, rel=1e-3)
+    assert "0.2 to 1 A, stepped" in repr(test)
