@@ -126,9 +126,9 @@ def test_identify_writes_a_run_that_predict_reads(record: Path, tmp_path: Path) 
         "manifest.json",
         "fit.json",
         "journal.jsonl",
-        "figures",
         "report.html",
     }
+    assert not (out / "figures").exists()
     assert "http://" not in (out / "report.html").read_text().replace("http://www.w3.org", "")
     predicted = json.loads(mrwork("predict", out, record, "--json").stdout)
     assert predicted["files"][0]["fit_percent"] == pytest.approx(summary["fit_percent"], abs=1e-9)

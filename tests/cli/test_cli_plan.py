@@ -37,6 +37,7 @@ def test_a_plan_names_the_best_test_first(run: Path, capsys: pytest.CaptureFixtu
     assert document["plan"]["gains"][0]["candidate"] == {
         "amplitude": 0.02, "frequency": 2.0, "command": None,
     }  # fmt: skip
+    printed(capsys, "report", run, "--figures", "--quiet")
     for suffix in ("svg", "png"):
         assert (run / "figures" / f"plan.{suffix}").stat().st_size > 1000
 

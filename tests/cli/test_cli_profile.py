@@ -36,6 +36,7 @@ def test_a_profile_says_what_the_data_settle(run: Path, capsys: pytest.CaptureFi
     assert [each["name"] for each in document["profiles"]] == [
         "c", "k", "alpha", "beta", "delta", "x_s", "f0",
     ]  # fmt: skip
+    printed(capsys, "report", run, "--figures", "--quiet")
     for suffix in ("svg", "png"):
         assert (run / "figures" / f"profiles.{suffix}").stat().st_size > 1000
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from mrwork.cli.progress import choice_described, described
+from mrwork.cli.progress import ProgressLine, choice_described, described
 from mrwork.identification.progress import Progress
 from mrwork.uncertainty.choice.choose import ChoiceProgress
 
@@ -75,3 +75,20 @@ def test_a_comparison_tells_which_model_how_many_there_are_and_how_long_it_may_t
     assert choice_described(replace(progress, within=None, seconds_left=None)) == (
         "dahl, model 3 of 15, left out 2 of 6, 1 min"
     )
+
+
+def test_without_a_terminal_a_plain_line_is_written_once_a_minute(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    seconds = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: seconds[0])
+    line: ProgressLine[int] = ProgressLine("step {}".format, quiet=False)
+    for number in range(150):
+        seconds[0] = float(number)
+        line(number)
+    line.close()
+    assert capsys.readouterr().err == "mrwork: step 60\nmrwork: step 120\n"
+    silent: ProgressLine[int] = ProgressLine("step {}".format, quiet=True)
+    seconds[0] = 300.0
+    silent(1)
+    assert capsys.readouterr().err == ""

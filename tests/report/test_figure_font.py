@@ -1,18 +1,34 @@
-"""Figures look the same on every machine: one font, shipped with matplotlib, for measuring and drawing."""
+"""Figures look the same on every machine: one font, shipped with matplotlib, for measuring and drawing.
+
+`python tests/report/test_figure_font.py` makes the subsets that pages embed.
+"""
 
 from __future__ import annotations
 
+import io
 import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from fontTools import subset
+from fontTools.pens.recordingPen import DecomposingRecordingPen
+from fontTools.ttLib import TTFont
 from matplotlib import font_manager
 from report_samples import comparison
 
 from mrwork.report import figures, font, style
 from mrwork.report.svg import inline_svg, svg_bytes
+
+# ASCII, Latin with accents, Greek, and the punctuation and mathematical signs of labels.
+_CHARACTERS = (
+    *(range(0x20, 0x7F), range(0xA0, 0x100), range(0x391, 0x3CA), range(0x2070, 0x208F)),
+    [ord(sign) for sign in "\u2002\u2007\u2009\u202f–—‘’“”•…′″←→∂∆∈−∙√∝∞∫≈≠≤≥"],
+)
+_SUBSETS = Path(font.__file__).parent / "templates"
+# Copyright, licence and its address stay in the file.
+_KEPT_NAMES = [0, 1, 2, 3, 4, 5, 6, 13, 14]
 
 _DRAW = """
 import sys, hashlib
@@ -29,6 +45,24 @@ def test_the_family_is_the_file_that_matplotlib_ships(weight: int) -> None:
     font.register()
     found = font_manager.findfont(font_manager.FontProperties(family=font.FAMILY, weight=weight))
     assert Path(found).samefile(font.path_of(weight))
+
+
+def outlines(file: TTFont, name: str) -> list[object]:
+    glyphs = file.getGlyphSet()
+    pen = DecomposingRecordingPen(glyphs)
+    glyphs[name].draw(pen)
+    return pen.value
+
+
+@pytest.mark.parametrize("weight", [400, 700])
+def test_the_embedded_subset_is_drawn_like_the_whole_font(weight: int) -> None:
+    whole, part = TTFont(font.path_of(weight)), TTFont(_SUBSETS / font.subset_name(weight))
+    names, kept = whole.getBestCmap(), part.getBestCmap()
+    expected = {code for characters in _CHARACTERS for code in characters} & names.keys()
+    assert kept.keys() >= expected
+    for code in expected:
+        assert outlines(part, kept[code]) == outlines(whole, names[code]), chr(code)
+        assert part["hmtx"][kept[code]] == whole["hmtx"][names[code]], chr(code)
 
 
 def test_no_other_family_is_drawn() -> None:
@@ -66,3 +100,20 @@ def test_fonts_of_the_system_change_no_figure(tmp_path: Path) -> None:
         figure = figures.force_history(comparison())
     assert svg_bytes(figure)
     assert len(drawn) == 1
+
+
+def write_subsets() -> None:
+    for weight in (400, 700):
+        options = subset.Options(
+            flavor="woff", layout_features=["kern"], hinting=False, name_IDs=_KEPT_NAMES, notdef_outline=True
+        )
+        options.drop_tables = [*options.drop_tables, "FFTM"]
+        file = subset.load_font(io.BytesIO(font.path_of(weight).read_bytes()), options)
+        subsetter = subset.Subsetter(options)
+        subsetter.populate(unicodes=[code for characters in _CHARACTERS for code in characters])
+        subsetter.subset(file)
+        subset.save_font(file, _SUBSETS / font.subset_name(weight), options)
+
+
+if __name__ == "__main__":
+    write_subsets()

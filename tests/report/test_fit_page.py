@@ -23,8 +23,9 @@ from mrwork.identification.fit_file import fit_from_json, read_fit
 from mrwork.identification.identify import identify
 from mrwork.identification.residual import ObservedTest
 from mrwork.records.window import cut
-from mrwork.report.fit.page import comparisons_of, fit_page, rewrite_page
+from mrwork.report.fit.page import comparisons_of, fit_page, open_run, write_page
 from mrwork.report.fit.search import waterfall_panel
+from mrwork.report.progress import PageProgress
 from mrwork.store.codec import json_document
 from mrwork.stored import StoredRun
 from mrwork.synthetic import synthetic_test
@@ -157,8 +158,42 @@ def test_bands_say_on_which_excitations_they_are_calibrated(whole: Path) -> None
 
 def test_a_page_written_again_is_the_same(whole: Path) -> None:
     before = (whole / "report.html").read_bytes()
-    rewrite_page(whole)
+    write_page(*open_run(whole))
     assert (whole / "report.html").read_bytes() == before
+
+
+def test_a_run_interrupted_while_its_page_is_drawn_loses_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupt(*_: Any, **__: Any) -> None:
+        raise KeyboardInterrupt
+
+    place = tmp_path / "run"
+    left: list[int] = []
+    arguments = ["identify", "synthetic:spencer1997", "--model", "viscous_dahl", *READING, "--out", place]
+    with monkeypatch.context() as patched:
+        patched.setattr("matplotlib.figure.Figure.savefig", interrupt)
+        # The command ends the process, because compiled code may still run.
+        patched.setattr("os._exit", left.append)
+        with pytest.raises(SystemExit):
+            main([str(each) for each in arguments])
+    assert left == [130]
+    printed = capsys.readouterr()
+    assert "converged after" in printed.out
+    assert "Report:" not in printed.out
+    assert f"mrwork report {place} draws it" in printed.err
+    assert read_fit(place).status == "converged"
+    assert "mrwork report RUN" in (place / "report.html").read_text()
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
+    run_verb("report", place)
+    assert anchors(place) == ["test-1", "identifiability", "residuals", "absent"]
+
+
+def test_progress_of_a_page_counts_its_parts(plain: Path) -> None:
+    heard: list[PageProgress] = []
+    write_page(*open_run(plain), on_progress=heard.append)
+    assert [each.done for each in heard] == list(range(heard[0].total))
+    assert heard[-1].task == "test synthetic spencer1997"
 
 
 def test_a_damaged_addition_is_named_and_leaves_the_page(whole: Path, tmp_path: Path) -> None:
@@ -167,7 +202,7 @@ def test_a_damaged_addition_is_named_and_leaves_the_page(whole: Path, tmp_path: 
     before = (place / "report.html").read_bytes()
     (place / "profiles.json").write_text('{"model": 3}')
     with pytest.raises(RecordError, match=r"profiles\.json is not a profiles.*run `mrwork profile` again"):
-        rewrite_page(place)
+        write_page(*open_run(place))
     assert (place / "report.html").read_bytes() == before
 
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from itertools import combinations
+from pathlib import Path
 
 import matplotlib
 import numpy as np
@@ -22,8 +23,15 @@ from mrwork.identification.fit import SearchTrace
 from mrwork.report import figures, style
 from mrwork.report.comparison import Comparison
 from mrwork.report.cycles import even_samples, scattered_samples, zoom_window
-from mrwork.report.fit import page, search
+from mrwork.report.fit import search
+from mrwork.report.fit.files import run_figures, write_figures
+from mrwork.report.progress import PageProgress
 from mrwork.report.svg import svg_bytes
+from mrwork.stored import StoredRun
+
+
+def stored(*tested: Comparison, place: Path = Path()) -> StoredRun:
+    return StoredRun(place=place, fit=fit(*tested))
 
 
 def visible_texts(figure: Figure) -> list[Text]:
@@ -157,8 +165,8 @@ def test_residual_and_force_share_their_time_axis() -> None:
 
 def test_figures_leave_the_settings_of_the_caller_alone() -> None:
     before = dict(matplotlib.rcParams)
-    for figure in page.run_figures(fit(comparison()), [comparison()]).values():
-        svg_bytes(figure)
+    for draw in run_figures(stored(comparison()), [comparison()]).values():
+        svg_bytes(draw())
     assert dict(matplotlib.rcParams) == before
 
 
@@ -238,6 +246,23 @@ def test_the_figure_of_a_repair_holds_both_loops_whole() -> None:
     low, high = axes.get_ylim()
     assert low < after.min() < before.max() < high
     repaired = replace(whole, test=replace(whole.test, original=raised))
-    assert set(page.run_figures(fit(repaired), [repaired])) - set(page.run_figures(fit(whole), [whole])) == {
-        "repair"
-    }
+    own = set(run_figures(stored(whole), [whole]))
+    assert set(run_figures(stored(repaired), [repaired])) - own == {"repair"}
+
+
+def test_figure_files_are_named_after_the_tests_and_written_on_request(tmp_path: Path) -> None:
+    tested = [comparison(), comparison("second", synthetic=True)]
+    heard: list[PageProgress] = []
+    names = write_figures(stored(*tested, place=tmp_path), tested, on_progress=heard.append)
+    assert names == (
+        "convergence",
+        "01_10mm1Hz0x5A_force_history",
+        "01_10mm1Hz0x5A_hysteresis_loops",
+        "02_second_force_history",
+        "02_second_hysteresis_loops",
+    )
+    files = list((tmp_path / "figures").iterdir())
+    assert {file.name for file in files} == {f"{name}.{kind}" for name in names for kind in ("png", "svg")}
+    assert all(file.stat().st_size > 1000 for file in files)
+    assert [each.done for each in heard] == [0, 1, 2, 3, 4]
+    assert {each.total for each in heard} == {5}

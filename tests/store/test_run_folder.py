@@ -21,8 +21,6 @@ from report_samples import comparison, fit
 from mrwork.errors import OutputError, RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import read_fit, write_run
-from mrwork.report.fit.page import run_figures
-from mrwork.report.svg import figure_files
 from mrwork.store.run_folder import JOURNAL, MANIFEST, check_destination, write_folder
 
 FIT = fit(comparison())
@@ -31,12 +29,11 @@ STEPS = Path(__file__)
 
 
 def write(place: Path, described: Fit = FIT, *, report_html: str = "<p>report</p>") -> Path:
-    """A run with a small figure."""
+    """A run with a small page."""
     return write_run(
         place,
         fit=described,
         report_html=report_html,
-        figures={"figures/small.svg": b"<svg/>", "figures/small.png": b"small"},
         manifest={"command": "identify"},
         journal=STEPS,
     )
@@ -52,39 +49,24 @@ def contents(folder: Path) -> dict[str, bytes | None]:
 
 def test_a_run_holds_everything_and_reads_back_as_the_same_fit(tmp_path: Path) -> None:
     described = fit(comparison(), comparison("second", synthetic=True))
-    figures = run_figures(described, [comparison(), comparison("second", synthetic=True)])
     place = tmp_path / "out" / "run"
     assert (
         write_run(
             place,
             fit=described,
             report_html="<p>ü</p>",
-            figures=figure_files(figures),
             manifest={"a": 1},
             journal=STEPS,
         )
         == place
     )
     assert sorted(path.name for path in place.iterdir()) == [
-        "figures",
         "fit.json",
         "journal.jsonl",
         "manifest.json",
         "report.html",
     ]
-    assert sorted(path.name for path in (place / "figures").iterdir()) == sorted(
-        f"{name}.{kind}"
-        for name in (
-            "convergence",
-            "01_10mm1Hz0x5A_force_history",
-            "01_10mm1Hz0x5A_hysteresis_loops",
-            "02_second_force_history",
-            "02_second_hysteresis_loops",
-        )
-        for kind in ("png", "svg")
-    )
     assert (place / "report.html").read_text(encoding="utf-8") == "<p>ü</p>"
-    assert all(path.stat().st_size > 1000 for path in (place / "figures").iterdir())
     assert read_fit(place) == described
     assert [path.name for path in place.parent.iterdir()] == ["run"]
 
@@ -97,7 +79,6 @@ def test_numbers_that_are_not_finite_are_null_in_every_file_and_come_back(tmp_pa
         tmp_path / "run",
         fit=described,
         report_html="",
-        figures={},
         manifest={"misfit": math.inf, "inner": [math.nan], "path": Path("a")},
         journal=STEPS,
     )
@@ -118,16 +99,17 @@ def test_a_second_run_replaces_the_first_but_keeps_what_a_person_added(tmp_path:
         tmp_path / "run",
         fit=FIT,
         report_html="first",
-        figures={"figures/stale.svg": b"<svg/>"},
         manifest={},
         journal=STEPS,
     )
+    (place / "figures").mkdir()
+    (place / "figures" / "stale.svg").write_text("<svg/>")
     (place / "notes.txt").write_text("oil was warm")
     (place / "photos").mkdir()
     (place / "photos" / "rig.txt").write_text("a photo")
     write(place, report_html="second")
     assert (place / "report.html").read_text() == "second"
-    assert sorted(path.name for path in (place / "figures").iterdir()) == ["small.png", "small.svg"]
+    assert not (place / "figures").exists()
     assert (place / "notes.txt").read_text() == "oil was warm"
     assert (place / "photos" / "rig.txt").read_text() == "a photo"
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
@@ -140,7 +122,6 @@ def test_documents_of_a_comparison_go_with_the_run_that_replaces_it(tmp_path: Pa
         place,
         fit=FIT,
         report_html="",
-        figures={},
         manifest={},
         journal=STEPS,
         documents=documents,
@@ -232,7 +213,7 @@ elif failure:
     failures = {failure: failures[failure]}
     sys.addaudithook(fail_the_first_rename_into_place)
 try:
-    write_run(place, fit=fit(comparison()), report_html="x" * size, figures={}, manifest={}, journal=os.devnull)
+    write_run(place, fit=fit(comparison()), report_html="x" * size, manifest={}, journal=os.devnull)
 except (OSError, KeyboardInterrupt) as reason:
     print(f"{type(reason).__name__}: {reason}")
 else:

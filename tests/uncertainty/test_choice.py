@@ -208,7 +208,8 @@ def test_the_command_line_writes_the_best_run_and_all_that_was_compared(tmp_path
     assert printed["chosen"] == json.loads((place / "fit.json").read_text())["model"]
     for name in ("bingham", "dahl"):
         assert json.loads((place / "models" / name / "fit.json").read_text())["model"] == name
-    assert (place / "figures" / "ranking.svg").is_file()
+    assert "Left-out fit of the models" in (place / "report.html").read_text()
+    assert not (place / "figures").exists()
     assert (place / "journal.jsonl").stat().st_size > 0
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from report_samples import comparison
+from scipy.stats import chi2
 
 from mrwork.report.comparison import Comparison
-from mrwork.report.fit.residual_tests import LAGS, LEVEL, autocorrelation, residual_tests
+from mrwork.report.fit.residual_tests import LAGS, LEVEL, autocorrelation, chi_squared_beyond, residual_tests
 from mrwork.report.fit.residuals import residual_section
 
 N_TIME = 2000
@@ -104,3 +105,10 @@ def test_the_section_says_what_the_tests_found() -> None:
     assert table is not None
     assert [row[2] for row in table.rows][1] == "< 0.001"
     assert LEVEL == 0.01
+
+
+@pytest.mark.parametrize("degrees", [1, 2, 3, 9, 10])
+def test_the_survival_function_of_chi_squared_is_that_of_scipy(degrees: int) -> None:
+    for statistic in (0.0, 1e-3, 0.7, 3.0, 12.0, 60.0, 1e5):
+        expected = chi2.sf(statistic, degrees)
+        assert chi_squared_beyond(statistic, degrees) == pytest.approx(expected, rel=1e-12, abs=1e-300)

@@ -24,6 +24,7 @@ _VERBS = {
     "sample": "sample the posterior of the parameters of a fit",
     "calibrate": "calibrate prediction bands of a fit on tests that were not used for it",
     "predict": "simulate other tests with a fit and compare the force",
+    "report": "draw the page of a run again, and its figures as files",
     "plan": "rank possible next tests by the variance reduction of a band",
     "respond": "simulate a building with MR dampers under earthquakes",
     "convert": "convert Bouc-Wen parameters between conventions",

@@ -74,12 +74,12 @@ def run(options: argparse.Namespace) -> int:
     coverage = measured_coverage(predictions) if len(predictions) > 1 else ()
     write_calibration(options.run_folder, calibration, coverage)
     write_predictions(options.run_folder, predictions)
-    renew_page(options.run_folder)
+    status = renew_page(options.run_folder, quiet=options.quiet or options.json)
     if options.json:
         print_json(_summary(calibration, coverage))
     else:
         print(_text(calibration, coverage, options.run_folder))
-    return 0
+    return status
 
 
 def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:

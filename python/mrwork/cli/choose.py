@@ -10,10 +10,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 from mrwork.cli.identified import (
+    report_line,
     stem_of,
     text_of,
     with_command,
     with_identifiability,
+    write_fit_page,
     write_identification,
 )
 from mrwork.cli.options import cannot_be_resumed, command_unit, laws_of, reading_of
@@ -115,21 +117,27 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
     write_identification(
         folder,
         best,
-        tests,
         journals.path(f"{best.model}/fit"),
-        with_figures=status == 0,
-        ranking=choice.ranking,
+        finished=status == 0,
         documents=documents | {RANKING: asdict(choice.ranking)},
     )
     if status == 0:
         journals.discard()
-    print(json.dumps(_summary(choice, folder)) if options.json else _text(choice.ranking, folder))
-    if status == 0 and not options.json:
-        print("\n" + text_of(best, tests, folder))
+    if not options.json:
+        print(_text(choice.ranking, folder), flush=True)
     if status == 130:
         note(
             f"interrupted; the models identified so far are in {folder}; run the same command with --resume to continue"
         )
+    else:
+        if not options.json:
+            print("\n" + text_of(best, tests), flush=True)
+        quiet = options.quiet or options.json
+        status = write_fit_page(folder, best, tests, quiet=quiet, ranking=choice.ranking)
+        if status == 0 and not options.json:
+            print(report_line(folder))
+    if options.json:
+        print(json.dumps(_summary(choice, folder)))
     return status
 
 

@@ -10,14 +10,16 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrwork.cli.output import result_lines
+from mrwork.cli.output import drawing, result_lines
 from mrwork.dampers.spec import damper
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import write_run
 from mrwork.identification.settings import Reading
 from mrwork.records import DamperTest
+from mrwork.store.run_folder import REPORT
 
 if TYPE_CHECKING:
+    from mrwork.report.progress import OnDrawn
     from mrwork.uncertainty.choice.ranking import Ranking
 
 
@@ -43,54 +45,58 @@ def with_identifiability(fit: Fit, tests: tuple[DamperTest, ...], *, threads: in
 def write_identification(
     folder: Path,
     fit: Fit,
-    tests: tuple[DamperTest, ...],
     journal: Path,
     *,
-    with_figures: bool,
-    ranking: Ranking | None = None,
+    finished: bool,
     documents: Mapping[str, object] | None = None,
 ) -> None:
-    """Write the run folder; without figures, which take time, after an interrupt."""
+    """Write the run folder, its page excepted; without waiting for the disk after an interrupt."""
     manifest = {"kind": "identification", "model": fit.model, "status": fit.status} | asdict(fit.provenance)
-    if not with_figures:
-        write_run(
-            folder,
-            fit=fit,
-            report_html=_INTERRUPTED,
-            figures={},
-            manifest=manifest,
-            journal=journal,
-            documents=documents,
-            flush=False,
-        )
-        return
-    # Matplotlib is slow to load and needed for reports only.
-    from mrwork.report.fit.page import comparisons_of, fit_page, run_figures
-    from mrwork.report.svg import figure_files
-    from mrwork.stored import StoredRun
-
-    comparisons = comparisons_of(fit, tests)
-    figures = run_figures(fit, comparisons)
-    if ranking is not None:
-        from mrwork.report.fit.ranking import ranking_figure
-
-        figures["ranking"] = ranking_figure(ranking)
     write_run(
         folder,
         fit=fit,
-        report_html=fit_page(StoredRun(place=folder, fit=fit, ranking=ranking), comparisons),
-        figures=figure_files(figures),
+        report_html=_NOT_DRAWN if finished else _INTERRUPTED,
         manifest=manifest,
         journal=journal,
         documents=documents,
+        flush=finished,
     )
 
 
-_INTERRUPTED = (
-    "<!doctype html><html lang=en><meta charset=utf-8><title>mrwork: interrupted</title>"
-    "<p>This identification was interrupted. The best parameters found so far are in fit.json; "
-    "run the same command with <code>--resume</code> to continue and to write the full report.</p></html>\n"
+def write_fit_page(
+    folder: Path, fit: Fit, tests: tuple[DamperTest, ...], *, quiet: bool, ranking: Ranking | None = None
+) -> int:
+    """Draw the page of a fit that has just been written to its folder; return the exit status, see `drawing`."""
+
+    def draw(on_progress: OnDrawn) -> None:
+        # Matplotlib is slow to load and needed for reports only.
+        from mrwork.report.fit.page import comparisons_of, write_page
+        from mrwork.stored import StoredRun
+
+        run = StoredRun(place=folder, fit=fit, ranking=ranking)
+        write_page(run, comparisons_of(fit, tests), on_progress=on_progress)
+
+    return drawing(folder, draw, quiet=quiet)
+
+
+_PAGE = (
+    "<!doctype html><html lang=en><meta charset=utf-8><title>mrwork: {title}</title><p>{text}</p></html>\n"
 )
+_INTERRUPTED = _PAGE.format(
+    title="interrupted",
+    text="This identification was interrupted. The best parameters found so far are in fit.json; "
+    "run the same command with <code>--resume</code> to continue and to write the full report.",
+)
+_NOT_DRAWN = _PAGE.format(
+    title="page not drawn",
+    text="This identification is complete, and its result is in fit.json. Its page was not drawn; "
+    "<code>mrwork report RUN</code>, with this folder as RUN, draws it.",
+)
+
+
+def report_line(folder: Path) -> str:
+    """Where the page is, below the summary of a fit."""
+    return f"\nReport: {folder / REPORT}"
 
 
 def summary_of(fit: Fit, folder: Path) -> dict[str, Any]:
@@ -129,7 +135,7 @@ def summary_of(fit: Fit, folder: Path) -> dict[str, Any]:
     }
 
 
-def text_of(fit: Fit, tests: tuple[DamperTest, ...], folder: Path) -> str:
+def text_of(fit: Fit, tests: tuple[DamperTest, ...]) -> str:
     """Summary of a fit, as text."""
     status = fit.status.replace("_", " ")
     lines = [
@@ -150,5 +156,4 @@ def text_of(fit: Fit, tests: tuple[DamperTest, ...], folder: Path) -> str:
             f"over {quality.n_time} samples{settle}{f'; the model force {recorded}' if recorded else ''}"
         )
         lines += [f"    {finding.severity}: {finding.message}" for finding in test.findings]
-    lines += ["", f"Report: {folder / 'report.html'}"]
     return "\n".join(lines)

@@ -11,11 +11,13 @@ from typing import Any, get_args
 from mrwork.cli import choose
 from mrwork.cli.choose import add_choice, is_choice
 from mrwork.cli.identified import (
+    report_line,
     stem_of,
     summary_of,
     text_of,
     with_command,
     with_identifiability,
+    write_fit_page,
     write_identification,
 )
 from mrwork.cli.options import (
@@ -195,13 +197,20 @@ def run(options: argparse.Namespace) -> int:
     if status == 0:
         fit = with_identifiability(fit, tests, threads=options.threads)
     fit = with_command(fit, reading)
-    write_identification(folder, fit, tests, journal.path, with_figures=status == 0)
+    write_identification(folder, fit, journal.path, finished=status == 0)
     discard_journal(journal)
-    print(json.dumps(summary_of(fit, folder)) if options.json else text_of(fit, tests, folder))
+    if not options.json:
+        print(text_of(fit, tests), flush=True)
     if status == 130:
         note(
             f"interrupted; the best fit so far is in {folder}; run the same command with --resume to continue"
         )
+    else:
+        status = write_fit_page(folder, fit, tests, quiet=options.quiet or options.json)
+    if options.json:
+        print(json.dumps(summary_of(fit, folder)))
+    elif status == 0:
+        print(report_line(folder))
     return status
 
 

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
+from mrwork.cli.progress import PATIENCE, ProgressLine, page_described
 from mrwork.errors import MrworkError
 from mrwork.store.codec import json_document
 from mrwork.summary import Summarised, aligned
+
+if TYPE_CHECKING:
+    from mrwork.report.progress import OnDrawn
 
 
 def note(sentence: str) -> None:
@@ -33,12 +38,36 @@ def result_lines(result: Summarised) -> list[str]:
     return table_lines([summary.columns, *summary.rows])
 
 
-def renew_page(folder: Path) -> None:
-    """Write the page of a run again; where that fails, for example because a test is missing, print the reason."""
-    # Matplotlib is slow to load.
-    from mrwork.report.fit.page import rewrite_page
+def renew_page(folder: Path, *, quiet: bool) -> int:
+    """Draw the page of a run again after a file was added to its folder; return the exit status, see `drawing`."""
+
+    def draw(on_progress: OnDrawn) -> None:
+        # Matplotlib is slow to load.
+        from mrwork.report.fit.page import open_run, write_page
+
+        write_page(*open_run(folder), on_progress=on_progress)
 
     try:
-        rewrite_page(folder)
+        return drawing(folder, draw, quiet=quiet)
     except MrworkError as reason:
         note(f"the page of {folder} was not updated: {reason}")
+        return 0
+
+
+def drawing(folder: Path, draw: Callable[[OnDrawn], None], *, quiet: bool) -> int:
+    """Draw the page of a run, whose other files are written already, and show the progress.
+
+    Return the exit status: 130 after Ctrl-C, when a message says how to draw the page later, otherwise 0.
+    """
+    line = ProgressLine(page_described, quiet=quiet, patience=PATIENCE)
+    try:
+        draw(line)
+    except KeyboardInterrupt:
+        line.close()
+        note(
+            f"interrupted while the page was drawn; the results are in {folder}; mrwork report {folder} draws it"
+        )
+        return 130
+    finally:
+        line.close()
+    return 0

@@ -17,7 +17,7 @@ from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit_file import OpenedRun, reopen
 from mrwork.store.codec import json_document
-from mrwork.store.run_folder import PLAN, write_files
+from mrwork.store.run_folder import PLAN, REPORT, write_files
 from mrwork.uncertainty.planning.candidates import Candidate, Limits, candidate_grid, read_candidates
 
 if TYPE_CHECKING:
@@ -96,13 +96,8 @@ def run(options: argparse.Namespace) -> int:
     check = checked_with_draws(ranked, posterior, draws, targets=targets, rng=rng)
     unit = None if spec.current is None else spec.current.unit
     document = asdict(check) | {"draws": origin, "limits": asdict(limits)}
-    # Matplotlib is slow to load.
-    from mrwork.report.fit.plan import plan_figure
-    from mrwork.report.svg import figure_files
-
-    figures = figure_files({"plan": plan_figure(check.plan, unit)})
-    write_files(opened.place, {PLAN: json_document(document).encode()} | figures)
-    renew_page(opened.place)
+    write_files(opened.place, {PLAN: json_document(document).encode()})
+    status = renew_page(opened.place, quiet=options.quiet or options.json)
     if options.json:
         print_json(document | {"out": str(opened.place / PLAN)})
     else:
@@ -110,7 +105,7 @@ def run(options: argparse.Namespace) -> int:
     if ranked.left_out and not options.quiet:
         failed = "; ".join(each.in_words(unit) for each in ranked.left_out)
         note(f"not ranked, as they could not be simulated: {failed}")
-    return 0
+    return status
 
 
 def _candidates(options: argparse.Namespace, opened: OpenedRun, limits: Limits) -> tuple[Candidate, ...]:
@@ -179,7 +174,7 @@ def _text(check: CheckedPlan, origin: str, unit: CommandUnit | None, place: Path
     lines += table_lines([("test", "variance reduction", "by draws", "deviation after"), *rows])
     if len(plan.gains) > _SHOWN:
         lines.append(f"  and {len(plan.gains) - _SHOWN} more in {place / PLAN}")
-    lines += ["", _check_in_words(check, origin), f"Figure: {place / 'figures'}"]
+    lines += ["", _check_in_words(check, origin), f"Report: {place / REPORT}"]
     return "\n".join(lines)
 
 

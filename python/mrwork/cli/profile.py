@@ -14,7 +14,7 @@ from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.fit import Fit, Identifiability
 from mrwork.identification.fit_file import reopen
 from mrwork.store.codec import json_document
-from mrwork.store.run_folder import PROFILES, write_files
+from mrwork.store.run_folder import PROFILES, REPORT, write_files
 
 if TYPE_CHECKING:
     from mrwork.uncertainty.identifiability.profile import Profiles
@@ -71,22 +71,15 @@ def run(options: argparse.Namespace) -> int:
         line.close()
     identifiability = identifiability_of(opened.fit, opened.tests, threads=options.threads)
     document = asdict(profiles) | {"directions": [asdict(each) for each in identifiability.directions]}
-    figures: dict[str, bytes] = {}
-    if status == 0:
-        # Matplotlib is slow to load.
-        from mrwork.report.fit.profiles import profiles_figure
-        from mrwork.report.svg import figure_files
-
-        figures = figure_files({"profiles": profiles_figure(profiles)})
-    write_files(opened.place, {PROFILES: json_document(document).encode()} | figures)
-    renew_page(opened.place)
+    write_files(opened.place, {PROFILES: json_document(document).encode()})
+    drawn = renew_page(opened.place, quiet=options.quiet or options.json)
     if options.json:
         print_json(document | {"out": str(opened.place / PROFILES)})
     else:
         print(_text(opened.fit, profiles, identifiability, opened.place))
     if status == 130:
         note(f"interrupted; the profiles computed so far are in {opened.place / PROFILES}")
-    return status
+    return status or drawn
 
 
 def _text(fit: Fit, profiles: Profiles, identifiability: Identifiability, place: Path) -> str:
@@ -102,5 +95,5 @@ def _text(fit: Fit, profiles: Profiles, identifiability: Identifiability, place:
     sentences = [*(each.sentence for each in identifiability.directions), *filter(None, [profiles.remark])]
     if sentences:
         lines += [*(f"- {sentence}" for sentence in sentences), ""]
-    lines += [f"{profiles.evaluations} simulations, {profiles.seconds:.1f} s. Figure: {place / 'figures'}"]
+    lines += [f"{profiles.evaluations} simulations, {profiles.seconds:.1f} s. Report: {place / REPORT}"]
     return "\n".join(lines)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Generic, TypeVar
 from mrwork.identification.progress import Progress
 
 if TYPE_CHECKING:
+    from mrwork.report.progress import PageProgress
     from mrwork.study.run import StudyProgress
     from mrwork.uncertainty.choice.choose import ChoiceProgress
     from mrwork.uncertainty.identifiability.profile_likelihood import ProfileProgress
@@ -18,8 +19,9 @@ if TYPE_CHECKING:
 
 Report = TypeVar("Report")
 
-# Seconds between two updates of the line.
+# Seconds between two updates of the line, and between two lines where there is no terminal.
 _EVERY = 0.2
+_EVERY_PLAIN = 60.0
 PATIENCE = 2.0
 """Seconds until the progress line appears, for computations that are often shorter."""
 _THOUSAND = 1000.0
@@ -29,13 +31,15 @@ _MINUTE, _HOUR = 60.0, 3600.0
 class ProgressLine(Generic[Report]):
     """Line that shows the latest progress report of a computation.
 
-    It is written to terminals only, so that logs stay readable, after `patience` [s], and at most five times a second.
+    On a terminal it appears after `patience` [s] and changes at most five times a second. Elsewhere, for example in
+    the log of a batch job, a new line is written at most once a minute.
     """
 
     def __init__(self, described: Callable[[Report], str], *, quiet: bool, patience: float = 0.0) -> None:
         self._described = described
-        self._active = not quiet and sys.stderr.isatty()
-        self._next = time.monotonic() + patience
+        self._active = not quiet
+        self._plain = not sys.stderr.isatty()
+        self._next = time.monotonic() + (_EVERY_PLAIN if self._plain else patience)
         self._width = 0
 
     def __call__(self, progress: Report) -> None:
@@ -44,7 +48,7 @@ class ProgressLine(Generic[Report]):
             return
         text = self._described(progress)
         if time.monotonic() >= self._next:
-            self._next = time.monotonic() + _EVERY
+            self._next = time.monotonic() + (_EVERY_PLAIN if self._plain else _EVERY)
             self._write(text)
 
     def close(self) -> None:
@@ -54,6 +58,9 @@ class ProgressLine(Generic[Report]):
             print("\r", end="", file=sys.stderr, flush=True)
 
     def _write(self, text: str) -> None:
+        if self._plain:
+            print(f"mrwork: {text}", file=sys.stderr, flush=True)
+            return
         print("\r" + text.ljust(self._width), end="", file=sys.stderr, flush=True)
         self._width = len(text)
 
@@ -78,6 +85,11 @@ def profile_described(progress: ProfileProgress) -> str:
         f"{progress.ended} of {progress.sides} sides, {progress.points} points, "
         f"{progress.evaluations / progress.seconds:.0f} evaluations/s, {progress.seconds:.0f} s"
     )
+
+
+def page_described(progress: PageProgress) -> str:
+    """Progress of a page in one line: drawn parts, and the next one."""
+    return f"drawing the page, {progress.done} of {progress.total}: {progress.task}"
 
 
 def study_described(progress: StudyProgress) -> str:

@@ -97,12 +97,12 @@ def run(options: argparse.Namespace) -> int:
     finally:
         line.close()
     write_draws(opened.place, draws)
-    renew_page(opened.place)
+    status = renew_page(opened.place, quiet=options.quiet or options.json)
     if options.json:
         print_json(_summary(draws, opened.place))
     else:
         print(_text(draws, opened.place))
-    return 0
+    return status
 
 
 def _tempering(text: str | None) -> Any:

@@ -33,7 +33,6 @@ def write_run(
     *,
     fit: Fit,
     report_html: str,
-    figures: Mapping[str, bytes],
     manifest: Mapping[str, Any],
     journal: str | Path,
     documents: Mapping[str, object] | None = None,
@@ -41,15 +40,15 @@ def write_run(
 ) -> Path:
     """Write the run folder of a fit; it replaces an earlier run of the same name.
 
-    The folder contains `manifest.json`, `fit.json`, `journal.jsonl`, `report.html`, the figures and the documents.
-    Files that the user has added to the earlier run are kept.
+    The folder contains `manifest.json`, `fit.json`, `journal.jsonl`, `report.html` and the documents. Files that the
+    user has added to the earlier run are kept.
 
     Parameters
     ----------
     path
         The folder; parent folders are created.
-    figures
-        Contents of image files, by path inside the folder.
+    report_html
+        What `report.html` says until the page is drawn.
     manifest
         Facts about the run. All JSON documents may contain numpy numbers and paths; numbers that are not finite become
         `null`.
@@ -70,9 +69,8 @@ def write_run(
     contents = {name: json_document(document).encode() for name, document in texts.items()}
     write_folder(
         path,
-        contents | {REPORT: report_html.encode()} | dict(figures),
+        contents | {REPORT: report_html.encode()},
         copied={JOURNAL: Path(journal)},
-        folders=(FIGURES,),
         written=_WRITTEN,
         # After Ctrl-C the command must return at once; the operating system flushes the files later.
         flush=flush and fit.status != "interrupted",

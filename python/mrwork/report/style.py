@@ -84,6 +84,8 @@ _RC: dict[RcKeyType, Any] = {
     "axes.spines.right": False,
     "axes.unicode_minus": True,
     "axes.axisbelow": True,
+    # Without this, matplotlib lays out all tick labels twice to find a place for the title.
+    "axes.titley": 1.0,
     "axes.grid": True,
     "axes.grid.axis": "y",
     "grid.color": RULE,

@@ -4,27 +4,16 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Mapping
 from html import escape
 
 import matplotlib
 from matplotlib.figure import Figure
 
 from mrwork.report import font, style
-from mrwork.store.run_folder import FIGURES
 
 # Without a date, equal figures are equal files.
 _NO_DATE = {"Date": None}
 _PNG_DOTS_PER_INCH = 200
-
-
-def figure_files(figures: Mapping[str, Figure]) -> dict[str, bytes]:
-    """Contents of `figures/<name>.svg` and `figures/<name>.png` for every figure, by these paths."""
-    files: dict[str, bytes] = {}
-    for name, figure in figures.items():
-        files[f"{FIGURES}/{name}.svg"] = svg_bytes(figure)
-        files[f"{FIGURES}/{name}.png"] = png_bytes(figure)
-    return files
 
 
 def svg_bytes(figure: Figure) -> bytes:

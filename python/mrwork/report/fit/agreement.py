@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from matplotlib.figure import Figure
@@ -47,13 +47,19 @@ class TestBlock:
     panels: tuple[Panel, ...]
 
 
-def blocks_of_tests(comparisons: Sequence[Comparison], agreement: Sequence[AgreementRow]) -> list[TestBlock]:
-    """Contents of the page on each test, in order, all forces in one unit."""
+def blocks_of_tests(
+    comparisons: Sequence[Comparison],
+    agreement: Sequence[AgreementRow],
+    *,
+    on_test: Callable[[int, str], None],
+) -> list[TestBlock]:
+    """Contents of the page on each test, in order, all forces in one unit; `on_test` hears of each before it begins."""
     unit = figures.common_force_unit(comparisons)
-    return [
-        _test_block(number, comparison, row, unit)
-        for number, (comparison, row) in enumerate(zip(comparisons, agreement, strict=True), start=1)
-    ]
+    blocks = []
+    for number, (comparison, row) in enumerate(zip(comparisons, agreement, strict=True)):
+        on_test(number, comparison.test.name)
+        blocks.append(_test_block(number + 1, comparison, row, unit))
+    return blocks
 
 
 def agreement_rows(fit: Fit, comparisons: Sequence[Comparison]) -> list[AgreementRow]:

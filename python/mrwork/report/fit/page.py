@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
 from mrwork.identification.result import free_run
 from mrwork.records import DamperTest
-from mrwork.report import figures, numbers
+from mrwork.report import numbers
 from mrwork.report.comparison import Comparison
 from mrwork.report.fit.agreement import agreement_rows, blocks_of_tests, checked
 from mrwork.report.fit.bands import BANDS
@@ -29,8 +27,9 @@ from mrwork.report.fit.posterior import POSTERIOR
 from mrwork.report.fit.profiles import PROFILES
 from mrwork.report.fit.ranking import RANKING
 from mrwork.report.fit.residuals import RESIDUALS
-from mrwork.report.fit.search import search_facts, search_figure, search_panels
+from mrwork.report.fit.search import search_facts, search_panels
 from mrwork.report.html import filled_in
+from mrwork.report.progress import OnDrawn, PageProgress, unobserved
 from mrwork.report.section import Absent, Section
 from mrwork.report.typeset import equation_html
 from mrwork.store.run_folder import REPORT, write_files
@@ -78,22 +77,17 @@ def comparisons_of(fit: Fit, tests: Sequence[DamperTest]) -> tuple[Comparison, .
     )
 
 
-def run_figures(fit: Fit, comparisons: Sequence[Comparison]) -> dict[str, Figure]:
-    """Every figure of a run by the name of its file; with several tests the name starts with the test's."""
-    unit = figures.common_force_unit(comparisons)
-    drawn = {"convergence": search_figure(fit)}
-    for number, comparison in enumerate(comparisons, start=1):
-        prefix = "" if len(comparisons) == 1 else f"{number:02d}_{_file_stem(comparison.test.name)}_"
-        drawn[f"{prefix}force_history"] = figures.force_history(comparison, unit)
-        drawn[f"{prefix}hysteresis_loops"] = figures.hysteresis_loops(comparison, unit)
-        if comparison.test.original is not None:
-            drawn[f"{prefix}repair"] = figures.repair_panel(comparison.test, comparison.test.original, unit)
-    return drawn
-
-
-def fit_page(run: StoredRun, comparisons: Sequence[Comparison]) -> str:
+def fit_page(run: StoredRun, comparisons: Sequence[Comparison], *, on_progress: OnDrawn = unobserved) -> str:
     """The page of a run: its fit, `comparisons` with the tests of the fit, and what later verbs have added."""
-    made = [(kind, kind.make(run, comparisons)) for kind in SECTIONS]
+    total = len(comparisons) + len(SECTIONS)
+    made = []
+    for number, kind in enumerate(SECTIONS):
+        on_progress(PageProgress(done=number, total=total, task="sections of the page"))
+        made.append((kind, kind.make(run, comparisons)))
+
+    def on_test(number: int, name: str) -> None:
+        on_progress(PageProgress(done=len(SECTIONS) + number, total=total, task=f"test {name}"))
+
     fit = run.fit
     return identification_report(
         fit,
@@ -103,27 +97,39 @@ def fit_page(run: StoredRun, comparisons: Sequence[Comparison]) -> str:
         source=fit.spec.source,
         sections=[section for _, section in made if section is not None],
         absent=[kind.absent for kind, section in made if section is None and kind.absent is not None],
+        on_test=on_test,
     )
 
 
-def rewrite_page(place: str | Path) -> Path:
-    """Write `report.html` of the run folder at `place` again, with everything that the folder holds.
+def open_run(place: str | Path) -> tuple[StoredRun, tuple[Comparison, ...]]:
+    """The run folder at `place` with everything that it holds, and the tests of its fit, for a page or for figures.
 
     Raises
     ------
     RecordError
         Where it is no run folder, its tests cannot be read as they were, or an addition is damaged.
-    OutputError
-        Where the page cannot be written.
     """
     opened = reopen(place)
     fit = opened.fit
     if fit.identifiability is None:
         # Earlier versions did not store it.
         fit = replace(fit, identifiability=identifiability_of(fit, opened.tests))
-    page = fit_page(replace(load(opened.place), fit=fit), comparisons_of(fit, opened.tests))
-    write_files(opened.place, {REPORT: page.encode()})
-    return opened.place / REPORT
+    return replace(load(opened.place), fit=fit), comparisons_of(fit, opened.tests)
+
+
+def write_page(
+    run: StoredRun, comparisons: Sequence[Comparison], *, on_progress: OnDrawn = unobserved
+) -> Path:
+    """Write `report.html` of a run into its folder, replacing an earlier one when the new one is complete.
+
+    Raises
+    ------
+    OutputError
+        Where the page cannot be written.
+    """
+    page = fit_page(run, comparisons, on_progress=on_progress)
+    write_files(run.place, {REPORT: page.encode()})
+    return run.place / REPORT
 
 
 def identification_report(
@@ -135,6 +141,7 @@ def identification_report(
     source: str,
     sections: Sequence[Section] = (),
     absent: Sequence[Absent] = (),
+    on_test: Callable[[int, str], None] = lambda number, name: None,
 ) -> str:
     """The page of a fit and of the tests it is compared with.
 
@@ -151,6 +158,8 @@ def identification_report(
         Sections between the fit and its provenance.
     absent
         Sections that the run does not have yet.
+    on_test
+        Called with the number and the name of each test before it is drawn.
 
     Returns
     -------
@@ -178,7 +187,7 @@ def identification_report(
         parameters=parameter_rows(fit.estimates),
         caution=caution(fit),
         overall=overall,
-        blocks=blocks_of_tests(comparisons, agreement),
+        blocks=blocks_of_tests(comparisons, agreement, on_test=on_test),
         searched=search_panels(fit),
         search=search_facts(fit),
         sections=sections,
@@ -225,7 +234,3 @@ def _plain(value: object) -> str:
     if isinstance(value, list | tuple):
         return ", ".join(map(_plain, value))
     return str(value)
-
-
-def _file_stem(name: str) -> str:
-    return re.sub(r"[^A-Za-z0-9.-]+", "_", name).strip("._") or "test"

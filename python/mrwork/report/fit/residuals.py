@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from statistics import NormalDist
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -233,15 +234,13 @@ def autocorrelation_figure(comparison: Comparison) -> Figure:
 @style.drawn_in_style()
 def quantile_figure(comparison: Comparison) -> Figure:
     """Sorted residuals over their standard deviation, against normal quantiles."""
-    from scipy.special import ndtr, ndtri
-
+    normal = NormalDist()
     residual = np.sort(comparison.residual[comparison.test.counted])
     share = (np.arange(residual.size) + 0.5) / residual.size
-    ends = np.asarray(ndtri(share[[0, -1]]))
-    drawn = np.unique(
-        np.searchsorted(share, ndtr(np.linspace(ends[0], ends[1], _QUANTILES))).clip(0, residual.size - 1)
-    )
-    expected = ndtri(share[drawn])
+    ends = [normal.inv_cdf(share[0]), normal.inv_cdf(share[-1])]
+    below = [normal.cdf(each) for each in np.linspace(ends[0], ends[1], _QUANTILES)]
+    drawn = np.unique(np.searchsorted(share, below).clip(0, residual.size - 1))
+    expected = [normal.inv_cdf(each) for each in share[drawn]]
     found = (residual[drawn] - residual.mean()) / (float(np.std(residual)) or 1.0)
     figure, axes = column_axes()
     axes.plot(ends, ends, color=style.FAINT_INK, linewidth=1.0, label="normal")

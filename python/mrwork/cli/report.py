@@ -1,0 +1,56 @@
+"""`mrwork report`: the page of a run again, and its figures as files."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from mrwork.cli.options import add_json, add_quiet, add_run
+from mrwork.cli.output import drawing, print_json
+from mrwork.store.run_folder import FIGURES, REPORT
+
+if TYPE_CHECKING:
+    from mrwork.report.progress import OnDrawn
+
+
+def add_parser(verbs: Any) -> None:
+    """Declare the verb."""
+    parser = verbs.add_parser(
+        "report",
+        description="Draw the page of a run again, with everything that its folder holds.",
+    )
+    add_run(parser)
+    parser.add_argument(
+        "--figures",
+        action="store_true",
+        help="also write every figure as an SVG and a PNG file into RUN/figures; those of each test for every test",
+    )
+    add_quiet(parser)
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Write the page, and the figures if requested; print where they are."""
+    place = options.run_folder
+    names: list[str] = []
+
+    def draw(on_progress: OnDrawn) -> None:
+        # Matplotlib is slow to load.
+        from mrwork.report.fit.files import write_figures
+        from mrwork.report.fit.page import open_run, write_page
+
+        opened, comparisons = open_run(place)
+        write_page(opened, comparisons, on_progress=on_progress)
+        if options.figures:
+            names.extend(write_figures(opened, comparisons, on_progress=on_progress))
+
+    status = drawing(place, draw, quiet=options.quiet or options.json)
+    if status == 0:
+        if options.json:
+            print_json({"out": str(place), "report": str(place / REPORT), "figures": names})
+        else:
+            print(f"Report: {place / REPORT}")
+            if names:
+                print(f"Figures: {2 * len(names)} files in {place / FIGURES}")
+    return status
