@@ -86,6 +86,16 @@ _ACCELERATION: Final = re.compile(
 )
 
 
+# Words that programs of test rigs write for units, in front of or after a slash.
+_WORDS: Final = {
+    "sec": "s", "secs": "s", "second": "s", "seconds": "s", "sek": "s", "msec": "ms", "millisecond": "ms",
+    "milliseconds": "ms", "newton": "n", "newtons": "n", "kilonewton": "kn", "kilonewtons": "kn", "meter": "m",
+    "meters": "m", "metre": "m", "metres": "m", "millimeter": "mm", "millimeters": "mm", "millimetre": "mm",
+    "millimetres": "mm", "inch": "in", "inches": "in", "in.": "in", "volt": "v", "volts": "v", "amp": "a", "amps": "a",
+    "ampere": "a", "amperes": "a",
+}  # fmt: skip
+
+
 def factor_of(unit: str, quantity: MeasuredQuantity) -> float | None:
     """Factor to SI of a unit in any case and common spelling; `None` where it is no unit of the quantity."""
     symbol = unit.strip().strip("'\"")
@@ -130,6 +140,7 @@ def factor_to_si(unit: str, quantity: MeasuredQuantity, *, context: str) -> floa
 
 def _without_spelling(symbol: str) -> str:
     text = symbol.replace("\N{MICRO SIGN}", "u").replace("\N{GREEK SMALL LETTER MU}", "u").casefold()
+    text = "/".join(_WORDS.get(part, part) for part in text.split("/"))
     if match := _VELOCITY.fullmatch(text):
         return f"{match[1]}/s"
     if match := _ACCELERATION.fullmatch(text):

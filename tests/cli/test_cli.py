@@ -187,7 +187,7 @@ def test_explicit_columns_and_windows_are_used(tmp_path: Path, record: Path) -> 
         ),
         (b"x" * 200_000, ["line"]),
         (bytes(range(256)) * 20, ["text"]),
-        ("t_s,displacement_mm,force_N\n0,1,2 \u00b5\n".encode("latin-1"), ["UTF-8"]),
+        ("t_s,displacement_mm,force_N\n0,1,2 \u00b5\n".encode("latin-1"), ["line 2", "2 \u00b5"]),
     ],
     ids=[
         "empty",

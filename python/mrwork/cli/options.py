@@ -23,7 +23,7 @@ def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None
         "files",
         nargs="+" if required else "*",
         metavar="FILE",
-        help="test record: .csv, .tsv, .parquet, .mat, or synthetic:NAME",
+        help="test record: text (.csv, .txt, .tsv, .dat), .mat, .parquet, or synthetic:NAME",
     )
     parser.add_argument(
         "--column",

@@ -2,30 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal, get_args
+from typing import Final
 
 from mrwork.errors import RecordError, SettingError, UnitError
-from mrwork.units import FACTORS, factor_to_si, known_units, quantity_of
+from mrwork.records.column_names import QUANTITIES, TestQuantity, is_plain, unit_in_name
+from mrwork.units import FACTORS, factor_of, factor_to_si, known_units, quantity_of
 
-TestQuantity = Literal["time", "displacement", "velocity", "force", "current", "voltage"]
-
-QUANTITIES: Final[tuple[TestQuantity, ...]] = get_args(TestQuantity)
 REQUIRED: Final[tuple[TestQuantity, ...]] = ("time", "displacement", "force")
 
-# Set point of the driver, in amperes or volts: the unit decides.
-_COMMAND: Final = frozenset({"command", "cmd", "setpoint"})
-# `v` and `u` have different meanings on different rigs; the unit after them decides.
-_STEMS: Final[Mapping[TestQuantity, frozenset[str]]] = {
-    "time": frozenset({"time", "t"}),
-    "displacement": frozenset({"displacement", "disp", "stroke", "position", "x", "u"}),
-    "velocity": frozenset({"velocity", "vel", "v"}),
-    "force": frozenset({"force", "load", "f"}),
-    "current": frozenset({"current", "i", *_COMMAND}),
-    "voltage": frozenset({"voltage", "volt", "v", "u", *_COMMAND}),
-}
 _EXAMPLE: Final[Mapping[TestQuantity, str]] = {
     "time": "t_s",
     "displacement": "displacement_mm",
@@ -34,8 +20,6 @@ _EXAMPLE: Final[Mapping[TestQuantity, str]] = {
     "current": "current_A",
     "voltage": "voltage_V",
 }
-# A word, optionally followed by a separator and a unit: force_kN, Force (kN), "v [m/s]", disp/mm.
-_NAME: Final = re.compile(r"\s*([A-Za-z]+)(?:[\s_\-/,:.(\[]+(.*?)[)\]]?)?\s*")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,6 +28,11 @@ class ColumnChoice:
 
     column: str
     factor: float
+
+
+def numbered_names(count: int) -> tuple[str, ...]:
+    """Names of columns that have none: their numbers from 1."""
+    return tuple(str(number + 1) for number in range(count))
 
 
 def parse_column_option(option: str) -> tuple[TestQuantity, str]:
@@ -72,7 +61,12 @@ def parse_column_option(option: str) -> tuple[TestQuantity, str]:
 
 
 def choose_columns(
-    names: Sequence[str], columns: Mapping[str, str] | None, *, source: str
+    names: Sequence[str],
+    columns: Mapping[str, str] | None,
+    *,
+    source: str,
+    units: Mapping[str, str] | None = None,
+    required: Sequence[TestQuantity] = REQUIRED,
 ) -> dict[TestQuantity, ColumnChoice]:
     """Find the column of every quantity that a file contains.
 
@@ -84,13 +78,17 @@ def choose_columns(
         Quantity to ``"COLUMN:UNIT"``, with precedence over the column names. Other quantities are still found by name.
     source
         The file, for messages.
+    units
+        Units that the file states apart from the names, by name.
+    required
+        Quantities that must have a column.
 
     Raises
     ------
     RecordError
         A required quantity has no column, a mapped column does not exist, or two columns match one quantity.
     UnitError
-        A required column has no unit, or a unit of another quantity.
+        A required column has no unit, a unit of another quantity, or two different units.
     SettingError
         The mapping is malformed.
     """
@@ -100,67 +98,101 @@ def choose_columns(
         column, factor = _parse_specification(quantity, specification)
         chosen[quantity] = ColumnChoice(column=_find(column, names, source), factor=factor)
     taken = {choice.column for choice in chosen.values()}
-    free = [name for name in names if name not in taken]
+    named = _Names(
+        names=names,
+        free=tuple(name for name in names if name not in taken),
+        units=units or {},
+        source=source,
+        required=required,
+    )
     for quantity in QUANTITIES:
         if quantity not in chosen:
-            choice = _recognise(quantity, free, names, source)
+            choice = named.recognise(quantity)
             if choice is not None:
                 chosen[quantity] = choice
     return chosen
 
 
-def _recognise(
-    quantity: TestQuantity, free: Sequence[str], names: Sequence[str], source: str
-) -> ColumnChoice | None:
-    claims = [(name, unit) for name in free for unit in [_unit_of(quantity, name)] if unit is not None]
-    fitting = [(name, unit) for name, unit in claims if quantity_of(unit) == quantity]
-    if len(fitting) > 1:
-        first, second = fitting[0][0], fitting[1][0]
-        raise RecordError(
-            f"{source}: columns '{first}' and '{second}' both look like the {quantity}; "
-            f"say which one to use with --column {quantity}=COLUMN:UNIT"
-        )
-    if fitting:
-        name, unit = fitting[0]
-        return ColumnChoice(column=name, factor=factor_to_si(unit, quantity, context=name))
-    # A single letter is not sufficient evidence for an error unless the quantity is required.
-    for name, unit in claims:
-        weak = quantity not in REQUIRED and len(name.strip()) == 1
-        if weak or _claimed_by_another(quantity, name):
-            continue
-        if quantity_of(unit) is None:
-            problem = f"has the unknown unit '{unit}'" if unit else "does not say its unit"
-            raise UnitError(
-                f"{source}: column '{name}' {problem} ({known_units(quantity)} are known); rename it, "
-                f"for example to '{_EXAMPLE[quantity]}', or give the unit with --column "
-                f"{quantity}={name}:{next(iter(FACTORS[quantity]))}"
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Names:
+    """Names of the columns of a file, those that are not assigned yet, and units that stand apart from the names."""
+
+    names: Sequence[str]
+    free: Sequence[str]
+    units: Mapping[str, str]
+    source: str
+    required: Sequence[TestQuantity]
+
+    def recognise(self, quantity: TestQuantity) -> ColumnChoice | None:
+        claims = [
+            (name, unit) for name in self.free for unit in [self._unit(quantity, name)] if unit is not None
+        ]
+        fitting = [(name, unit) for name, unit in claims if quantity_of(unit) == quantity]
+        # A column that is called just Force is the force, whatever Force of cell 2 is.
+        fitting = [each for each in fitting if is_plain(quantity, each[0])] or fitting
+        if len(fitting) > 1:
+            first, second = fitting[0][0], fitting[1][0]
+            raise RecordError(
+                f"{self.source}: columns '{first}' and '{second}' both look like the {quantity}; "
+                f"say which one to use with --column {quantity}=COLUMN:UNIT"
             )
-        factor_to_si(unit, quantity, context=f"{source}: column '{name}'")
-    if quantity in REQUIRED:
-        listed = ", ".join(f"'{name}'" for name in names)
-        raise RecordError(
-            f"{source}: no column for the {quantity} among {listed}; rename one, for example to "
-            f"'{_EXAMPLE[quantity]}', or say which it is with --column "
-            f"{quantity}=COLUMN:{next(iter(FACTORS[quantity]))}"
-        )
-    return None
-
-
-def _claimed_by_another(quantity: TestQuantity, name: str) -> bool:
-    return any(
-        quantity_of(unit) == other
-        for other in QUANTITIES
-        for unit in [_unit_of(other, name)]
-        if other != quantity and unit is not None
-    )
-
-
-def _unit_of(quantity: TestQuantity, name: str) -> str | None:
-    """Return the unit text of a column whose stem matches the quantity, else `None`."""
-    match = _NAME.fullmatch(name)
-    if match is None or match[1].casefold() not in _STEMS[quantity]:
+        if fitting:
+            name, unit = fitting[0]
+            return ColumnChoice(column=name, factor=factor_to_si(unit, quantity, context=name))
+        for name, unit in claims:
+            if self._is_weak(quantity, name) or self._claimed_by_another(quantity, name):
+                continue
+            if quantity_of(unit) is None:
+                problem = f"has the unknown unit '{unit}'" if unit else "does not say its unit"
+                raise UnitError(
+                    f"{self.source}: column '{name}' {problem} ({known_units(quantity)} are known); rename it, "
+                    f"for example to '{_EXAMPLE[quantity]}', or give the unit with --column "
+                    f"{quantity}={name}:{next(iter(FACTORS[quantity]))}"
+                )
+            factor_to_si(unit, quantity, context=f"{self.source}: column '{name}'")
+        if quantity in self.required:
+            raise RecordError(f"{self.source}: {self._without(quantity)}")
         return None
-    return (match[2] or "").strip()
+
+    def _without(self, quantity: TestQuantity) -> str:
+        unit = next(iter(FACTORS[quantity]))
+        if tuple(self.names) == numbered_names(len(self.names)):
+            return (
+                "the columns have no names; add a header line such as t_s,displacement_m,force_n, or say by its "
+                f"number which column is the {quantity}, as in --column {quantity}=1:{unit}"
+            )
+        listed = ", ".join(f"'{name}'" for name in self.names)
+        return (
+            f"no column for the {quantity} among {listed}; rename one, for example to '{_EXAMPLE[quantity]}', or say "
+            f"which it is with --column {quantity}=COLUMN:{unit}"
+        )
+
+    def _is_weak(self, quantity: TestQuantity, name: str) -> bool:
+        """Whether a name is no sufficient evidence for an error: one letter or several words, of an optional one."""
+        return quantity not in self.required and (len(name.strip()) == 1 or not is_plain(quantity, name))
+
+    def _claimed_by_another(self, quantity: TestQuantity, name: str) -> bool:
+        return any(
+            quantity_of(unit) == other
+            for other in QUANTITIES
+            for unit in [self._unit(other, name)]
+            if other != quantity and unit is not None
+        )
+
+    def _unit(self, quantity: TestQuantity, name: str) -> str | None:
+        """Unit of a column that means the quantity, of its name or stated apart; `None` if it means another one."""
+        own, apart = unit_in_name(quantity, name), self.units.get(name, "")
+        if own is None or not apart:
+            return own
+        known = [
+            factor for factor in (factor_of(own, quantity), factor_of(apart, quantity)) if factor is not None
+        ]
+        if len(known) == 2 and known[0] != known[1]:
+            raise UnitError(
+                f"{self.source}: column '{name}' says '{own}' in its name and '{apart}' below it; give the unit "
+                f"with --column {quantity}={name}:UNIT"
+            )
+        return own if quantity_of(own) is not None else apart
 
 
 def _quantity(name: str) -> TestQuantity:

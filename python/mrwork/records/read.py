@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -16,6 +17,10 @@ from mrwork.records.damper_test import DamperTest
 from mrwork.records.formats.delimited import open_delimited
 from mrwork.records.formats.matlab import open_matlab
 from mrwork.records.table import ColumnTable, check_is_file, listed_files, open_parquet
+
+_TEXT: Final = (".csv", ".tsv", ".txt", ".dat", ".asc")
+EXTENSIONS: Final = (*_TEXT, ".mat", ".parquet", ".pq")
+"""Extensions of the files that can hold a test."""
 
 
 def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str] | None = None) -> DamperTest:
@@ -56,7 +61,7 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
     file = Path(path)
     source = str(file)
     table = _open_table(file)
-    chosen = choose_columns(table.names, columns, source=source)
+    chosen = choose_columns(table.names, columns, units=table.units, source=source)
     numbers = table.read([choice.column for choice in chosen.values()])
     # Overflowing values become infinite, and the checks refuse them with their line.
     with np.errstate(over="ignore", invalid="ignore"):
@@ -106,7 +111,7 @@ def _open_table(path: Path) -> ColumnTable:
     extension = path.suffix.lower()
     try:
         check_is_file(path)
-        if extension in (".csv", ".tsv"):
+        if extension in _TEXT:
             return open_delimited(path)
         if extension == ".mat":
             return open_matlab(path)
@@ -116,5 +121,5 @@ def _open_table(path: Path) -> ColumnTable:
         raise RecordError(f"{path}: cannot be read ({error}); check the file and its permissions") from error
     came = f"the extension is '{extension}'" if extension else "there is no extension"
     raise RecordError(
-        f"{path}: {came} where .csv, .tsv, .parquet or .mat was expected; export the record as one of these"
+        f"{path}: {came} where one of {', '.join(EXTENSIONS)} was expected; export the record as one of these"
     )

@@ -8,20 +8,26 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
 
+# Bytes of a file; a thousand channels of an hour at 1 kHz are more.
+_LARGEST_FILE: Final = 1 << 30
+
 
 class ColumnTable(ABC):
     """Columns of a file: their names, their values on request, and the location of a row in the file.
 
-    `names` are in file order, `sha256` is the hash of the bytes of the file.
+    `names` are in file order, `units` those that the file states apart from the names, `sha256` is the hash of the
+    bytes of the file.
     """
 
     names: tuple[str, ...]
+    units: Mapping[str, str]
     sha256: str
 
     @abstractmethod
@@ -42,10 +48,18 @@ class ColumnTable(ABC):
 
 
 class VectorTable(ColumnTable):
-    """Columns that the format stores as arrays (Parquet, MATLAB)."""
+    """Columns that the format stores as arrays (Parquet, MATLAB, TDMS)."""
 
-    def __init__(self, *, source: str, sha256: str, vectors: Mapping[str, NDArray[np.generic]]) -> None:
+    def __init__(
+        self,
+        *,
+        source: str,
+        sha256: str,
+        vectors: Mapping[str, NDArray[np.generic]],
+        units: Mapping[str, str] | None = None,
+    ) -> None:
         self.names = tuple(vectors)
+        self.units = units or {}
         self.sha256 = sha256
         self._source = source
         self._vectors = vectors
@@ -97,6 +111,22 @@ def open_parquet(path: Path) -> ColumnTable:
         first_line = str(error).partition("\n")[0]
         raise RecordError(f"{path}: not a readable Parquet file ({first_line}); write it again") from error
     return VectorTable(source=str(path), sha256=hashlib.sha256(data).hexdigest(), vectors=vectors)
+
+
+def check_size(path: Path) -> None:
+    """Refuse a file that is too large for the memory of most machines.
+
+    Raises
+    ------
+    RecordError
+        The file is larger than any test of a damper.
+    """
+    size = path.stat().st_size
+    if size > _LARGEST_FILE:
+        raise RecordError(
+            f"{path}: has {size / 1e9:.1f} GB where a test has {_LARGEST_FILE / 1e9:.1f} GB at most; "
+            "export one test, at a lower rate or with fewer channels"
+        )
 
 
 def check_is_file(path: Path) -> None:

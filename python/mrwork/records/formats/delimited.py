@@ -1,11 +1,10 @@
-"""Text separated by commas, semicolons or tabs: a fast reader for clean files, with exact lines in errors otherwise."""
+"""Text tables of rigs and programs: a fast reader for clean files, with exact lines in errors otherwise."""
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -13,30 +12,41 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from mrwork.records.table import ColumnTable
+from mrwork.records.formats.layout import (
+    DECIMAL_COMMA,
+    MISSING,
+    NUMBER,
+    Layout,
+    delimiter_of,
+    is_data,
+    layout_of,
+    split,
+)
+from mrwork.records.table import ColumnTable, check_size
 
 _LONGEST_LINE: Final = 65536
-_MISSING: Final = frozenset({"", "na", "n/a", "nan", "null", "none"})
-_NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE)
-_DECIMAL_COMMA: Final = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
 # Control characters that no text export writes; NUL also indicates UTF-16.
 _BINARY: Final = re.compile(rb"[\x00-\x08\x0e-\x1a\x7f]")
+# A comma before three digits is a decimal comma or separates thousands; these can only be decimal commas.
+_SURELY_DECIMAL: Final = re.compile(
+    r"[+-]?(0*,\d+|\d+,(\d{1,2}|\d{4,}))([eE][+-]?\d+)?|[+-]?\d*,\d+[eE][+-]?\d+"
+)
 
 
 def open_delimited(path: Path) -> ColumnTable:
-    """Open a .csv or .tsv file and read its header line.
+    """Open a text file: columns separated by tabs, semicolons, blanks or commas, below names and any further header.
 
     Lines that start with ``#`` are comments; if no header follows them, the last one is the header, as written by
-    `numpy.savetxt`. The delimiter of the header applies: a tab if it has one, else a semicolon, else a comma, because
-    names such as ``Force, N`` may contain a comma.
+    `numpy.savetxt`. Decimal commas are read where the delimiter is no comma. Text that is not UTF-8 is taken as
+    Latin-1, which concerns units such as \N{MICRO SIGN}m and remarks only.
 
     Raises
     ------
     RecordError
-        The file is empty, not text or not UTF-8, or it has no valid header or no data line.
+        The file is empty, not text, too large, or it has no data line.
     """
     data = read_text_bytes(path)
-    text = _decode(data, path).replace("\r\n", "\n").replace("\r", "\n")
+    text = decoded(data).replace("\r\n", "\n").replace("\r", "\n")
     return DelimitedTable(source=str(path), sha256=hashlib.sha256(data).hexdigest(), lines=text.split("\n"))
 
 
@@ -52,70 +62,99 @@ class DelimitedTable(ColumnTable):
         self.sha256 = sha256
         self._source = source
         self._lines = lines
-        if names is None:
-            header, self._first = _find_header(lines, source)
-            self._delimiter = _delimiter(header)
-            self.names = tuple(name.strip() for name in _split(header, self._delimiter))
-        else:
-            self._first = 0
-            self._delimiter = _delimiter(next(filter(_is_data, lines), ""))
-            self.names = names
-        if not any(_is_data(line) for line in lines[self._first :]):
+        layout = layout_of(lines, source) if names is None else _without_header(lines, names)
+        self.names = layout.names
+        self.units = dict(zip(layout.names, layout.units, strict=False))
+        self._delimiter = layout.delimiter
+        self._data = layout.data
+        if not self._data:
             raise RecordError(f"{source}: there is a header but no data line after it; check the export")
 
     def read(self, wanted: Sequence[str]) -> dict[str, NDArray[np.float64]]:
         """Parse the requested columns, each of shape (n_time,)."""
         columns = [self.names.index(name) for name in wanted]
+        rows = [self._lines[index] for index in self._data]
         try:
-            block = np.loadtxt(self._lines[self._first :], delimiter=self._delimiter, quotechar='"', ndmin=2)
+            block = np.loadtxt(rows, delimiter=self._delimiter, quotechar='"', ndmin=2)
         except ValueError:
-            # Text in a column that is not requested, an empty cell, or an error: the slow reader decides.
+            # Text in a column that is not requested, an empty cell, decimal commas or an error: the slow reader tells.
             return dict(zip(wanted, self._parse_line_by_line(columns), strict=True))
         if block.shape[1] != len(self.names):
-            self._refuse_width(self._first_data_line() + 1, block.shape[1])
+            self._refuse_width(self._data[0] + 1, block.shape[1])
         return {name: np.ascontiguousarray(block[:, i]) for name, i in zip(wanted, columns, strict=True)}
 
     def locate(self, row: int) -> str:
-        """Line of a row; blank lines and comments count as lines but not as rows."""
-        for number, (index, _) in enumerate(self._rows()):
-            if number == row:
-                return f"line {index + 1}"
-        return f"row {row + 1}"
-
-    def _rows(self) -> Iterator[tuple[int, str]]:
-        for index in range(self._first, len(self._lines)):
-            if _is_data(self._lines[index]):
-                yield index, self._lines[index]
-
-    def _first_data_line(self) -> int:
-        return next(index for index, _ in self._rows())
+        """Line of a row; blank lines, comments and headers count as lines but not as rows."""
+        return f"line {self._data[row] + 1}" if row < len(self._data) else f"row {row + 1}"
 
     def _parse_line_by_line(self, columns: Sequence[int]) -> NDArray[np.float64]:
-        rows: list[list[float]] = []
-        for index, line in self._rows():
-            fields = _split(line.partition("#")[0], self._delimiter)
+        texts: list[list[str]] = []
+        for index in self._data:
+            fields = split(self._lines[index].partition("#")[0], self._delimiter)
             while len(fields) > len(self.names) and not fields[-1].strip():
                 fields.pop()
             if len(fields) != len(self.names):
                 self._refuse_width(index + 1, len(fields))
-            rows.append([self._number(fields[column], index + 1, column) for column in columns])
+            texts.append([fields[column].strip() for column in columns])
+        with_commas = self._has_decimal_commas(texts, columns)
+        rows = [
+            [
+                self._number(text, index + 1, column, with_commas)
+                for text, column in zip(row, columns, strict=True)
+            ]
+            for index, row in zip(self._data, texts, strict=True)
+        ]
         return np.asarray(rows, dtype=np.float64).reshape(len(rows), len(columns)).T.copy()
 
-    def _number(self, field: str, line: int, column: int) -> float:
-        text = field.strip()
-        if _NUMBER.fullmatch(text):
+    def _has_decimal_commas(self, texts: Sequence[Sequence[str]], columns: Sequence[int]) -> bool:
+        """Whether the numbers have decimal commas.
+
+        Raises
+        ------
+        RecordError
+            Where some have commas and others points, or the commas may separate thousands.
+        """
+        place = dict[str, tuple[int, int, str]]()
+        sure = False
+        for index, row in zip(self._data, texts, strict=True):
+            for column, text in zip(columns, row, strict=True):
+                if "," in text and DECIMAL_COMMA.fullmatch(text):
+                    place.setdefault(",", (index, column, text))
+                    sure = sure or bool(_SURELY_DECIMAL.fullmatch(text))
+                elif "." in text and NUMBER.fullmatch(text):
+                    place.setdefault(".", (index, column, text))
+        if "," not in place:
+            return False
+        index, column, text = place[","]
+        where = f"{self._source}: line {index + 1}, column '{self.names[column]}' holds '{text}' with a decimal comma"
+        if "." in place:
+            other, name, point = place["."][0] + 1, self.names[place["."][1]], place["."][2]
+            raise RecordError(
+                f"{where}, line {other}, column '{name}' '{point}' with a decimal point; "
+                "export all numbers with decimal points"
+            )
+        if not sure:
+            raise RecordError(
+                f"{where} or a comma between thousands, and no number of the file tells which; "
+                "export without commas in numbers"
+            )
+        return True
+
+    def _number(self, text: str, line: int, column: int, with_commas: bool) -> float:
+        if NUMBER.fullmatch(text):
             return float(text)
-        if text.casefold() in _MISSING:
+        if text.casefold() in MISSING:
             return float("nan")
+        if with_commas and DECIMAL_COMMA.fullmatch(text):
+            return float(text.replace(",", "."))
         where = f"{self._source}: line {line}, column '{self.names[column]}'"
-        if _DECIMAL_COMMA.fullmatch(text):
-            raise RecordError(f"{where} holds '{text}' with a decimal comma; export with decimal points")
         shown = text if len(text) <= 40 else text[:40] + "..."
         raise RecordError(f"{where} holds '{shown}' where a number was expected; correct or delete the line")
 
     def _refuse_width(self, line: int, n_fields: int) -> None:
         hint = (
-            "export with decimal points if these are decimal commas"
+            "these may be decimal commas between commas: export with decimal points, or with semicolons between "
+            "the columns"
             if self._delimiter == "," and n_fields > len(self.names)
             else "complete or delete the line"
         )
@@ -125,48 +164,27 @@ class DelimitedTable(ColumnTable):
         )
 
 
+def _without_header(lines: Sequence[str], names: tuple[str, ...]) -> Layout:
+    data = tuple(index for index, line in enumerate(lines) if is_data(line))
+    delimiter = delimiter_of(lines[data[0]]) if data else ","
+    return Layout(delimiter=delimiter, names=names, units=(), data=data)
+
+
 def _count(number: int, noun: str) -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
 
 
-def _is_data(line: str) -> bool:
-    return bool(line) and not line.isspace() and not line.lstrip().startswith("#")
-
-
-def _delimiter(header: str) -> str:
-    return next((character for character in "\t;" if character in header), ",")
-
-
-def _split(line: str, delimiter: str) -> list[str]:
+def decoded(data: bytes) -> str:
+    """Text of a file: UTF-8, or else Latin-1, in which every byte is a character."""
     try:
-        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [""])
-    except csv.Error:
-        # A field beyond the size limit of the csv module: returned as one field, which matches no number and no name.
-        return [line]
-
-
-def _find_header(lines: Sequence[str], source: str) -> tuple[str, int]:
-    """Header text and the index of the line after it."""
-    index = next((index for index, line in enumerate(lines) if _is_data(line)), None)
-    if index is None:
-        raise RecordError(f"{source}: the file holds no header and no data; check the export")
-    line = lines[index]
-    comment = next((above.strip().lstrip("# ") for above in reversed(lines[:index]) if above.strip()), "")
-    delimiter = _delimiter(line)
-    fields = _split(line, delimiter)
-    if not all(_NUMBER.fullmatch(field.strip()) or not field.strip() for field in fields):
-        return line, index + 1
-    named = _split(comment, delimiter)
-    if len(named) == len(fields) and not any(_NUMBER.fullmatch(name.strip()) for name in named):
-        return comment, index
-    raise RecordError(
-        f"{source}: line {index + 1} holds numbers where column names were expected; "
-        "add a header line such as t_s,displacement_m,force_n"
-    )
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
 
 
 def read_text_bytes(path: Path) -> bytes:
     """Read a whole text file after a check of its start, because a wrong file may be very large."""
+    check_size(path)
     with path.open("rb") as stream:
         head = stream.read(_LONGEST_LINE)
         if not head.strip():
@@ -185,14 +203,3 @@ def read_text_bytes(path: Path) -> bytes:
                 "header; check that this is a table with one row per line"
             )
         return head + stream.read()
-
-
-def _decode(data: bytes, path: Path) -> str:
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise RecordError(
-            f"{path}: line {line}, byte {error.start} of the file is {data[error.start]:#04x}, which is "
-            "not UTF-8 text; save the file as UTF-8"
-        ) from error

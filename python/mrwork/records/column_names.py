@@ -1,0 +1,140 @@
+"""Meaning of a column's name: which quantity it is the measured signal of, and in which unit."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Final, Literal, get_args
+
+from mrwork.units import quantity_of
+
+TestQuantity = Literal["time", "displacement", "velocity", "force", "current", "voltage"]
+
+QUANTITIES: Final[tuple[TestQuantity, ...]] = get_args(TestQuantity)
+# Set point of the driver, in amperes or volts: the unit decides.
+_COMMAND: Final = frozenset({"command", "cmd", "setpoint"})
+# `v` and `u` have different meanings on different rigs; the unit after them decides. Programs of rigs write the names
+# in the language of their user.
+_STEMS: Final[Mapping[TestQuantity, frozenset[str]]] = {
+    "time": frozenset({"time", "t", "zeit", "tiempo", "temps"}),
+    "displacement": frozenset(
+        {
+            "displacement",
+            "disp",
+            "stroke",
+            "position",
+            "x",
+            "u",
+            "extension",
+            "elongation",
+            "deflection",
+            "weg",
+            "hub",
+        }
+        | {"desplazamiento", "carrera", "déplacement", "deplacement"}
+    ),
+    "velocity": frozenset({"velocity", "vel", "v", "speed", "geschwindigkeit", "velocidad", "vitesse"}),
+    "force": frozenset({"force", "load", "f", "kraft", "fuerza"}),
+    "current": frozenset({"current", "i", "strom", "corriente", "courant", *_COMMAND}),
+    "voltage": frozenset({"voltage", "volt", "v", "u", "spannung", "voltaje", *_COMMAND}),
+}
+# Words in the name of a column of which the quantity is no sample of the measured signal.
+_NOT_MEASURED: Final = frozenset(
+    {
+        "command",
+        "commanded",
+        "setpoint",
+        "set",
+        "target",
+        "demand",
+        "reference",
+        "ref",
+        "desired",
+        "soll",
+        "sollwert",
+    }
+    | {
+        "error",
+        "limit",
+        "min",
+        "max",
+        "minimum",
+        "maximum",
+        "peak",
+        "valley",
+        "mean",
+        "rms",
+        "count",
+        "cycle",
+    }
+    | {"cycles", "rate", "segments", "offset", "date", "stamp", "of"}
+)
+# Only with these words is a voltage or current the command of the damper, and not the signal of a sensor.
+_OF_COMMAND: Final = frozenset(
+    {
+        "command",
+        "commanded",
+        "setpoint",
+        "set",
+        "point",
+        "target",
+        "demand",
+        "coil",
+        "damper",
+        "mr",
+        "mrd",
+        "driver",
+    }
+    | {"applied", "control", "input", "excitation", "spule", "bobina"}
+)
+# A word, optionally followed by a separator and a unit: force_kN, Force (kN), "v [m/s]", disp/mm.
+_NAME: Final = re.compile(r"\s*([^\W\d_]+)(?:[\s_\-/,:.(\[]+(.*?)[)\]]?)?\s*")
+# Several words before the unit: Axial Force (kN), load_cell_kN, Position(Linear:Digital Position) (mm).
+_BRACKETED: Final = re.compile(r"(.*?)\s*[(\[{]\s*([^()\[\]{}]*?)\s*[)\]}]\s*")
+_SEPARATOR: Final = re.compile(r"[\s_,:/]+")
+_WORD: Final = re.compile(r"[A-ZÄÖÜ]?[a-zäöüßéèóñ]+|[A-ZÄÖÜ]+(?![a-zäöü])")
+
+
+def unit_in_name(quantity: TestQuantity, name: str) -> str | None:
+    """Return the unit text of a column whose name means the quantity, empty if it has none; else `None`.
+
+    A name of one word and its unit, such as ``force_kN``, or of several words among which is that of the quantity.
+    """
+    match = _NAME.fullmatch(name)
+    if match is not None and match[1].casefold() in _STEMS[quantity]:
+        unit = (match[2] or "").strip()
+        if quantity_of(unit) is not None or not (re.search(r"[\s(\[]", unit) or _words(unit) & _NOT_MEASURED):
+            return unit
+    words, unit = _words_and_unit(name)
+    said = _words(words)
+    stems = {stem for stem in _STEMS[quantity] if len(stem) > 1}
+    if not said & stems:
+        return None
+    others = said - stems
+    if quantity in ("current", "voltage"):
+        return unit if others <= _OF_COMMAND else None
+    return None if others & _NOT_MEASURED else unit
+
+
+def _words_and_unit(name: str) -> tuple[str, str]:
+    """The words of a column's name, and the unit in brackets or at its end; empty where there is none."""
+    match = _BRACKETED.fullmatch(name)
+    if match is not None:
+        return match[1], match[2]
+    for separator in _SEPARATOR.finditer(name):
+        if quantity_of(name[separator.end() :]) is not None:
+            return name[: separator.start()], name[separator.end() :]
+    return name, ""
+
+
+def _words(text: str) -> frozenset[str]:
+    return frozenset(word.casefold() for word in _WORD.findall(text))
+
+
+def is_plain(quantity: TestQuantity, name: str) -> bool:
+    """Whether a name has one word, besides a unit."""
+    match = _NAME.fullmatch(name)
+    if match is None or match[1].casefold() not in _STEMS[quantity]:
+        return False
+    rest = (match[2] or "").strip()
+    return quantity_of(rest) is not None or " " not in rest

@@ -1,0 +1,270 @@
+"""Layout of a text table: where its rows of numbers, its names and its row of units are.
+
+Programs of test rigs write titles, settings and limits above the names of the columns, often a row of units below
+them, and may repeat all of it in the middle of a file. The rows of numbers are found first, because only they look
+alike everywhere; the names are the nearest row of texts above them with as many fields.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from typing import Final
+
+from mrwork.errors import RecordError
+from mrwork.records.columns import numbered_names
+from mrwork.units import quantity_of
+
+MISSING: Final = frozenset({"", "na", "n/a", "nan", "null", "none"})
+NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE)
+DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+
+# A test has ten samples at least; a list of limits or results above it is usually shorter.
+_ENOUGH_ROWS: Final = 10
+# Lines between the names and the numbers: units, rules, blanks.
+_MOST_BETWEEN: Final = 5
+_RULE: Final = re.compile(r"[\s+|]*[-=_*]{3,}[-=_*+|\s.,;:]*")
+# Units of channels that are of no use here, as they stand in rows of units.
+_OTHER_UNITS: Final = re.compile(
+    r"-|1|%|°?c|deg\.? ?c|k|f|bar|mpa|pa|psi|cycles?|segments?|counts?|none|hz|n/a|mm/mm|w|kw|ohm|ω|deg|rad|°",
+    re.IGNORECASE,
+)
+_BRACKETS: Final = "()[]{}<> \t"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Layout:
+    """How the lines of a table are to be read.
+
+    `delimiter` is `None` for blanks. `units` are those of a row below the names, empty where there is none. `data` are
+    the indices of the lines with rows of numbers. Without names in the file they are the numbers of the columns.
+    """
+
+    delimiter: str | None
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    data: tuple[int, ...]
+
+
+def layout_of(lines: Sequence[str], source: str) -> Layout:
+    """Find delimiter, names, units and rows of a text table.
+
+    Raises
+    ------
+    RecordError
+        There is no header, or no data line after it.
+    """
+    filled = [index for index, line in enumerate(lines) if is_data(line)]
+    if not filled:
+        raise RecordError(f"{source}: the file holds no header and no data; check the export")
+    rows = _first_rows(lines, filled)
+    if rows is None:
+        return _of_first_line(lines, filled, source)
+    named = _names_above(lines, filled, rows)
+    if named is None:
+        return _named_by_comment(lines, filled, rows)
+    header, units = named
+    return Layout(
+        delimiter=rows.delimiter,
+        names=_texts(lines[header], rows),
+        units=() if units is None else tuple(text.strip(_BRACKETS) for text in _texts(lines[units], rows)),
+        data=tuple(_below(lines, filled, rows, header=header, units=units)),
+    )
+
+
+def is_data(line: str) -> bool:
+    """Whether a line is neither blank nor a comment."""
+    return bool(line) and not line.isspace() and not line.lstrip().startswith("#")
+
+
+def delimiter_of(line: str) -> str:
+    """Delimiter of a single line: a tab if it has one, else a semicolon, else a comma."""
+    return next((character for character in "\t;" if character in line), ",")
+
+
+def split(line: str, delimiter: str | None) -> list[str]:
+    """Fields of a line."""
+    if delimiter is None:
+        return line.split()
+    try:
+        return next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [""])
+    except csv.Error:
+        # A field beyond the size limit of the csv module: returned as one field, which matches no number and no name.
+        return [line]
+
+
+def without_empty_end(fields: list[str]) -> list[str]:
+    """Fields up to the last that is not empty."""
+    count = len(fields)
+    while count and not fields[count - 1].strip():
+        count -= 1
+    return fields[:count]
+
+
+def is_number(text: str) -> bool:
+    """Whether a field is a number, with a decimal point or comma."""
+    text = text.strip()
+    return bool(NUMBER.fullmatch(text) or DECIMAL_COMMA.fullmatch(text))
+
+
+def _first_rows(lines: Sequence[str], filled: Sequence[int]) -> _Run | None:
+    """The first run of rows of numbers that is long enough, or else the longest; `None` where there are none.
+
+    Rows with numbers only are looked for first, then rows that also have texts.
+    """
+    found: _Run | None = None
+    for only_numbers in (True, False):
+        runs = [_Run(delimiter=delimiter) for delimiter in ("\t", ";", None, ",")]
+        for index in filled:
+            line = _without_remark(lines[index])
+            for number, run in enumerate(runs):
+                runs[number] = run = run.continued(index, line, only_numbers=only_numbers)
+                if run.length and (found is None or run.length > found.length):
+                    found = run
+            if found is not None and found.length >= _ENOUGH_ROWS:
+                return found
+    return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Run:
+    """Successive rows of numbers with as many fields: the first line, how many, and how wide they are.
+
+    `raw_width` counts empty fields at the end of the first row, too.
+    """
+
+    delimiter: str | None
+    first: int = 0
+    length: int = 0
+    width: int = 0
+    raw_width: int = 0
+
+    def continued(self, index: int, line: str, *, only_numbers: bool) -> _Run:
+        """The run with the next line: longer, begun anew or broken off."""
+        if self.delimiter is not None and self.delimiter not in line:
+            return self if not self.length else _Run(delimiter=self.delimiter)
+        raw = split(line, self.delimiter)
+        width = _width_of_row(without_empty_end(raw), only_numbers=only_numbers)
+        if width and width == self.width:
+            return replace(self, length=self.length + 1)
+        return _Run(
+            delimiter=self.delimiter,
+            first=index,
+            length=1 if width else 0,
+            width=width,
+            raw_width=len(raw),
+        )
+
+
+def _width_of_row(fields: Sequence[str], *, only_numbers: bool) -> int:
+    """Number of fields of a row of at least two numbers; 0 where it is none."""
+    numbers = sum(is_number(field) for field in fields)
+    if numbers < 2:
+        return 0
+    others = sum(field.strip().casefold() not in MISSING for field in fields) - numbers
+    return len(fields) if others == 0 or (not only_numbers and numbers >= others) else 0
+
+
+def _names_above(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> tuple[int, int | None] | None:
+    """Lines of the names and of the units above the first row of numbers; `None` where there are no names."""
+    nearest: int | None = None
+    units: int | None = None
+    for index in islice(_lines_of_texts(lines, filled, rows), _MOST_BETWEEN):
+        fields = _texts(lines[index], rows)
+        if not rows.width <= len(fields) <= rows.raw_width:
+            nearest = index if nearest is None else nearest
+        elif units is None and _are_units(fields):
+            units = index
+        else:
+            return index, units
+    if units is not None:
+        return units, None
+    return None if nearest is None else (nearest, None)
+
+
+def _lines_of_texts(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> Iterator[int]:
+    """Lines above the rows that have texts and no number, the nearest first; incomplete rows are none of them."""
+    for index in reversed(filled):
+        if index < rows.first and not _RULE.fullmatch(lines[index]):
+            fields = _texts(lines[index], rows)
+            if not any(map(is_number, fields)) and not all(each.casefold() in MISSING for each in fields):
+                yield index
+
+
+def _texts(line: str, rows: _Run) -> tuple[str, ...]:
+    """Fields of a line of texts above the rows; with blanks as the delimiter, names may contain single ones."""
+    raw = split(_without_remark(line), rows.delimiter)
+    if rows.delimiter is None and len(raw) != rows.width:
+        apart = re.split(r"\s{2,}|\t", line.strip())
+        raw = apart if len(apart) == rows.width else raw
+    fields = without_empty_end(raw)
+    return tuple(field.strip() for field in (fields if len(fields) >= rows.width else raw[: rows.width]))
+
+
+def _are_units(fields: Sequence[str]) -> bool:
+    """Whether most fields are units; names such as t and x are, in part, units of something else."""
+    texts = [field.strip() for field in fields if field.strip()]
+    bare = [text.strip(_BRACKETS) for text in texts]
+    known = [quantity_of(text) is not None for text in bare]
+    units = sum(one or bool(_OTHER_UNITS.fullmatch(text)) for one, text in zip(known, bare, strict=True))
+    bracketed = sum(text[0] in _BRACKETS for text in texts)
+    return any(known) and (2 * units > len(texts) or 2 * bracketed > len(texts))
+
+
+def _below(
+    lines: Sequence[str], filled: Sequence[int], rows: _Run, *, header: int, units: int | None
+) -> Iterator[int]:
+    """Lines of data below the names, without the units and without header blocks that are repeated."""
+    units_text = None if units is None else lines[units].strip()
+    below = [index for index in filled if index > header]
+    skipped: set[int] = set()
+    for place, index in enumerate(below):
+        if index == units or _RULE.fullmatch(lines[index]):
+            skipped.add(index)
+        elif lines[index].strip() == lines[header].strip():
+            skipped.add(index)
+            after = below[place + 1 : place + 1 + _MOST_BETWEEN]
+            skipped.update(each for each in after if lines[each].strip() == units_text)
+            for each in reversed(below[:place]):
+                fields = without_empty_end(split(_without_remark(lines[each]), rows.delimiter))
+                if _width_of_row(fields, only_numbers=False) == rows.width:
+                    break
+                skipped.add(each)
+    return (index for index in below if index not in skipped)
+
+
+def _without_remark(line: str) -> str:
+    return line.partition("#")[0]
+
+
+def _of_first_line(lines: Sequence[str], filled: Sequence[int], source: str) -> Layout:
+    """Layout of a file in which no row of numbers was found: the first line is the header."""
+    header = lines[filled[0]]
+    if len(filled) < 2:
+        raise RecordError(f"{source}: there is a header but no data line after it; check the export")
+    delimiter = delimiter_of(header)
+    return Layout(
+        delimiter=delimiter,
+        names=tuple(name.strip() for name in without_empty_end(split(header, delimiter))),
+        units=(),
+        data=tuple(filled[1:]),
+    )
+
+
+def _named_by_comment(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> Layout:
+    """Layout of a file whose last comment is the header, as `numpy.savetxt` writes it, or that has no names."""
+    comment = next(
+        (above.strip().lstrip("# ") for above in reversed(lines[: rows.first]) if above.strip()), ""
+    )
+    named = tuple(name.strip() for name in split(comment, rows.delimiter))
+    if len(named) != rows.width or any(is_number(name) for name in named):
+        named = numbered_names(rows.width)
+    return Layout(
+        delimiter=rows.delimiter,
+        names=named,
+        units=(),
+        data=tuple(index for index in filled if index >= rows.first),
+    )
