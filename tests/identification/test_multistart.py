@@ -73,7 +73,7 @@ def test_seeds_agree_on_the_minimum_and_threads_on_every_bit() -> None:
     found = [search_starts(objective(), FORM.box, SEARCHED, Multistart(), rng=rng) for rng in range(4)]
     least = min(each.misfit[0] for each in found)
     for each in found:
-        assert each.misfit[0] == pytest.approx(least, rel=1e-4)
+        assert each.misfit[0] == pytest.approx(least, rel=Multistart().closeness)
         assert each.stop_reason == "found_again"
         assert list(each.evaluations) == sorted(each.evaluations)
         assert list(each.best) == sorted(each.best, reverse=True)
@@ -83,9 +83,9 @@ def test_seeds_agree_on_the_minimum_and_threads_on_every_bit() -> None:
 
 
 def test_rounds_continue_until_the_best_minimum_is_found_again() -> None:
-    once = replace(Multistart(), starts=1, most_rounds=8, found=2)
+    once = replace(Multistart(), starts=4, most_rounds=4, found=2)
     found = search_starts(objective(), FORM.box, SEARCHED, once, rng=3)
-    assert 2 <= len(found.misfit) <= 8
+    assert 8 <= len(found.misfit) <= 16
     if found.stop_reason == "found_again":
         assert found.misfit[1] == pytest.approx(found.misfit[0], rel=once.closeness)
 

@@ -19,6 +19,9 @@ from mrwork.errors import SettingError
 # NumPy or JAX array; no annotation covers both without importing JAX.
 Array = Any
 
+# A parameter closer to a bound than this share of its range is on the bound.
+ON_BOUND = 1e-4
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Box:

@@ -28,6 +28,7 @@ from mrwork.identification.progress import Progress, Reporter, interruptible
 from mrwork.identification.result import fit_at
 from mrwork.identification.searches import Search, UnregisteredSearch
 from mrwork.identification.settings import Engine, FitSettings, Start
+from mrwork.identification.suspicion import linear_warning
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.records.observing import DETECT, as_words
@@ -217,7 +218,7 @@ def identify_with(
         polished = interruptible(lambda: polish(problem, points, on_start=on_start, on_step=on_step))
     except KeyboardInterrupt as interrupt:
         return ended(interrupt, best, points.trace)
-    return fit_at(
+    fit = fit_at(
         problem,
         polished.theta,
         errors=polished.standard_errors,
@@ -227,6 +228,8 @@ def identify_with(
         status="converged" if polished.converged else "not_converged",
         seconds=reporter.seconds,
     )
+    doubts = points.warnings + linear_warning(fit.nrmse, objective.tests)
+    return replace(fit, warnings=fit.warnings + doubts)
 
 
 def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:

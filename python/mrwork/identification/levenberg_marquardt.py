@@ -8,8 +8,9 @@ for each start.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
 
 # Convergence: relative decrease of the squared misfit in a step; for SciPy also the relative length of the step.
-_TOLERANCE = 1e-7
+TOLERANCE = 1e-7
 # Bound of SciPy's first step: about the change of the residuals (root sum of squares, misfit units) it may cause.
 _FIRST_STEP = 0.3
 # Of the batch: number of Jacobians in memory at once.
@@ -98,8 +99,8 @@ def _minimised(
         jac=jacobian_at,
         method="lm",
         x_scale=_FIRST_STEP / 100.0,
-        ftol=_TOLERANCE,
-        xtol=_TOLERANCE,
+        ftol=TOLERANCE,
+        xtol=TOLERANCE,
         max_nfev=max_evaluations,
     )
     candidates = np.stack([start, box.theta_from_latent(origin + scale * solution.x)])
@@ -149,21 +150,42 @@ class LocalMinima:
     iterations: int
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hopeless:
+    """Starts whose misfit is more than `factor` times that of the best, `after` this number of iterations."""
+
+    after: int
+    factor: float
+    best: float = math.inf
+
+    def of(self, iterations: int, misfit: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Whether each start, with this misfit (n_starts,), is hopeless."""
+        if iterations < self.after:
+            return np.zeros(misfit.shape, dtype=np.bool_)
+        return np.asarray(misfit > self.factor * min(self.best, float(misfit.min())))
+
+
 def find_minima(
     objective: Objective,
     box: Box,
     starts: NDArray[np.float64],
     *,
     max_iterations: int,
+    tolerance: float = TOLERANCE,
+    hopeless: Hopeless | None = None,
     on_iteration: Callable[[LocalMinima], None] | None = None,
 ) -> LocalMinima:
     """Minimise the misfit from each start, shape (n_starts, n_params), inside `box`, in one Levenberg-Marquardt batch.
 
     Damping is relative to the sensitivity of each parameter, the largest so far (Moré, Lecture Notes in Mathematics
-    630, 1978, 105-116). The result of a start does not depend on the other starts.
+    630, 1978, 105-116). The result of a start does not depend on the other starts, unless `hopeless` ones are given up.
 
     Parameters
     ----------
+    tolerance
+        A start has converged once a step lowers its squared misfit by less than this share.
+    hopeless
+        Rule by which starts are given up; none by default.
     on_iteration
         Called after each iteration with the present points.
     """
@@ -171,7 +193,9 @@ def find_minima(
     iterations = 0
     while iterations < max_iterations and state.running.any():
         iterations += 1
-        state = _iteration(objective, box, state)
+        state = _iteration(objective, box, state, tolerance)
+        if hopeless is not None:
+            state = replace(state, running=state.running & ~hopeless.of(iterations, state.misfit))
         if on_iteration is not None:
             on_iteration(_minima(box, state, iterations))
     return _minima(box, state, iterations)
@@ -213,11 +237,12 @@ def _initial(objective: Objective, box: Box, starts: NDArray[np.float64]) -> _St
     )
 
 
-def _iteration(objective: Objective, box: Box, state: _State) -> _State:
+def _iteration(objective: Objective, box: Box, state: _State, tolerance: float) -> _State:
     return objective.once(
         "iteration",
         _State,
-        lambda: _iterated(objective, box, state),
+        lambda: _iterated(objective, box, state, tolerance),
+        tolerance,
         box,
         state.latent,
         state.misfit,
@@ -226,7 +251,7 @@ def _iteration(objective: Objective, box: Box, state: _State) -> _State:
     )
 
 
-def _iterated(objective: Objective, box: Box, state: _State) -> _State:
+def _iterated(objective: Objective, box: Box, state: _State, tolerance: float) -> _State:
     """Linearise at the points that have moved, then try several dampings for every running start."""
     latent, misfit, damping = state.latent.copy(), state.misfit.copy(), state.damping.copy()
     sensitivity, normal, gradient = state.sensitivity.copy(), state.normal.copy(), state.gradient.copy()
@@ -261,7 +286,7 @@ def _iterated(objective: Objective, box: Box, state: _State) -> _State:
     factor = np.where(better, np.array(_DAMPING_FACTORS)[best] / 3.0, 100.0)
     damping[active] = np.maximum(damping[active] * factor, 1e-12)
     decrease = 1.0 - (misfit[active] / before) ** 2
-    arrived[active] = np.where(better, decrease < _TOLERANCE, damping[active] > _MOST_DAMPING)
+    arrived[active] = np.where(better, decrease < TOLERANCE, damping[active] > _MOST_DAMPING)
     running[active] = ~arrived[active]
     return _State(
         latent=latent,

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.dampers.coordinates import Box
+from mrwork.dampers.coordinates import ON_BOUND, Box
 from mrwork.errors import Interrupted, SettingError
-from mrwork.identification.levenberg_marquardt import LocalMinima, find_minima
+from mrwork.identification.levenberg_marquardt import Hopeless, LocalMinima, find_minima
 from mrwork.identification.objective import Objective
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.summary import Summarised
@@ -26,6 +26,15 @@ from mrwork.summary import Summarised
 # than `_DISTANT`.
 _CLOSE = 0.01
 _DISTANT = 0.05
+_MOST_DISTINCT = 3
+# Relative decrease of the squared misfit at which a local minimisation of the search ends; the final fit continues.
+_TOLERANCE = 1e-5
+# Local minimisations are given up after this number of iterations above this multiple of the least misfit.
+_HOPELESS_AFTER = 12
+_HOPELESS = 4.0
+# In later rounds, starts from the best minimum, and the share of its parameters that are replaced.
+_CROSSED = 3
+_REPLACED = 0.3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,10 +47,10 @@ class Multistart:
         Points of the Latin hypercube per free parameter; local minimisations start from the best of them.
     starts
         Local minimisations of a round, which run in one batch.
-    most_rounds
-        Largest number of rounds.
+    least_rounds, most_rounds
+        Least and largest number of rounds.
     found
-        The search ends after the round in which this number of minimisations has reached the least misfit.
+        Number of minimisations that must have reached the least misfit before the search may end early.
     closeness
         Misfits that differ by less than this share belong to the same minimum.
     most_iterations
@@ -50,15 +59,20 @@ class Multistart:
 
     samples: int = 20
     starts: int = 8
-    most_rounds: int = 5
+    least_rounds: int = 2
+    most_rounds: int = 6
     found: int = 3
-    closeness: float = 1e-3
+    closeness: float = 0.02
     most_iterations: int = 60
 
     def __post_init__(self) -> None:
-        for name in ("samples", "starts", "most_rounds", "found", "most_iterations"):
+        for name in ("samples", "starts", "least_rounds", "most_rounds", "found", "most_iterations"):
             if getattr(self, name) < 1:
                 raise SettingError(f"`{name}` is at least 1, got {getattr(self, name)}")
+        if self.most_rounds < self.least_rounds:
+            raise SettingError(
+                f"`most_rounds` is {self.most_rounds}, below `least_rounds`, {self.least_rounds}; give as many or more"
+            )
         if not 0.0 < self.closeness < 1.0:
             raise SettingError(f"`closeness` lies between 0 and 1, got {self.closeness}")
 
@@ -87,9 +101,16 @@ def search_starts(
     *,
     rng: int,
     mirrored: tuple[int, ...] = (),
+    nested: NDArray[np.float64] | None = None,
+    suspicious: float = math.inf,
     on_iteration: Callable[[MultistartResult, float], None] | None = None,
 ) -> MultistartResult:
     """Run local minimisations inside `box` from starts that are sampled in the narrower box `searched`.
+
+    The best samples often lie in one basin, which need not be that of the least misfit. Only half of them therefore
+    start minimisations, the others are samples in random order; later rounds also start from the best minimum with some
+    of its parameters replaced. The search ends early only if a round has not lowered the least misfit, that misfit is
+    not `suspicious`, and it has been found again; a minimum on a bound takes one more round, unless one is enough.
 
     Parameters
     ----------
@@ -98,6 +119,10 @@ def search_starts(
     mirrored
         Parameters whose signs can be changed together with little effect, but across a barrier that no local
         minimisation crosses; a further one starts from the mirror image of the best minimum.
+    nested
+        Further starts of the first round, shape (n_starts, n_params).
+    suspicious
+        Least misfit above which the search does not end early, because a simpler description is as good.
     on_iteration
         Called after every iteration with the result so far and the share of the allowed iterations that is used up.
 
@@ -109,11 +134,10 @@ def search_starts(
     n_free = len(searched.free)
     streams = Streams(rng=rng, replicate=np.zeros(1, dtype=np.int64), generation=np.zeros(1, dtype=np.int64))
     sample = latin_hypercube(streams, settings.samples * n_free, n_free)[0]
-    starts = np.asarray(searched.theta_from_unit(sample))
-    misfit = objective(starts)
-    order = np.argsort(misfit, kind="stable")
-    order = order[np.isfinite(misfit[order])]
-    rounds = _Rounds(objective, starts[order], misfit[order])
+    samples, misfit = scaled_to_force(objective, searched, np.asarray(searched.theta_from_unit(sample)))
+    finite = np.flatnonzero(np.isfinite(misfit))
+    order = finite[np.argsort(misfit[finite], kind="stable")]
+    rounds = _Rounds(objective, samples[order], misfit[order])
     most = settings.most_rounds * settings.most_iterations
 
     def run_round(starts: NDArray[np.float64]) -> None:
@@ -123,17 +147,40 @@ def search_starts(
                 on_iteration(rounds.found(""), min(len(rounds.best) / most, 1.0))
 
         rounds.end(
-            find_minima(objective, box, starts, max_iterations=settings.most_iterations, on_iteration=advance)
+            find_minima(
+                objective,
+                box,
+                starts,
+                max_iterations=settings.most_iterations,
+                tolerance=_TOLERANCE,
+                hopeless=Hopeless(after=_HOPELESS_AFTER, factor=_HOPELESS, best=rounds.least),
+                on_iteration=advance,
+            )
         )
 
     reason = "max_rounds"
+    left = list(order)
     try:
-        for first in range(0, min(order.size, settings.most_rounds * settings.starts), settings.starts):
-            run_round(starts[order[first : first + settings.starts]])
-            if rounds.n_at_best(settings.closeness) >= settings.found:
+        for number in range(1, settings.most_rounds + 1):
+            if number > 1:
+                given = rounds.crossed(samples, np.random.default_rng([rng, number]))
+            else:
+                given = samples[:0] if nested is None else nested
+            chosen = _taken(left, max(settings.starts - len(given), 0))
+            starts = np.concatenate([given, samples[chosen]])
+            if not len(starts):
+                break
+            before = rounds.least
+            run_round(starts)
+            if (
+                number >= settings.least_rounds + (settings.least_rounds > 1 and rounds.is_on_bound(box))
+                and (number == 1 or rounds.least >= (1.0 - settings.closeness) * before)
+                and rounds.least <= (1.0 + settings.closeness) * suspicious
+                and rounds.n_at_best(settings.closeness) >= settings.found
+            ):
                 reason = "found_again"
                 break
-        if mirrored and order.size:
+        if mirrored and rounds.ended:
             image = rounds.found("").theta[:1].copy()
             image[:, list(mirrored)] *= -1.0
             run_round(image)
@@ -142,8 +189,55 @@ def search_starts(
     return rounds.found(reason)
 
 
+def _taken(left: list[np.intp], count: int) -> list[np.intp]:
+    """Take `count` samples from those that are left, best first: by turns the best one, and the first one drawn."""
+    taken: list[np.intp] = []
+    while left and len(taken) < count:
+        chosen = left[0] if len(taken) % 2 == 0 else min(left)
+        left.remove(chosen)
+        taken.append(chosen)
+    return taken
+
+
+# Range of the factors on the forces of samples.
+_SCALE = 1e3
+
+
+def scaled_to_force(
+    objective: Objective, box: Box, theta: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Samples with their forces multiplied by the factor that fits best, and their misfits, which may be infinite.
+
+    To multiply all parameters whose unit contains the newton by a factor multiplies the force by it, as a change of the
+    unit of force does. The squared misfit is a quadratic function of the factor, which two misfits and that of no
+    force determine. Samples are thus compared by the shape of their loops, not by their force. If a parameter with
+    newtons is fixed, the samples are unchanged.
+    """
+    objective = objective.plain
+    is_force = np.array([parameter.scales_with_force for parameter in objective.spec.parameters])
+    misfit = objective(theta)
+    if not set(np.flatnonzero(is_force)) <= set(box.free) or not is_force.any():
+        return theta, misfit
+    halved = objective(np.where(is_force, 0.5 * theta, theta))
+    simulated = np.flatnonzero(np.isfinite(misfit) & np.isfinite(halved))
+    if not simulated.size:
+        return theta, misfit
+    none = float(objective(np.where(is_force, 1e-9 * theta, theta)[simulated[:1]])[0]) ** 2
+    # misfit^2 = none - 2 slope factor + curve factor^2
+    full, half = misfit[simulated] ** 2, halved[simulated] ** 2
+    curve = 2.0 * (full - 2.0 * half + none)
+    slope = 0.5 * (none + curve - full)
+    useful = (curve > 0.0) & (slope > 0.0)
+    factor = np.clip(np.divide(slope, curve, out=np.ones_like(slope), where=useful), 1.0 / _SCALE, _SCALE)
+    scaled = theta.copy()
+    scaled[simulated] = np.where(is_force, factor[:, None] * theta[simulated], theta[simulated])
+    fitted = misfit.copy()
+    fitted[simulated] = np.sqrt(np.maximum(none - 2.0 * slope * factor + curve * factor**2, 0.0))
+    return np.clip(scaled, box.lower, box.upper), fitted
+
+
 def distinct_minima(box: Box, theta: NDArray[np.float64], misfit: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The best minimum, and a distant one if its misfit is as good within 1 %; one or two rows.
+    """The best minimum, and up to two distant ones whose misfit is as good within 1 %; one to three rows.
 
     Parameters
     ----------
@@ -151,9 +245,11 @@ def distinct_minima(box: Box, theta: NDArray[np.float64], misfit: NDArray[np.flo
         Minima, best first, shape (n_minima, n_params) and (n_minima,).
     """
     unit = np.asarray(box.unit_from_theta(theta))
-    distant = np.abs(unit - unit[0]).max(axis=1) > _DISTANT
-    others = np.flatnonzero(distant & (misfit <= (1.0 + _CLOSE) * misfit[0]))
-    return theta[[0, *others[:1]]]
+    chosen = [0]
+    for index in np.flatnonzero(misfit <= (1.0 + _CLOSE) * misfit[0]):
+        if np.all(np.abs(unit[chosen] - unit[index]).max(axis=1) > _DISTANT):
+            chosen.append(int(index))
+    return theta[chosen[:_MOST_DISTINCT]]
 
 
 class _Rounds:
@@ -177,6 +273,27 @@ class _Rounds:
     def end(self, minima: LocalMinima) -> None:
         self.running = None
         self.ended.append(minima)
+
+    @property
+    def least(self) -> float:
+        """Least misfit of the local minimisations that ended; infinite before the first."""
+        return min((float(minima.misfit.min()) for minima in self.ended), default=math.inf)
+
+    @property
+    def best_minimum(self) -> NDArray[np.float64]:
+        """Parameters of the least misfit of the local minimisations that ended, shape (n_params,)."""
+        minima = min(self.ended, key=lambda minima: float(minima.misfit.min()))
+        return np.asarray(minima.theta[int(np.argmin(minima.misfit))])
+
+    def is_on_bound(self, box: Box) -> bool:
+        """Whether a free parameter of the best minimum is on its bound."""
+        unit = np.asarray(box.unit_from_theta(self.best_minimum))
+        return bool(np.any((unit < ON_BOUND) | (unit > 1.0 - ON_BOUND)))
+
+    def crossed(self, samples: NDArray[np.float64], random: np.random.Generator) -> NDArray[np.float64]:
+        """The best minimum with some of its parameters replaced by those of samples, shape (n_crossed, n_params)."""
+        chosen = samples[random.integers(len(samples), size=_CROSSED)]
+        return np.where(random.random(chosen.shape) < _REPLACED, chosen, self.best_minimum)
 
     def n_at_best(self, closeness: float) -> int:
         """Number of local minimisations that ended at the least misfit."""

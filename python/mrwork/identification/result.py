@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.dampers.coordinates import Box
+from mrwork.dampers.coordinates import ON_BOUND, Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import ErrorNorms, Estimate, Fit, FitQuality, FitStatus, SearchTrace
@@ -84,9 +84,6 @@ def _lag_one(residual: NDArray[np.float64]) -> float:
     return float(centred[1:] @ centred[:-1]) / power if power > 0.0 else 0.0
 
 
-# A parameter closer to a bound than this share of its range is on the bound.
-_ON_BOUND = 1e-4
-
 Remark = Literal["", "fixed", "at lower bound", "at upper bound", "not identifiable"]
 
 
@@ -135,9 +132,9 @@ def remark_of(box: Box, index: int, value: float) -> Remark:
     if box.log[index]:
         lower, upper, value = np.log(lower), np.log(upper), np.log(value)
     unit = (value - lower) / (upper - lower)
-    if unit < _ON_BOUND:
+    if unit < ON_BOUND:
         return "at lower bound"
-    return "at upper bound" if unit > 1.0 - _ON_BOUND else ""
+    return "at upper bound" if unit > 1.0 - ON_BOUND else ""
 
 
 def fit_at(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mrwork.dampers.coordinates import Box
+from mrwork.dampers.nesting import Scales
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.dampers.spec import DamperSpec
 from mrwork.records import DamperTest
@@ -26,14 +27,22 @@ _POSITIVE = {
 _SIGNED = {"N/m": (-1.0, 1.0), "m": (-2.0, 2.0), "N": (-1.0, 1.0), "1": (-4.0, 4.0), "m/s": (-0.5, 0.5)}
 
 
+def half_ranges(tests: tuple[DamperTest, ...]) -> Scales:
+    """Half of the largest peak-to-peak stroke [m], speed [m/s] and force [N] of the tests."""
+    return Scales(
+        stroke=max(float(np.ptp(test.displacement)) / 2 for test in tests),
+        speed=max(float(np.ptp(test.velocity)) / 2 for test in tests),
+        force=max(float(np.ptp(test.force)) / 2 for test in tests),
+    )
+
+
 def search_box(spec: DamperSpec, bounds: Box, tests: tuple[DamperTest, ...]) -> Box:
     """Narrow the bounds to the range that suits the stroke, speed and force of the tests.
 
     Parameters for which that range would be empty, or whose unit has no scale, keep their bounds.
     """
-    stroke = max(np.ptp(test.displacement) / 2 for test in tests)
-    speed = max(np.ptp(test.velocity) / 2 for test in tests)
-    force = max(np.ptp(test.force) / 2 for test in tests)
+    ranges = half_ranges(tests)
+    stroke, speed, force = ranges.stroke, ranges.speed, ranges.force
     scales = {
         "N s/m": force / speed,
         "N/m": force / stroke,

@@ -1,0 +1,68 @@
+"""False minima: fits where a search once stopped in one, and warnings where a minimum is not certain."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import measured_data
+import numpy as np
+import pytest
+
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import damper
+from mrwork.identification.identify import identify
+from mrwork.identification.multistart import Multistart, scaled_to_force
+from mrwork.identification.objective import Objective
+from mrwork.identification.suspicion import linear_misfit
+from mrwork.records import DamperTest, read_damper_test
+from mrwork.records.window import cut
+from mrwork.synthetic import synthetic_test
+
+UTFSM = measured_data.DATA / "dampers" / "utfsm"
+TEST = synthetic_test("spencer1997")
+
+
+@pytest.mark.skipif(not UTFSM.is_dir(), reason=f"measured records are not at {UTFSM} (set MRWORK_DATA)")
+@pytest.mark.parametrize(("current", "at_least"), [("0x5", 92.2), ("0", 97.0), ("0x75", 92.0)])
+def test_records_where_the_search_once_stopped_in_a_false_minimum(current: str, at_least: float) -> None:
+    test = cut(read_damper_test(UTFSM / f"10mm1Hz{current}A.csv"), start=0.5, end=8.5, every=4)
+    fit = identify("normalised_modified_bouc_wen", test, rng=0)
+    assert fit.fit_percent > at_least
+    assert not fit.warnings
+
+
+def linear(test: DamperTest) -> DamperTest:
+    return replace(test, force=2e3 * test.velocity + 9e3 * test.displacement + 40.0)
+
+
+def test_a_linear_spring_and_dashpot_describes_its_own_force_and_not_a_hysteresis() -> None:
+    assert linear_misfit([linear(TEST)]) < 1e-9
+    assert linear_misfit([TEST]) > 0.1
+    assert linear_misfit([TEST, linear(TEST)]) == pytest.approx(linear_misfit([TEST]) / np.sqrt(2.0))
+
+
+def test_a_fit_no_better_than_a_linear_one_is_named() -> None:
+    # Without a dashpot the model of Dahl cannot follow this force.
+    fit = identify("dahl", linear(TEST))
+    assert any("linear spring and dashpot" in each for each in fit.warnings)
+    assert not identify("viscous_dahl", TEST).warnings
+
+
+def test_a_minimum_that_was_not_found_again_is_named() -> None:
+    fit = identify("bingham", TEST, search=Multistart(starts=2, most_rounds=2, found=50))
+    assert fit.stop_reason == "max_rounds"
+    assert any("not sure of its minimum" in each for each in fit.warnings)
+
+
+def test_samples_are_scaled_to_the_force_of_the_tests() -> None:
+    spec = damper("viscous_dahl")
+    objective = Objective.of(spec, (TEST,))
+    box = Box.of(spec)
+    theta = np.array([[2e3, 500.0, 900.0, 10.0], [20.0, 5.0, 900.0, 0.1]])
+    scaled, misfit = scaled_to_force(objective, box, theta)
+    # The two differ by a factor on all forces only.
+    np.testing.assert_allclose(scaled[0], scaled[1], rtol=1e-3)
+    np.testing.assert_allclose(objective(scaled), misfit, rtol=1e-3)
+    assert np.all(misfit <= objective(theta))
+    held = box.with_bounds({"k_w": (500.0, 500.0)})
+    np.testing.assert_array_equal(scaled_to_force(objective, held, theta)[0], theta)
