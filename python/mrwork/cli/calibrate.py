@@ -71,9 +71,9 @@ def run(options: argparse.Namespace) -> int:
     else:
         predictions, held_out = _left_out(options), IN_WORDS[options.leave_out]
     calibration = calibrate(predictions, held_out=held_out)
-    coverage = measured_coverage(predictions) if len(predictions) > 1 else ()
+    coverage = measured_coverage(predictions) if len(calibration.tests) > 1 else ()
     write_calibration(options.run_folder, calibration, coverage)
-    write_predictions(options.run_folder, predictions)
+    write_predictions(options.run_folder, [each for each in predictions if each.seen is None])
     status = renew_page(options.run_folder, quiet=options.quiet or options.json)
     if options.json:
         print_json(_summary(calibration, coverage))
@@ -87,13 +87,6 @@ def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:
     fit = read_fit(options.run_folder)
     words = observation_of(options, fit.settings.observe)
     tests = [observed(test, words) for test in read_tests(options)]
-    used = set(fit.provenance.inputs.values())
-    for test in tests:
-        if test.sha256 in used:
-            raise SettingError(
-                f"{test.label} is one of the tests that {options.run_folder} was identified from; "
-                "give other tests, or no files to leave the tests of the run out in turn"
-            )
     nuisances = nuisances_of(options) or fit.nuisances
     return tuple(predict(fit, test, nuisances=nuisances) for test in tests)
 
@@ -130,13 +123,15 @@ def _summary(calibration: Calibration, coverage: Sequence[LeftOutCoverage]) -> d
     return {
         "tests": calibration.tests,
         "held_out": calibration.held_out,
+        "seen": [asdict(each) for each in calibration.seen],
         "shape": asdict(calibration.shape),
         "coverage": [asdict(row) for row in coverage],
     }
 
 
 def _text(calibration: Calibration, coverage: Sequence[LeftOutCoverage], folder: Path) -> str:
-    lines = [f"Bands {calibration.basis}.", ""]
+    lines = [f"Bands {calibration.basis}.", "", *calibration.remarks]
+    lines += [""] if calibration.remarks else []
     if coverage:
         tests = [coverage[first : first + len(LEVELS)] for first in range(0, len(coverage), len(LEVELS))]
         shares = np.array([[100 * each.samples.coverage for each in rows] for rows in tests])

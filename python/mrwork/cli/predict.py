@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -59,12 +60,14 @@ def run(options: argparse.Namespace) -> int:
     calibration = None if options.level is None else read_calibration(options.run_folder)
     spec, theta = fit.spec, np.array(fit.theta)
     rows: list[dict[str, Any]] = []
+    about_seen: tuple[str, ...] = ()
     nuisances = nuisances_of(options)
     words = observation_of(options, fit.settings.observe)
     for test in (observed(test, words) for test in read_tests(options)):
         force, quality = free_run(
             spec, theta, test, nuisances=nuisances, substep_factor=options.substep_factor
         )
+        seen = fit.seen(test)
         rows.append(
             {
                 "file": test.label,
@@ -79,15 +82,21 @@ def run(options: argparse.Namespace) -> int:
                 "n_time": quality.n_time,
                 "settle_seconds": quality.settle_seconds,
                 "substeps": quality.substeps,
+                "seen": None if seen is None else asdict(seen),
             }
         )
+        about_seen += () if seen is None else (f"Seen by the fit: {seen.in_words}.",)
         if calibration is not None:
             band = calibration.band(Prediction(test=test, model_force=force), options.level)
             scored = score(band, test.force[test.counted])
+            known = calibration.knows(test)
+            if known is not None:
+                about_seen += (f"Used for the calibration of the bands: {known.in_words}.",)
             rows[-1]["band"] = {
                 "level": band.level,
                 "half_width_n": 0.5 * scored.width,
                 "inside": scored.coverage,
+                "calibrated_on": None if known is None else asdict(known),
             }
     basis = None if calibration is None else calibration.basis
     if options.json:
@@ -112,4 +121,6 @@ def run(options: argparse.Namespace) -> int:
     print("\n".join(aligned([heads, *cells])))
     if basis:
         print(f"Bands of {100.0 * options.level:g} %, {basis}.")
+    for sentence in about_seen:
+        print(sentence)
     return 0

@@ -14,6 +14,7 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings, Reading
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
+from mrwork.records.likeness import Likeness, RecordedMotion, likest
 from mrwork.summary import Summarised, Summary, listed, rounded
 
 # Key of the record of settings that the command line adds to those of `FitSettings`.
@@ -112,8 +113,8 @@ class Fit(Summarised):
     `refinement_steps` counts those of the final fit, one simulation with its derivatives each. `identifiability` is
     the result of `uncertainty.identifiability_of`, `None` where it was not computed. `forces` are those of the free
     runs, one for each test, [N], shape (n_time,); `warnings` are sentences on what could mislead in the result;
-    `live_settings` are the settings with the search that ran. A fit that
-    was read from its file has neither.
+    `motions` recognise the tests of the fit and others of the same motion and command; `live_settings` are the settings
+    with the search that ran. A fit that was read from its file has neither forces nor live settings.
     """
 
     model: str
@@ -136,6 +137,7 @@ class Fit(Summarised):
     n_effective: float | None = None
     identifiability: Identifiability | None = None
     warnings: tuple[str, ...] = ()
+    motions: tuple[RecordedMotion, ...] = ()
     forces: tuple[NDArray[np.float64], ...] = field(default=(), compare=False)
     live_settings: FitSettings | None = field(default=None, compare=False)
 
@@ -151,6 +153,17 @@ class Fit(Summarised):
     def observed(self, test: DamperTest) -> DamperTest:
         """A test with the observation model that the settings of the fit ask for, or with its own."""
         return observed(test, self.settings.observe)
+
+    def seen(self, test: DamperTest) -> Likeness | None:
+        """The test of the fit that a test is, or whose motion and command it has; `None` where the fit has seen none.
+
+        A fit of an earlier version recognises identical files only.
+        """
+        found = likest(RecordedMotion.of(test), self.motions)
+        if found is None and test.sha256:
+            same = (label for label, digest in self.provenance.inputs.items() if digest == test.sha256)
+            found = next((Likeness(test=test.label, like=label, correlation=1.0) for label in same), None)
+        return found
 
     @property
     def settings(self) -> FitSettings:

@@ -15,7 +15,7 @@ from mrwork.identification.fit import ErrorNorms, Estimate, Fit, FitQuality, Fit
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
 from mrwork.identification.problem import Problem, provenance_of
 from mrwork.identification.residual import ObservedTest
-from mrwork.records import DamperTest
+from mrwork.records import DamperTest, RecordedMotion
 
 
 def free_run(
@@ -186,6 +186,7 @@ def fit_at(
         provenance=provenance_of(problem),
         current=spec.current,
         nuisances=objective.nuisances,
+        motions=tuple(RecordedMotion.of(test) for test in objective.tests),
         n_effective=n_effective,
         forces=tuple(force for force, _ in runs),
         live_settings=problem.settings,

@@ -6,6 +6,8 @@ from .damper_test import Measured as Measured
 from .damper_test import Smoothing as Smoothing
 from .detectors.labels import mislabelled as mislabelled
 from .detectors.smoothing import detect_smoothing as detect_smoothing
+from .likeness import Likeness as Likeness
+from .likeness import RecordedMotion as RecordedMotion
 from .observation import AS_IT_IS as AS_IT_IS
 from .observation import Observation as Observation
 from .observing import observed as observed

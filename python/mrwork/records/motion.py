@@ -195,6 +195,18 @@ def whole_cycles(displacement: NDArray[np.float64]) -> tuple[slice, ...]:
     return tuple(slice(int(first), int(last)) for first, last in pairwise(crossings))
 
 
+def regular_cycles(displacement: NDArray[np.float64]) -> tuple[slice, ...]:
+    """The whole cycles of a periodic motion, equal within 5 % in length and 20 % in stroke; none of any other."""
+    cycles = whole_cycles(displacement)
+    if len(cycles) < 2:
+        return ()
+    lengths = np.array([cycle.stop - cycle.start for cycle in cycles])
+    strokes = np.array([np.ptp(displacement[cycle]) for cycle in cycles])
+    # Either end of a cycle may be off by one sample.
+    regular = np.ptp(lengths) <= 0.05 * lengths.mean() + 2 and np.ptp(strokes) <= 0.2 * strokes.mean()
+    return cycles if regular else ()
+
+
 def turning_points(
     displacement: NDArray[np.float64], velocity: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

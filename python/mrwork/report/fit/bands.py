@@ -81,7 +81,7 @@ def _section(run: StoredRun, comparisons: Sequence[Comparison]) -> Section | Non
     for number, each in enumerate(worst, start=1):
         groups += _own_groups(number, fit, each, draws, bands, unit)
     if bands is not None and len(bands.predictions) > 1:
-        for number, prediction in enumerate(_chosen(bands), start=1):
+        for number, prediction in enumerate(filter(bands.others, _chosen(bands)), start=1):
             groups += _left_out_groups(number, prediction, bands, unit)
     return Section(anchor="bands", title="Bands", summary=_summary(draws, bands), groups=tuple(groups))
 
@@ -112,6 +112,7 @@ def _prose(draws: _ParameterDraws | None, bands: StoredBands | None) -> tuple[st
             f"The prediction band is {bands.calibration.basis}: {'; '.join(names)}. It is valid for excitations "
             "and commands like these, not beyond them."
         )
+        return first, second, *bands.calibration.remarks
     return first, second
 
 
@@ -163,8 +164,9 @@ def _own_groups(
 def _left_out_groups(
     number: int, prediction: Prediction, bands: StoredBands, unit: DisplayUnit
 ) -> tuple[Group, Group]:
-    others = [each for each in bands.predictions if each is not prediction]
-    band = calibrate(others, held_out=bands.calibration.held_out).band(prediction, MAIN_LEVEL)
+    band = calibrate(bands.others(prediction), held_out=bands.calibration.held_out).band(
+        prediction, MAIN_LEVEL
+    )
     banded = Banded(prediction=prediction, predicted=band)
     name = prediction.test.name + (" (synthetic)" if prediction.test.synthetic else "")
     row = bands.row(prediction, MAIN_LEVEL)
@@ -196,7 +198,9 @@ def _left_out_groups(
             ),
         ),
     )
-    return whole, Group(panels=_cycle_panels(f"l{number}", prediction, others, None), layout="small")
+    return whole, Group(
+        panels=_cycle_panels(f"l{number}", prediction, bands.others(prediction), None), layout="small"
+    )
 
 
 def _chosen(bands: StoredBands) -> list[Prediction]:

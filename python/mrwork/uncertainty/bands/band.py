@@ -16,6 +16,9 @@ from mrwork.records import DamperTest
 from mrwork.summary import Summarised
 from mrwork.uncertainty.noise import Noise
 
+# Bins in which quantiles are looked for.
+_HISTOGRAM = 4096
+
 BandKind = Literal["parameter", "prediction"]
 """A parameter band contains the model's force under the posterior of the parameters: it narrows with more data, and
 measurements need not lie in it. A prediction band is to contain the given share of measurements."""
@@ -64,10 +67,28 @@ def score(band: Band, measured: NDArray[np.float64], *, per: float = 1.0) -> Ban
     )
 
 
+def weighted_quantile(values: NDArray[np.float64], weights: NDArray[np.float64], level: float) -> float:
+    """Smallest of the values, shape (n,), none negative, up to which lies a share `level` of the weights, of sum 1.
+
+    Only the values of one bin of a histogram, in which the quantile lies, are sorted.
+    """
+    wanted = level * (1.0 - 1e-12)
+    largest = float(values.max())
+    bins = np.zeros(values.size, dtype=np.intp)
+    if 0.0 < largest < np.inf:
+        bins = np.minimum((values * (_HISTOGRAM / largest)).astype(np.intp), _HISTOGRAM - 1)
+    share = np.cumsum(np.bincount(bins, weights=weights))
+    inside = min(int(np.searchsorted(share, wanted)), share.size - 1)
+    below = float(share[inside - 1]) if inside else 0.0
+    within = np.flatnonzero(bins == inside)
+    order = within[np.argsort(values[within], kind="stable")]
+    place = np.searchsorted(below + np.cumsum(weights[order]), wanted)
+    return float(values[order[min(int(place), order.size - 1)]])
+
+
 def pooled_quantile(scores: Sequence[NDArray[np.float64]], level: float) -> float:
     """Quantile `level` of the errors of several tests, each test with equal weight."""
-    values, share = _pooled(scores)
-    return float(values[min(int(np.searchsorted(share, level * (1.0 - 1e-12))), values.size - 1)])
+    return weighted_quantile(np.concatenate(scores), _equal_weights(scores), level)
 
 
 def next_test_quantile(scores: Sequence[NDArray[np.float64]], level: float) -> float:
@@ -88,21 +109,20 @@ def next_test_quantile(scores: Sequence[NDArray[np.float64]], level: float) -> f
         raise SettingError(f"the level of a band lies between 0 and 1, got {level:g}")
     if len(scores) == 1:
         return pooled_quantile(scores, level)
-    needed = []
-    for index, own in enumerate(scores):
-        values, share = _pooled([*scores[:index], *scores[index + 1 :]])
-        # Level of the others' quantile that covers each of its errors.
-        below = np.searchsorted(values, own, side="left")
-        needed.append(np.concatenate([[0.0], share])[below] + 1e-12)
-    return pooled_quantile(scores, min(pooled_quantile(needed, level), 1.0))
-
-
-def _pooled(scores: Sequence[NDArray[np.float64]]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Sorted errors of all tests, and the cumulative share of weight."""
-    values = np.concatenate(scores)
-    weights = np.concatenate([np.full(each.size, 1.0 / (each.size * len(scores))) for each in scores])
+    values, weights = np.concatenate(scores), _equal_weights(scores)
     order = np.argsort(values, kind="stable")
-    return values[order], np.cumsum(weights[order])
+    share = np.concatenate([[0.0], np.cumsum(weights[order])])
+    of_all = share[np.searchsorted(values[order], values, side="left")]
+    of_own = np.concatenate([np.searchsorted(np.sort(own), own, side="left") / own.size for own in scores])
+    # Level of the others' quantile that covers each error: the share of smaller errors among the others.
+    n_tests = len(scores)
+    needed = np.clip((n_tests * of_all - of_own) / (n_tests - 1), 0.0, 1.0) + 1e-12
+    return weighted_quantile(values, weights, min(weighted_quantile(needed, weights, level), 1.0))
+
+
+def _equal_weights(scores: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Weights of all errors, of sum 1, equal for each test."""
+    return np.concatenate([np.full(each.size, 1.0 / (each.size * len(scores))) for each in scores])
 
 
 def simulate_draws(

@@ -13,8 +13,9 @@ import numpy as np
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import fit_from_json
-from mrwork.records import DamperTest, Observation
+from mrwork.records import DamperTest, Observation, RecordedMotion
 from mrwork.records.command_signal import Command
+from mrwork.records.likeness import alike_groups
 from mrwork.store.codec import json_document, read_document
 from mrwork.store.fingerprint import digest_of
 from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS, write_files
@@ -55,6 +56,13 @@ class StoredBands(Summarised):
             calibration,
             facts=(*calibration.facts, ("tests with predictions", str(len(self.predictions)))),
         )
+
+    def others(self, prediction: Prediction) -> list[Prediction]:
+        """The predictions of the tests that are not alike to one of them."""
+        groups = alike_groups([RecordedMotion.of(each.test) for each in self.predictions])
+        number = [each is prediction for each in self.predictions].index(True)
+        alike = next(members for members in groups if number in members)
+        return [each for index, each in enumerate(self.predictions) if index not in alike]
 
     def row(self, prediction: Prediction, level: float) -> LeftOutCoverage | None:
         """Coverage of one test at one level."""

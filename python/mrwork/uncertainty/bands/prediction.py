@@ -13,9 +13,10 @@ from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.fit import Fit
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.residual import ObservedTest
-from mrwork.records import DamperTest
+from mrwork.records import DamperTest, Likeness, RecordedMotion
 from mrwork.records.command_signal import same_command
-from mrwork.records.motion import whole_cycles
+from mrwork.records.likeness import alike_groups
+from mrwork.records.motion import regular_cycles, whole_cycles
 from mrwork.summary import Summarised, Summary
 
 Fold = Literal["test", "motion", "command"]
@@ -45,11 +46,14 @@ _REACH = 0.02
 class Prediction(Summarised):
     """A test and the model's force on it [N], shape (n_time,), with the observation model applied.
 
-    Properties are of the counted samples, shape (n_counted,).
+    `seen` is the test of the fit that this one is, or whose motion and command it has, `None` where it is like none:
+    only then is the error that of a test which the fit has not seen. Properties are of the counted samples, shape
+    (n_counted,).
     """
 
     test: DamperTest
     model_force: NDArray[np.float64]
+    seen: Likeness | None = None
 
     @property
     def force(self) -> NDArray[np.float64]:
@@ -101,6 +105,7 @@ class Prediction(Summarised):
                     f"{_rms(self.residual):.4g} N rms, at most {float(np.abs(self.residual).max()):.4g} N",
                 ),
                 ("samples", f"{self.force.size} compared of {self.test.n_time}"),
+                ("seen by the fit", "no" if self.seen is None else self.seen.in_words),
             ),
         )
 
@@ -127,7 +132,7 @@ def predict(fit: Fit, test: DamperTest, *, nuisances: tuple[NuisanceName, ...] |
     test = fit.observed(test)
     observed = ObservedTest.of(fit.spec, test, fit.nuisances if nuisances is None else nuisances)
     force, _, _ = observed.predicted(np.array(fit.theta))
-    return Prediction(test=test, model_force=force)
+    return Prediction(test=test, model_force=force, seen=fit.seen(test))
 
 
 def mean_cycle(test: DamperTest) -> float:
@@ -137,15 +142,8 @@ def mean_cycle(test: DamperTest) -> float:
 
 
 def has_regular_cycles(test: DamperTest) -> bool:
-    """Whether the motion is periodic: cycles equal within 5 % in length and 20 % in stroke."""
-    x = test.displacement[test.counted]
-    cycles = whole_cycles(x)
-    if len(cycles) < 2:
-        return False
-    lengths = np.array([cycle.stop - cycle.start for cycle in cycles])
-    strokes = np.array([np.ptp(x[cycle]) for cycle in cycles])
-    # Either end of a cycle may be off by one sample.
-    return bool(np.ptp(lengths) <= 0.05 * lengths.mean() + 2 and np.ptp(strokes) <= 0.2 * strokes.mean())
+    """Whether the motion is periodic, see `regular_cycles`."""
+    return bool(regular_cycles(test.displacement[test.counted]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -204,7 +202,7 @@ def predict_left_out(
 
 
 def folds_of(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:
-    """Indices of the tests of each fold.
+    """Indices of the tests of each fold; tests that are alike, as versions of one record are, share their fold.
 
     Raises
     ------
@@ -212,13 +210,13 @@ def folds_of(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:
         Where there are fewer than two.
     """
     folds: list[list[int]] = []
-    for index, test in enumerate(tests):
+    for group in alike_groups([RecordedMotion.of(test) for test in tests]):
         for members in folds:
-            if _ALIKE[fold](tests[members[0]], test):
-                members.append(index)
+            if _TOGETHER[fold](tests[members[0]], tests[group[0]]):
+                members += group
                 break
         else:
-            folds.append([index])
+            folds.append(group)
     if len(folds) < 2:
         raise SettingError(
             f"to leave one {fold} out there must be two, the {len(tests)} tests given have one {fold} in common; "
@@ -241,8 +239,8 @@ def _motion(test: DamperTest) -> tuple[float, float]:
     return float(np.ptp(test.displacement[test.counted])), mean_cycle(test) * test.dt
 
 
-# Whether two tests belong to one fold.
-_ALIKE: dict[Fold, Callable[[DamperTest, DamperTest], bool]] = {
+# Whether two tests that are not alike belong to one fold.
+_TOGETHER: dict[Fold, Callable[[DamperTest, DamperTest], bool]] = {
     "test": lambda one, other: False,
     "motion": _same_motion,
     "command": _same_command,
