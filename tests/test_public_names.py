@@ -51,8 +51,9 @@ SMALL_VALUES = {
         "CurrentLaws",
         "Envelope",
     ),
-    *("Estimate", "Fault", "Finding", "KanaiTajimi", "LeftOutCoverage", "Limits", "Lognormal", "Measured"),
-    *("Normal", "Observation", "OpenSeesBoucWen", "ParamSpec", "Progress", "Smoothing", "Tuning", "Uniform"),
+    *("Estimate", "Fault", "Finding", "KanaiTajimi", "LeftOutCoverage", "Likeness", "Limits"),
+    *("Lognormal", "Measured", "Normal", "Observation", "OpenSeesBoucWen", "ParamSpec", "Progress"),
+    *("RecordedMotion", "Smoothing", "Tuning", "Uniform"),
 }
 # Settings (also all classes called so), tables of what exists, and values that are functions.
 SETTINGS = {

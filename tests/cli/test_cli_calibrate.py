@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from command_line import mrwork
+
+import mrwork as mr
 
 # One free number: the search is over at once.
 FIXED = {"k_w": 650.0, "rho": 15000.0, "sigma": 0.5, "n": 2.0, "k": 2500.0, "x0": 0.038}
@@ -40,7 +43,39 @@ def test_bands_are_calibrated_on_tests_that_the_fit_has_not_seen(place: Path) ->
 def test_a_test_that_the_fit_has_seen_is_refused(place: Path) -> None:
     result = mrwork("calibrate", place, "synthetic:spencer1997_fast")
     assert result.returncode == 2
-    assert "is one of the tests that" in result.stderr
+    assert "not seen, but synthetic:spencer1997_fast has the motion and command of" in result.stderr
+
+
+def test_versions_of_a_fitted_test_are_seen_and_not_used(place: Path, tmp_path: Path) -> None:
+    test = mr.synthetic_test("spencer1997_fast")
+    weights = np.full(5, 0.2)
+    columns = [
+        np.convolve(each, weights, mode="valid") for each in (test.time, test.displacement, test.force)
+    ]
+    smoothed = tmp_path / "smoothed.csv"
+    np.savetxt(smoothed, np.transpose(columns), delimiter=",", header="t_s,x_m,force_n", comments="")
+
+    alone = mrwork("calibrate", place, smoothed)
+    assert (alone.returncode, "has the motion and command of synthetic:spencer1997_fast" in alone.stderr) == (
+        2,
+        True,
+    )
+    text = mrwork("calibrate", place, smoothed, OTHERS[0]).stdout
+    assert "Bands calibrated on one test" in text
+    assert f"Not used, because the fit has seen them: {smoothed} has the motion and command of" in text
+    made = json.loads(mrwork("calibrate", place, smoothed, OTHERS[0], "--json").stdout)
+    assert made["tests"] == [OTHERS[0]]
+    assert [(each["test"], each["like"]) for each in made["seen"]] == [
+        (str(smoothed), "synthetic:spencer1997_fast")
+    ]
+    assert "Not used, because the fit has seen them" in (place / "report.html").read_text()
+
+    predicted = json.loads(mrwork("predict", place, smoothed, OTHERS[0], "--level", "0.9", "--json").stdout)
+    assert [each["seen"] is not None for each in predicted["files"]] == [True, False]
+    assert [each["band"]["calibrated_on"] is not None for each in predicted["files"]] == [False, True]
+    text = mrwork("predict", place, smoothed, OTHERS[0], "--level", "0.9").stdout
+    assert f"Seen by the fit: {smoothed} has the motion" in text
+    assert f"Used for the calibration of the bands: {OTHERS[0]} has" in text
 
 
 def test_without_files_the_tests_of_the_run_are_left_out_in_turn_and_kept(place: Path) -> None:

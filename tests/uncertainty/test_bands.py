@@ -9,7 +9,7 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify
-from mrwork.records import DamperTest
+from mrwork.records import DamperTest, Likeness
 from mrwork.synthetic import synthetic_test
 from mrwork.uncertainty.bands.band import (
     Band,
@@ -20,7 +20,7 @@ from mrwork.uncertainty.bands.band import (
     score,
     simulate_draws,
 )
-from mrwork.uncertainty.bands.conformal import calibrate
+from mrwork.uncertainty.bands.conformal import calibrate, measured_coverage
 from mrwork.uncertainty.bands.cycle import cycles_of, errors_over_cycles
 from mrwork.uncertainty.bands.prediction import Fold, Prediction, has_regular_cycles, predict_left_out
 from mrwork.uncertainty.noise import NOISES
@@ -158,6 +158,78 @@ def test_no_fit_sees_the_tests_it_predicts(fold: Fold, left_in: list[int], some_
     assert [prediction.test.name for prediction in found.predictions] == [test.name for test in tests]
     for test in tests:
         assert sum(test.name not in names for names in seen) == 1
+
+
+def test_alike_tests_are_left_out_together(some_fit: Fit) -> None:
+    tests = [sinusoid(0.01, f, current=1.0) for f in (1.0, 2.0)]
+    again = replace(tests[0], name="again", force=1.01 * tests[0].force)
+    seen = []
+
+    def identify_rest(rest: tuple[DamperTest, ...]) -> Fit:
+        seen.append([test.name for test in rest])
+        return some_fit
+
+    predict_left_out([*tests, again], "test", identify_rest)
+    assert seen == [[tests[1].name], [tests[0].name, "again"]]
+    with pytest.raises(SettingError, match="have one test in common"):
+        predict_left_out([tests[0], again], "test", lambda rest: pytest.fail("nothing is to be identified"))
+
+
+def test_what_the_fit_has_seen_neither_calibrates_nor_is_judged() -> None:
+    predictions = group(np.random.default_rng(8), 6)
+    seen = Likeness(test=predictions[0].test.label, like="fitted", correlation=1.0)
+    given = [replace(predictions[0], seen=seen), *predictions[1:]]
+    found = calibrate(given, held_out="")
+    assert found.seen == (seen,)
+    assert found.tests == tuple(each.test.label for each in predictions[1:])
+    assert "Not used, because the fit has seen them" in repr(found)
+    assert {row.test for row in measured_coverage(given)} == set(found.tests)
+    with pytest.raises(SettingError, match="has the motion and command of fitted"):
+        calibrate(given[:1], held_out="")
+
+
+def test_versions_of_one_test_count_as_one() -> None:
+    predictions = group(np.random.default_rng(8), 5)
+    # A version with the same errors: by itself in the calibration it would foretell its like.
+    versions = [
+        replace(each, test=replace(each.test, name=f"{each.test.name} again")) for each in predictions
+    ]
+    alone, doubled = (calibrate(each, held_out="") for each in (predictions, [*predictions, *versions]))
+    assert len(doubled.scores) == len(alone.scores)
+    assert "10 tests count as 5" in repr(doubled)
+    test = predictions[0]
+    assert doubled.band(test, 0.9).upper == pytest.approx(alone.band(test, 0.9).upper, rel=1e-9)
+    covered = {row.test: row for row in measured_coverage(predictions, [0.9])}
+    for row in measured_coverage([*predictions, *versions], [0.9]):
+        same = covered[row.test.removesuffix(" again")]
+        assert row.samples.width == pytest.approx(same.samples.width, rel=1e-9)
+        assert row.samples.coverage == pytest.approx(same.samples.coverage, abs=1e-3)
+
+
+def test_the_coverage_of_each_test_is_that_of_a_calibration_without_it() -> None:
+    """The shared sums of a cross-validation give what each calibration alone gives."""
+    predictions = group(np.random.default_rng(3), 7, steep=True, biased=True)
+    rows = measured_coverage(predictions, [0.5, 0.9])
+    for index, prediction in enumerate(predictions):
+        others = calibrate([*predictions[:index], *predictions[index + 1 :]], held_out="")
+        for level in (0.5, 0.9):
+            (row,) = [each for each in rows if (each.test, each.level) == (prediction.test.label, level)]
+            expected = score(
+                others.band(prediction, level), prediction.measured, per=float(np.std(prediction.measured))
+            )
+            assert row.samples.width == pytest.approx(expected.width, rel=1e-9)
+            assert row.samples.coverage == pytest.approx(expected.coverage, abs=1e-3)
+
+
+@pytest.mark.parametrize("sizes", [(1000,) * 6, (10, 300, 4000), (1, 1)])
+def test_quantiles_weigh_every_test_alike(sizes: tuple[int, ...]) -> None:
+    rng = np.random.default_rng(4)
+    scores = [rng.exponential(1.0 + index, size) for index, size in enumerate(sizes)]
+    for level in (0.1, 0.5, 0.9, 0.99):
+        found = pooled_quantile(scores, level)
+        shares = np.mean([np.mean(each <= found) for each in scores])
+        less = np.mean([np.mean(each < found) for each in scores])
+        assert less < level <= shares + 1e-12
 
 
 def test_one_fold_alone_is_refused() -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -59,9 +59,9 @@ class RecordedMotion:
     periodic: bool
     step: float
     half_stroke: float
-    shape: str
+    shape: str = field(repr=False)
     force: float
-    commands: tuple[str, ...] = ()
+    commands: tuple[str, ...] = field(default=(), repr=False)
 
     @classmethod
     def of(cls, test: DamperTest) -> RecordedMotion:

@@ -1,0 +1,167 @@
+"""Tests of one motion at one command are recognised, whatever was done to the record; others are not."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from mrwork.records import DamperTest, RecordedMotion, build_damper_test, cut
+from mrwork.records.likeness import alike_groups, likeness, likest
+
+DT = 0.002
+
+
+def recorded(
+    displacement: NDArray[np.float64], *, current: float | NDArray[np.float64] | None = 0.5, seed: int = 0
+) -> DamperTest:
+    """A damper whose force grows with the command, and a rig with noise."""
+    rng = np.random.default_rng(seed)
+    velocity = np.gradient(displacement, DT)
+    level = 300.0 + 500.0 * (0.5 if current is None else current)
+    force = 800.0 * velocity + level * np.tanh(40.0 * velocity) + 2.0 * rng.standard_normal(velocity.size)
+    noisy = displacement + 1e-5 * rng.standard_normal(displacement.size)
+    time = DT * np.arange(displacement.size)
+    return build_damper_test(name=f"test {seed}", time=time, displacement=noisy, force=force, current=current)
+
+
+def sine(
+    amplitude: float, frequency: float, *, phase: float = 0.0, seconds: float = 8.0
+) -> NDArray[np.float64]:
+    time = DT * np.arange(round(seconds / DT))
+    return np.asarray(amplitude * np.sin(2.0 * np.pi * frequency * time + phase))
+
+
+def ramped(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(samples * np.minimum(DT * np.arange(samples.size) / 2.0, 1.0))
+
+
+def random_motion(seed: int, *, seconds: float = 20.0) -> NDArray[np.float64]:
+    """Band-limited to 3 Hz."""
+    rng = np.random.default_rng(seed)
+    spectrum = np.fft.rfft(rng.standard_normal(round(seconds / DT)))
+    frequency = np.fft.rfftfreq(round(seconds / DT), DT)
+    samples = np.fft.irfft(np.where((frequency > 0.3) & (frequency < 3.0), spectrum, 0.0))
+    return np.asarray(0.005 * samples / samples.std())
+
+
+def smoothed(test: DamperTest, seconds: float) -> DamperTest:
+    window = np.full(round(seconds / test.dt), 1.0)
+    window /= window.size
+    x, force = (np.convolve(each, window, mode="valid") for each in (test.displacement, test.force))
+    return build_damper_test(
+        name="smoothed", time=test.dt * np.arange(x.size), displacement=x, force=force, current=test.current
+    )
+
+
+def alike(one: DamperTest, other: DamperTest) -> bool:
+    return likeness(RecordedMotion.of(one), RecordedMotion.of(other)) is not None
+
+
+SINE = recorded(sine(0.01, 1.0))
+RANDOM = recorded(random_motion(1))
+
+VERSIONS: dict[str, Callable[[DamperTest], DamperTest]] = {
+    "smoothed": lambda test: smoothed(test, 0.05),
+    "a part": lambda test: cut(test, start=2.1, end=6.7),
+    "every fourth sample": lambda test: cut(test, every=4),
+    "in other units of force": lambda test: replace(test, sha256="other", force=1.02 * test.force),
+}
+
+
+@pytest.mark.parametrize(
+    "test", [SINE, RANDOM, recorded(ramped(sine(0.01, 1.0)))], ids=["sine", "random", "ramped"]
+)
+@pytest.mark.parametrize("version", VERSIONS)
+def test_versions_of_a_record_are_alike(test: DamperTest, version: str) -> None:
+    other = VERSIONS[version](test)
+    # A part of a record lies within the whole, and the whole has its greater part outside.
+    assert alike(other, test)
+    if version != "a part":
+        assert alike(test, other)
+
+
+def test_a_repeated_run_is_alike_with_its_own_noise_and_phase() -> None:
+    assert alike(recorded(sine(0.0102, 1.004, phase=2.0), seed=7), SINE)
+    assert alike(recorded(random_motion(1), seed=7), RANDOM)
+    # Seen with its start-up, tested without, and the other way round.
+    started = recorded(ramped(sine(0.01, 1.0)), seed=7)
+    assert alike(SINE, started)
+    assert alike(started, SINE)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        recorded(sine(0.01, 1.0), current=0.6),
+        recorded(sine(0.01, 1.0), current=0.0),
+        recorded(sine(0.012, 1.0)),
+        recorded(sine(0.01, 1.05)),
+        recorded(sine(0.01, 2.0)),
+        recorded(0.01 * 2.0 / np.pi * np.arcsin(sine(1.0, 1.0))),
+        recorded(sine(0.007, 1.0) + sine(0.004, 3.0)),
+        recorded(0.01 * np.sin(2.0 * np.pi * (0.5 + 0.2 * DT * np.arange(4000)) * DT * np.arange(4000))),
+        recorded(random_motion(2)),
+    ],
+    ids=[
+        "command",
+        "no command",
+        "amplitude",
+        "frequency",
+        "twice",
+        "triangle",
+        "harmonic",
+        "chirp",
+        "random",
+    ],
+)
+def test_other_motions_and_commands_are_not_alike(other: DamperTest) -> None:
+    for test in (SINE, RANDOM):
+        assert not alike(other, test)
+        assert not alike(test, other)
+
+
+def test_unknown_commands_are_told_apart_by_the_force() -> None:
+    unknown = recorded(sine(0.01, 1.0), current=None, seed=3)
+    assert alike(unknown, SINE)
+    assert not alike(unknown, recorded(sine(0.01, 1.0), current=2.0))
+
+
+def test_a_varying_command_is_compared_with_the_motion() -> None:
+    time = DT * np.arange(10000)
+    steps, others = (np.repeat(np.random.default_rng(seed).integers(0, 2, 40), 250) * 1.0 for seed in (1, 2))
+    motion = 0.01 * np.sin(2.0 * np.pi * time)
+    test = recorded(motion, current=steps)
+    assert alike(recorded(motion, current=steps, seed=5), test)
+    assert not alike(recorded(motion, current=others, seed=5), test)
+    assert not alike(recorded(motion, current=1.0), test)
+
+
+def test_alike_tests_form_a_group_and_the_closest_is_named() -> None:
+    tests = [SINE, RANDOM, smoothed(SINE, 0.05), recorded(sine(0.01, 1.0), current=1.0), cut(RANDOM, every=2)]
+    motions = [RecordedMotion.of(test) for test in tests]
+    assert alike_groups(motions) == [[0, 2], [1, 4], [3]]
+    found = likest(motions[2], motions[:2])
+    assert found is not None
+    assert found.like == SINE.name
+    assert "smoothed has the motion and command of test 0" in found.in_words
+    assert likest(motions[3], motions[:3]) is None
+
+
+def test_an_identical_file_is_alike_whatever_was_cut_from_it() -> None:
+    first, last = cut(RANDOM, end=5.0), cut(RANDOM, start=15.0)
+    assert alike(first, last)
+
+
+def test_what_is_stored_is_small_and_survives_json() -> None:
+    motion = RecordedMotion.of(RANDOM)
+    stored = json.dumps(asdict(motion))
+    assert len(stored) < 7000
+    record = json.loads(stored)
+    again = RecordedMotion(**(record | {"commands": tuple(record["commands"])}))
+    assert again == motion
+    assert np.max(np.abs(again.displacement)) == pytest.approx(motion.half_stroke)
