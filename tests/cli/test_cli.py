@@ -135,6 +135,60 @@ def test_identify_writes_a_run_that_predict_reads(record: Path, tmp_path: Path) 
     assert {"file", "fit_percent", "nrmse", "rmse_n", "n_time"} <= set(predicted["files"][0])
 
 
+def test_a_prediction_without_the_nuisances_of_its_fit_says_so(tmp_path: Path, record: Path) -> None:
+    out = tmp_path / "run"
+    arguments = (
+        "identify",
+        record,
+        "--model",
+        "hyperbolic_tangent_guo",
+        "--nuisance",
+        "offset",
+        "--out",
+        out,
+    )
+    fitted = mrwork(*arguments, "--json", "--quiet", *FAST)
+    assert fitted.returncode == 0, fitted.stderr
+    as_fitted = json.loads(mrwork("predict", out, record, "--json").stdout)
+    assert (as_fitted["nuisances"], as_fitted["warnings"]) == (["offset"], [])
+    assert as_fitted["files"][0]["fit_percent"] == pytest.approx(
+        json.loads(fitted.stdout)["fit_percent"], abs=1e-6
+    )
+    assert as_fitted["files"][0]["nuisance"]["offset"] != 0.0
+    without = mrwork("predict", out, record, "--nuisance", "none", "--json")
+    (warning,) = json.loads(without.stdout)["warnings"]
+    assert "estimated the offset of the force for each test" in warning
+    assert f"warning: {warning}" in mrwork("predict", out, record, "--nuisance", "none").stdout
+    refused(mrwork("predict", out, record, "--nuisance", "none", "--nuisance", "level"), "none", "combined")
+
+
+def test_several_tests_have_a_median_a_worst_and_each_finding_once(tmp_path: Path, record: Path) -> None:
+    other = tmp_path / "other.csv"
+    other.write_bytes(record.read_bytes())
+    out = tmp_path / "run"
+    arguments = (
+        "identify",
+        record,
+        other,
+        "--model",
+        "static_hysteretic",
+        "--repair",
+        "offset=100",
+        "--out",
+        out,
+    )
+    text = mrwork(*arguments, "--quiet", *FAST).stdout
+    assert text.count("a static force of +100 N was subtracted") == 1
+    assert "repaired in all 2 tests:" in text
+    assert "2 tests: fit median" in text
+    predicted = mrwork("predict", out, record, other, "--json")
+    spread = json.loads(predicted.stdout)["spread"]
+    percents = [row["fit_percent"] for row in json.loads(predicted.stdout)["files"]]
+    assert spread["worst_percent"] == min(percents)
+    assert spread["median_percent"] == pytest.approx(sum(percents) / 2)
+    assert "2 tests: fit median" in mrwork("predict", out, record, other).stdout
+
+
 def test_identify_starts_from_an_earlier_run(tmp_path: Path) -> None:
     first, second = tmp_path / "first", tmp_path / "second"
     test = "synthetic:spencer1997"

@@ -39,6 +39,8 @@ from mrwork.uncertainty.bands.conformal import (
 )
 from mrwork.uncertainty.bands.prediction import IN_WORDS, Fold, Prediction, predict, predict_left_out
 
+_AS_FITTED = "as in the identification"
+
 
 def add_parser(verbs: Any) -> None:
     """Declare the verb."""
@@ -50,7 +52,7 @@ def add_parser(verbs: Any) -> None:
     )
     add_run(parser)
     add_files(parser, required=False)
-    add_observation(parser, default="as in the identification")
+    add_observation(parser, default=_AS_FITTED, nuisances=_AS_FITTED)
     parser.add_argument(
         "--leave-out",
         choices=get_args(Fold),
@@ -87,7 +89,7 @@ def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:
     fit = read_fit(options.run_folder)
     words = observation_of(options, fit.settings.observe)
     tests = [observed(test, words) for test in read_tests(options)]
-    nuisances = nuisances_of(options) or fit.nuisances
+    nuisances = nuisances_of(options, fit.nuisances)
     return tuple(predict(fit, test, nuisances=nuisances) for test in tests)
 
 

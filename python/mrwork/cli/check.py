@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -15,6 +15,7 @@ from mrwork.cli.options import add_files, add_json, reading_of
 from mrwork.errors import MrworkError
 from mrwork.records import DamperTest, Finding, mislabelled
 from mrwork.records.command_signal import Command, command_range
+from mrwork.records.findings import gathered_findings
 
 
 def add_parser(verbs: Any) -> None:
@@ -44,13 +45,17 @@ def run(options: argparse.Namespace) -> int:
             continue
         tests.append(test)
         rows.append(_facts(test))
-        if not options.json:
-            print(_report(test))
     together = mislabelled(tests)
+    gathered = gathered_findings(tests)
     if options.json:
-        print(json.dumps({"files": rows, "set": [asdict(finding) for finding in together]}))
-    elif together:
-        print("\n".join(["all files together:", *_lines(together)]))
+        document = {"files": rows, "set": [asdict(finding) for finding in together]}
+        print(json.dumps(document | {"shared": [asdict(each) for each in gathered.shared]}))
+        return status
+    for test, own in zip(tests, gathered.own, strict=True):
+        print(_report(test, own))
+    lines = [*_lines(together), *(f"  {each.in_words}" for each in gathered.shared)]
+    if lines:
+        print("\n".join(["all files together:", *lines]))
     return status
 
 
@@ -79,7 +84,7 @@ def _plain(command: Command | None) -> float | dict[str, float] | None:
     return {"lowest": low, "highest": high}
 
 
-def _report(test: DamperTest) -> str:
+def _report(test: DamperTest, own: Sequence[Finding]) -> str:
     facts = _facts(test)
     command = f", {test.command_in_words}" if test.commands else ""
     head = (
@@ -87,7 +92,7 @@ def _report(test: DamperTest) -> str:
         f"{1e3 * facts['peak_displacement_m']:.3g} mm, {1e3 * facts['peak_velocity_mps']:.3g} mm/s, "
         f"{facts['peak_force_n']:.4g} N{command}"
     )
-    return "\n".join([head, *(_lines(test.findings) or ["  nothing to note"])])
+    return "\n".join([head, *([] if test.findings else ["  nothing to note"]), *_lines(own)])
 
 
 def _lines(findings: Iterable[Finding]) -> list[str]:

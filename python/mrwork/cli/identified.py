@@ -14,8 +14,10 @@ from mrwork.cli.output import drawing, result_lines
 from mrwork.dampers.spec import damper
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import write_run
+from mrwork.identification.result import FitSpread
 from mrwork.identification.settings import Reading
 from mrwork.records import DamperTest
+from mrwork.records.findings import gathered_findings
 from mrwork.store.run_folder import REPORT
 
 if TYPE_CHECKING:
@@ -99,7 +101,23 @@ def report_line(folder: Path) -> str:
     return f"\nReport: {folder / REPORT}"
 
 
-def summary_of(fit: Fit, folder: Path) -> dict[str, Any]:
+def spread_of(fit: Fit) -> FitSpread:
+    """Median and worst fit of the tests of a fit."""
+    return FitSpread.of([each.test for each in fit.quality], [each.fit_percent for each in fit.quality])
+
+
+def _findings(tests: tuple[DamperTest, ...]) -> list[dict[str, Any]]:
+    """Findings of the checks, each with its tests."""
+    gathered = gathered_findings(tests)
+    own = [
+        {"code": each.code, "severity": each.severity, "message": each.message, "tests": [test.name]}
+        for test, findings in zip(tests, gathered.own, strict=True)
+        for each in findings
+    ]
+    return [asdict(each) for each in gathered.shared] + own
+
+
+def summary_of(fit: Fit, tests: tuple[DamperTest, ...], folder: Path) -> dict[str, Any]:
     """Summary of a fit, for --json."""
     return {
         "model": fit.model,
@@ -131,6 +149,8 @@ def summary_of(fit: Fit, folder: Path) -> dict[str, Any]:
         "n_effective": fit.n_effective,
         "rng": fit.provenance.rng,
         "files": [asdict(quality) for quality in fit.quality],
+        "spread": asdict(spread_of(fit)) if len(fit.quality) > 1 else None,
+        "findings": _findings(tests),
         "out": str(folder),
     }
 
@@ -148,12 +168,16 @@ def text_of(fit: Fit, tests: tuple[DamperTest, ...]) -> str:
     ]
     if fit.identifiability is not None and fit.identifiability.directions:
         lines += [*(f"  - {each.sentence}" for each in fit.identifiability.directions), ""]
-    for test, quality in zip(tests, fit.quality, strict=True):
+    gathered = gathered_findings(tests)
+    for test, quality, findings in zip(tests, fit.quality, gathered.own, strict=True):
         settle = f", first {quality.settle_seconds:.2g} s not compared" if quality.settle_seconds > 0 else ""
         recorded = ", ".join(filter(None, (quality.observation.in_words, quality.nuisance.in_words)))
         lines.append(
             f"  {test.label}: fit {quality.fit_percent:.2f} %, RMSE {quality.rmse_n:.4g} N "
             f"over {quality.n_time} samples{settle}{f'; the model force {recorded}' if recorded else ''}"
         )
-        lines += [f"    {finding.severity}: {finding.message}" for finding in test.findings]
+        lines += [f"    {finding.severity}: {finding.message}" for finding in findings]
+    if len(tests) > 1:
+        lines += ["", f"  {spread_of(fit).in_words}"]
+    lines += [f"  {shared.in_words}" for shared in gathered.shared]
     return "\n".join(lines)

@@ -208,7 +208,7 @@ def run(options: argparse.Namespace) -> int:
     else:
         status = write_fit_page(folder, fit, tests, quiet=options.quiet or options.json)
     if options.json:
-        print(json.dumps(summary_of(fit, folder)))
+        print(json.dumps(summary_of(fit, tests, folder)))
     elif status == 0:
         print(report_line(folder))
     return status

@@ -16,6 +16,8 @@ from mrwork.records import DamperTest, parse_column_option
 from mrwork.records.observing import DETECT, as_words
 from mrwork.records.repairs import REPAIR_KINDS, RepairKind
 
+_NONE = "none"
+
 
 def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
     """FILE... and the options for reading the files."""
@@ -56,8 +58,10 @@ def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None
     )
 
 
-def add_observation(parser: argparse.ArgumentParser, *, default: str = DETECT) -> None:
-    """--observe, by default as `default` says, and --nuisance."""
+def add_observation(
+    parser: argparse.ArgumentParser, *, default: str = DETECT, nuisances: str = _NONE
+) -> None:
+    """--observe and --nuisance, whose defaults `default` and `nuisances` say."""
     parser.add_argument(
         "--observe",
         action="append",
@@ -72,8 +76,9 @@ def add_observation(parser: argparse.ArgumentParser, *, default: str = DETECT) -
         "--nuisance",
         action="append",
         default=[],
-        choices=get_args(NuisanceName),
-        help="nuisance parameter of the measurement, estimated for each test; repeat for more",
+        choices=[*get_args(NuisanceName), _NONE],
+        help="nuisance parameter of the measurement, estimated for each test from its measured force; repeat for more; "
+        f"default: {nuisances}",
     )
 
 
@@ -175,9 +180,20 @@ def command_unit(tests: tuple[DamperTest, ...], options: argparse.Namespace) -> 
     return unit
 
 
-def nuisances_of(options: argparse.Namespace) -> tuple[NuisanceName, ...]:
-    """The nuisance parameters of the command line, each once."""
-    return tuple(name for name in get_args(NuisanceName) if name in options.nuisance)
+def nuisances_of(
+    options: argparse.Namespace, default: tuple[NuisanceName, ...] = ()
+) -> tuple[NuisanceName, ...]:
+    """The nuisance parameters of the command line, each once; `default` where it names none.
+
+    Raises
+    ------
+    SettingError
+        Where none is combined with others.
+    """
+    if _NONE in options.nuisance and set(options.nuisance) != {_NONE}:
+        raise SettingError("--nuisance none cannot be combined with others; give one or the other")
+    chosen = tuple(name for name in get_args(NuisanceName) if name in options.nuisance)
+    return chosen if options.nuisance else default
 
 
 def observation_of(options: argparse.Namespace, default: Sequence[str] = (DETECT,)) -> tuple[str, ...]:

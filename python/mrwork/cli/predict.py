@@ -19,12 +19,15 @@ from mrwork.cli.options import (
     read_tests,
 )
 from mrwork.identification.fit_file import read_fit
-from mrwork.identification.result import free_run
+from mrwork.identification.nuisance import estimated_in_words, missing_warnings
+from mrwork.identification.result import FitSpread, free_run
 from mrwork.records import observed
 from mrwork.summary import aligned
 from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.calibration_files import read_calibration
 from mrwork.uncertainty.bands.prediction import Prediction
+
+_AS_FITTED = "as in the identification"
 
 
 def add_parser(verbs: Any) -> None:
@@ -35,7 +38,7 @@ def add_parser(verbs: Any) -> None:
     )
     add_run(parser)
     add_files(parser)
-    add_observation(parser, default="as in the identification")
+    add_observation(parser, default=_AS_FITTED, nuisances=_AS_FITTED)
     parser.add_argument(
         "--substep-factor",
         type=int,
@@ -61,7 +64,8 @@ def run(options: argparse.Namespace) -> int:
     spec, theta = fit.spec, np.array(fit.theta)
     rows: list[dict[str, Any]] = []
     about_seen: tuple[str, ...] = ()
-    nuisances = nuisances_of(options)
+    nuisances = nuisances_of(options, fit.nuisances)
+    warnings = missing_warnings(fit.nuisances, nuisances)
     words = observation_of(options, fit.settings.observe)
     for test in (observed(test, words) for test in read_tests(options)):
         force, quality = free_run(
@@ -83,6 +87,7 @@ def run(options: argparse.Namespace) -> int:
                 "settle_seconds": quality.settle_seconds,
                 "substeps": quality.substeps,
                 "seen": None if seen is None else asdict(seen),
+                "nuisance": asdict(quality.nuisance) if nuisances else None,
             }
         )
         about_seen += () if seen is None else (f"Seen by the fit: {seen.in_words}.",)
@@ -98,9 +103,19 @@ def run(options: argparse.Namespace) -> int:
                 "inside": scored.coverage,
                 "calibrated_on": None if known is None else asdict(known),
             }
+    spread = None
+    if len(rows) > 1:
+        spread = FitSpread.of([row["file"] for row in rows], [row["fit_percent"] for row in rows])
     basis = None if calibration is None else calibration.basis
     if options.json:
-        print(json.dumps({"model": fit.model, "files": rows} | ({"basis": basis} if basis else {})))
+        document: dict[str, Any] = {
+            "model": fit.model,
+            "files": rows,
+            "nuisances": nuisances,
+            "warnings": warnings,
+        }
+        document |= {"spread": asdict(spread)} if spread is not None else {}
+        print(json.dumps(document | ({"basis": basis} if basis else {})))
         return 0
     heads = ["file", "fit %", "NRMSE", "RMSE [N]", "samples", "sub-steps"]
     cells = [
@@ -119,6 +134,12 @@ def run(options: argparse.Namespace) -> int:
         for cell, row in zip(cells, rows, strict=True):
             cell += [f"{row['band']['half_width_n']:.4g}", f"{100.0 * row['band']['inside']:.1f}"]
     print("\n".join(aligned([heads, *cells])))
+    if spread is not None:
+        print(spread.in_words)
+    if nuisances:
+        print(f"Estimated from the measured force of each test: {estimated_in_words(nuisances)}.")
+    for warning in warnings:
+        print(f"warning: {warning}")
     if basis:
         print(f"Bands of {100.0 * options.level:g} %, {basis}.")
     for sentence in about_seen:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -38,6 +39,30 @@ class Nuisance:
 
 
 NONE = Nuisance()
+
+_IN_WORDS: dict[NuisanceName, str] = {
+    "offset": "offset of the force",
+    "level": "level of the force",
+    "delay": "delay of the force",
+}
+
+
+def estimated_in_words(names: Sequence[NuisanceName]) -> str:
+    """What is estimated from the measured force of each test."""
+    return " and ".join(_IN_WORDS[name] for name in names)
+
+
+def missing_warnings(fitted: Sequence[NuisanceName], used: Sequence[NuisanceName]) -> tuple[str, ...]:
+    """A warning where the fit estimated nuisance parameters for each test that a prediction does not use."""
+    missing = [name for name in fitted if name not in used]
+    if not missing:
+        return ()
+    held = ", and its model has no offset of its own" if "offset" in missing else ""
+    return (
+        f"the fit estimated the {estimated_in_words(missing)} for each test{held}; this prediction does not, so it is "
+        f"worse than the fit by what they change; --nuisance {' --nuisance '.join(fitted)}, the default, estimates "
+        "them from the measured force of each test",
+    )
 
 
 def bounds_without_offsets(

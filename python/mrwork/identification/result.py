@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -82,6 +83,35 @@ def _lag_one(residual: NDArray[np.float64]) -> float:
     centred = residual - residual.mean()
     power = float(centred @ centred)
     return float(centred[1:] @ centred[:-1]) / power if power > 0.0 else 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FitSpread:
+    """Fits of several tests [%]: the median, and the worst with the name of its test."""
+
+    n_tests: int
+    median_percent: float
+    worst_percent: float
+    worst_test: str
+
+    @classmethod
+    def of(cls, names: Sequence[str], percents: Sequence[float]) -> FitSpread:
+        """Median and worst of the fits of the tests with these names."""
+        worst = int(np.argmin(percents))
+        return cls(
+            n_tests=len(percents),
+            median_percent=float(np.median(percents)),
+            worst_percent=float(percents[worst]),
+            worst_test=names[worst],
+        )
+
+    @property
+    def in_words(self) -> str:
+        """One line."""
+        return (
+            f"{self.n_tests} tests: fit median {self.median_percent:.2f} %, worst {self.worst_percent:.2f} % "
+            f"({self.worst_test})"
+        )
 
 
 Remark = Literal["", "fixed", "at lower bound", "at upper bound", "not identifiable"]
