@@ -91,6 +91,7 @@ def key(
     least: float = -math.inf,
     above: float = -math.inf,
     may_be_nan: bool = False,
+    matrix: bool = False,
 ) -> Any:
     """Declare a key of a table.
 
@@ -106,8 +107,17 @@ def key(
         Bounds of a number: it must not be less than `least`, and must exceed `above`.
     may_be_nan
         Whether a number may be NaN, as the value of a broken sensor.
+    matrix
+        Whether the value may be a matrix, in a file also the name of a text file with it.
     """
-    notes = {"says": says, "unit": unit, "least": least, "above": above, "may_be_nan": may_be_nan}
+    notes = {
+        "says": says,
+        "unit": unit,
+        "least": least,
+        "above": above,
+        "may_be_nan": may_be_nan,
+        "matrix": matrix,
+    }
     return field(metadata=notes) if default is MISSING else field(default=default, metadata=notes)
 
 
@@ -140,6 +150,20 @@ def out_of_range(name: str, value: float, entry: Field[Any]) -> str:
     if value <= above:
         return f"{name} is {value:g}; it must be more than {above:g}"
     return ""
+
+
+def plain_values(table: Any) -> None:
+    """Turn arrays and lists of a table that a script has built into tuples, so that the table is immutable."""
+    for entry in fields(table):
+        given = getattr(table, entry.name)
+        found = _plain_value(given)
+        if found is not given:
+            object.__setattr__(table, entry.name, found)
+
+
+def _plain_value(given: Any) -> Any:
+    listed = given.tolist() if hasattr(given, "tolist") else given
+    return tuple(map(_plain_value, listed)) if isinstance(listed, list | tuple) else listed
 
 
 def check_keys(table: Any) -> None:

@@ -166,11 +166,11 @@ def test_weights_that_cannot_be_are_refused() -> None:
     system = plant()
     outputs = accelerations(system)
     for W, R, message in (
-        ([1.0], 1.0, r"`weights` has shape \(1,\); give \(3,\) or \(3, 3\)"),
-        ([1.0, -1.0, 0.0], 1.0, "`weights` is not symmetric and positive semidefinite"),
+        ([1.0], 1.0, "weights has 1 weight, and there are 3 outputs; give one for each"),
+        ([1.0, -1.0, 0.0], 1.0, "weights is not positive semidefinite"),
         ([1.0, np.inf, 0.0], 1.0, "holds a value that is not a finite number"),
         (THIRD_FLOOR, 0.0, "give a positive `control_weight`"),
-        (THIRD_FLOOR, [1.0, 1.0], "`control_weight` has shape"),
+        (THIRD_FLOOR, [1.0, 1.0], "control_weight has 2 weights, and there is 1 device"),
     ):
         with pytest.raises(SettingError, match=message):
             regulator_of_outputs(system, outputs, W, R)

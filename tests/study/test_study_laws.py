@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -59,6 +61,24 @@ def design(law: str, text: str, on: DesignProblem | None = None) -> Design:
     settings: LawSettings = read_table(SETTINGS[law], document, place)
     with located(place):
         return settings.design(on or design_problem())
+
+
+def test_an_inverse_network_gives_the_force_of_the_whole_group() -> None:
+    """Two dampers in parallel give twice the force at the same command, so the network takes twice the wanted force."""
+    one = replace(design_problem().devices[0], differential=False)
+    tables = [
+        design(
+            "inverse_network",
+            TOLD["inverse_network"],
+            replace(design_problem(), devices=(replace(one, count=count),)),
+        ).tables
+        for count in (1, 2)
+    ]
+    deformation_rate_force = np.tile([1.0, 1.0, 2.0], 2)
+    np.testing.assert_allclose(tables[1]["reach"], tables[0]["reach"] * deformation_rate_force, rtol=1e-12)
+    layers = [np.asarray(each["layer"]).reshape(3, 8) for each in tables]
+    np.testing.assert_allclose(layers[1][:, 1:7] * deformation_rate_force, layers[0][:, 1:7], rtol=1e-6)
+    np.testing.assert_allclose(layers[1][:, [0, 7]], layers[0][:, [0, 7]], rtol=1e-6)
 
 
 def test_every_law_of_the_registry_has_settings() -> None:
@@ -122,7 +142,7 @@ def test_the_force_of_a_sliding_law_pushes_its_surface_down() -> None:
         (
             "clipped_optimal",
             "drifts = 1\nenergy = 1\ncontrol_weight = 1",
-            r"line 2: a regulator weighs the energy or outputs such as drifts; keep one",
+            r"line 2: the law weighs the energy, or outputs such as drifts; keep one",
         ),
         (
             "clipped_optimal",

@@ -18,6 +18,9 @@ Floats = NDArray[np.float64]
 class Device(Summarised):
     """Dampers at one place that follow one command between 0 and `largest_command`.
 
+    `theta` belongs to one damper. The force of the device in responses and laws, and the weights and slopes of a law,
+    are those of all its dampers together.
+
     Parameters
     ----------
     spec, theta

@@ -45,6 +45,7 @@ from .plant import displacements as displacements
 from .plant import drifts as drifts
 from .plant import natural_frequencies as natural_frequencies
 from .plant import plant_of as plant_of
+from .plant import relative_velocities as relative_velocities
 from .plant import stacked as stacked
 from .plant import velocities as velocities
 from .sliding import SlidingGains as SlidingGains

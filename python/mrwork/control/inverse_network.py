@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.control.inverse_samples import (
     N_SAMPLES,
+    DamperGroup,
     InverseSamples,
     inverse_samples,
     network_inputs,
@@ -19,7 +20,7 @@ from mrwork.control.inverse_samples import (
 )
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
-from mrwork.simulate import Loading, simulate_force
+from mrwork.simulate import Loading
 from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]
@@ -87,6 +88,8 @@ def train_inverse_network(
     sample_time: float,
     n_hidden: int = 12,
     n_previous: int = 1,
+    count: float = 1.0,
+    differential: bool = False,
     rng: int = 0,
     on_step: OnTrainingStep | None = None,
 ) -> InverseNetwork:
@@ -109,6 +112,9 @@ def train_inverse_network(
         Sample time of the controller [s], the time between present and previous inputs.
     n_previous
         Number of earlier samples among the inputs, 0 or 1.
+    count, differential
+        Number of dampers in parallel, and whether as many act in opposition, as in `Device`; the wanted force is that
+        of all together.
     rng
         Seed of the motions, the commands and the initial weights.
 
@@ -145,7 +151,8 @@ def train_inverse_network(
         )
         for n_cycles in (n_cycles, n_cycles // 3)
     )
-    samples, force_scale = inverse_samples(spec, values, training, largest_command, n_previous, generator)
+    group = DamperGroup(spec=spec, theta=values, count=count, differential=differential)
+    samples, force_scale = inverse_samples(group, training, largest_command, n_previous, generator)
     scale = np.tile([amplitude, velocity, force_scale], 1 + n_previous)
     W1, b1, w2, b2 = _trained(samples, scale, n_hidden, generator, on_step)
     current = ("deformation", "velocity", "wanted force")
@@ -161,7 +168,7 @@ def train_inverse_network(
         fit_percent=np.nan,
         command_error=np.nan,
     )
-    return _tested(network, spec, values, held_out, n_previous)
+    return _tested(network, group, held_out, n_previous)
 
 
 def _check(
@@ -272,13 +279,11 @@ def _trained(
     return W1, found[shapes : shapes + n_hidden], found[shapes + n_hidden : -1], float(found[-1])
 
 
-def _tested(
-    network: InverseNetwork, spec: DamperSpec, theta: Floats, loading: Loading, n_previous: int
-) -> InverseNetwork:
+def _tested(network: InverseNetwork, group: DamperGroup, loading: Loading, n_previous: int) -> InverseNetwork:
     """The network with its accuracy on a test motion."""
-    wanted = simulate_force(spec, theta, loading)
+    wanted = group.force(loading)
     command = network.command(network_inputs(loading, wanted, n_previous))
-    given = simulate_force(spec, theta, replace(loading, command=command))
+    given = group.force(replace(loading, command=command))
     fit = 1.0 - np.linalg.norm(given - wanted) / np.linalg.norm(wanted - wanted.mean())
     error = (command - np.asarray(loading.command)) / network.output_scale
     return replace(network, fit_percent=float(100.0 * fit), command_error=float(np.sqrt(np.mean(error**2))))

@@ -79,9 +79,31 @@ def random_loading(
     )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DamperGroup:
+    """`count` equal dampers in parallel; with `differential` as many act in opposition, with the same command."""
+
+    spec: DamperSpec
+    theta: Floats
+    count: float = 1.0
+    differential: bool = False
+
+    def force(self, loading: Loading) -> Floats:
+        """Force of all dampers together [N], shape (n_time,)."""
+        one = simulate_force(self.spec, self.theta, loading)
+        if self.differential:
+            assert loading.velocity is not None
+            opposed = replace(
+                loading,
+                displacement=-np.asarray(loading.displacement),
+                velocity=-np.asarray(loading.velocity),
+            )
+            one = one - simulate_force(self.spec, self.theta, opposed)
+        return np.asarray(self.count * one)
+
+
 def inverse_samples(
-    spec: DamperSpec,
-    theta: Floats,
+    group: DamperGroup,
     loading: Loading,
     largest_command: float,
     n_previous: int,
@@ -94,14 +116,14 @@ def inverse_samples(
     SettingError
         If the command does not change the force.
     """
-    force = simulate_force(spec, theta, loading)
-    least = simulate_force(spec, theta, replace(loading, command=0.0))
-    most = simulate_force(spec, theta, replace(loading, command=largest_command))
+    force = group.force(loading)
+    least = group.force(replace(loading, command=0.0))
+    most = group.force(replace(loading, command=largest_command))
     span = np.abs(most - least)
     usual = float(np.sqrt(np.mean(span**2)))
     if usual == 0.0:
         raise SettingError(
-            f"the command does not change the force of this {spec.name}; there is nothing to invert"
+            f"the command does not change the force of this {group.spec.name}; there is nothing to invert"
         )
     importance = np.maximum(span / usual, _LEAST_IMPORTANCE)
     excess, lack = (10.0 ** rng.uniform(*_BEYOND, force.size) * (most - least) for _ in range(2))

@@ -7,14 +7,17 @@ from dataclasses import fields
 from types import MappingProxyType
 from typing import Final
 
+import numpy as np
+from numpy.typing import NDArray
+
 from mrwork.control.design_problem import DesignProblem
 from mrwork.control.law_settings import SETTINGS, LawSettings
 from mrwork.control.laws import ControlLaw, control_law
 from mrwork.errors import SettingError
 from mrwork.keys import described, is_required
 
-SettingValue = float | Sequence[float] | None
-"""A value of a setting of a control law."""
+SettingValue = float | Sequence[float] | Sequence[Sequence[float]] | NDArray[np.float64] | None
+"""A value of a setting of a control law; a weight may be an array or a matrix."""
 
 _NO_SETTINGS: Final[Mapping[str, SettingValue]] = MappingProxyType({})
 
@@ -38,7 +41,7 @@ def settings_of(name: str, given: Mapping[str, SettingValue]) -> LawSettings:
     for each, entry in known.items():
         if each not in given and is_required(entry):
             raise SettingError(f"{name} has no {each}; give {described(entry)}")
-    return kind(**{each: tuple(value) if isinstance(value, list) else value for each, value in given.items()})
+    return kind(**given)
 
 
 def design_law(

@@ -20,15 +20,15 @@ from numpy.typing import NDArray
 from mrwork.control.design_problem import Design, DesignProblem
 from mrwork.control.fuzzy import fuzzy_table
 from mrwork.control.inverse_network import InverseNetwork, train_inverse_network
-from mrwork.control.lqr import Regulator, regulator_of_outputs, regulator_of_state
-from mrwork.control.lyapunov import lyapunov_function
-from mrwork.control.plant import accelerations, displacements, drifts, stacked, velocities
+from mrwork.control.lqr import Regulator, regulator_of_weights
+from mrwork.control.lyapunov import LyapunovFunction, lyapunov_function
+from mrwork.control.plant import Plant
 from mrwork.control.sliding import SlidingGains, SlidingSurface, optimal_surface, sliding_gains
+from mrwork.control.weights import CostWeights, Weights
 from mrwork.errors import InvalidSettingError
-from mrwork.keys import check_keys, key
+from mrwork.keys import check_keys, key, plain_values
 
 Floats = NDArray[np.float64]
-Weights = float | tuple[float, ...]
 
 
 class LawSettings(ABC):
@@ -41,6 +41,7 @@ class LawSettings(ABC):
     constant: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
+        plain_values(self)
         check_keys(self)
 
     @abstractmethod
@@ -78,7 +79,9 @@ class PassiveSettings(LawSettings):
 class FrictionSettings(LawSettings):
     """Friction in proportion to the last peak elongation."""
 
-    slope: float = key("wanted friction per elongation", unit="N/m", above=0.0)
+    slope: float = key(
+        "wanted friction of a device with all its dampers, per elongation", unit="N/m", above=0.0
+    )
 
     def design(self, problem: DesignProblem) -> Design:
         """The slope of each device."""
@@ -105,17 +108,12 @@ class FuzzySettings(LawSettings):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RegulatorSettings(LawSettings):
-    """A linear quadratic regulator; each weight is one number for all floors or storeys, or one for each."""
+class RegulatorSettings(CostWeights, LawSettings):
+    """A linear quadratic regulator; without weights of outputs or states it weighs the energy of the building."""
 
-    control_weight: float = key("R of the force [1/N2]", above=0.0)
-    accelerations: Weights | None = key(
-        "weights of absolute floor accelerations [(s2/m)2]", default=None, least=0.0
+    control_weight: Weights = key(
+        "R of the forces [1/N2], each the force of a device with all its dampers", above=0.0, matrix=True
     )
-    drifts: Weights | None = key("weights of drifts [1/m2]", default=None, least=0.0)
-    displacements: Weights | None = key("weights of floor displacements [1/m2]", default=None, least=0.0)
-    velocities: Weights | None = key("weights of floor velocities [(s/m)2]", default=None, least=0.0)
-    energy: float | None = key("weight of twice the energy of the building [1/J]", default=None, above=0.0)
 
     def design(self, problem: DesignProblem) -> Design:
         """The gain of the regulator."""
@@ -124,30 +122,18 @@ class RegulatorSettings(LawSettings):
     def regulator(self, problem: DesignProblem) -> Regulator:
         """The regulator with these weights."""
         plant = problem.plant
-        outputs = (
-            ("accelerations", accelerations, self.accelerations),
-            ("drifts", drifts, self.drifts),
-            ("displacements", displacements, self.displacements),
-            ("velocities", velocities, self.velocities),
-        )
-        weighed = [(name, make(plant), weights) for name, make, weights in outputs if weights is not None]
-        if not weighed:
-            return regulator_of_state(plant, (self.energy or 1.0) * plant.energy, self.control_weight)
-        if self.energy is not None:
-            raise InvalidSettingError(
-                "energy", f"a regulator weighs the energy or outputs such as {weighed[0][0]}; keep one"
-            )
-        weights = [_each(name, given, len(made.names)) for name, made, given in weighed]
-        return regulator_of_outputs(
-            plant, stacked(*(made for _, made, _ in weighed)), np.concatenate(weights), self.control_weight
-        )
+        return regulator_of_weights(plant, self.weighed(plant), self.control_weight)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClippedSettings(RegulatorSettings):
     """A regulator with a command in proportion to the wanted force."""
 
-    full_force: float = key("wanted force at which the largest command is sent", unit="N", above=0.0)
+    full_force: float = key(
+        "wanted force of a device with all its dampers at which the largest command is sent",
+        unit="N",
+        above=0.0,
+    )
 
     def design(self, problem: DesignProblem) -> Design:
         """The gain, and the full force of each device."""
@@ -157,7 +143,10 @@ class ClippedSettings(RegulatorSettings):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NetworkSettings(RegulatorSettings):
-    """A regulator with a neural network from the wanted force to the command."""
+    """A regulator with a neural network from the wanted force to the command.
+
+    The network is that of the first device, with all its dampers; all devices have it.
+    """
 
     amplitude: float = key("expected peak elongation", unit="m", above=0.0)
     velocity: float = key("expected peak rate of elongation", unit="m/s", above=0.0)
@@ -175,6 +164,8 @@ class NetworkSettings(RegulatorSettings):
             velocity=self.velocity,
             sample_time=problem.sample_time,
             n_hidden=self.hidden,
+            count=device.count,
+            differential=device.differential,
             rng=self.seed,
         )
         return Design(gains={"gain": self.regulator(problem).gain}, tables=_network_tables(network))
@@ -190,42 +181,45 @@ def _network_tables(network: InverseNetwork) -> dict[str, Floats]:
     return {"layer": layer.ravel(), "output": output, "reach": network.input_scale}
 
 
-def _each(name: str, given: Weights, count: int) -> Floats:
-    if isinstance(given, tuple) and len(given) != count:
-        raise InvalidSettingError(
-            name, f"{name} has {len(given)} weights, and there are {count}; give one for each, or one for all"
-        )
-    return np.full(count, given) if isinstance(given, float) else np.array(given)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LyapunovSettings(LawSettings):
-    """A Lyapunov function; its weight is the energy of the building by default."""
+class LyapunovSettings(CostWeights, LawSettings):
+    """A Lyapunov function; without weights of outputs or states its weight is the energy of the building.
 
-    state_weight: tuple[float, ...] | None = key(
-        "diagonal of Q_P over displacements, then velocities of the coordinates", default=None, least=0.0
-    )
+    Weights of accelerations count those of the building without device forces: `V' = -s'Q_P s / 2 + sigma f` holds for
+    any Q_P of the state alone.
+    """
 
     def design(self, problem: DesignProblem) -> Design:
         """Weight of the state."""
-        return Design(gains={"weight": lyapunov_function(problem.plant, self.state_weight).vectors})
+        return Design(gains={"weight": self.function(problem.plant).vectors})
+
+    def function(self, plant: Plant) -> LyapunovFunction:
+        """The Lyapunov function with these weights."""
+        return lyapunov_function(plant, self.weighed(plant).Q)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProportionalSettings(LyapunovSettings):
-    """The smooth law kappa sigma G; with a control weight sigma is that of a regulator of the energy."""
+    """The smooth law kappa sigma G; with a control weight sigma is that of a regulator with the same weights."""
 
-    slope: float = key("kappa [A or V, per unit of sigma G]", above=0.0)
-    control_weight: float | None = key("R of that regulator [1/N2]", default=None, above=0.0)
+    slope: float = key(
+        "kappa [A or V, per unit of sigma G]; G is the slope of the force of a device with all its dampers",
+        above=0.0,
+    )
+    control_weight: Weights | None = key(
+        "R of that regulator [1/N2]; of the forces of devices with all their dampers",
+        default=None,
+        above=0.0,
+        matrix=True,
+    )
 
     def design(self, problem: DesignProblem) -> Design:
         """Weight of the state, and the slope of each device."""
         plant = problem.plant
         if self.control_weight is None:
-            weight = lyapunov_function(plant, self.state_weight).vectors
+            weight = self.function(plant).vectors
         else:
-            state_weight = plant.energy if self.state_weight is None else self.state_weight
-            weight = regulator_of_state(plant, state_weight, self.control_weight).vectors
+            weight = regulator_of_weights(plant, self.weighed(plant), self.control_weight).vectors
         return Design(gains={"weight": weight, "slope": problem.each(self.slope)})
 
 
@@ -234,7 +228,7 @@ class _SurfaceSettings(LawSettings):
     """A sliding surface of least energy of the building, with gains for ground motions of a given peak."""
 
     peak_acceleration: float = key("peak acceleration of the ground motions", unit="m/s2", above=0.0)
-    largest_force: float = key("largest force of each damper", unit="N", above=0.0)
+    largest_force: float = key("largest force of each device with all its dampers", unit="N", above=0.0)
     frequency: float = key(
         "highest frequency at which the ground reaches its peak acceleration",
         unit="Hz",

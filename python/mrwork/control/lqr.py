@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.control.plant import Outputs, Plant, accelerations
 from mrwork.control.riccati import solve_riccati
+from mrwork.control.weights import Weighed, weighed_outputs, weighed_state, weight_matrix
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.summary import Summarised
 
@@ -29,7 +30,8 @@ class Regulator(Summarised):
     riccati
         P of the cost to go s'P s, shape (2n, 2n).
     vectors
-        B'P, shape (n_devices, 2n): one row for each device, `sigma = vectors @ s`.
+        B'P + N', shape (n_devices, 2n): one row for each device, `sigma = vectors @ s`; the wanted forces are
+        `-control_weight^-1 sigma`.
     control_weight
         R plus D'W D of the weighted outputs, shape (n_devices, n_devices) [1/N^2].
     poles
@@ -59,24 +61,25 @@ def regulator_of_outputs(
     Parameters
     ----------
     weights
-        W, one number for each output, shape (n_outputs,), in the inverse squares of their units; or a matrix.
+        W, in the inverse squares of the units of the outputs: one number for all, one for each, shape (n_outputs,), or
+        a symmetric matrix, shape (n_outputs, n_outputs).
     control_weight
-        R [1/N^2]: one number for all devices, one for each, or a matrix.
+        R [1/N^2]: one number for all devices, one for each, or a matrix. The force of a device is that of all its
+        dampers together.
 
     Raises
     ------
     SettingError
-        If a weight has the wrong shape or sign, or the Riccati equation has no stabilising solution.
+        If a weight has the wrong shape or sign or is not symmetric, or the Riccati equation has no stabilising
+        solution.
 
     Examples
     --------
     >>> # The acceleration of the third floor, as in Dyke et al. 1996
     >>> regulator = regulator_of_outputs(plant, accelerations(plant), [0, 0, 1], 1e-17)  # doctest: +SKIP
     """
-    W = _weight("weights", weights, len(outputs.names))
-    R = _weight("control_weight", control_weight, plant.n_devices)
-    C, D = outputs.C, outputs.D
-    return _regulator(plant, C.T @ W @ C, R + D.T @ W @ D, C.T @ W @ D)
+    W = weight_matrix("weights", weights, len(outputs.names), "outputs")
+    return regulator_of_weights(plant, weighed_outputs(plant, outputs, W), control_weight)
 
 
 def regulator_of_state(plant: Plant, state_weight: ArrayLike, control_weight: ArrayLike) -> Regulator:
@@ -87,51 +90,42 @@ def regulator_of_state(plant: Plant, state_weight: ArrayLike, control_weight: Ar
     state_weight
         Q over s = [q; q'], shape (2n, 2n), or its diagonal. `plant.energy` weighs twice the energy of the building.
     control_weight
-        R [1/N^2]: one number for all devices, one for each, or a matrix.
+        R [1/N^2]: one number for all devices, one for each, or a matrix. The force of a device is that of all its
+        dampers together.
 
     Raises
     ------
     SettingError
-        If a weight has the wrong shape or sign, or the Riccati equation has no stabilising solution.
+        If a weight has the wrong shape or sign or is not symmetric, or the Riccati equation has no stabilising
+        solution.
     """
-    Q = _weight("state_weight", state_weight, 2 * plant.n_coordinates)
-    R = _weight("control_weight", control_weight, plant.n_devices)
-    return _regulator(plant, Q, R, np.zeros((len(Q), len(R))))
+    Q = weight_matrix("state_weight", state_weight, 2 * plant.n_coordinates, "states")
+    return regulator_of_weights(plant, weighed_state(plant, Q), control_weight)
 
 
-def _regulator(plant: Plant, Q: Floats, R: Floats, N: Floats) -> Regulator:
+def regulator_of_weights(plant: Plant, weighed: Weighed, control_weight: ArrayLike) -> Regulator:
+    """The regulator of `int s'Q s + 2 s'N f + f'(R + S) f dt`, with Q, N and S of the weights of outputs and state.
+
+    Raises
+    ------
+    SettingError
+        If the control weight has the wrong shape or sign, or the Riccati equation has no stabilising solution.
+    """
+    R = weight_matrix("control_weight", control_weight, plant.n_devices, "devices") + weighed.S
     if not np.linalg.eigvalsh(R)[0] > 0.0:
         raise SettingError(
             "the weight of the forces, with what the outputs add to it, is not positive definite; "
             "give a positive `control_weight`"
         )
-    solution = solve_riccati(plant.A, plant.B, Q, R, N, scaling=plant.scaling)
+    solution = solve_riccati(plant.A, plant.B, weighed.Q, R, weighed.N, scaling=plant.scaling)
     return Regulator(
         gain=solution.gain,
         riccati=solution.P,
-        vectors=plant.B.T @ solution.P,
+        vectors=plant.B.T @ solution.P + weighed.N.T,
         control_weight=R,
         poles=solution.poles,
         residual=solution.residual,
     )
-
-
-def _weight(name: str, given: ArrayLike, size: int) -> Floats:
-    """A weight as a symmetric positive semidefinite matrix."""
-    value = np.asarray(given, dtype=np.float64)
-    if value.ndim == 0:
-        value = np.full(size, float(value))
-    matrix = np.diag(value) if value.ndim == 1 else value
-    if matrix.shape != (size, size):
-        raise SettingError(f"`{name}` has shape {np.shape(given)}; give ({size},) or ({size}, {size})")
-    if not np.isfinite(matrix).all():
-        raise SettingError(f"`{name}` holds a value that is not a finite number")
-    scale = np.sqrt(np.abs(np.diag(matrix)))
-    # Checked with a unit diagonal, since the rows of a weight may have different units.
-    scaled = matrix / np.outer(np.where(scale > 0.0, scale, 1.0), np.where(scale > 0.0, scale, 1.0))
-    if not np.allclose(scaled, scaled.T, atol=1e-9) or np.linalg.eigvalsh(scaled)[0] < -1e-9:
-        raise SettingError(f"`{name}` is not symmetric and positive semidefinite; weights cannot be negative")
-    return 0.5 * (matrix + matrix.T)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

@@ -189,6 +189,11 @@ def velocities(plant: Plant) -> Outputs:
     return _rates(plant, plant.building.floors, "velocity", plant.building.floor_names)
 
 
+def relative_velocities(plant: Plant) -> Outputs:
+    """Rate of the drift of each storey [m/s]: "relative velocity NAME"."""
+    return _rates(plant, plant.building.storeys, "relative velocity", plant.building.storey_names)
+
+
 def accelerations(plant: Plant) -> Outputs:
     """Absolute acceleration of each floor [m/s^2]: "acceleration NAME".
 

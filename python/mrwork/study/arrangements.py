@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,10 +13,12 @@ from numpy.typing import ArrayLike
 from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
 from mrwork.buildings.from_file import building_from_table
+from mrwork.buildings.matrix_files import read_matrix
 from mrwork.control.design_problem import DesignProblem
 from mrwork.control.law_design import design_law
 from mrwork.control.law_settings import SETTINGS, LawSettings
 from mrwork.control.laws import ControlLaw, control_laws
+from mrwork.keys import Place, keys_of
 from mrwork.study.declared import located, read_table, suggestion
 from mrwork.study.schema import BaselineTable, ControllerTable, DamperTable, StudyTable
 from mrwork.study.study import Arrangement, Kind, Row, arranged
@@ -79,7 +82,7 @@ def arrangements(
             controller.place.refuse("a control law needs dampers, and the study has none; give a [[damper]]")
         if not controllable:
             _refuse_command(controller)
-        title, law = chosen_law(controller, problem)
+        title, law = chosen_law(controller, problem, folder)
         constant = CONSTANT_LAWS.get(controller.law)
         if constant is not None and constant.share == 0.0:
             # This arrangement exists already; only its label may differ.
@@ -136,8 +139,12 @@ def _baseline(baseline: BaselineTable, table: StudyTable, bare: Building, folder
     return arranged(bare, row, changed, (), constant_command((), 0.0))
 
 
-def chosen_law(table: ControllerTable, problem: DesignProblem) -> tuple[str, ControlLaw | None]:
+def chosen_law(
+    table: ControllerTable, problem: DesignProblem, folder: Path = Path()
+) -> tuple[str, ControlLaw | None]:
     """Title and law of a table; the law is `None` for the best constant command, which is found when the study runs.
+
+    Names of files with matrices are relative to `folder`.
 
     Raises
     ------
@@ -158,9 +165,25 @@ def chosen_law(table: ControllerTable, problem: DesignProblem) -> tuple[str, Con
         known = [*specs, *CONSTANT_LAWS]
         near = suggestion(table.law, known)
         place.within("law").refuse(f"no control law is called {table.law!r}{near}")
-    settings: LawSettings = read_table(SETTINGS[table.law], table.settings or {}, place.within("settings"))
+    kind = SETTINGS[table.law]
+    given = _with_matrices(kind, table.settings or {}, place.within("settings"), folder)
+    settings: LawSettings = read_table(kind, given, place.within("settings"))
     with located(place.within("settings")):
         return specs[table.law].title, design_law(table.law, problem, settings)
+
+
+def _with_matrices(
+    kind: type[LawSettings], settings: Mapping[str, Any], place: Place, folder: Path
+) -> dict[str, Any]:
+    """The settings with the matrices of the files that they name; a single row or column is a diagonal."""
+    found = dict(settings)
+    for entry in keys_of(kind):
+        name = found.get(entry.name)
+        if entry.metadata["matrix"] and isinstance(name, str):
+            with located(place.within(entry.name)):
+                matrix = read_matrix(folder / name)
+            found[entry.name] = (matrix.ravel() if 1 in matrix.shape else matrix).tolist()
+    return found
 
 
 def constant_command(devices: Sequence[Device], command: float) -> ControlLaw:

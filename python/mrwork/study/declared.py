@@ -6,10 +6,11 @@ same declarations.
 
 from __future__ import annotations
 
+import math
 import types
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import Field, is_dataclass
+from dataclasses import Field, field, is_dataclass
 from difflib import get_close_matches
 from typing import Any, Literal, NoReturn, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
@@ -88,8 +89,11 @@ def _value(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
     if origin is tuple:
         if not isinstance(value, list):
             _refuse(place, value, "an array, as [1, 2]")
+        # Bounds are those of a number or of an array of numbers; entries beside the diagonal of a matrix have none.
+        notes = {**entry.metadata, "least": -math.inf, "above": -math.inf} if _is_nested(kind) else {}
+        inner = field(metadata=notes) if notes else entry
         return tuple(
-            _value(arguments[0], each, place.within(number), entry) for number, each in enumerate(value)
+            _value(arguments[0], each, place.within(number), inner) for number, each in enumerate(value)
         )
     if origin in (dict, Mapping):
         if not isinstance(value, dict):
@@ -150,12 +154,17 @@ def _is_near(kind: Any, value: Any) -> bool:
     if is_dataclass(kind) or origin in (dict, Mapping):
         return isinstance(value, dict)
     if origin is tuple:
-        return isinstance(value, list)
+        return isinstance(value, list) and _is_nested(kind) == any(isinstance(each, list) for each in value)
     if origin is Literal:
         return value in get_args(kind)
     if kind is float:
         return isinstance(value, int | float) and not isinstance(value, bool)
     return isinstance(value, kind) and not (kind is int and isinstance(value, bool))
+
+
+def _is_nested(kind: Any) -> bool:
+    """Whether the type is that of a matrix, a tuple of tuples."""
+    return get_origin(get_args(kind)[0]) is tuple
 
 
 def _refuse(place: Place, value: Any, expected: str) -> NoReturn:

@@ -92,7 +92,8 @@ def key_lines(kind: type) -> list[str]:
     lines = []
     for entry, hint in keys:
         unit = entry.metadata["unit"]
-        meaning = f"{entry.metadata['says']} ({in_words(hint)}{f' [{unit}]' if unit else ''})"
+        form = f"{in_words(hint)}{' or name of a text file' if entry.metadata['matrix'] else ''}"
+        meaning = f"{entry.metadata['says']} ({form}{f' [{unit}]' if unit else ''})"
         head = f"  {entry.name:<{names}}  {_default(entry):<{defaults}}  "
         lines += textwrap.wrap(
             meaning,
@@ -126,6 +127,8 @@ def in_words(hint: Any) -> str:
         return "table"
     if origin is Literal:
         return ", ".join(map(str, arguments))
+    if origin is tuple and get_origin(arguments[0]) is tuple:
+        return "rows of a matrix"
     if origin is tuple:
         return "tables" if is_dataclass(arguments[0]) else f"array of {in_words(arguments[0])}s"
     if origin in (dict, Mapping) or hint is Mapping:

@@ -39,7 +39,12 @@ class BraceTable:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DamperTable:
-    """A damper across a storey: a published set, a run of `mrwork identify`, or given parameters."""
+    """A damper across a storey: a published set, a run of `mrwork identify`, or given parameters.
+
+    `count` equal dampers, twice as many if `differential`, are one group with one command. Parameters are those of a
+    single damper. Everything else means the whole group: forces in results and of the law, wanted and full forces,
+    slopes and the control weight of a law, and a brace.
+    """
 
     storey: int | str = key("storey of the damper: its number from 1, or its name")
     preset: str | None = key("published set, as kwok2006; see mrwork models NAME", default=None)
@@ -66,9 +71,13 @@ class DamperTable:
         "whether the damper is passive: required where no parameter depends on the command, as in a run without --law",
         default=False,
     )
-    count: int = key("number of equal dampers in parallel", default=1, least=1)
+    count: int = key(
+        "number of equal dampers in parallel; forces, weights and slopes are those of the whole group",
+        default=1,
+        least=1,
+    )
     differential: bool = key(
-        "whether an equal damper acts in opposition, with the same command", default=False
+        "whether as many equal dampers act in opposition, with the same command", default=False
     )
     brace: BraceTable | None = key("brace in series", default=None)
     amplitude: tuple[float, ...] | None = key(
@@ -88,7 +97,9 @@ class ControllerTable:
     """A control law; `mrwork respond --laws` lists them with their settings.
 
     The building without dampers and i = 0 are always simulated. Further laws are `passive_off`, `passive_on`, and
-    `best_passive`, the constant command with the lowest score.
+    `best_passive`, the constant command with the lowest score. A weight may be a number, an array with one number for
+    each floor, storey or state, or a symmetric matrix: rows of numbers, or the name of a .csv, .tsv or .txt file with
+    them, relative to the study file. Forces, weights and slopes are those of all dampers of a [[damper]] together.
     """
 
     law: str = key("name of the law")

@@ -1,0 +1,199 @@
+"""Weights of outputs and states in the cost of a regulator or in a Lyapunov function."""
+
+# `key` is a dataclass field with notes.
+# ruff: noqa: RUF009
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
+
+from mrwork.control.plant import (
+    Outputs,
+    Plant,
+    accelerations,
+    displacements,
+    drifts,
+    relative_velocities,
+    stacked,
+    velocities,
+)
+from mrwork.errors import InvalidSettingError
+from mrwork.keys import key
+
+Floats = NDArray[np.float64]
+Rows = tuple[tuple[float, ...], ...]
+"""A matrix, row by row."""
+Weights = float | tuple[float, ...] | Rows
+"""One weight for all entries, a weight for each, or a symmetric matrix."""
+
+_SMALLEST = 1e-9
+
+
+def weight_matrix(name: str, given: ArrayLike, size: int, each: str) -> Floats:
+    """A weight as a symmetric positive semidefinite matrix, shape (size, size).
+
+    Parameters
+    ----------
+    name
+        Name of the weight in messages.
+    given
+        One number for all entries, one for each, shape (size,), or a matrix.
+    each
+        What the entries belong to, such as "storeys"; for messages.
+
+    Raises
+    ------
+    InvalidSettingError
+        If it has another shape, is not finite, not symmetric or not positive semidefinite.
+    """
+    try:
+        value = np.asarray(given, dtype=np.float64)
+    except ValueError:
+        raise InvalidSettingError(
+            name, f"{name} has rows of different lengths; give {size} rows of {size}"
+        ) from None
+    if value.ndim == 0:
+        value = np.full(size, float(value))
+    matrix = np.diag(value) if value.ndim == 1 else value
+    if matrix.shape != (size, size):
+        count = f"{size} {each}" if size > 1 else f"1 {each.removesuffix('s')}"
+        found = (
+            f"{value.size} weight{'s' if value.size > 1 else ''}"
+            if value.ndim == 1
+            else f"shape {value.shape}"
+        )
+        raise InvalidSettingError(
+            name,
+            f"{name} has {found}, and there {'are' if size > 1 else 'is'} {count}; give one for each, or one for all, "
+            f"or a symmetric {size} x {size} matrix",
+        )
+    if not np.isfinite(matrix).all():
+        raise InvalidSettingError(name, f"{name} holds a value that is not a finite number")
+    scale = np.sqrt(np.abs(np.diag(matrix)))
+    # Checked with a unit diagonal, since the rows of a weight may have different units.
+    divisor = np.where(scale > 0.0, scale, 1.0)
+    scaled = matrix / np.outer(divisor, divisor)
+    asymmetry = np.abs(scaled - scaled.T)
+    if not np.all(asymmetry <= _SMALLEST * np.maximum(1.0, np.abs(scaled))):
+        row, column = np.unravel_index(int(asymmetry.argmax()), asymmetry.shape)
+        raise InvalidSettingError(
+            name,
+            f"{name} is not symmetric: row {row + 1}, column {column + 1} is {matrix[row, column]:g} and row "
+            f"{column + 1}, column {row + 1} is {matrix[column, row]:g}; give a symmetric matrix",
+        )
+    smallest = float(np.linalg.eigvalsh(0.5 * (scaled + scaled.T))[0])
+    if smallest < -_SMALLEST:
+        raise InvalidSettingError(
+            name,
+            f"{name} is not positive semidefinite: with a unit diagonal its smallest eigenvalue is {smallest:.3g}; "
+            "give weights that are not negative, and a matrix without negative eigenvalues",
+        )
+    return 0.5 * (matrix + matrix.T)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weighed:
+    """What the weights add up to over a state s and device forces f: `s'Q s + 2 s'N f + f'S f`.
+
+    Outputs y = C s + D f with weight W add `Q = C'W C`, `N = C'W D`, `S = D'W D`; N and S are zero unless accelerations
+    are weighed.
+    """
+
+    Q: Floats
+    N: Floats
+    S: Floats
+
+
+def weighed_outputs(plant: Plant, outputs: Outputs, weights: Floats) -> Weighed:
+    """What a weight W of outputs, shape (n_outputs, n_outputs), adds to a cost."""
+    C, D = outputs.C, outputs.D
+    return Weighed(Q=C.T @ weights @ C, N=C.T @ weights @ D, S=D.T @ weights @ D)
+
+
+def weighed_state(plant: Plant, weights: Floats) -> Weighed:
+    """What a weight Q of the state, shape (2n, 2n), adds to a cost."""
+    n_devices = plant.n_devices
+    return Weighed(Q=weights, N=np.zeros((len(weights), n_devices)), S=np.zeros((n_devices, n_devices)))
+
+
+def each_weight(says: str) -> Any:
+    """Declare the key of a weight: one number, one for each, or a matrix."""
+    return key(says, default=None, least=0.0, matrix=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CostWeights:
+    """Weights of outputs and state; what several of them add to the cost is summed.
+
+    Each weight is one number for all floors, storeys or states, one for each, or a symmetric matrix; without any, the
+    energy of the building is weighed.
+    """
+
+    accelerations: Weights | None = each_weight("weights of absolute floor accelerations [(s2/m)2]")
+    drifts: Weights | None = each_weight("weights of drifts [1/m2]")
+    displacements: Weights | None = each_weight("weights of floor displacements [1/m2]")
+    velocities: Weights | None = each_weight("weights of floor velocities [(s/m)2]")
+    relative_velocities: Weights | None = each_weight(
+        "weights of the rates of drifts, velocities of storeys between their ends [(s/m)2]"
+    )
+    state_weight: Weights | None = each_weight(
+        "weights of the state: displacements, then velocities of the coordinates; Q, or Q_P of a Lyapunov function"
+    )
+    energy: float | None = key("weight of twice the energy of the building [1/J]", default=None, above=0.0)
+
+    def weighed(self, plant: Plant) -> Weighed:
+        """The sum of what the weights add to the cost.
+
+        Raises
+        ------
+        InvalidSettingError
+            If a weight does not fit the building, or the energy is weighed besides others.
+        """
+        given: list[tuple[Outputs, Floats]] = []
+        for name, make, each in _OUTPUTS:
+            weights = getattr(self, name)
+            if weights is not None:
+                outputs = make(plant)
+                given.append((outputs, weight_matrix(name, weights, len(outputs.names), each)))
+        parts = []
+        if given:
+            W = scipy.linalg.block_diag(*(weights for _, weights in given))
+            parts.append(weighed_outputs(plant, stacked(*(outputs for outputs, _ in given)), W))
+        if self.state_weight is not None:
+            Q = weight_matrix("state_weight", self.state_weight, 2 * plant.n_coordinates, "states")
+            parts.append(weighed_state(plant, Q))
+        if not parts:
+            return weighed_state(plant, (self.energy or 1.0) * plant.energy)
+        if self.energy is not None:
+            first = next(name for name in self._names() if getattr(self, name) is not None)
+            raise InvalidSettingError(
+                "energy", f"the law weighs the energy, or outputs such as {first}; keep one"
+            )
+        return Weighed(
+            Q=_sum([part.Q for part in parts]),
+            N=_sum([part.N for part in parts]),
+            S=_sum([part.S for part in parts]),
+        )
+
+    def _names(self) -> tuple[str, ...]:
+        return (*(name for name, _, _ in _OUTPUTS), "state_weight")
+
+
+def _sum(parts: Sequence[Floats]) -> Floats:
+    return np.asarray(sum(parts[1:], start=parts[0]))
+
+
+_OUTPUTS = (
+    ("accelerations", accelerations, "floors"),
+    ("drifts", drifts, "storeys"),
+    ("displacements", displacements, "floors"),
+    ("velocities", velocities, "floors"),
+    ("relative_velocities", relative_velocities, "storeys"),
+)
+"""Settings of outputs, the outputs, and what they belong to."""

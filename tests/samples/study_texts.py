@@ -1,0 +1,24 @@
+"""Study files for tests of what a law is told."""
+
+from __future__ import annotations
+
+
+def study_text(settings: str, *, damper: str = "differential = true") -> str:
+    """A study of one clipped-optimal law on the five-storey frame; its settings begin in line 16."""
+    return f"""[building]
+published = "uts"
+
+[[damper]]
+storey = 1
+preset = "kwok2006"
+{damper}
+
+[[motion]]
+synthetic = "kanai_tajimi"
+duration = 2
+
+[[controller]]
+law = "clipped_optimal"
+[controller.settings]
+{settings}
+"""
