@@ -19,7 +19,7 @@ from mrwork.identification.problem import command_warning
 from mrwork.records import DamperTest
 from mrwork.store.codec import json_document
 
-FEW = Multistart(samples=6, starts=3, most_rounds=1, found=2)
+FEW = Multistart(samples=6, starts=3, least_rounds=1, most_rounds=1, found=2)
 BINGHAM = (400.0, 0.01, 900.0, 0.0)
 
 

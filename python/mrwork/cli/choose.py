@@ -89,6 +89,7 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
             leave_out=options.leave_out or "test",
             laws=laws_of(options),
             unit=command_unit(tests, options),
+            lagged=options.driver_lag,
             settings=settings,
             sampled=options.posterior,
             threads=options.threads,

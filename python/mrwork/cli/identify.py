@@ -88,6 +88,12 @@ def add_parser(verbs: Any) -> None:
         choices=["A", "V"],
         help="unit of the command in the laws, default A where the tests have a current",
     )
+    parser.add_argument(
+        "--driver-lag",
+        action="store_true",
+        help="let the command reach the coil through a first-order lag; its rate eta [1/s] is a parameter of the fit; "
+        "for records of a set point that varies, rather than of the current itself",
+    )
     add_choice(parser)
     add_observation(parser)
     parser.add_argument(
@@ -217,7 +223,9 @@ def run(options: argparse.Namespace) -> int:
 def _with_laws(plain: DamperSpec, tests: tuple[DamperTest, ...], options: argparse.Namespace) -> DamperSpec:
     """The model with the current laws of the command line."""
     laws = laws_of(options)
-    return plain.with_current_laws(laws, unit=command_unit(tests, options)) if laws else plain
+    if not laws:
+        return plain
+    return plain.with_current_laws(laws, unit=command_unit(tests, options), lagged=options.driver_lag)
 
 
 def _search(options: argparse.Namespace) -> Search | None:

@@ -162,8 +162,10 @@ def laws_of(options: argparse.Namespace) -> dict[str, LawName]:
     Raises
     ------
     SettingError
-        Where one is not of the form NAME=LAW.
+        Where one is not of the form NAME=LAW, or there is none behind which the driver could lag.
     """
+    if options.driver_lag and not options.law:
+        raise SettingError("--driver-lag is of the command, which no parameter follows; give --law NAME=LAW")
     laws: dict[str, LawName] = {}
     for text in options.law:
         name, equals, law = text.partition("=")

@@ -233,7 +233,7 @@ def identify_with(
 
 
 def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:
-    """Run the global search of a problem; with current laws that is one of the plain model at each command.
+    """Run the global search of a problem; with current laws that is one of the plain model at each constant command.
 
     Raises
     ------
@@ -248,9 +248,13 @@ def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:
     assert not isinstance(search, UnregisteredSearch)  # `Problem.of` has refused it
     if problem.form.spec.current is None:
         return points_from_optimiser(problem, search, on_search=on_search)
-    from mrwork.identification.level_search import points_from_levels
+    from mrwork.identification.level_search import has_levels, points_from_levels
 
-    return points_from_levels(problem, search, on_search=on_search)
+    if has_levels(problem.form.spec, problem.objective.tests):
+        return points_from_levels(problem, search, on_search=on_search)
+    from mrwork.identification.scaled_search import points_from_scaled_forces
+
+    return points_from_scaled_forces(problem, search, on_search=on_search)
 
 
 def identify_again(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,10 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
-from mrwork.dampers.parameters import LawName, current_laws
-from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, SettingError
-from mrwork.identification.equivalent import Form
 from mrwork.identification.global_search import (
     OnSearch,
     StartingPoints,
@@ -23,6 +21,7 @@ from mrwork.identification.global_search import (
     optimise_in_box,
     refuse_empty_elite,
 )
+from mrwork.identification.law_coefficients import fitted_laws, joint_box, levels_needed, plain_of
 from mrwork.identification.levenberg_marquardt import LocalMinimum, find_minimum
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
@@ -48,10 +47,6 @@ _LAST_EVALUATIONS = 60
 _RANGE_FACTOR = 10.0
 # Standard deviation of the logarithm of the random factor on the values to which laws of further starts are fitted.
 _SPREAD = 0.25
-# Largest exponent of a law [1/A or 1/V], either sign.
-_EXPONENT = 5.0
-# Coefficients may reach this multiple of the range that is searched.
-_MARGIN = 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -64,7 +59,7 @@ class LevelFit(Summarised):
 
 
 def points_from_levels(problem: Problem, search: Optimiser[Any], *, on_search: OnSearch) -> StartingPoints:
-    """Fit the plain model at each command, then the laws to the minima.
+    """Fit the plain model at each constant command, then the laws to the minima.
 
     The global search runs at the middle command only; at each other command local minimisations start from the minima
     at the neighbouring one.
@@ -79,15 +74,8 @@ def points_from_levels(problem: Problem, search: Optimiser[Any], *, on_search: O
     """
     objective, form, rng = problem.objective, problem.form, problem.settings.rng
     excerpts = tuple(excerpt(test) for test in objective.tests)
-    plain = damper(form.spec.name)
-    box = Box.of(plain).with_bounds(
-        {
-            name: (form.box.lower[index], form.box.upper[index])
-            for index, name in enumerate(form.box.names)
-            if name in plain.names
-        }
-    )
-    levels = levels_of(form.spec, excerpts)
+    plain, box = plain_of(form)
+    levels = levels_of(form.spec, [test for test in excerpts if command_is_constant(test, form.spec)])
     commands = sorted(levels)
     fits: list[LevelFit] = []
     searches: list[SearchResult[Any]] = []
@@ -130,10 +118,7 @@ def points_from_levels(problem: Problem, search: Optimiser[Any], *, on_search: O
         raise interrupted_at(theta, objective, form, joined_trace(searches)) from interrupt
     fits.sort(key=lambda fit: fit.command)
     starts = joint_starts(form.spec, fits, _JOINT_STARTS, rng=rng)
-    searched = search_box(plain, box, excerpts)
-    joint_form = replace(
-        form, box=_limited(form, law_box(form.spec, searched, np.array(commands), margin=_MARGIN))
-    )
+    joint_form = replace(form, box=joint_box(form, excerpts, np.array(commands)))
     return StartingPoints(
         objective=objective.on(form.spec, excerpts),
         form=joint_form,
@@ -142,7 +127,27 @@ def points_from_levels(problem: Problem, search: Optimiser[Any], *, on_search: O
     )
 
 
-def levels_of(spec: DamperSpec, tests: tuple[DamperTest, ...]) -> dict[float, tuple[DamperTest, ...]]:
+def has_levels(spec: DamperSpec, tests: Sequence[DamperTest]) -> bool:
+    """Whether tests at constant commands suffice for the laws, or no command varies."""
+    constant = [test for test in tests if command_is_constant(test, spec)]
+    return len(constant) == len(tests) or len(_by_level(spec, constant)) >= levels_needed(spec)
+
+
+def command_is_constant(test: DamperTest, spec: DamperSpec) -> bool:
+    """Whether the command of a test in the unit of the model is constant."""
+    return not isinstance(loading_of(test, spec).command, np.ndarray)
+
+
+def _by_level(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tuple[DamperTest, ...]]:
+    commands = [float(np.mean(np.asarray(loading_of(test, spec).command))) for test in tests]
+    level_of = [command_level(command) for command in commands]
+    return {
+        level: tuple(test for test, own in zip(tests, level_of, strict=True) if own == level)
+        for level in sorted(set(level_of))
+    }
+
+
+def levels_of(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tuple[DamperTest, ...]]:
     """The tests at each command, lowest first.
 
     Raises
@@ -150,21 +155,25 @@ def levels_of(spec: DamperSpec, tests: tuple[DamperTest, ...]) -> dict[float, tu
     SettingError
         Where there are fewer commands than a law has coefficients.
     """
-    commands = [float(np.mean(np.asarray(loading_of(test, spec).command))) for test in tests]
-    level_of = [command_level(command) for command in commands]
-    levels = {
-        level: tuple(test for test, own in zip(tests, level_of, strict=True) if own == level)
-        for level in sorted(set(level_of))
-    }
-    current = spec.current
-    if current is not None:
-        needed = 1 + max(_fitted_degree(law) for law in current.laws)
-        if len(levels) < needed:
-            raise SettingError(
-                f"the tests run at {len(levels)} command(s), the current laws need {needed}; "
-                "add tests at other commands, or choose laws of a lower degree"
-            )
+    levels = _by_level(spec, tests)
+    if spec.current is not None:
+        refuse_few_levels(spec, len(levels))
     return levels
+
+
+def refuse_few_levels(spec: DamperSpec, n_levels: int) -> None:
+    """Refuse laws with more coefficients than there are commands.
+
+    Raises
+    ------
+    SettingError
+        Where there are fewer commands than a law has coefficients.
+    """
+    if n_levels < levels_needed(spec):
+        raise SettingError(
+            f"the tests run at {n_levels} command(s), the current laws need {levels_needed(spec)}; "
+            "add tests at other commands, or choose laws of a lower degree"
+        )
 
 
 def search_level(
@@ -246,73 +255,5 @@ def joint_starts(spec: DamperSpec, levels: list[LevelFit], n_starts: int, *, rng
         )
         if start > 0:
             values = values * np.exp(_SPREAD * random.standard_normal(values.shape))
-        starts.append(_fitted_laws(spec, commands, values))
+        starts.append(fitted_laws(spec, commands, values))
     return np.array(starts)
-
-
-def _fitted_laws(
-    spec: DamperSpec, commands: NDArray[np.float64], values: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Coefficients of the laws, shape (n_params,), by least squares from `values`, shape (n_levels, n_plain)."""
-    if spec.current is None:
-        return np.asarray(values[0])
-    theta: list[float] = []
-    for law, column in zip(spec.current.laws, values.T, strict=True):
-        if current_laws()[law].degree == 0:
-            theta.append(float(np.median(column)))
-            continue
-        full = _fitted_degree(law)
-        degree = min(full, len(commands) - 1)
-        polynomial = list(np.polyfit(commands, column, degree)[::-1]) + [0.0] * (full - degree)
-        if current_laws()[law].degree is None:
-            # a + b exp(-u) with the values of the straight line at the lowest and highest command.
-            lowest, highest = commands.min(), commands.max()
-            rise = polynomial[1] * (highest - lowest) / (np.exp(-highest) - np.exp(-lowest) or 1.0)
-            polynomial = [polynomial[0] + polynomial[1] * lowest - rise * np.exp(-lowest), rise, -1.0]
-        theta += polynomial
-    if spec.current.lagged:
-        theta.append(spec.parameters[-1].nominal)
-    box = Box.of(spec)
-    return np.clip(theta, box.lower, box.upper)
-
-
-def law_box(spec: DamperSpec, searched: Box, commands: NDArray[np.float64], *, margin: float = 1.0) -> Box:
-    """Ranges of the coefficients of the laws, `margin` times as wide as the searched ranges of the plain model imply.
-
-    A coefficient may have either sign, and at the largest command its term reaches the end of the parameter's range.
-    """
-    largest = max(float(np.max(np.abs(commands))), 1e-3)
-    bounds: dict[str, tuple[float, float]] = {}
-    admissible = Box.of(spec)
-    for index, parameter in enumerate(spec.parameters):
-        coefficient = parameter.coefficient
-        if coefficient is None:
-            continue
-        plain = searched.names.index(coefficient.parameter)
-        reach = margin * max(abs(searched.lower[plain]), abs(searched.upper[plain]))
-        if coefficient.is_exponent:
-            reach = _EXPONENT
-        elif spec.current is not None and current_laws()[spec.current.laws[plain]].degree is not None:
-            reach /= largest**coefficient.number
-        bounds[parameter.name] = (max(-reach, admissible.lower[index]), min(reach, admissible.upper[index]))
-    return admissible.with_bounds(bounds)
-
-
-def _limited(form: Form, limits: Box) -> Box:
-    """The box of a form, where parameters that the user has not bounded have the range of `limits`.
-
-    Local minimisations run in the logit of the range; for a range of +-1e9 the logit resolves useful values poorly.
-    """
-    admissible = Box.of(form.spec)
-    narrowed = {}
-    for index, name in enumerate(admissible.names):
-        own = (form.box.lower[index], form.box.upper[index])
-        if own == (admissible.lower[index], admissible.upper[index]):
-            narrowed[name] = (limits.lower[index], limits.upper[index])
-    return form.box.with_bounds(narrowed)
-
-
-def _fitted_degree(law: LawName) -> int:
-    """Degree of the polynomial that is fitted to values over the command; 1 for an exponential law."""
-    degree = current_laws()[law].degree
-    return 1 if degree is None else degree

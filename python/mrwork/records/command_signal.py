@@ -19,6 +19,8 @@ _RAMPING: Final = 0.9
 # A jump is a change by this share of the range, beside which the command changes by less than this share of the jump.
 _JUMP: Final = 0.05
 _BESIDE: Final = 0.25
+# Levels differ by more than this share of the range.
+_LEVEL: Final = 0.05
 # Share of the sum of squared changes that the jumps of a stepped command have.
 _STEPPED: Final = 0.8
 
@@ -65,6 +67,18 @@ def _jumps(command: NDArray[np.float64]) -> bool:
     largest_beside = np.maximum(beside[:-2], beside[2:])
     jump = (change > _JUMP * np.ptp(command)) & (largest_beside < _BESIDE * change)
     return bool(np.sum(change[jump] ** 2) > _STEPPED * np.sum(change**2))
+
+
+def levels_of_command(command: Command) -> tuple[float, ...]:
+    """Values at which a command stays for some of the time, lowest first; of one that varies smoothly, its range."""
+    if not isinstance(command, np.ndarray):
+        return (float(command),)
+    percentiles = np.percentile(command, np.arange(0.5, 100.0, 1.0))
+    levels = [percentiles[0]]
+    for value in percentiles:
+        if value - levels[-1] > _LEVEL * np.ptp(command):
+            levels.append(value)
+    return tuple(float(level) for level in levels)
 
 
 def resampled_command(

@@ -222,6 +222,7 @@ def choose_model(
     leave_out: Fold = "test",
     laws: Mapping[str, LawName] | None = None,
     unit: CommandUnit = "A",
+    lagged: bool = False,
     settings: FitSettings | None = None,
     noise: str = "iid",
     sampled: bool = False,
@@ -241,8 +242,9 @@ def choose_model(
         Names of models, models with their laws, or "all".
     leave_out
         Unit that is left out: each test, all tests of one motion, or all at one command.
-    laws, unit
-        Laws of the parameters that follow the command, for the families that have such parameters.
+    laws, unit, lagged
+        Laws of the parameters that follow the command, for the families that have such parameters, and whether the
+        driver lags behind it; see `DamperSpec.with_current_laws`.
     settings
         Settings of each identification, see `identify`; its bounds apply to the families that have such parameters,
         its seed also to the draws.
@@ -282,7 +284,7 @@ def choose_model(
     if settings.starts:
         raise SettingError("`starts` are of one model; leave them out where models are compared")
     tests = tuple(observed(test, settings.observe) for test in as_tests(tests))
-    compared, remarks = families(models, laws=laws or {}, unit=unit, bounds=settings.bounds)
+    compared, remarks = families(models, laws=laws or {}, unit=unit, lagged=lagged, bounds=settings.bounds)
     about_commands = command_warning(tests, [family.spec for family in compared])
     for sentence in about_commands:
         warn(sentence, MrworkWarning, stacklevel=2)

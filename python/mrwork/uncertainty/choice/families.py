@@ -26,6 +26,7 @@ def families(
     *,
     laws: Mapping[str, LawName],
     unit: CommandUnit,
+    lagged: bool = False,
     bounds: Mapping[str, tuple[float, float]],
 ) -> tuple[tuple[Family, ...], tuple[str, ...]]:
     """The named families, or all, and remarks on the selection.
@@ -53,7 +54,7 @@ def families(
     names = [spec.name for spec in specs]
     if not names or len(set(names)) < len(names):
         raise SettingError(f"the models to compare are {', '.join(names) or 'none'}; name each once")
-    lawful = [_with_own_laws(spec, laws, unit) for spec in specs]
+    lawful = [_with_own_laws(spec, laws, unit, lagged) for spec in specs]
     for name in laws:
         if not any(name in {each.name for each in spec.plain} for spec in specs):
             raise UnknownNameError(
@@ -76,6 +77,8 @@ def families(
     )
 
 
-def _with_own_laws(spec: DamperSpec, laws: Mapping[str, LawName], unit: CommandUnit) -> DamperSpec:
+def _with_own_laws(
+    spec: DamperSpec, laws: Mapping[str, LawName], unit: CommandUnit, lagged: bool
+) -> DamperSpec:
     own = {name: law for name, law in laws.items() if name in {each.name for each in spec.plain}}
-    return spec.with_current_laws(own, unit=unit) if own else spec
+    return spec.with_current_laws(own, unit=unit, lagged=lagged) if own else spec

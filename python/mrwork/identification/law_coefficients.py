@@ -1,0 +1,114 @@
+"""Coefficients of current laws: fitted to values of the plain model at several commands, and their ranges."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.parameters import LawName, current_laws
+from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.identification.equivalent import Form
+from mrwork.identification.search_ranges import search_box
+from mrwork.records import DamperTest
+
+# Largest exponent of a law [1/A or 1/V], either sign.
+_EXPONENT = 5.0
+# Coefficients may reach this multiple of the range that is searched.
+_MARGIN = 10.0
+
+
+def fitted_laws(
+    spec: DamperSpec, commands: NDArray[np.float64], values: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Coefficients of the laws, shape (n_params,), by least squares from `values`, shape (n_levels, n_plain)."""
+    if spec.current is None:
+        return np.asarray(values[0])
+    theta: list[float] = []
+    for law, column in zip(spec.current.laws, values.T, strict=True):
+        theta += fitted_law(law, commands, column)
+    if spec.current.lagged:
+        theta.append(spec.parameters[-1].nominal)
+    box = Box.of(spec)
+    return np.clip(theta, box.lower, box.upper)
+
+
+def fitted_law(law: LawName, commands: NDArray[np.float64], column: NDArray[np.float64]) -> list[float]:
+    """Coefficients of a law by least squares from the values of a parameter at these commands."""
+    if current_laws()[law].degree == 0:
+        return [float(np.median(column))]
+    full = fitted_degree(law)
+    degree = min(full, len(commands) - 1)
+    polynomial = [float(each) for each in np.polyfit(commands, column, degree)[::-1]] + [0.0] * (
+        full - degree
+    )
+    if current_laws()[law].degree is None:
+        # a + b exp(-u) with the values of the straight line at the lowest and highest command.
+        lowest, highest = commands.min(), commands.max()
+        rise = polynomial[1] * (highest - lowest) / (np.exp(-highest) - np.exp(-lowest) or 1.0)
+        polynomial = [polynomial[0] + polynomial[1] * lowest - rise * np.exp(-lowest), rise, -1.0]
+    return polynomial
+
+
+def plain_of(form: Form) -> tuple[DamperSpec, Box]:
+    """The plain model of a form with current laws, with the bounds of the parameters that are constant."""
+    plain = damper(form.spec.name)
+    bounds = {
+        name: (form.box.lower[index], form.box.upper[index])
+        for index, name in enumerate(form.box.names)
+        if name in plain.names
+    }
+    return plain, Box.of(plain).with_bounds(bounds)
+
+
+def joint_box(form: Form, tests: tuple[DamperTest, ...], commands: NDArray[np.float64]) -> Box:
+    """The box of a joint fit: ranges of coefficients follow from the stroke, speed, force and commands of the tests."""
+    searched = search_box(*plain_of(form), tests)
+    return _limited(form, _law_box(form.spec, searched, commands, margin=_MARGIN))
+
+
+def _law_box(spec: DamperSpec, searched: Box, commands: NDArray[np.float64], *, margin: float = 1.0) -> Box:
+    """Ranges of the coefficients of the laws, `margin` times as wide as the searched ranges of the plain model imply.
+
+    A coefficient may have either sign, and at the largest command its term reaches the end of the parameter's range.
+    """
+    largest = max(float(np.max(np.abs(commands))), 1e-3)
+    bounds: dict[str, tuple[float, float]] = {}
+    admissible = Box.of(spec)
+    for index, parameter in enumerate(spec.parameters):
+        coefficient = parameter.coefficient
+        if coefficient is None:
+            continue
+        plain = searched.names.index(coefficient.parameter)
+        reach = margin * max(abs(searched.lower[plain]), abs(searched.upper[plain]))
+        if coefficient.is_exponent:
+            reach = _EXPONENT
+        elif spec.current is not None and current_laws()[spec.current.laws[plain]].degree is not None:
+            reach /= largest**coefficient.number
+        bounds[parameter.name] = (max(-reach, admissible.lower[index]), min(reach, admissible.upper[index]))
+    return admissible.with_bounds(bounds)
+
+
+def _limited(form: Form, limits: Box) -> Box:
+    """The box of a form, where parameters that the user has not bounded have the range of `limits`.
+
+    Local minimisations run in the logit of the range; for a range of +-1e9 the logit resolves useful values poorly.
+    """
+    admissible = Box.of(form.spec)
+    narrowed = {}
+    for index, name in enumerate(admissible.names):
+        own = (form.box.lower[index], form.box.upper[index])
+        if own == (admissible.lower[index], admissible.upper[index]):
+            narrowed[name] = (limits.lower[index], limits.upper[index])
+    return form.box.with_bounds(narrowed)
+
+
+def levels_needed(spec: DamperSpec) -> int:
+    """Number of commands that the laws of a model need."""
+    return 1 + max((fitted_degree(law) for law in spec.current.laws), default=0) if spec.current else 1
+
+
+def fitted_degree(law: LawName) -> int:
+    """Degree of the polynomial that is fitted to values over the command; 1 for an exponential law."""
+    degree = current_laws()[law].degree
+    return 1 if degree is None else degree

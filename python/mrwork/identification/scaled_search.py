@@ -1,0 +1,159 @@
+"""Starting points of a model with current laws from tests whose command varies: no test shows the plain model alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.spec import DamperSpec
+from mrwork.errors import Interrupted
+from mrwork.identification.global_search import (
+    OnSearch,
+    StartingPoints,
+    generation_reporter,
+    interrupted_at,
+    joined_trace,
+    refuse_empty_elite,
+)
+from mrwork.identification.law_coefficients import fitted_law, joint_box, plain_of
+from mrwork.identification.level_search import refuse_few_levels
+from mrwork.identification.problem import Problem
+from mrwork.identification.search_ranges import search_box
+from mrwork.records import DamperTest
+from mrwork.records.command import command_level
+from mrwork.records.command_signal import levels_of_command
+from mrwork.records.window import excerpt
+from mrwork.search import Optimiser, run_search
+from mrwork.simulate import loading_of
+
+_STARTS = 8
+# The starts have the nominal rate of the driver's lag times these factors, in turn.
+_RATES = (1.0, 0.2, 5.0)
+# Force at the command of the least force, relative to that of the largest.
+_LEAST_FORCE = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScaledLaws:
+    """Laws that follow from the plain model at the mean command: each coefficient is a plain parameter times a factor.
+
+    Parameters that have a law and scale with the force follow the straight line of the measured force over the command;
+    others with a law start constant. `owner` is the plain parameter of each coefficient; -1 where there is none.
+    """
+
+    spec: DamperSpec
+    owner: NDArray[np.intp]
+    factor: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, spec: DamperSpec, tests: tuple[DamperTest, ...], commands: NDArray[np.float64]) -> ScaledLaws:
+        """Laws through these commands for tests of a model with current laws."""
+        assert spec.current is not None
+        force = relative_force(spec, tests, commands)
+        owner: list[int] = []
+        factor: list[float] = []
+        for place, (parameter, law) in enumerate(zip(spec.plain, spec.current.laws, strict=True)):
+            own = fitted_law(law, commands, force if parameter.scales_with_force else np.ones_like(force))
+            owner += [place] * len(own)
+            factor += own
+        if spec.current.lagged:
+            owner.append(-1)
+            factor.append(spec.parameters[-1].nominal)
+        for index, parameter in enumerate(spec.parameters):
+            if parameter.coefficient is not None and parameter.coefficient.is_exponent:
+                owner[index] = -1
+        return cls(spec=spec, owner=np.array(owner), factor=np.array(factor))
+
+    def theta(self, plain: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Coefficients, shape (n_batch, n_params), for parameters of the plain model, shape (n_batch, n_plain)."""
+        box = Box.of(self.spec)
+        scaled = np.where(self.owner < 0, 1.0, plain[:, self.owner]) * self.factor
+        return np.asarray(np.clip(scaled, box.lower, box.upper))
+
+
+def relative_force(
+    spec: DamperSpec, tests: tuple[DamperTest, ...], commands: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Magnitude of the force at these commands relative to its mean over them, from a straight line over the command.
+
+    The line is fitted to the faster half of the samples: near reversals the force is small at any command.
+    """
+    received, magnitude = [], []
+    for test in tests:
+        fast = np.abs(test.velocity) >= np.median(np.abs(test.velocity))
+        command = np.broadcast_to(np.asarray(loading_of(test, spec).command), test.force.shape)
+        received.append(command[fast])
+        magnitude.append(np.abs(test.force - test.force.mean())[fast])
+    slope, level = np.polyfit(np.concatenate(received), np.concatenate(magnitude), 1)
+    line = level + slope * commands
+    line = np.maximum(line, _LEAST_FORCE * np.max(line))
+    return np.asarray(line / np.mean(line))
+
+
+def points_from_scaled_forces(
+    problem: Problem, search: Optimiser[Any], *, on_search: OnSearch
+) -> StartingPoints:
+    """Search the plain parameters whose laws, scaled as the measured force is by the command, fit all tests best.
+
+    Raises
+    ------
+    SettingError
+        Where the commands of the tests take fewer values than a law has coefficients.
+    SimulationError
+        Where no candidate could be simulated.
+    Interrupted
+        On Ctrl-C, carrying `StartingPoints` with only the best point so far, `None` where there is none.
+    """
+    form, rng = problem.form, problem.settings.rng
+    excerpts = tuple(excerpt(test) for test in problem.objective.tests)
+    objective = problem.objective.on(form.spec, excerpts)
+    commands = _levels(form.spec, excerpts)
+    refuse_few_levels(form.spec, len(commands))
+    plain, bounds = plain_of(form)
+    box = search_box(plain, bounds, excerpts)
+    laws = ScaledLaws.of(form.spec, excerpts, commands)
+    joint_form = replace(form, box=joint_box(form, excerpts, commands))
+
+    def from_unit(unit: NDArray[np.float64]) -> NDArray[np.float64]:
+        theta = laws.theta(np.asarray(box.theta_from_unit(np.atleast_2d(unit))))
+        return np.clip(theta, joint_form.box.lower, joint_form.box.upper)
+
+    try:
+        found = run_search(
+            search,
+            lambda unit: objective(from_unit(unit)),
+            rng=rng,
+            n_params=len(box.free),
+            on_generation=generation_reporter(search, on_search),
+            journal=objective.journal,
+        )
+    except Interrupted as interrupt:
+        result = interrupt.result
+        if not np.isfinite(result.best_misfit):
+            raise Interrupted(None, "search") from interrupt
+        theta = from_unit(result.best_unit)[0]
+        raise interrupted_at(theta, objective, joint_form, joined_trace([result])) from interrupt
+    refuse_empty_elite(form.spec, found)
+    starts = from_unit(found.elite[:_STARTS])
+    if form.spec.current is not None and form.spec.current.lagged:
+        starts[:, -1] *= np.resize(_RATES, len(starts))
+    inside = np.clip(starts, joint_form.box.lower, joint_form.box.upper)
+    return StartingPoints(
+        objective=objective,
+        form=joint_form,
+        theta=np.array([joint_form.box.inside(start) for start in inside]),
+        trace=joined_trace([found]),
+    )
+
+
+def _levels(spec: DamperSpec, tests: tuple[DamperTest, ...]) -> NDArray[np.float64]:
+    """Commands of all tests, shape (n_levels,), lowest first."""
+    commands = (loading_of(test, spec).command for test in tests)
+    known = [command for command in commands if command is not None]
+    return np.array(
+        sorted({command_level(level) for command in known for level in levels_of_command(command)})
+    )

@@ -1,0 +1,211 @@
+"""Laws and the lag of the driver, recovered from tests whose command switches or is random, or with constant ones."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from command_line import mrwork
+from numpy.typing import NDArray
+
+import mrwork as mr
+from mrwork.errors import MrworkWarning, SettingError
+from mrwork.identification.fit import Fit
+from mrwork.identification.levenberg_marquardt_twin import TwinResiduals, arrays_of
+from mrwork.identification.objective import Objective
+from mrwork.identification.problem import Problem, fingerprint_of
+from mrwork.identification.scaled_search import relative_force
+from mrwork.identification.settings import FitSettings
+from mrwork.records import DamperTest, build_damper_test
+from mrwork.records.command_signal import Command
+from mrwork.search import EfficientGA, StopRules
+from mrwork.uncertainty.bands.calibration_files import read_predictions, write_predictions
+from mrwork.uncertainty.bands.prediction import folds_of
+
+DT = 2e-3
+NOISE_N = 8.0
+PLAIN = mr.damper("static_hysteretic")
+SPEC = PLAIN.with_current_laws({"c": "linear", "alpha": "quadratic"}, lagged=True)
+TRUTH = {
+    **{"c.0": 1000.0, "c.1": 1500.0, "k": 500.0, "alpha.0": 100.0, "alpha.1": 1000.0, "alpha.2": -300.0},
+    **{"beta": 60.0, "delta": 1.5, "x_s": 1e-4, "f0": 20.0, "eta": 60.0},
+}
+THETA = np.array([TRUTH[name] for name in SPEC.names])
+# The hysteresis changes side within one sample, so no test tells over which displacement.
+FIXED = {"x_s": (1e-4, 1e-4)}
+SEARCH = EfficientGA(stop=StopRules(max_generations=30))
+
+FEW = mr.identification.Multistart(samples=6, starts=3, least_rounds=1, most_rounds=1, found=2)
+
+Course = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+
+
+def switching(time: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.where(time % 0.42 < 0.2, 0.0, 1.0)
+
+
+def random_steps(time: NDArray[np.float64]) -> NDArray[np.float64]:
+    levels = np.random.default_rng(4).uniform(0.0, 1.0, 100)
+    return np.asarray(levels[(time / 0.1).astype(int)])
+
+
+def random_waves(time: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Band-limited: a sum of sines that are no multiples of each other."""
+    waves = sum(np.sin(2.0 * np.pi * f * time + 9.0 * f) for f in (0.31, 0.83, 1.57, 2.71))
+    return np.asarray(np.clip(0.5 + 0.2 * waves, 0.0, 1.0))
+
+
+@cache
+def record(
+    command: Course | float, *, frequency: float = 2.0, amplitude: float = 0.01, rng: int = 0
+) -> DamperTest:
+    """A sinusoidal test of the lagged damper, with noise in the force alone."""
+    time = DT * np.arange(2000)
+    omega = 2.0 * np.pi * frequency
+    displacement, velocity = amplitude * np.sin(omega * time), amplitude * omega * np.cos(omega * time)
+    sent: Command = command(time) if callable(command) else command
+    loading = mr.Loading(dt=DT, displacement=displacement, velocity=velocity, command=sent, command_unit="A")
+    force = mr.simulate_force(SPEC, THETA, loading)
+    return build_damper_test(
+        name=command.__name__ if callable(command) else f"{command:g} A",
+        time=time,
+        displacement=displacement,
+        velocity=velocity,
+        force=force + NOISE_N * np.random.default_rng([rng, 7]).standard_normal(time.size),
+        current=sent,
+    )
+
+
+def assert_recovered(fit: Fit) -> None:
+    assert fit.status == "converged"
+    assert fit.rmse_n == pytest.approx(NOISE_N, rel=0.05)
+    for estimate in fit.estimates:
+        if estimate.remark == "fixed":
+            continue
+        assert estimate.standard_error is not None
+        assert abs(estimate.value - TRUTH[estimate.name]) < 5.0 * estimate.standard_error, estimate
+
+
+SETS: dict[str, tuple[DamperTest, ...]] = {
+    "random steps": (record(random_steps, frequency=1.7, amplitude=0.012),),
+    "random waves": (record(random_waves),),
+    # Two levels and a third one: enough for a quadratic law only together.
+    "switching and one constant": (record(switching), record(0.5, rng=1)),
+    "switching and three constants": (record(switching), *(record(u, rng=2) for u in (0.0, 0.5, 1.0))),
+}
+
+
+@pytest.fixture(scope="module", params=list(SETS))
+def fit(request: pytest.FixtureRequest) -> Fit:
+    return mr.identify(SPEC, SETS[request.param], search=SEARCH, bounds=FIXED, rng=1)
+
+
+def test_laws_and_lag_are_recovered(fit: Fit) -> None:
+    assert_recovered(fit)
+    unseen = record(random_steps, frequency=2.6, amplitude=0.008, rng=5)
+    predicted = mr.predict(fit, unseen)
+    assert float(np.std(predicted.residual)) == pytest.approx(NOISE_N, rel=0.1)
+
+
+def test_the_median_of_a_switching_command_misleads() -> None:
+    """What a fit was before: every test at the median of its command."""
+    tests = SETS["switching and three constants"]
+    medians = tuple(replace(test, current=float(np.median(np.asarray(test.current)))) for test in tests)
+    spec = PLAIN.with_current_laws({"c": "linear", "alpha": "quadratic"})
+    misled = mr.identify(spec, medians, search=SEARCH, bounds=FIXED, rng=1)
+    assert misled.rmse_n > 10.0 * NOISE_N
+
+
+def test_laws_of_more_coefficients_than_levels_are_refused() -> None:
+    with pytest.raises(SettingError, match=r"run at 2 command\(s\), the current laws need 3"):
+        mr.identify(SPEC, record(switching), bounds=FIXED)
+
+
+def test_a_plain_model_of_a_varying_command_warns_and_names_the_law() -> None:
+    with pytest.warns(MrworkWarning, match=r"the command varies during tests \(0 to 1 A, stepped\).*--law"):
+        mr.identify("bingham", record(switching), search=FEW)
+
+
+def test_a_lag_that_no_test_shows_is_told() -> None:
+    problem = Problem.of(SPEC, (record(0.0), record(0.5), record(1.0)), FitSettings())
+    assert any("--fix eta" in sentence for sentence in problem.warnings)
+    held = Problem.of(SPEC, (record(0.5),), FitSettings(bounds={"eta": (60.0, 60.0)}))
+    assert held.warnings == ()
+
+
+def test_the_force_rises_with_the_command() -> None:
+    found = relative_force(SPEC, (record(random_waves),), np.array([0.0, 0.5, 1.0]))
+    assert found.mean() == pytest.approx(1.0)
+    assert found[0] < 0.5 < 1.3 < found[2]
+
+
+def test_another_course_of_the_command_is_another_problem() -> None:
+    test = record(switching)
+    earlier = replace(test, current=np.roll(np.asarray(test.current), 1))
+    prints = [fingerprint_of(Problem.of(SPEC, (each,), FitSettings())) for each in (test, earlier)]
+    assert prints[0]["test"] != prints[1]["test"]
+
+
+def test_folds_by_command_keep_equal_courses_together() -> None:
+    tests = [record(switching), record(0.5), record(switching, frequency=1.3), record(random_steps)]
+    assert folds_of(tests, "command") == [[0, 2], [1], [3]]
+
+
+def test_the_twin_follows_constant_and_varying_commands_together() -> None:
+    longer = record(switching)
+    shorter = record(0.5).part(0, 900)
+    objective = Objective.of(SPEC, (longer, shorter))
+    here = objective.residuals(THETA[None])[0]
+    there = TwinResiduals.of(objective)(jnp.asarray(THETA), arrays_of(objective, (1, 1)))
+    np.testing.assert_allclose(there, here, atol=1e-9)
+
+
+def test_stored_predictions_keep_the_command(tmp_path: Path) -> None:
+    tests = (record(switching), record(0.5))
+    write_predictions(tmp_path, [mr.Prediction(test=test, model_force=test.force) for test in tests])
+    stored = read_predictions(tmp_path)
+    np.testing.assert_array_equal(stored[0].test.current, tests[0].current)
+    assert stored[1].test.current == 0.5
+
+
+def test_the_command_line_fits_predicts_and_calibrates_records_of_a_set_point(tmp_path: Path) -> None:
+    files = []
+    for name, test in (
+        ("steps", record(random_steps)),
+        ("waves", record(random_waves)),
+        ("switch", record(switching)),
+    ):
+        files.append(tmp_path / f"{name}.csv")
+        columns = (test.time, 1e3 * test.displacement, test.velocity, test.force, np.asarray(test.current))
+        heading = "t_s,displacement_mm,velocity_mps,force_N,setpoint_A"
+        np.savetxt(files[-1], np.column_stack(columns), delimiter=",", header=heading, comments="")
+    out = tmp_path / "run"
+    laws = ["--law", "c=linear", "--law", "alpha=quadratic", "--driver-lag", "--fix", "x_s=1e-4"]
+    short = ["--generations", "20", "--quiet", "--json", "--out", out]
+    done = mrwork("identify", files[0], files[1], "--model", "static_hysteretic", *laws, *short)
+    assert done.returncode == 0, done.stderr
+    found = json.loads(done.stdout)
+    assert found["current_laws"]["lagged"] is True
+    assert found["parameters"]["eta"]["value"] == pytest.approx(TRUTH["eta"], rel=0.05)
+    assert " A, varying" in (out / "report.html").read_text()
+    predicted = json.loads(mrwork("predict", out, files[2], "--json").stdout)
+    assert predicted["files"][0]["rmse_n"] == pytest.approx(NOISE_N, rel=0.1)
+    assert mrwork("calibrate", out, files[2], "--json").returncode == 0
+    checked = json.loads(mrwork("check", files[2], "--json").stdout)["files"][0]
+    assert checked["current_a"] == {"lowest": 0.0, "highest": 1.0}
+    refused = mrwork("identify", files[0], "--driver-lag")
+    assert refused.returncode == 2
+    assert "--law" in refused.stderr
+
+
+def test_constant_commands_raise_no_warning_of_the_new_kind() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", MrworkWarning)
+        mr.identify("bingham", record(0.5), search=FEW)
