@@ -88,7 +88,7 @@ def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:
     """Predictions of the files by the fit of the run, for which they must not have been used."""
     fit = read_fit(options.run_folder)
     words = observation_of(options, fit.settings.observe)
-    tests = [observed(test, words) for test in read_tests(options)]
+    tests = [observed(test, words) for test in read_tests(options, "calibration")]
     nuisances = nuisances_of(options, fit.nuisances)
     return tuple(predict(fit, test, nuisances=nuisances) for test in tests)
 

@@ -7,15 +7,18 @@ import json
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from mrwork.cli.options import add_files, add_json, reading_of
-from mrwork.errors import MrworkError
-from mrwork.records import DamperTest, Finding, mislabelled
+from mrwork.errors import MrworkError, SettingError
+from mrwork.identification.settings import is_synthetic
+from mrwork.records import DamperTest, Finding, guess_tests, mislabelled, write_test_table
 from mrwork.records.command_signal import Command, command_range
 from mrwork.records.findings import gathered_findings
+from mrwork.records.rig_table import TABLE_NAME, records_in
 
 
 def add_parser(verbs: Any) -> None:
@@ -26,18 +29,29 @@ def add_parser(verbs: Any) -> None:
         "and others.",
     )
     add_files(parser)
+    parser.add_argument(
+        "--table",
+        nargs="?",
+        const="",
+        metavar="TABLE",
+        help="write a table of the tests with a first guess of columns, units and commands, and with what is in doubt; "
+        "default tests.csv beside the first record",
+    )
     add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
     """Check every file; a file that cannot be read is reported, and the others are still checked."""
+    if options.table is not None:
+        return _write_table(options)
     status = 0
+    reading = reading_of(options)
     rows: list[dict[str, Any]] = []
     tests: list[DamperTest] = []
-    for path in options.files:
+    for path in reading.files:
         try:
-            (test,) = replace(reading_of(options), files=(path,)).tests()
+            (test,) = replace(reading, files=(path,)).tests()
         except MrworkError as error:
             status = 2
             rows.append({"file": path, "error": str(error)})
@@ -57,6 +71,32 @@ def run(options: argparse.Namespace) -> int:
     if lines:
         print("\n".join(["all files together:", *lines]))
     return status
+
+
+def _write_table(options: argparse.Namespace) -> int:
+    """Write a table of tests with a first guess of its entries, and print it with what is in doubt."""
+    named = [Path(file) for file in options.files if not is_synthetic(file)]
+    files = [inside for path in named for inside in (records_in(path) if path.is_dir() else (path,))]
+    if not files:
+        raise SettingError("--table lists files; name a folder or the records")
+    table = Path(options.table) if options.table else files[0].parent / TABLE_NAME
+    rows = guess_tests(files)
+    write_test_table(table, rows)
+    doubtful = [row for row in rows if row.doubt]
+    if options.json:
+        print(json.dumps({"table": str(table), "tests": [asdict(row) for row in rows]}))
+        return 0
+    for row in rows:
+        entries = ", ".join(f"{key} {entry}" for key, entry in row.columns.items())
+        print(f"{row.file}: {entries or 'not used'}")
+        if row.doubt:
+            print(f"  in doubt: {row.doubt}")
+    print(f"Written: {table}, {len(rows)} tests, {len(doubtful)} in doubt.")
+    print(
+        "Check its entries, replace each ?, and set the use of tests that are kept back to calibration or test; "
+        f"then give {table} in place of the files."
+    )
+    return 0
 
 
 def _facts(test: DamperTest) -> dict[str, Any]:

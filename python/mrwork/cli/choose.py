@@ -75,7 +75,7 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
     from mrwork.uncertainty.choice.choose import choose_model
 
     models: str | list[str] = ALL if options.model == ALL else options.model.split(",")
-    reading = reading_of(options)
+    reading = reading_of(options, "fit")
     tests = tuple(observed(test, settings.observe) for test in reading.tests())
     folder = options.out or Path("out") / f"{stem_of(tests)}-models"
     check_destination(folder)

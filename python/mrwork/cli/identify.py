@@ -171,7 +171,7 @@ def run(options: argparse.Namespace) -> int:
             )
         return choose.run(options, settings)
     plain = damper(options.model)
-    reading = reading_of(options)
+    reading = reading_of(options, "fit")
     tests = tuple(observed(test, settings.observe) for test in reading.tests())
     spec = _with_laws(plain, tests, options)
     starts = tuple(start_from(read_fit(run), spec) for run in options.starts)

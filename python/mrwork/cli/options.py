@@ -11,10 +11,11 @@ from typing import get_args
 from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
 from mrwork.identification.nuisance import NuisanceName
-from mrwork.identification.settings import Reading
+from mrwork.identification.settings import Reading, is_synthetic
 from mrwork.records import DamperTest, parse_column_option
 from mrwork.records.observing import DETECT, as_words
 from mrwork.records.repairs import REPAIR_KINDS, RepairKind
+from mrwork.records.rig_table import ListedTest, Use, listed_tests
 
 _NONE = "none"
 
@@ -25,14 +26,17 @@ def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None
         "files",
         nargs="+" if required else "*",
         metavar="FILE",
-        help="test record: text (.csv, .txt, .tsv, .dat), .mat, .parquet, or synthetic:NAME",
+        help="test record: text (.csv, .txt, .tsv, .dat), .mat, .parquet, or synthetic:NAME; a table of tests (file, "
+        "use, columns, command), of which the rows for this verb are used; or a folder, for its tests.csv "
+        "or its records",
     )
     parser.add_argument(
         "--column",
         action="append",
         default=[],
         metavar="QUANTITY=NAME:UNIT",
-        help="heading and unit of a column that is not recognised, as in force=F:kN; repeat for more",
+        help="heading and unit of a column that is not recognised, as in force=F:kN, or the command as a number, as in "
+        "command=0.5A; repeat for more",
     )
     parser.add_argument(
         "--from", dest="start", type=float, metavar="S", help="use the record from this time [s]"
@@ -120,10 +124,20 @@ def cannot_be_resumed(error: MrworkError, options: argparse.Namespace) -> bool:
     return not options.resume and not isinstance(error, JournalError | OutputError)
 
 
-def reading_of(options: argparse.Namespace) -> Reading:
-    """The test files of the command line, and the settings for reading them."""
+def reading_of(options: argparse.Namespace, use: Use | None = None) -> Reading:
+    """The test files of the command line, and the settings for reading them; of tables, the rows for a use.
+
+    Raises
+    ------
+    RecordError
+        Where a folder has no record, or a table of tests is invalid or has no row for the use.
+    """
+    rows: list[ListedTest] = []
+    for file in options.files:
+        rows += [ListedTest(file=file)] if is_synthetic(file) else listed_tests([file], use=use)
     return Reading(
-        files=tuple(options.files),
+        files=tuple(row.file for row in rows),
+        columns_of={row.file: row.columns for row in rows if row.columns},
         folder=str(Path.cwd()),
         columns=dict(parse_column_option(option) for option in options.column),
         start=options.start,
@@ -134,9 +148,9 @@ def reading_of(options: argparse.Namespace) -> Reading:
     )
 
 
-def read_tests(options: argparse.Namespace) -> tuple[DamperTest, ...]:
+def read_tests(options: argparse.Namespace, use: Use) -> tuple[DamperTest, ...]:
     """The tests of the command line, first cut, then repaired."""
-    return reading_of(options).tests()
+    return reading_of(options, use).tests()
 
 
 def parse_bounds(ranges: Sequence[str], fixed: Sequence[str]) -> dict[str, tuple[float, float]]:

@@ -67,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
     nuisances = nuisances_of(options, fit.nuisances)
     warnings = missing_warnings(fit.nuisances, nuisances)
     words = observation_of(options, fit.settings.observe)
-    for test in (observed(test, words) for test in read_tests(options)):
+    for test in (observed(test, words) for test in read_tests(options, "test")):
         force, quality = free_run(
             spec, theta, test, nuisances=nuisances, substep_factor=options.substep_factor
         )

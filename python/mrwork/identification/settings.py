@@ -29,12 +29,18 @@ _SYNTHETIC = "synthetic:"
 _LARGEST_POWER = 16.0
 
 
+def is_synthetic(file: str) -> bool:
+    """Whether a test is one of the embedded ones, and no file."""
+    return file.startswith(_SYNTHETIC)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reading:
     """Files of one run and how each was processed: window, repairs, start of the samples that count.
 
     `columns` and `repairs` are as in `read_damper_test` and `repair`, with `None` for a repair that takes no amount;
-    `start`, `end` and `settle` in seconds. Relative `files` are relative to `folder`, or to the current folder.
+    `columns_of` are those of single files, as a table of tests gives them, and go before `columns`; `start`, `end` and
+    `settle` in seconds. Relative `files` are relative to `folder`, or to the current folder.
     """
 
     files: tuple[str, ...]
@@ -45,6 +51,7 @@ class Reading:
     every: int = 1
     repairs: Mapping[RepairKind, float | None] = field(default_factory=dict)
     settle: float | None = None
+    columns_of: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
     def as_record(self) -> dict[str, Any]:
         """Plain values, for `fit.json`."""
@@ -80,10 +87,11 @@ class Reading:
         return tuple(self._read(file) for file in self.files)
 
     def _read(self, file: str) -> DamperTest:
-        if file.startswith(_SYNTHETIC):
+        if is_synthetic(file):
             test = synthetic_test(file.removeprefix(_SYNTHETIC))
         else:
-            test = read_damper_test(self._path(file), columns=self.columns or None)
+            columns = {**self.columns, **self.columns_of.get(file, {})}
+            test = read_damper_test(self._path(file), columns=columns)
         if (self.start, self.end, self.every) != (None, None, 1):
             test = cut(test, start=self.start, end=self.end, every=self.every)
         amounts = {kind: amount for kind, amount in self.repairs.items() if amount is not None}

@@ -14,4 +14,8 @@ from .observing import observed as observed
 from .read import read_damper_test as read_damper_test
 from .read import read_damper_tests as read_damper_tests
 from .repairs import repair as repair
+from .rig_table import ListedTest as ListedTest
+from .rig_table import read_test_table as read_test_table
+from .rig_table import write_test_table as write_test_table
+from .table_guess import guess_tests as guess_tests
 from .window import cut as cut

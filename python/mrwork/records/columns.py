@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Final
+from dataclasses import dataclass, replace
+from typing import Final, Literal
 
-from mrwork.errors import RecordError, SettingError, UnitError
+from mrwork.errors import MrworkError, RecordError, SettingError, UnitError
 from mrwork.records.column_names import QUANTITIES, TestQuantity, is_plain, unit_in_name
 from mrwork.units import FACTORS, factor_of, factor_to_si, known_units, quantity_of
 
@@ -22,12 +23,25 @@ _EXAMPLE: Final[Mapping[TestQuantity, str]] = {
 }
 
 
+COMMAND: Final = "command"
+"""Key of a mapping of columns for the command: a column of current or voltage, or a number with its unit."""
+
+COMMANDS: Final[tuple[Literal["current"], Literal["voltage"]]] = ("current", "voltage")
+_NUMBER_AND_UNIT: Final = re.compile(r"([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\W\d_]+)")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnChoice:
-    """Column of a quantity, and the factor from its unit to SI."""
+    """Column of a quantity, its unit, and the factor from that to SI."""
 
     column: str
+    unit: str
     factor: float
+
+    @property
+    def specification(self) -> str:
+        """The choice as an entry of a mapping of columns."""
+        return f"{self.column}:{self.unit}"
 
 
 def numbered_names(count: int) -> tuple[str, ...]:
@@ -35,8 +49,10 @@ def numbered_names(count: int) -> tuple[str, ...]:
     return tuple(str(number + 1) for number in range(count))
 
 
-def parse_column_option(option: str) -> tuple[TestQuantity, str]:
+def parse_column_option(option: str) -> tuple[str, str]:
     """Split ``"force=F:kN"`` into ``("force", "F:kN")``, checking quantity and unit.
+
+    The quantity may also be the command, a column or a number with its unit, as in ``"command=0.5 A"``.
 
     Raises
     ------
@@ -55,9 +71,62 @@ def parse_column_option(option: str) -> tuple[TestQuantity, str]:
         raise SettingError(
             f"column option '{option}' has no '='; expected QUANTITY=COLUMN:UNIT, such as force=F:kN"
         )
-    quantity = _quantity(name.strip())
-    _parse_specification(quantity, specification)
-    return quantity, specification.strip()
+    check_specification(name.strip(), specification)
+    return name.strip(), specification.strip()
+
+
+def check_specification(name: str, specification: str) -> None:
+    """Check an entry of a mapping of columns without a file.
+
+    Raises
+    ------
+    SettingError
+        It has another form, or `name` is neither a quantity of a damper test nor the command.
+    UnitError
+        The unit is unknown or measures another quantity.
+    """
+    if name == COMMAND:
+        StatedCommand.of(specification)
+    else:
+        _parse_specification(_quantity(name), specification)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatedCommand:
+    """The command as it is stated for a test: a number in SI, or a column and its unit."""
+
+    quantity: TestQuantity
+    value: float | None = None
+    column: str = ""
+
+    @classmethod
+    def of(cls, text: str) -> StatedCommand:
+        """Read ``"0.5 A"``, or ``"COLUMN:UNIT"``.
+
+        Raises
+        ------
+        SettingError
+            The text has another form.
+        UnitError
+            The unit is none of a current or a voltage.
+        """
+        number = _NUMBER_AND_UNIT.fullmatch(text.strip())
+        unit = number[2] if number else text.rpartition(":")[2].strip()
+        quantity = next((each for each in COMMANDS if quantity_of(unit) == each), None)
+        if quantity is None:
+            if number is None and ":" not in text:
+                raise SettingError(
+                    f"the command is '{text.strip()}'; expected a number with its unit, such as 0.5 A, or COLUMN:UNIT"
+                )
+            raise UnitError(
+                f"the command is '{text.strip()}': '{unit}' is no unit of a current or a voltage; give one of "
+                f"{', '.join(known_units(each) for each in COMMANDS)}"
+            )
+        if number is None:
+            _parse_specification(quantity, text)
+            return cls(quantity=quantity, column=text.strip())
+        factor = factor_to_si(unit, quantity, context=f"the command '{text.strip()}'")
+        return cls(quantity=quantity, value=factor * float(number[1].replace(",", ".")))
 
 
 def choose_columns(
@@ -95,8 +164,8 @@ def choose_columns(
     chosen: dict[TestQuantity, ColumnChoice] = {}
     for name, specification in (columns or {}).items():
         quantity = _quantity(name)
-        column, factor = _parse_specification(quantity, specification)
-        chosen[quantity] = ColumnChoice(column=_find(column, names, source), factor=factor)
+        column, unit, factor = _parse_specification(quantity, specification)
+        chosen[quantity] = ColumnChoice(column=_find(column, names, source), unit=unit, factor=factor)
     taken = {choice.column for choice in chosen.values()}
     named = _Names(
         names=names,
@@ -138,7 +207,7 @@ class _Names:
             )
         if fitting:
             name, unit = fitting[0]
-            return ColumnChoice(column=name, factor=factor_to_si(unit, quantity, context=name))
+            return ColumnChoice(column=name, unit=unit, factor=factor_to_si(unit, quantity, context=name))
         for name, unit in claims:
             if self._is_weak(quantity, name) or self._claimed_by_another(quantity, name):
                 continue
@@ -195,21 +264,44 @@ class _Names:
         return own if quantity_of(own) is not None else apart
 
 
+def guess_columns(
+    names: Sequence[str], *, units: Mapping[str, str], source: str
+) -> tuple[dict[TestQuantity, ColumnChoice], dict[TestQuantity, str]]:
+    """The columns that can be told by name, with common symbols of units, and why others cannot be told."""
+    named = _Names(names=names, free=names, units=units, source=source, required=REQUIRED)
+    chosen: dict[TestQuantity, ColumnChoice] = {}
+    doubts: dict[TestQuantity, str] = {}
+    for quantity in QUANTITIES:
+        try:
+            choice = named.recognise(quantity)
+        except MrworkError as error:
+            doubts[quantity] = str(error).removeprefix(f"{source}: ")
+        else:
+            if choice is not None:
+                symbols = FACTORS[quantity].items()
+                unit = next(symbol for symbol, factor in symbols if factor == choice.factor)
+                chosen[quantity] = replace(choice, unit=unit)
+    return chosen, doubts
+
+
 def _quantity(name: str) -> TestQuantity:
     for quantity in QUANTITIES:
         if quantity == name:
             return quantity
-    raise SettingError(f"'{name}' is not a quantity of a damper test; use one of {', '.join(QUANTITIES)}")
+    raise SettingError(
+        f"'{name}' is not a quantity of a damper test; use one of {', '.join((*QUANTITIES, COMMAND))}"
+    )
 
 
-def _parse_specification(quantity: TestQuantity, specification: str) -> tuple[str, float]:
+def _parse_specification(quantity: TestQuantity, specification: str) -> tuple[str, str, float]:
     column, colon, unit = specification.rpartition(":")
     if not colon or not column.strip() or not unit.strip():
         raise SettingError(
             f"column for the {quantity} is '{specification}'; expected COLUMN:UNIT, "
             f"such as {_EXAMPLE[quantity].partition('_')[0]}:{next(iter(FACTORS[quantity]))}"
         )
-    return column.strip(), factor_to_si(unit, quantity, context=f"column option {quantity}={specification}")
+    factor = factor_to_si(unit, quantity, context=f"column option {quantity}={specification}")
+    return column.strip(), unit.strip(), factor
 
 
 def _find(column: str, names: Sequence[str], source: str) -> str:

@@ -5,22 +5,17 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from mrwork.errors import RecordError
 from mrwork.records.build import build_damper_test
-from mrwork.records.columns import choose_columns
+from mrwork.records.column_names import TestQuantity
+from mrwork.records.columns import COMMAND, COMMANDS, StatedCommand, choose_columns
 from mrwork.records.command import nominal_from_name, with_nominal_command
 from mrwork.records.damper_test import DamperTest
-from mrwork.records.formats.delimited import open_delimited
-from mrwork.records.formats.matlab import open_matlab
-from mrwork.records.table import ColumnTable, check_is_file, listed_files, open_parquet
-
-_TEXT: Final = (".csv", ".tsv", ".txt", ".dat", ".asc")
-EXTENSIONS: Final = (*_TEXT, ".mat", ".parquet", ".pq")
-"""Extensions of the files that can hold a test."""
+from mrwork.records.formats.open import open_table
+from mrwork.records.rig_table import Use, listed_tests
 
 
 def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str] | None = None) -> DamperTest:
@@ -36,7 +31,8 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
         The file.
     columns
         Quantity (``time``, ``displacement``, ``velocity``, ``force``, ``current``, ``voltage``) to
-        ``"COLUMN:UNIT"``, for columns whose names do not state it.
+        ``"COLUMN:UNIT"``, for columns whose names do not state it. ``command`` is a column of current or voltage, or a
+        number with its unit, as ``"0.5 A"``, which goes before the columns of the file.
 
     Returns
     -------
@@ -60,12 +56,22 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
     """
     file = Path(path)
     source = str(file)
-    table = _open_table(file)
-    chosen = choose_columns(table.names, columns, units=table.units, source=source)
+    table = open_table(file)
+    given = dict(columns or {})
+    stated = StatedCommand.of(given.pop(COMMAND)) if COMMAND in given else None
+    if stated is not None and stated.column:
+        given[stated.quantity] = stated.column
+    chosen = choose_columns(table.names, given, units=table.units, source=source)
+    if stated is not None and stated.value is not None:
+        chosen = {quantity: choice for quantity, choice in chosen.items() if quantity not in COMMANDS}
     numbers = table.read([choice.column for choice in chosen.values()])
     # Overflowing values become infinite, and the checks refuse them with their line.
     with np.errstate(over="ignore", invalid="ignore"):
-        si = {quantity: choice.factor * numbers[choice.column] for quantity, choice in chosen.items()}
+        si: dict[TestQuantity, ArrayLike] = {
+            quantity: choice.factor * numbers[choice.column] for quantity, choice in chosen.items()
+        }
+    if stated is not None and stated.value is not None:
+        si[stated.quantity] = stated.value
     nominal = nominal_from_name(file.stem)
     test = build_damper_test(
         name=file.stem,
@@ -88,38 +94,27 @@ def read_damper_tests(
     paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
     *,
     columns: Mapping[str, str] | None = None,
+    use: Use | None = None,
 ) -> tuple[DamperTest, ...]:
-    """Read several tests: a sequence of paths in its order, or a glob pattern in name order.
+    """Read several tests: files, folders and tables of tests in their order, or a glob pattern in name order.
+
+    Parameters
+    ----------
+    paths
+        A folder stands for its table ``tests.csv``, or without one for all records in it; see `read_test_table`.
+    columns
+        As for `read_damper_test`, for all files; entries of a table go before them.
+    use
+        Of tables, read the tests for this use only: ``fit``, ``calibration`` or ``test``; default: all that are used.
 
     Raises
     ------
     RecordError
         No file matches the pattern, there is no path, or a file cannot be read as a test.
+
+    Examples
+    --------
+    >>> tests = read_damper_tests("rig/", use="fit")  # doctest: +SKIP
     """
-    files = listed_files(paths, none="no record given; name at least one file")
-    return tuple(read_damper_test(file, columns=columns) for file in files)
-
-
-def _open_table(path: Path) -> ColumnTable:
-    """Open a CSV, TSV, Parquet or .mat file as named columns.
-
-    Raises
-    ------
-    RecordError
-        The path is missing, a directory, of an unknown extension, unreadable, or its content is refused.
-    """
-    extension = path.suffix.lower()
-    try:
-        check_is_file(path)
-        if extension in _TEXT:
-            return open_delimited(path)
-        if extension == ".mat":
-            return open_matlab(path)
-        if extension in (".parquet", ".pq"):
-            return open_parquet(path)
-    except OSError as error:
-        raise RecordError(f"{path}: cannot be read ({error}); check the file and its permissions") from error
-    came = f"the extension is '{extension}'" if extension else "there is no extension"
-    raise RecordError(
-        f"{path}: {came} where one of {', '.join(EXTENSIONS)} was expected; export the record as one of these"
-    )
+    rows = listed_tests(paths, use=use)
+    return tuple(read_damper_test(row.file, columns={**(columns or {}), **row.columns}) for row in rows)

@@ -1,0 +1,40 @@
+"""Open a file of any format as named columns."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from mrwork.errors import RecordError
+from mrwork.records.formats.delimited import open_delimited
+from mrwork.records.formats.matlab import open_matlab
+from mrwork.records.table import ColumnTable, check_is_file, open_parquet
+
+TEXT_EXTENSIONS: Final = (".csv", ".tsv", ".txt", ".dat", ".asc")
+EXTENSIONS: Final = (*TEXT_EXTENSIONS, ".mat", ".parquet", ".pq")
+"""Extensions of the files that can hold a test."""
+
+
+def open_table(path: Path) -> ColumnTable:
+    """Open a CSV, TSV, Parquet or .mat file as named columns.
+
+    Raises
+    ------
+    RecordError
+        The path is missing, a directory, of an unknown extension, unreadable, or its content is refused.
+    """
+    extension = path.suffix.lower()
+    try:
+        check_is_file(path)
+        if extension in TEXT_EXTENSIONS:
+            return open_delimited(path)
+        if extension == ".mat":
+            return open_matlab(path)
+        if extension in (".parquet", ".pq"):
+            return open_parquet(path)
+    except OSError as error:
+        raise RecordError(f"{path}: cannot be read ({error}); check the file and its permissions") from error
+    came = f"the extension is '{extension}'" if extension else "there is no extension"
+    raise RecordError(
+        f"{path}: {came} where one of {', '.join(EXTENSIONS)} was expected; export the record as one of these"
+    )

@@ -1,0 +1,229 @@
+"""Table of the tests of a rig: file, use, columns with units, and command of each, and lists of files and folders."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Final, Literal, get_args
+
+from mrwork.errors import MrworkError, OutputError, RecordError, SettingError
+from mrwork.records.columns import COMMAND, REQUIRED, check_specification
+from mrwork.records.formats.delimited import decoded, read_text_bytes
+from mrwork.records.formats.layout import delimiter_of, is_data, split
+from mrwork.records.formats.open import EXTENSIONS, TEXT_EXTENSIONS
+from mrwork.records.table import listed_files
+from mrwork.store.run_folder import replacing
+from mrwork.summary import Summarised, listed
+
+Use = Literal["fit", "calibration", "test"]
+"""What a test is used for: identification, calibration of bands, or the final comparison."""
+
+TABLE_NAME: Final = "tests.csv"
+"""Name of the table of tests in a folder."""
+
+UNUSED: Final = "unused"
+UNKNOWN: Final = "?"
+"""Entry of a table that must be filled in."""
+
+_DOUBT: Final = "doubt"
+_SPECIFIED: Final = (*REQUIRED, "velocity", COMMAND)
+_HEADER: Final = ("file", "use", *_SPECIFIED, _DOUBT)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class ListedTest(Summarised):
+    """A row of a table of tests: a file, its use, its `columns` as in `read_damper_test`, and what is in doubt.
+
+    A row that is not used has the use `None`.
+    """
+
+    file: str
+    use: Use | None = None
+    columns: Mapping[str, str] = field(default_factory=dict)
+    doubt: str = ""
+
+
+def listed_tests(
+    paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]], *, use: Use | None = None
+) -> tuple[ListedTest, ...]:
+    """Rows for the files, folders, glob patterns and tables of tests that are given.
+
+    A folder stands for its table `tests.csv`, or without one for all files in it that can hold a test. Of a table, the
+    rows with the given use are returned, without a use those with any; files that are given by themselves are always.
+
+    Raises
+    ------
+    RecordError
+        No file is given or found, a folder has no test, or a table is invalid or has no row with that use.
+    """
+    rows: list[ListedTest] = []
+    for file in listed_files(paths, none="no record given; name at least one file, folder or table of tests"):
+        path = Path(file)
+        if path.is_dir():
+            rows += _rows_of_folder(path, use)
+        elif is_test_table(path):
+            rows += _used(read_test_table(path), path, use)
+        else:
+            rows.append(ListedTest(file=file))
+    return tuple(rows)
+
+
+def records_in(folder: Path) -> tuple[Path, ...]:
+    """Files of a folder that can hold a test, in name order, without its table.
+
+    Raises
+    ------
+    RecordError
+        There is none.
+    """
+    try:
+        inside = sorted(folder.iterdir())
+    except OSError as reason:
+        raise RecordError(f"{folder}: cannot be read ({reason.strerror})") from reason
+    files = tuple(
+        path
+        for path in inside
+        if path.suffix.lower() in EXTENSIONS and not path.name.startswith(".") and path.is_file()
+        if not is_test_table(path)
+    )
+    if not files:
+        raise RecordError(
+            f"{folder}: has no record; expected files with one of the extensions {', '.join(EXTENSIONS)}"
+        )
+    return files
+
+
+def is_test_table(path: Path) -> bool:
+    """Whether a file is a table of tests: its first line names a column `file` and one of its others."""
+    if path.suffix.lower() not in TEXT_EXTENSIONS or not path.is_file():
+        return False
+    try:
+        with path.open("rb") as stream:
+            start = decoded(stream.read(4096))
+    except OSError:
+        return False
+    line = next(filter(is_data, start.splitlines()), "")
+    names = {name.strip().casefold() for name in split(line, delimiter_of(line))}
+    return _HEADER[0] in names and len(names & set(_HEADER)) > 1
+
+
+def read_test_table(path: str | os.PathLike[str]) -> tuple[ListedTest, ...]:
+    """Read a table of tests, with columns separated by commas, semicolons or tabs.
+
+    The column `file` is required; paths are relative to the folder of the table. `use` is fit, calibration, test or
+    unused; empty is unused. `time`, `displacement`, `force` and `velocity` name the columns of the record as
+    ``COLUMN:UNIT``, `command` a number with its unit (``0.5 A``) or ``COLUMN:UNIT``; where they are empty or absent,
+    the record and its name tell. `doubt` is not read.
+
+    Raises
+    ------
+    RecordError
+        The file is no such table, or an entry is invalid or still "?"; the message names the line.
+    """
+    place = Path(path)
+    lines = decoded(read_text_bytes(place)).splitlines()
+    filled = [(number, line) for number, line in enumerate(lines, start=1) if is_data(line)]
+    if not filled:
+        raise RecordError(
+            f"{place}: the table is empty; its first line names the columns {', '.join(_HEADER)}"
+        )
+    delimiter = delimiter_of(filled[0][1])
+    header = [name.strip().casefold() for name in split(filled[0][1], delimiter)]
+    while header and not header[-1]:
+        header.pop()
+    unknown = [name for name in header if name not in _HEADER]
+    if unknown or "file" not in header or len(set(header)) < len(header):
+        raise RecordError(
+            f"{place}, line {filled[0][0]}: a table of tests has the columns {', '.join(_HEADER)}, each at most once; "
+            f"{f'there is none called {unknown[0]!r}' if unknown else f'these are {listed(header, 8)}'}"
+        )
+    rows: list[ListedTest] = []
+    for number, line in filled[1:]:
+        fields = [entry.strip() for entry in split(line, delimiter)]
+        if len(fields) < len(header) or any(fields[len(header) :]):
+            raise RecordError(
+                f"{place}, line {number}: has {len(fields)} entries where the header names {len(header)} columns; "
+                "complete the line, and put entries with delimiters into quotes"
+            )
+        entries = {name: entry for name, entry in zip(header, fields, strict=False) if entry}
+        if not entries:
+            continue
+        try:
+            rows.append(_row(entries, place.parent))
+        except MrworkError as error:
+            raise RecordError(f"{place}, line {number}: {error}") from error
+        if any(rows[-1].file == other.file for other in rows[:-1]):
+            raise RecordError(
+                f"{place}, line {number}: '{entries['file']}' is in the table twice; delete one"
+            )
+    if not rows:
+        raise RecordError(f"{place}: the table has no tests; add a line for each file")
+    return tuple(rows)
+
+
+def write_test_table(path: str | os.PathLike[str], rows: Sequence[ListedTest]) -> None:
+    """Write a table of tests, with paths relative to its folder where they lie within.
+
+    Raises
+    ------
+    OutputError
+        The file exists already, or cannot be written.
+    """
+    place = Path(path)
+    if place.exists():
+        raise OutputError(f"{place} exists already; delete it, or choose another name for the table")
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(_HEADER)
+    for row in rows:
+        file = Path(row.file)
+        inside = file.resolve().is_relative_to(place.parent.resolve())
+        name = file.resolve().relative_to(place.parent.resolve()) if inside else file.resolve()
+        writer.writerow(
+            [name.as_posix(), row.use or UNUSED, *(row.columns.get(key, "") for key in _SPECIFIED), row.doubt]
+        )
+    with replacing(place) as beside:
+        beside.write_text(text.getvalue(), encoding="utf-8")
+
+
+def _row(entries: Mapping[str, str], folder: Path) -> ListedTest:
+    if "file" not in entries:
+        raise RecordError("names no file")
+    name = entries.get("use", UNUSED).casefold()
+    use = next((each for each in get_args(Use) if each == name), None)
+    if use is None and name != UNUSED:
+        raise SettingError(f"the use is '{name}'; give one of {', '.join((*get_args(Use), UNUSED))}")
+    columns = {key: entries[key] for key in _SPECIFIED if key in entries}
+    if use is not None:
+        for key, specification in columns.items():
+            if UNKNOWN in (specification, specification.rpartition(":")[2].strip()):
+                raise RecordError(
+                    f"the {key} of '{entries['file']}' is '{specification}'; fill it in, or set the use to {UNUSED}"
+                )
+            check_specification(key, specification)
+    return ListedTest(
+        file=str(folder / entries["file"]), use=use, columns=columns, doubt=entries.get(_DOUBT, "")
+    )
+
+
+def _rows_of_folder(folder: Path, use: Use | None) -> tuple[ListedTest, ...]:
+    table = folder / TABLE_NAME
+    if is_test_table(table):
+        return _used(read_test_table(table), table, use)
+    return tuple(ListedTest(file=str(path)) for path in records_in(folder))
+
+
+def _used(rows: Sequence[ListedTest], table: Path, use: Use | None) -> tuple[ListedTest, ...]:
+    """The rows with a use, or with any."""
+    used = tuple(row for row in rows if row.use is not None and use in (None, row.use))
+    if not used:
+        counts = [f"{sum(row.use == each for row in rows)} for {each}" for each in get_args(Use)]
+        raise RecordError(
+            f"{table}: no test is for {use or 'any use'} ({', '.join(counts)} of {len(rows)}); set the use of some "
+            "rows, or name the files"
+        )
+    return used

@@ -1,0 +1,257 @@
+"""A table of tests says what each file is; a first guess of it is written, with what is in doubt."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import mrwork
+from record_files import clean_columns, write_text
+
+import mrwork as mr
+from mrwork.errors import MrworkError, OutputError, RecordError, SettingError, UnitError
+from mrwork.identification.fit_file import read_fit, reopen
+from mrwork.records import (
+    ListedTest,
+    guess_tests,
+    parse_column_option,
+    read_damper_test,
+    read_damper_tests,
+    read_test_table,
+    write_test_table,
+)
+from mrwork.records.rig_table import listed_tests
+
+HEADER = "file,use,time,displacement,force,velocity,command,doubt"
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Path:
+    """A folder of three records, one of them with columns that cannot be told by name."""
+    folder = tmp_path / "rig"
+    folder.mkdir()
+    columns = clean_columns()
+    write_text(folder / "10mm2Hz0x5A.csv", columns)
+    # Twice as fast, so that bands may be calibrated on it.
+    faster = {**columns, "t_s": 0.5 * columns["t_s"], "velocity_mps": 2.0 * columns["velocity_mps"]}
+    write_text(folder / "run_7_500mA.csv", faster)
+    unnamed = dict(zip(("a", "b", "c", "d"), columns.values(), strict=True))
+    write_text(folder / "z.csv", unnamed)
+    return folder
+
+
+def table(folder: Path, *lines: str, name: str = "tests.csv", header: str = HEADER) -> Path:
+    path = folder / name
+    path.write_text("\n".join([header, *lines]) + "\n")
+    return path
+
+
+FULL = (
+    "10mm2Hz0x5A.csv,fit,,,,,,",
+    "run_7_500mA.csv,calibration,,,,,1.5 A,",
+    "z.csv,test,a:s,b:m,d:N,c:m/s,0.2 A,checked",
+)
+
+
+def test_a_table_gives_columns_units_and_commands_and_selects_by_use(rig: Path) -> None:
+    path = table(rig, *FULL)
+    tests = read_damper_tests(path)
+    assert [(test.name, test.current) for test in tests] == [
+        ("10mm2Hz0x5A", 0.5),
+        ("run_7_500mA", 1.5),
+        ("z", 0.2),
+    ]
+    for test in tests:
+        np.testing.assert_array_equal(test.force, clean_columns()["force_n"])
+    for use, name in (("fit", "10mm2Hz0x5A"), ("calibration", "run_7_500mA"), ("test", "z")):
+        (test,) = read_damper_tests(rig, use=use)  # type: ignore[arg-type] # the folder stands for its table
+        assert test.name == name
+
+
+@pytest.mark.parametrize("delimiter", [";", "\t"])
+def test_a_table_may_come_from_a_spreadsheet(rig: Path, delimiter: str) -> None:
+    path = table(rig, *FULL)
+    text = path.read_text().replace(",", delimiter).replace("0.2 A", "0,2 A")
+    path.write_bytes(("\N{ZERO WIDTH NO-BREAK SPACE}" + text.replace("\n", delimiter + "\r\n")).encode())
+    assert [test.current for test in read_damper_tests(path)] == [0.5, 1.5, 0.2]
+
+
+def test_a_command_is_a_number_or_a_column_and_goes_before_those_of_the_record(tmp_path: Path) -> None:
+    columns = clean_columns()
+    columns["current_a"] = np.full(columns["t_s"].size, 0.5)
+    columns["drive"] = np.full(columns["t_s"].size, 700.0)
+    path = write_text(tmp_path / "rig.csv", columns)
+    assert read_damper_test(path).current == 0.5
+    stated = read_damper_test(path, columns={"command": "2 V"})
+    assert (stated.current, stated.voltage) == (None, 2.0)
+    assert read_damper_test(path, columns={"command": "drive:mA"}).current == pytest.approx(0.7)
+    assert parse_column_option("command=0.5A") == ("command", "0.5A")
+
+
+def test_a_command_against_the_name_of_the_file_is_a_finding(rig: Path) -> None:
+    test = read_damper_test(rig / "10mm2Hz0x5A.csv", columns={"command": "1 A"})
+    assert test.current == 1.0
+    assert "name_disagrees" in [finding.code for finding in test.findings]
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "expected"),
+    [
+        ("half", SettingError, "a number with its unit, such as 0.5 A, or COLUMN:UNIT"),
+        ("0.5", SettingError, "a number with its unit"),
+        ("0.5 N", UnitError, "'N' is no unit of a current or a voltage"),
+        ("drive:mm", UnitError, "'mm' is no unit of a current"),
+        ("nan A", SettingError, "a number with its unit"),
+        ("absent:A", RecordError, "there is no column 'absent'"),
+    ],
+)
+def test_a_wrong_command_is_refused(rig: Path, text: str, error: type[MrworkError], expected: str) -> None:
+    with pytest.raises(error, match=expected):
+        read_damper_test(rig / "10mm2Hz0x5A.csv", columns={"command": text})
+
+
+def test_a_folder_without_a_table_stands_for_its_records(rig: Path) -> None:
+    (rig / "z.csv").unlink()
+    (rig / "notes.md").write_text("not a record")
+    (rig / ".hidden.csv").write_text("x")
+    assert [test.name for test in mr.read_damper_tests(rig)] == ["10mm2Hz0x5A", "run_7_500mA"]
+    assert [row.file for row in listed_tests([rig, rig / "10mm2Hz0x5A.csv"])][2:] == [
+        str(rig / "10mm2Hz0x5A.csv")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("lines", "expected"),
+    [
+        ((), "the table has no tests"),
+        (("a.csv,fit,t:s,,,,",), "line 2: has 7 entries where the header names 8 columns"),
+        (
+            ("a.csv,fitting,,,,,,",),
+            "line 2: the use is 'fitting'; give one of fit, calibration, test, unused",
+        ),
+        ((",fit,,,,,,",), "line 2: names no file"),
+        (
+            ("a.csv,fit,,,?,,,",),
+            r"line 2: the force of 'a.csv' is '\?'; fill it in, or set the use to unused",
+        ),
+        (("a.csv,fit,,,F:?,,,",), r"the force of 'a.csv' is 'F:\?'"),
+        (("a.csv,fit,,,F,,,",), "line 2: column for the force is 'F'; expected COLUMN:UNIT"),
+        (("a.csv,fit,,,F:mm,,,",), "line 2: .*'mm' is a unit of displacement"),
+        (("a.csv,fit,,,,,high,",), "line 2: the command is 'high'"),
+        (("a.csv,fit,,,,,,", "# later", "a.csv,test,,,,,,"), "line 4: 'a.csv' is in the table twice"),
+        (("a.csv,unused,,,,,,",), "no test is for any use"),
+        (("absent.csv,fit,,,,,,",), "there is no such file"),
+    ],
+)
+def test_a_wrong_table_is_refused_by_its_line(tmp_path: Path, lines: tuple[str, ...], expected: str) -> None:
+    path = table(tmp_path, *lines)
+    with pytest.raises(MrworkError, match=expected):
+        read_damper_tests(path)
+
+
+@pytest.mark.parametrize(
+    ("header", "expected"),
+    [("file,use,colour", "there is none called 'colour'"), ("file,use,use", "each at most once")],
+)
+def test_a_wrong_header_of_a_table_is_refused(tmp_path: Path, header: str, expected: str) -> None:
+    with pytest.raises(RecordError, match=expected):
+        read_damper_tests(table(tmp_path, "a.csv,fit,x", header=header))
+
+
+def test_a_folder_with_no_record_and_a_use_with_no_test_are_refused(rig: Path, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(RecordError, match="has no record; expected files with one of the extensions"):
+        read_damper_tests(tmp_path / "empty")
+    table(rig, *FULL[:1])
+    with pytest.raises(RecordError, match=r"no test is for calibration \(1 for fit, 0 for calibration"):
+        read_damper_tests(rig, use="calibration")
+
+
+def test_the_first_guess_says_what_is_in_doubt(rig: Path) -> None:
+    (rig / "broken.csv").write_bytes(bytes(range(256)))
+    named, loose, unknown, broken = guess_tests(
+        [rig / name for name in ("10mm2Hz0x5A.csv", "run_7_500mA.csv", "z.csv", "broken.csv")]
+    )
+    assert named == ListedTest(
+        file=str(rig / "10mm2Hz0x5A.csv"),
+        use="fit",
+        columns={
+            "time": "t_s:s",
+            "displacement": "displacement_m:m",
+            "force": "force_n:N",
+            "velocity": "velocity_mps:m/s",
+            "command": "0.5 A",
+        },
+    )
+    assert loose.columns["command"] == "500 mA"
+    assert loose.doubt == "the command is guessed from the name of the file"
+    assert [unknown.columns[key] for key in ("time", "displacement", "force")] == ["?", "?", "?"]
+    assert "no column for the force among 'a', 'b', 'c', 'd'" in unknown.doubt
+    assert "the command is not known" in unknown.doubt
+    assert (broken.use, broken.columns) == (None, {})
+    assert "binary" in broken.doubt
+
+
+def test_a_guess_is_written_once_and_read_back(rig: Path) -> None:
+    rows = guess_tests([rig / "10mm2Hz0x5A.csv"])
+    path = rig / "tests.csv"
+    write_test_table(path, rows)
+    assert read_test_table(path) == rows
+    assert "10mm2Hz0x5A.csv,fit" in path.read_text()
+    with pytest.raises(OutputError, match="exists already"):
+        write_test_table(path, rows)
+
+
+def test_a_name_with_delimiters_survives_the_table(tmp_path: Path) -> None:
+    columns = clean_columns()
+    odd = {"Position(Linear:Digital), 'x' (m)": columns["displacement_m"], **columns}
+    del odd["displacement_m"]
+    path = tmp_path / "a; b, c.csv"
+    write_text(path, odd, "\t")
+    write_test_table(tmp_path / "tests.csv", guess_tests([path]))
+    (test,) = read_damper_tests(tmp_path)
+    np.testing.assert_array_equal(test.displacement, columns["displacement_m"])
+
+
+def test_the_command_line_goes_from_a_folder_to_a_table_to_a_fit_that_opens_again(rig: Path) -> None:
+    guessed = mrwork("check", rig, "--table", "--json")
+    document = json.loads(guessed.stdout)
+    assert document["table"] == str(rig / "tests.csv")
+    assert [bool(row["doubt"]) for row in document["tests"]] == [False, True, True]
+    # What is not known stays a question until it is answered.
+    refused = mrwork("identify", rig, "--model", "bingham", "--out", rig / "run")
+    assert refused.returncode == 2
+    assert "tests.csv, line 4: the time of 'z.csv' is '?'" in refused.stderr
+    table(rig, *FULL)
+    place = rig.parent / "run"
+    fitted = mrwork("identify", rig, "--model", "bingham", "--out", place, "--json", "--every", "2")
+    assert [each["test"] for each in json.loads(fitted.stdout)["files"]] == ["10mm2Hz0x5A"]
+    reading = read_fit(place).reading()
+    assert reading.files == (str(rig / "10mm2Hz0x5A.csv"),)
+    predicted = mrwork("predict", place, rig / "tests.csv", "--json")
+    assert [Path(each["file"]).name for each in json.loads(predicted.stdout)["files"]] == ["z.csv"]
+    calibrated = mrwork("calibrate", place, rig, "--json")
+    assert json.loads(calibrated.stdout)["tests"] == [str(rig / "run_7_500mA.csv")]
+    checked = mrwork("check", rig, "--json")
+    assert len(json.loads(checked.stdout)["files"]) == 3
+    # The fit keeps what the table said, whatever becomes of the table.
+    (rig / "tests.csv").unlink()
+    assert reopen(place).tests[0].current == 0.5
+
+
+def test_a_fit_keeps_the_columns_that_a_table_gave(rig: Path) -> None:
+    table(rig, FULL[2].replace(",test,", ",fit,"))
+    place = rig.parent / "run"
+    assert mrwork("identify", rig, "--model", "bingham", "--out", place, "--quiet").returncode == 0
+    assert read_fit(place).reading().columns_of[str(rig / "z.csv")]["force"] == "d:N"
+    assert reopen(place).tests[0].current == 0.2
+
+
+def test_a_table_that_exists_is_not_overwritten(rig: Path) -> None:
+    path = table(rig, *FULL)
+    refused = mrwork("check", rig, "--table")
+    assert (refused.returncode, "exists already" in refused.stderr) == (2, True)
+    assert "z.csv,test" in path.read_text()
+    assert mrwork("check", rig, "--table", rig / "guess.csv").returncode == 0
