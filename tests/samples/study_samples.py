@@ -74,6 +74,8 @@ def run(amplitude: float, n_devices: int) -> RunResult:
         rms_base_shear=rms(shear),
         peak_force=peak(found.force),
         peak_stroke=peak(found.deformation),
+        peak_rate=peak(found.rate),
+        peak_current=peak(found.command),
         mean_current=found.command.mean(axis=0),
         rms_current=rms(found.command),
         input_energy=float(found.energy[-1, 0]),

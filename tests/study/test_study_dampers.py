@@ -7,20 +7,33 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.dampers.spec import damper
 from mrwork.errors import RecordError, SettingError
 from mrwork.keys import Place
-from mrwork.study.dampers import ChosenDamper, chosen_damper
+from mrwork.records.operating_range import OperatingRange
+from mrwork.study.dampers import ChosenDamper, IdentifiedDamper, chosen_damper
 from mrwork.study.declared import read_table
 from mrwork.study.lines import parse
 from mrwork.study.schema import DamperTable
 
+TESTED = OperatingRange(
+    stroke=0.01,
+    velocity=0.1,
+    frequency=(0.1, 2.0),
+    command=(0.5, 4.003),
+    command_unit="V",
+    force=2000.0,
+    power=50.0,
+)
 
-def identified(run: Path) -> tuple[DamperSpec, tuple[float, ...]]:
-    if run.name != "run":
+
+def identified(run: Path) -> IdentifiedDamper:
+    if run.name not in ("run", "old"):
         raise RecordError(f"{run} does not exist; give the run folder")
     preset = damper("bouc_wen").preset("jansen2000")
-    return preset.spec, preset.theta
+    return IdentifiedDamper(
+        spec=preset.spec, theta=preset.theta, tested=TESTED if run.name == "run" else None
+    )
 
 
 def chosen(text: str) -> ChosenDamper:
@@ -66,9 +79,12 @@ def test_a_law_that_is_no_polynomial_is_named() -> None:
     assert found.spec.current.laws[0] == "exponential"
 
 
-def test_an_identified_run_is_taken_with_its_laws() -> None:
-    found = chosen('run = "run"\nlargest_command = 5.0')
+def test_an_identified_run_is_taken_with_its_laws_and_its_largest_tested_command() -> None:
+    found = chosen('run = "run"')
     assert found.spec == damper("bouc_wen").preset("jansen2000").spec
+    assert found.largest_command == 4.0
+    assert found.tested == TESTED
+    assert chosen('run = "run"\nlargest_command = 5.0').largest_command == 5.0
 
 
 @pytest.mark.parametrize(
@@ -93,6 +109,11 @@ def test_an_identified_run_is_taken_with_its_laws() -> None:
         (
             'preset = "kwok2006"\npassive = true',
             r"line 3: passive is true, and c, k, alpha, delta, f0 of this",
+        ),
+        ('run = "old"', "has no largest_command"),
+        (
+            'run = "run"\nunit = "A"',
+            r"line 3: the command of this damper \(run run\) is in V; leave unit out",
         ),
         ('run = "gone"\nlargest_command = 1', r"line 2: place/gone does not exist"),
     ],

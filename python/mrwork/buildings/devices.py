@@ -9,9 +9,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
+from mrwork.records.operating_range import OperatingRange, Outside, outside_of
 from mrwork.summary import Summarised, Summary, rounded
 
 Floats = NDArray[np.float64]
+
+# A command with a mean above this share of its peak is constant but for the lag of the driver.
+_CONSTANT = 0.9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -31,6 +35,8 @@ class Device(Summarised):
         Number of dampers in parallel.
     differential
         Whether as many dampers act in the opposite direction, so that constant forces cancel.
+    tested
+        Ranges in which one of the dampers was tested, as `Fit.tested`; `None` if unknown.
 
     Raises
     ------
@@ -45,6 +51,7 @@ class Device(Summarised):
     largest_command: float
     count: float = 1.0
     differential: bool = False
+    tested: OperatingRange | None = None
 
     def __post_init__(self) -> None:
         n_params = len(self.spec.parameters)
@@ -65,6 +72,42 @@ class Device(Summarised):
         """Parameters, shape (n_draws, n_params)."""
         return np.atleast_2d(np.asarray(self.theta, dtype=np.float64))
 
+    def demand(
+        self,
+        *,
+        stroke: float,
+        velocity: float,
+        force: float,
+        energy: float,
+        seconds: float,
+        peak_command: float,
+        mean_command: float,
+    ) -> OperatingRange:
+        """Demand of a run on one of the dampers, from peaks and the dissipated energy of all of them.
+
+        The frequency is that of a sinusoid with the peak velocity and the peak stroke. A command whose mean is within
+        10 % of its peak is taken for constant, any other to start from zero, as every run does.
+        """
+        n_dampers = self.count * (2.0 if self.differential else 1.0)
+        frequency = velocity / (2.0 * np.pi * stroke) if stroke > 0.0 else None
+        command = None
+        if self.spec.current is not None and self.spec.follows_command:
+            constant = mean_command > _CONSTANT * peak_command
+            command = (peak_command if constant else 0.0, peak_command)
+        return OperatingRange(
+            stroke=stroke,
+            velocity=velocity,
+            frequency=None if frequency is None else (frequency, frequency),
+            command=command,
+            command_unit=None if command is None or self.spec.current is None else self.spec.current.unit,
+            force=force / n_dampers,
+            power=max(0.0, energy / n_dampers / seconds),
+        )
+
+    def outside(self, demand: OperatingRange) -> Outside:
+        """What of a demand lies outside the tested ranges; laws are evaluated at the median of the draws."""
+        return outside_of(self.spec, np.median(self.draws, axis=0), self.tested, demand)
+
     def _summary(self) -> Summary:
         return Summary(
             title=f"Device {self.name}: {self.spec.name}",
@@ -75,6 +118,7 @@ class Device(Summarised):
                 ),
                 ("command", f"0 to {self.largest_command:g}"),
                 ("draws", str(len(self.draws))),
+                ("tested", self.tested.in_words if self.tested else "not known"),
             ),
             columns=("parameter", "value", "unit"),
             rows=[

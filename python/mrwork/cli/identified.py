@@ -141,6 +141,7 @@ def summary_of(fit: Fit, tests: tuple[DamperTest, ...], folder: Path) -> dict[st
         "error_norms": asdict(fit.error_norms),
         "status": fit.status,
         "stop_reason": fit.stop_reason,
+        "tested_range": None if fit.tested is None else asdict(fit.tested),
         "warnings": fit.warnings,
         "evaluations": fit.evaluations,
         "refinement_steps": fit.refinement_steps,
@@ -166,6 +167,8 @@ def text_of(fit: Fit, tests: tuple[DamperTest, ...]) -> str:
         *result_lines(fit),
         "",
     ]
+    if fit.tested is not None:
+        lines += [f"  tested: {fit.tested.in_words}", ""]
     if fit.identifiability is not None and fit.identifiability.directions:
         lines += [*(f"  - {each.sentence}" for each in fit.identifiability.directions), ""]
     gathered = gathered_findings(tests)

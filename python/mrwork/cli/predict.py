@@ -18,10 +18,12 @@ from mrwork.cli.options import (
     observation_of,
     read_tests,
 )
+from mrwork.dampers.law_limits import LawLimit, worst_laws
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.nuisance import estimated_in_words, missing_warnings
-from mrwork.identification.result import FitSpread, free_run
+from mrwork.identification.result import FitSpread, explained_by, free_run
 from mrwork.records import observed
+from mrwork.records.operating_range import Exceedance, worst_of
 from mrwork.summary import aligned
 from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.calibration_files import read_calibration
@@ -64,14 +66,18 @@ def run(options: argparse.Namespace) -> int:
     spec, theta = fit.spec, np.array(fit.theta)
     rows: list[dict[str, Any]] = []
     about_seen: tuple[str, ...] = ()
+    exceeded: list[tuple[str, Exceedance]] = []
+    limited: list[LawLimit] = []
     nuisances = nuisances_of(options, fit.nuisances)
-    warnings = missing_warnings(fit.nuisances, nuisances)
     words = observation_of(options, fit.settings.observe)
     for test in (observed(test, words) for test in read_tests(options, "test")):
-        force, quality = free_run(
-            spec, theta, test, nuisances=nuisances, substep_factor=options.substep_factor
-        )
-        seen = fit.seen(test)
+        with explained_by(fit, test):
+            force, quality = free_run(
+                spec, theta, test, nuisances=nuisances, substep_factor=options.substep_factor
+            )
+        seen, outside = fit.seen(test), fit.outside(test, force)
+        exceeded += [(test.label, each) for each in outside.exceedances]
+        limited += outside.laws
         rows.append(
             {
                 "file": test.label,
@@ -88,6 +94,8 @@ def run(options: argparse.Namespace) -> int:
                 "substeps": quality.substeps,
                 "seen": None if seen is None else asdict(seen),
                 "nuisance": asdict(quality.nuisance) if nuisances else None,
+                "outside_tested_range": list(outside.names) if outside.known else None,
+                "warnings": list(outside.sentences),
             }
         )
         about_seen += () if seen is None else (f"Seen by the fit: {seen.in_words}.",)
@@ -103,6 +111,7 @@ def run(options: argparse.Namespace) -> int:
                 "inside": scored.coverage,
                 "calibrated_on": None if known is None else asdict(known),
             }
+    warnings = [*missing_warnings(fit.nuisances, nuisances), *_warnings(exceeded, limited, len(rows))]
     spread = None
     if len(rows) > 1:
         spread = FitSpread.of([row["file"] for row in rows], [row["fit_percent"] for row in rows])
@@ -140,8 +149,19 @@ def run(options: argparse.Namespace) -> int:
         print(f"Estimated from the measured force of each test: {estimated_in_words(nuisances)}.")
     for warning in warnings:
         print(f"warning: {warning}")
+    if fit.tested is None:
+        print("The tested ranges of this fit are not known: its tests cannot be read as they were.")
     if basis:
         print(f"Bands of {100.0 * options.level:g} %, {basis}.")
     for sentence in about_seen:
         print(sentence)
     return 0
+
+
+def _warnings(exceeded: list[tuple[str, Exceedance]], limited: list[LawLimit], n_files: int) -> list[str]:
+    """A sentence for each quantity, with the worst file and the number of files, and for each law."""
+    sentences = []
+    for worst, label, count in worst_of(exceeded):
+        files = f"; outside on {count} of {n_files} files" if n_files > 1 else ""
+        sentences.append(f"{worst.in_words}, {label}{files}")
+    return [*sentences, *(each.in_words for each in worst_laws(limited))]

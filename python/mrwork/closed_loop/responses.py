@@ -11,7 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork import _rust
+from mrwork.buildings.devices import Device
 from mrwork.buildings.matrices import Building
+from mrwork.dampers.law_limits import LawLimit, worst_laws
+from mrwork.records.operating_range import Exceedance, OperatingRange, Outside, worst_of
 from mrwork.summary import Summarised, Summary, rounded
 
 Floats = NDArray[np.float64]
@@ -146,7 +149,8 @@ class Responses(Summarised):
     have a second axis. Peaks and mean squares are taken over all integration steps; accelerations are absolute.
     `energy_error` is the largest imbalance of input, kinetic, strain, damping and device energy during the run,
     relative to the largest energy. `steps` is the number of integration steps per sample, `shape` that of candidates,
-    motions and draws.
+    motions and draws. `devices` are the dampers, none where actuators replace them; `seconds` are the lengths of the
+    motions.
     """
 
     shape: tuple[int, int, int]
@@ -174,6 +178,51 @@ class Responses(Summarised):
     damping_energy: Floats
     energy_error: Floats
     histories: tuple[History, ...] | None = None
+    devices: tuple[Device, ...] = ()
+    seconds: tuple[float, ...] = ()
+
+    def demand(self, run: int, device: int) -> OperatingRange:
+        """Demand of a run on one damper of a device."""
+        _, n_motions, n_draws = self.shape
+        return self.devices[device].demand(
+            stroke=float(self.peak_stroke[run, device]),
+            velocity=float(self.peak_rate[run, device]),
+            force=float(self.peak_force[run, device]),
+            energy=float(self.device_energy[run, device]),
+            seconds=self.seconds[run // n_draws % n_motions],
+            peak_command=float(self.peak_current[run, device]),
+            mean_command=float(self.mean_current[run, device]),
+        )
+
+    def outside(self, run: int) -> tuple[Outside, ...]:
+        """What of the demand of a run that finished lies outside the tested ranges of each device."""
+        return tuple(device.outside(self.demand(run, number)) for number, device in enumerate(self.devices))
+
+    def warnings(self) -> list[str]:
+        """A sentence for each quantity outside the tested ranges of the devices, and for each law out of its range."""
+        finished = np.flatnonzero(np.isfinite(self.energy_error))
+        exceeded: list[tuple[str, Exceedance]] = []
+        laws: list[LawLimit] = []
+        for number, device in enumerate(self.devices):
+            # One of the runs with the largest or the smallest value of a quantity is the worst.
+            found = [device.outside(self.demand(run, number)) for run in self._extreme(finished, number)]
+            exceeded += [(device.name, each) for outside in found for each in outside.exceedances]
+            laws += [each for outside in found for each in outside.laws]
+        worst = [f"{name}: {each.in_words}" for each, name, _ in worst_of(exceeded)]
+        return [*worst, *(each.in_words for each in worst_laws(laws))]
+
+    def _extreme(self, runs: NDArray[np.intp], device: int) -> list[int]:
+        """The runs with the largest and the smallest value of a quantity of a device."""
+        if not runs.size:
+            return []
+        _, n_motions, n_draws = self.shape
+        seconds = np.array(self.seconds)[runs // n_draws % n_motions]
+        signals = (self.peak_stroke, self.peak_rate, self.peak_force, self.peak_current, self.device_energy)
+        columns = [each[runs, device] for each in signals]
+        columns[-1] = columns[-1] / seconds
+        columns.append(columns[1] / np.maximum(columns[0], np.finfo(float).tiny))
+        ends = {int(runs[pick(column)]) for column in columns for pick in (np.argmax, np.argmin)}
+        return sorted(ends)
 
     def _summary(self) -> Summary:
         candidates, motions, draws = self.shape
@@ -193,6 +242,7 @@ class Responses(Summarised):
                 for name in _SHOWN
                 for largest in [_largest(getattr(self, name))]
             ],
+            notes=[f"warning: {each}" for each in self.warnings()],
         )
 
 

@@ -138,11 +138,16 @@ def simulate_loop(
             raise SettingError(str(error)) from error
         if on_progress is not None:
             on_progress(min(part.stop, len(runs)), len(runs))
-    return _responses(parts, matrices, hardware, shape)
+    return _responses(parts, matrices, hardware, shape, () if actuators else tuple(devices), motions)
 
 
 def _responses(
-    parts: list[Any], building: _rust.Building, hardware: Hardware, shape: tuple[int, int, int]
+    parts: list[Any],
+    building: _rust.Building,
+    hardware: Hardware,
+    shape: tuple[int, int, int],
+    devices: tuple[Device, ...],
+    motions: Sequence[GroundMotion],
 ) -> Responses:
     summary = np.concatenate([part[0] for part in parts])
     quantities = columns_by_name(summary, run_quantities(), building.summary_layout)
@@ -162,5 +167,7 @@ def _responses(
         outcome=np.concatenate([part[1] for part in parts]),
         steps=np.concatenate([part[2] for part in parts]),
         histories=histories,
+        devices=devices,
+        seconds=tuple(motion.duration for motion in motions),
         **quantities,
     )

@@ -7,6 +7,9 @@ from dataclasses import dataclass, replace
 from functools import cache
 from typing import Literal, cast
 
+import numpy as np
+from numpy.typing import NDArray
+
 from mrwork import _rust
 from mrwork.errors import UnknownNameError
 
@@ -128,6 +131,13 @@ class CurrentLaw:
     def is_exponential(self) -> bool:
         """Whether this is `p.0 + p.1 exp(p.2 u)`, the only law that is not polynomial."""
         return self.degree is None
+
+    def values(self, coefficients: NDArray[np.float64], command: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The parameter at commands, shape (n,); it may lie outside the admissible range of the model."""
+        if self.is_exponential:
+            at_zero, factor, exponent = coefficients
+            return np.asarray(at_zero + factor * np.exp(exponent * command))
+        return np.asarray(np.polynomial.polynomial.polyval(command, coefficients))
 
     def is_special_case_of(self, other: CurrentLaw) -> bool:
         """Whether this law is the other one with some coefficients at zero."""

@@ -69,9 +69,17 @@ class DamperSpec(Summarised):
         return self.names.index(stiffness), self.names.index(free_length)
 
     @property
+    def following(self) -> tuple[str, ...]:
+        """Names of the parameters of the plain model that depend on the command."""
+        if self.current is None:
+            return ()
+        pairs = zip(self.plain, self.current.laws, strict=True)
+        return tuple(parameter.name for parameter, law in pairs if current_laws()[law].degree != 0)
+
+    @property
     def follows_command(self) -> bool:
         """Whether any parameter depends on the command; a damper without such a parameter is passive."""
-        return self.current is not None and any(current_laws()[law].degree != 0 for law in self.current.laws)
+        return bool(self.following)
 
     def with_current_laws(
         self, laws: Mapping[str, LawName], *, unit: CommandUnit = "A", lagged: bool = False

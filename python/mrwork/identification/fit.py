@@ -15,6 +15,7 @@ from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings, Reading
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
 from mrwork.records.likeness import Likeness, RecordedMotion, likest
+from mrwork.records.operating_range import OperatingRange, Outside, outside_of
 from mrwork.summary import Summarised, Summary, listed, rounded
 
 # Key of the record of settings that the command line adds to those of `FitSettings`.
@@ -113,8 +114,10 @@ class Fit(Summarised):
     `refinement_steps` counts those of the final fit, one simulation with its derivatives each. `identifiability` is
     the result of `uncertainty.identifiability_of`, `None` where it was not computed. `forces` are those of the free
     runs, one for each test, [N], shape (n_time,); `warnings` are sentences on what could mislead in the result;
-    `motions` recognise the tests of the fit and others of the same motion and command; `live_settings` are the settings
-    with the search that ran. A fit that was read from its file has neither forces nor live settings.
+    `motions` recognise the tests of the fit and others of the same motion and command; `tested` are the ranges of
+    motion, command and load of the tests, `None` for a fit of an earlier version whose tests cannot be read;
+    `live_settings` are the settings with the search that ran. A fit that was read from its file has neither forces nor
+    live settings.
     """
 
     model: str
@@ -138,6 +141,7 @@ class Fit(Summarised):
     identifiability: Identifiability | None = None
     warnings: tuple[str, ...] = ()
     motions: tuple[RecordedMotion, ...] = ()
+    tested: OperatingRange | None = None
     forces: tuple[NDArray[np.float64], ...] = field(default=(), compare=False)
     live_settings: FitSettings | None = field(default=None, compare=False)
 
@@ -206,6 +210,12 @@ class Fit(Summarised):
             return f"standard error, {self.n_time} independent samples"
         return f"standard error, {self.n_effective:.0f} effective samples"
 
+    def outside(self, test: DamperTest, force: NDArray[np.float64] | None = None) -> Outside:
+        """What of a test lies outside the tested ranges, with the model's force [N], shape (n_time,), if given."""
+        unit = self.current.unit if self.tested is None and self.current is not None else None
+        demand = OperatingRange.of_test(test, self.tested.command_unit if self.tested else unit, force)
+        return outside_of(self.spec, self.theta, self.tested, demand)
+
     def as_dict(self) -> dict[str, Any]:
         """Nested dictionaries and lists for JSON, without the forces and the live settings."""
         document = asdict(replace(self, forces=(), live_settings=None))
@@ -226,6 +236,7 @@ class Fit(Summarised):
                 ("tests", listed([quality.test for quality in self.quality])),
                 ("error", f"{self.rmse_n:.4g} N rms, {100.0 * self.nrmse:.3g} % of the force's deviation"),
                 ("search", f"{self.evaluations} simulations, {self.seconds:.1f} s, {self.stop_reason}"),
+                *([("tested", self.tested.in_words)] if self.tested else []),
             ),
             columns=("parameter", "value", self.uncertainty_heading, "unit", "remark"),
             rows=[

@@ -8,9 +8,10 @@ from math import sqrt
 from pathlib import Path
 from typing import Any
 
-from mrwork.errors import RecordError
+from mrwork.errors import MrworkError, RecordError
 from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
+from mrwork.records.operating_range import OperatingRange
 from mrwork.store.codec import json_document, read_document, record_from_json
 from mrwork.store.run_folder import (
     ADDITIONS,
@@ -102,7 +103,19 @@ def read_fit(path: str | Path) -> Fit:
     fit = read_document(Fit, place / FIT, name="fit", verb="identify")
     if fit is None:
         raise RecordError(f"{place / FIT} cannot be read (it does not exist); run `mrwork identify` again")
-    return _with_effective_samples(fit)
+    fit = _with_effective_samples(fit)
+    return fit if fit.tested is not None else replace(fit, tested=_tested(fit))
+
+
+def _tested(fit: Fit) -> OperatingRange | None:
+    """The tested ranges of a fit of an earlier version, from its tests where they can be read as they were."""
+    try:
+        tests = fit.reading().tests()
+    except MrworkError:
+        return None
+    if not {test.sha256 for test in tests} <= set(fit.provenance.inputs.values()):
+        return None
+    return OperatingRange.of_tests(tests, None if fit.current is None else fit.current.unit)
 
 
 def fit_from_json(text: str, *, origin: str) -> Fit:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,13 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import ON_BOUND, Box
+from mrwork.dampers.law_limits import law_limits
 from mrwork.dampers.spec import DamperSpec
+from mrwork.errors import SimulationError
 from mrwork.identification.equivalent import Form
 from mrwork.identification.fit import ErrorNorms, Estimate, Fit, FitQuality, FitStatus, SearchTrace
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
 from mrwork.identification.problem import Problem, provenance_of
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import DamperTest, RecordedMotion
+from mrwork.records.operating_range import OperatingRange
 
 
 def free_run(
@@ -42,6 +46,18 @@ def free_run(
     observed = ObservedTest.of(spec, test, nuisances)
     force, nuisance, substeps = observed.predicted(theta, substep_factor=substep_factor)
     return force, fit_quality(test, force, substeps=substeps, nuisance=nuisance)
+
+
+@contextmanager
+def explained_by(fit: Fit, test: DamperTest) -> Iterator[None]:
+    """Add to a simulation that fails in the block what of the test lies outside the tested ranges of the fit."""
+    try:
+        yield
+    except SimulationError as error:
+        reasons = "; ".join(fit.outside(test).sentences)
+        raise SimulationError(
+            f"{error}; outside the tested range: {reasons}" if reasons else str(error)
+        ) from error
 
 
 def fit_quality(
@@ -191,6 +207,7 @@ def fit_at(
     """
     spec, objective = problem.spec, problem.objective
     values = np.asarray(problem.form.to_model(theta))
+    tested = OperatingRange.of_tests(objective.tests, None if spec.current is None else spec.current.unit)
     runs = [free_run(spec, values, test, nuisances=objective.nuisances) for test in objective.tests]
     quality = tuple(each for _, each in runs)
     nrmse = _rms([each.nrmse for each in quality])
@@ -220,7 +237,28 @@ def fit_at(
         n_effective=n_effective,
         forces=tuple(force for force, _ in runs),
         live_settings=problem.settings,
-        warnings=problem.warnings,
+        warnings=(*problem.warnings, *_law_warnings(spec, values, tested)),
+        tested=tested,
+    )
+
+
+# Commands up to this factor above the tested ones are near them; and so is zero, at which every driver starts.
+_NEAR = 1.25
+
+
+def _law_warnings(spec: DamperSpec, theta: NDArray[np.float64], tested: OperatingRange) -> tuple[str, ...]:
+    """A sentence for each law that leaves its admissible range, or vanishes, within or near the tested commands."""
+    if tested.command is None:
+        return ()
+    lowest, highest = tested.command
+    within = {each.parameter: each for each in law_limits(spec, theta, tested.command)}
+    near = law_limits(spec, theta, (min(0.0, lowest), _NEAR * highest))
+    span = f"{lowest:g} to {highest:g} {tested.command_unit}"
+    return tuple(
+        f"{within[each.parameter].in_words}; that is within the tested commands, {span}: choose another law"
+        if each.parameter in within
+        else f"{each.in_words}; the tests are at {span}: do not use the fit there, or test there, or choose another law"
+        for each in near
     )
 
 

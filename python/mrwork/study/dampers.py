@@ -17,28 +17,42 @@ from mrwork.dampers.parameters import CommandUnit, LawName, current_laws, polyno
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import RecordError
 from mrwork.keys import Place
+from mrwork.records.command import command_level
+from mrwork.records.operating_range import OperatingRange
 from mrwork.study.declared import located, suggestion
 from mrwork.study.schema import DamperTable
 
-Identified = Callable[[Path], tuple[DamperSpec, tuple[float, ...]]]
-"""Reads model and parameters from the folder of an identified run."""
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IdentifiedDamper:
+    """Model and parameters of an identified run, and the ranges of its tests, `None` if unknown."""
+
+    spec: DamperSpec
+    theta: tuple[float, ...]
+    tested: OperatingRange | None = None
+
+
+Identified = Callable[[Path], IdentifiedDamper]
+"""Reads the damper from the folder of an identified run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChosenDamper:
     """A model with current laws and its parameters; the command lies between 0 and `largest_command`.
 
-    `largest_command` is 1 for a passive damper, which follows no command.
+    `largest_command` is 1 for a passive damper, which follows no command. `tested` are the ranges of the tests of an
+    identified run.
     """
 
     spec: DamperSpec
     theta: NDArray[np.float64]
     largest_command: float
     source: str
+    tested: OperatingRange | None = None
 
 
-def identified_damper(run: Path) -> tuple[DamperSpec, tuple[float, ...]]:
-    """Model and parameters from the folder of a run of `mrwork identify`.
+def identified_damper(run: Path) -> IdentifiedDamper:
+    """Model, parameters and tested ranges from the folder of a run of `mrwork identify`.
 
     Raises
     ------
@@ -49,7 +63,7 @@ def identified_damper(run: Path) -> tuple[DamperSpec, tuple[float, ...]]:
     from mrwork.identification.fit_file import read_fit
 
     fit = read_fit(run)
-    return fit.spec, fit.theta
+    return IdentifiedDamper(spec=fit.spec, theta=fit.theta, tested=fit.tested)
 
 
 def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> ChosenDamper:
@@ -63,12 +77,16 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> C
     """
     place = table.place
     _refuse_ambiguous(table)
+    tested = None
     if table.preset is not None:
         draft, largest, source = _of_preset(table, table.preset)
     elif table.run is not None:
-        draft, largest, source = _of_run(table, folder / table.run, identified), None, f"run {table.run}"
+        draft, tested = _of_run(table, folder / table.run, identified)
+        largest = None if tested is None or tested.command is None else command_level(tested.command[1])
+        source = f"run {table.run}"
     else:
-        draft = _Draft(plain=_model(place, table.model), laws={}, values={}, unit=table.unit, lag=None)
+        unit = table.unit or "A"
+        draft = _Draft(plain=_model(place, table.model), laws={}, values={}, unit=unit, lag=None)
         largest, source = None, "parameters of the study"
     draft = _changed(draft, table)
     missing = [name for name in draft.plain.names if name not in draft.values]
@@ -78,14 +96,18 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> C
         )
     spec = draft.plain.with_current_laws(draft.laws, unit=draft.unit, lagged=draft.lag is not None)
     _refuse_unless_passive(table, spec, source)
+    if table.unit is not None and table.unit != draft.unit and spec.follows_command:
+        place.within("unit").refuse(
+            f"the command of this damper ({source}) is in {draft.unit}; leave unit out"
+        )
     largest = table.largest_command if table.largest_command is not None else largest
-    if largest is None and spec.follows_command:
+    if not largest and spec.follows_command:
         place.refuse(
             f"{place.table} has no largest_command; give the largest command of the driver [{draft.unit}]"
         )
     numbers = [number for name in draft.plain.names for number in draft.values[name]]
     theta = np.array([*numbers, *([] if draft.lag is None else [draft.lag])])
-    return ChosenDamper(spec=spec, theta=theta, largest_command=largest or 1.0, source=source)
+    return ChosenDamper(spec=spec, theta=theta, largest_command=largest or 1.0, source=source, tested=tested)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,15 +132,10 @@ def _refuse_unless_passive(table: DamperTable, spec: DamperSpec, source: str) ->
         )
     if not table.passive:
         return
-    if spec.follows_command and spec.current is not None:
-        following = [
-            parameter.name
-            for parameter, law in zip(spec.plain, spec.current.laws, strict=True)
-            if current_laws()[law].degree != 0
-        ]
+    if spec.follows_command:
         place.within("passive").refuse(
-            f"passive is true, and {', '.join(following)} of this {spec.name} depend on the command; leave passive "
-            "out, the damper at a constant command is the law passive_off, passive_on or best_passive"
+            f"passive is true, and {', '.join(spec.following)} of this {spec.name} depend on the command; leave "
+            "passive out, the damper at a constant command is the law passive_off, passive_on or best_passive"
         )
     for name in ("largest_command", "lag"):
         if getattr(table, name) is not None:
@@ -163,9 +180,10 @@ def _of_preset(table: DamperTable, name: str) -> tuple[_Draft, float | None, str
     return draft, preset.largest_command, f"{name}, {preset.status}: {preset.source}"
 
 
-def _of_run(table: DamperTable, run: Path, identified: Identified) -> _Draft:
+def _of_run(table: DamperTable, run: Path, identified: Identified) -> tuple[_Draft, OperatingRange | None]:
     try:
-        return _draft(*identified(run))
+        found = identified(run)
+        return _draft(found.spec, found.theta), found.tested
     except RecordError as error:
         table.place.within("run").refuse(str(error))
 
@@ -270,6 +288,7 @@ def equipped(
                 count=table.count,
                 differential=table.differential,
                 largest_command=one.largest_command,
+                tested=one.tested,
             )
         )
     return building, tuple(devices), chosen

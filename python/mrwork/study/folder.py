@@ -12,9 +12,11 @@ from typing import Any
 
 from mrwork.closed_loop.evaluation import criteria
 from mrwork.errors import RecordError
+from mrwork.records.operating_range import Exceedance, OperatingRange
 from mrwork.store.codec import finite, json_document, read_document
 from mrwork.store.run_folder import HISTORIES, JOURNAL, MANIFEST, REPORT, RESULTS, STUDY, write_folder
 from mrwork.study.comparison import compared
+from mrwork.study.demand import largest_demand, names_outside, worst_by_quantity
 from mrwork.study.results import Key, MotionFacts, StudyCriteria, StudyResults
 from mrwork.study.run_result import RunEnd
 from mrwork.study.stored_changes import StoredChanges, stored_changes
@@ -44,6 +46,9 @@ class StoredStudyRun(RunEnd):
 
     These are the building without dampers, i = 0, and the passive damper with the lowest score; the last is absent from
     older files.
+
+    `outside_tested_range` are the quantities in which the demand on a damper lies outside its tested ranges, `None` if
+    these are unknown; `exceedances` are the worst of each. `demand` is the largest on one damper.
     """
 
     controller: str
@@ -57,6 +62,9 @@ class StoredStudyRun(RunEnd):
     steps: int
     step_check: StoredStepCheck | None
     over_best_passive: _Criteria = field(default_factory=dict)
+    outside_tested_range: tuple[str, ...] | None = None
+    exceedances: tuple[Exceedance, ...] = ()
+    demand: OperatingRange | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,6 +88,7 @@ class _Document:
     motions: tuple[_StoredMotion, ...]
     scores: _Criteria
     warnings: tuple[str, ...]
+    damper_warnings: tuple[str, ...] = ()
     results: tuple[StoredStudyRun, ...]
     best_passive: str | None = None
     changes: tuple[StoredChanges, ...] = ()
@@ -98,6 +107,7 @@ class StoredStudy(StudyCriteria):
     runs: Mapping[Key, StoredStudyRun]
     command_unit: str
     device_names: tuple[str, ...] = ()
+    damper_warnings: tuple[str, ...] = ()
 
     @property
     def ends(self) -> Mapping[Key, RunEnd]:
@@ -158,6 +168,7 @@ def read_results(folder: str | Path) -> StoredStudy:
         ),
         runs={(labels.index(run.controller), names.index(run.motion)): run for run in document.results},
         command_unit=document.command_unit,
+        damper_warnings=document.damper_warnings,
     )
 
 
@@ -210,6 +221,7 @@ def study_document(results: StudyResults) -> dict[str, Any]:
         ),
         scores={row.label: results.score(number) for number, row in enumerate(results.rows)},
         warnings=tuple(results.warnings()),
+        damper_warnings=results.damper_warnings,
         results=tuple(_stored_run(results, *key, passive) for key in sorted(results.runs)),
         best_passive=None if passive is None else results.rows[passive].label,
         changes=tuple(stored_changes(comparison)),
@@ -250,7 +262,7 @@ def profiles_csv(results: StudyResults) -> str:
 
 
 def _stored_run(results: StudyResults, row: int, motion: int, passive: int | None) -> StoredStudyRun:
-    run = results.runs[row, motion]
+    run, demands = results.runs[row, motion], results.demands(row, motion)
     return StoredStudyRun(
         controller=results.rows[row].label,
         kind=results.rows[row].kind,
@@ -263,6 +275,9 @@ def _stored_run(results: StudyResults, row: int, motion: int, passive: int | Non
         energy_error=run.energy_error,
         steps=run.steps,
         step_check=_stored_step_check(results, row, motion),
+        outside_tested_range=names_outside(demands),
+        exceedances=worst_by_quantity(demands),
+        demand=largest_demand(demands),
     )
 
 

@@ -70,7 +70,7 @@ def read_study(path: str | Path, identified: Identified = identified_damper, *, 
         motions=motions,
         synthetic=tuple(number for number, (_, synthetic) in enumerate(made) if synthetic),
         hardware=hardware,
-        device_names=tuple(device.name for device in devices),
+        devices=devices,
         command_unit="A" if first is None else first.unit,
         facts=_facts(bare, devices, chosen, table.hardware),
         detailed=detailed,
@@ -135,6 +135,8 @@ def _facts(
         fixed = "" if damper.spec.follows_command else ", passive: all its parameters are constant"
         facts.append((device.name[:1].upper() + device.name[1:], f"{count}{device.spec.title}{pair}{fixed}"))
     facts += [("Parameters", text) for text in dict.fromkeys(damper.source for damper in chosen)]
+    tested = [damper.tested.in_words if damper.tested else "not known" for damper in chosen]
+    facts += [("Tested ranges", text) for text in dict.fromkeys(tested)]
     facts.append(
         (
             "Loop",

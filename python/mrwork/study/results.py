@@ -9,8 +9,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrwork.buildings.devices import Device
 from mrwork.closed_loop.evaluation import criteria, criterion, ratio, score, values
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
+from mrwork.study.demand import DeviceDemand, damper_warnings, demands_of
 from mrwork.study.run_result import RunEnd, RunResult
 from mrwork.study.study import Kind, Row
 from mrwork.summary import Summarised, Summary, listed, rounded
@@ -60,6 +62,11 @@ class StudyCriteria(Summarised, ABC):
     motions: tuple[MotionFacts, ...]
     device_names: tuple[str, ...]
     command_unit: str
+
+    @property
+    @abstractmethod
+    def damper_warnings(self) -> tuple[str, ...]:
+        """Sentences on demand outside the tested ranges of the dampers, and on laws out of their admissible range."""
 
     @property
     @abstractmethod
@@ -141,8 +148,8 @@ class StudyCriteria(Summarised, ABC):
         return all(run.balanced for run in self.ends.values() if run.finished)
 
     def warnings(self) -> list[str]:
-        """Warnings of runs that did not finish or whose energies do not balance."""
-        warnings = []
+        """Warnings on dampers outside their tested ranges, runs that did not finish, energies that do not balance."""
+        warnings = list(self.damper_warnings)
         for number, row in enumerate(self.rows):
             runs = [
                 (self.motions[motion].name, run)
@@ -183,6 +190,7 @@ class StudyCriteria(Summarised, ABC):
                 (row.label, *(rounded(drift) for drift in found[:_MOTIONS_SHOWN]))
                 for row, found in zip(self.rows, drifts, strict=True)
             ],
+            notes=[f"warning: {each}" for each in self.warnings()],
         )
 
 
@@ -190,7 +198,8 @@ class StudyCriteria(Summarised, ABC):
 class StudyResults(StudyCriteria):
     """Runs of a study by (row, motion), as far as they are done.
 
-    `mass` is that of the building [kg], `facts` are further lines of the page on building, dampers and loop.
+    `mass` is that of the building [kg], `facts` are further lines of the page on building, dampers and loop. `devices`
+    are the dampers, with their tested ranges.
     """
 
     title: str
@@ -204,6 +213,22 @@ class StudyResults(StudyCriteria):
     mass: float
     facts: tuple[tuple[str, str], ...] = ()
     halved: Mapping[Key, RunResult] | None = None
+    devices: tuple[Device, ...] = ()
+
+    def demands(self, row: int, motion: int) -> tuple[DeviceDemand, ...]:
+        """Demand of a run on each device; none for a run without dampers or that did not finish."""
+        run = self.runs.get((row, motion))
+        return () if run is None else demands_of(run, self.devices, self.motions[motion].duration)
+
+    @property
+    def damper_warnings(self) -> tuple[str, ...]:
+        """Sentences on demand outside the tested ranges of the dampers, and on laws out of their admissible range."""
+        return damper_warnings(
+            {
+                (self.rows[row].label, self.motions[motion].name): self.demands(row, motion)
+                for row, motion in self.runs
+            }
+        )
 
     @property
     def ends(self) -> Mapping[Key, RunEnd]:

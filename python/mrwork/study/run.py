@@ -155,6 +155,7 @@ def _results_of(
         floor_names=bare.floor_names,
         storey_names=bare.storey_names[: len(bare.drifts)],
         device_names=study.device_names,
+        devices=study.devices,
         command_unit=study.command_unit,
         mass=bare.total_mass,
         facts=study.facts,

@@ -75,6 +75,8 @@ class RunResult(RunEnd):
     rms_base_shear: Floats
     peak_force: Floats
     peak_stroke: Floats
+    peak_rate: Floats
+    peak_current: Floats
     mean_current: Floats
     rms_current: Floats
     input_energy: float
@@ -123,7 +125,7 @@ def result_of(responses: Responses, run: int, arrangement: Arrangement) -> RunRe
         kept["peak_stroke"] = responses.peak_drift[run, others]
     if arrangement.law is not None and arrangement.law.spec.commands_force:
         # The command of an ideal actuator is a force, not a current.
-        kept |= {name: kept[name][:0] for name in ("mean_current", "rms_current")}
+        kept |= {name: kept[name][:0] for name in ("peak_current", "mean_current", "rms_current")}
     return RunResult(
         outcome=Outcome(int(responses.outcome[run])).name.lower(),
         steps=int(responses.steps[run]),

@@ -60,12 +60,18 @@ class DamperTable:
         "laws of parameters in the command; by default several coefficients are a polynomial",
         default=None,
     )
-    unit: CommandUnit = key("unit of the command, for given parameters", default="A")
+    unit: CommandUnit | None = key(
+        "unit of the command, for given parameters, A by default; a preset and a run have their own",
+        default=None,
+    )
     lag: float | None = key(
         "rate of the lag of the driver, instead of that of the preset", unit="1/s", default=None, above=0.0
     )
     largest_command: float | None = key(
-        "largest command of the driver, instead of that of the preset", unit="A or V", default=None, above=0.0
+        "largest command of the driver, instead of that of the preset or the largest tested one of the run",
+        unit="A or V",
+        default=None,
+        above=0.0,
     )
     passive: bool = key(
         "whether the damper is passive: required where no parameter depends on the command, as in a run without --law",

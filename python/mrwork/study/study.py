@@ -62,12 +62,17 @@ class Study(Summarised):
     motions: tuple[GroundMotion, ...]
     synthetic: tuple[int, ...]
     hardware: Hardware
-    device_names: tuple[str, ...]
+    devices: tuple[Device, ...]
     command_unit: str
     facts: tuple[tuple[str, str], ...]
     detailed: int
     drawn: tuple[int, ...]
     histories: tuple[int, ...]
+
+    @property
+    def device_names(self) -> tuple[str, ...]:
+        """Names of the dampers at one place each."""
+        return tuple(device.name for device in self.devices)
 
     def _summary(self) -> Summary:
         return Summary(

@@ -28,6 +28,7 @@ from mrwork.report.fit.profiles import PROFILES
 from mrwork.report.fit.ranking import RANKING
 from mrwork.report.fit.residuals import RESIDUALS
 from mrwork.report.fit.search import search_facts, search_panels
+from mrwork.report.fit.tested_range import TESTED_RANGE
 from mrwork.report.html import filled_in
 from mrwork.report.progress import OnDrawn, PageProgress, unobserved
 from mrwork.report.section import Absent, Section
@@ -37,6 +38,7 @@ from mrwork.stored import StoredRun, load
 from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
 SECTIONS: tuple[SectionKind, ...] = (
+    TESTED_RANGE,
     IDENTIFIABILITY,
     PROFILES,
     POSTERIOR,

@@ -12,7 +12,13 @@ from mrwork.report.section import Group, Section
 from mrwork.report.study.comparison_tables import change_table, leading_table, signed_percent
 from mrwork.report.study.criteria_tables import overview_table, ratio_table, value_table
 from mrwork.report.study.history_sections import ReadHistory, device_section, history_section
-from mrwork.report.study.sections import energy_section, motion_section, profile_section, step_section
+from mrwork.report.study.sections import (
+    demand_section,
+    energy_section,
+    motion_section,
+    profile_section,
+    step_section,
+)
 from mrwork.study.comparison import ADD_BEST_PASSIVE, Comparison, compared
 from mrwork.study.results import OFF_BALANCE, StudyResults
 
@@ -54,6 +60,7 @@ def study_page(
         profile_section(results, motion),
         history_section(results, histories, motion, drawn),
         device_section(results, histories, motion, drawn),
+        demand_section(results),
         energy_section(results, motion),
         step_section(results),
         motion_section(results),

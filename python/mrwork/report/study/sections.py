@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from mrwork.records.operating_range import OperatingRange, covering
 from mrwork.report.numbers import fixed, significant
-from mrwork.report.section import Group, Section, Table, panel
+from mrwork.report.section import NOTHING, Group, Section, Table, panel
 from mrwork.report.study.figures import energy_figure, profile_figure
 from mrwork.study.results import ON_OFF, StudyResults, largest_step_changes
 
@@ -64,6 +65,45 @@ def energy_section(results: StudyResults, motion: int) -> Section | None:
                 ),
             ),
             Group(title="Balance", table=_balance_table(results)),
+        ),
+    )
+
+
+def demand_section(results: StudyResults) -> Section | None:
+    """The largest demand of all runs on one damper at each place, and the ranges it was tested in."""
+    demands = [each for key in results.runs for each in results.demands(*key)]
+    if not demands:
+        return None
+    columns = ("stroke", "velocity", "frequency", "command", "force", "mean power")
+
+    def row(label: str, shown: OperatingRange | None) -> tuple[str, ...]:
+        spans = {} if shown is None else dict(shown.rows())
+        return (label, *(spans.get(name, NOTHING) for name in columns))
+
+    rows = []
+    for device in results.devices:
+        rows += [
+            row(device.name, covering([each.demand for each in demands if each.device == device.name])),
+            row("tested", device.tested),
+        ]
+    outside = sorted({name for each in demands for name in each.outside.names})
+    known = any(each.outside.known for each in demands)
+    summary = f"outside the tested range in {', '.join(outside)}." if outside else "within the tested range."
+    return Section(
+        anchor="demand",
+        title="Demand on the dampers",
+        summary=summary if known else "the tested ranges of these dampers are not known.",
+        groups=(
+            Group(
+                table=Table(
+                    label="Largest demand on one damper, and the range it was tested in",
+                    columns=("", *(name[:1].upper() + name[1:] for name in columns)),
+                    rows=tuple(rows),
+                    words=tuple(range(1, 1 + len(columns))),
+                    note="Of all runs. Stroke, velocity and force are peaks, the power is the mean over the motion. "
+                    "The frequency is that of a sinusoid with the peak velocity and the peak stroke of a run.",
+                )
+            ),
         ),
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -13,10 +13,12 @@ from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.fit import Fit
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.residual import ObservedTest
+from mrwork.identification.result import explained_by
 from mrwork.records import DamperTest, Likeness, RecordedMotion
 from mrwork.records.command_signal import same_command
 from mrwork.records.likeness import alike_groups
 from mrwork.records.motion import regular_cycles, whole_cycles
+from mrwork.records.operating_range import Outside
 from mrwork.summary import Summarised, Summary
 
 Fold = Literal["test", "motion", "command"]
@@ -47,13 +49,14 @@ class Prediction(Summarised):
     """A test and the model's force on it [N], shape (n_time,), with the observation model applied.
 
     `seen` is the test of the fit that this one is, or whose motion and command it has, `None` where it is like none:
-    only then is the error that of a test which the fit has not seen. Properties are of the counted samples, shape
-    (n_counted,).
+    only then is the error that of a test which the fit has not seen. `outside` is what of the test lies outside the
+    tested ranges of the fit. Properties are of the counted samples, shape (n_counted,).
     """
 
     test: DamperTest
     model_force: NDArray[np.float64]
     seen: Likeness | None = None
+    outside: Outside = field(default=Outside(known=False), repr=False)
 
     @property
     def force(self) -> NDArray[np.float64]:
@@ -107,6 +110,7 @@ class Prediction(Summarised):
                 ("samples", f"{self.force.size} compared of {self.test.n_time}"),
                 ("seen by the fit", "no" if self.seen is None else self.seen.in_words),
             ),
+            notes=[f"warning: {each}" for each in self.outside.sentences],
         )
 
 
@@ -131,8 +135,9 @@ def predict(fit: Fit, test: DamperTest, *, nuisances: tuple[NuisanceName, ...] |
     """
     test = fit.observed(test)
     observed = ObservedTest.of(fit.spec, test, fit.nuisances if nuisances is None else nuisances)
-    force, _, _ = observed.predicted(np.array(fit.theta))
-    return Prediction(test=test, model_force=force, seen=fit.seen(test))
+    with explained_by(fit, test):
+        force, _, _ = observed.predicted(np.array(fit.theta))
+    return Prediction(test=test, model_force=force, seen=fit.seen(test), outside=fit.outside(test, force))
 
 
 def mean_cycle(test: DamperTest) -> float:

@@ -1,0 +1,295 @@
+"""Ranges in which a damper was tested, and the demand on it that lies outside of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from math import inf, isfinite
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mrwork.dampers.law_limits import LawLimit, law_limits
+from mrwork.dampers.parameters import CommandUnit
+from mrwork.dampers.spec import DamperSpec
+from mrwork.records.damper_test import DamperTest
+from mrwork.records.motion import whole_cycles
+from mrwork.summary import Summarised, Summary
+
+OperatingQuantity = Literal["stroke", "velocity", "frequency", "command", "force", "power"]
+_ORDER: tuple[OperatingQuantity, ...] = get_args(OperatingQuantity)
+
+# Quantities with an upper limit only.
+_PEAKS: tuple[tuple[OperatingQuantity, str], ...] = (
+    ("stroke", "m"),
+    ("velocity", "m/s"),
+    ("force", "N"),
+    ("power", "W"),
+)
+
+# Demand beyond a tested range by less than this share is within it: rigs repeat a motion to a few per cent.
+_TOLERANCE = 0.05
+# Cycles of a motion differ in length by more than that.
+_FREQUENCY_TOLERANCE = 0.1
+# Deviations of a measured command below this [A or V] are noise.
+_COMMAND_NOISE = 0.02
+# Share of the cycles that are longer, and that are shorter, than those of the frequency range.
+_RARE = 0.1
+
+# Displayed unit of each quantity, its factor from SI, and the unit of large numbers, from 1000 on.
+_DISPLAYED: dict[str, tuple[str, float, str]] = {
+    "stroke": ("mm", 1e3, "m"),
+    "velocity": ("mm/s", 1e3, "m/s"),
+    "frequency": ("Hz", 1.0, "kHz"),
+    "force": ("N", 1.0, "kN"),
+    "power": ("W", 1.0, "kW"),
+}
+_NAMES: dict[OperatingQuantity, str] = {"power": "mean power"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exceedance:
+    """Demand on a damper outside the tested range of one quantity, all in `unit`: SI, or that of the command.
+
+    `extrapolated` are the parameters whose laws are used at a command that was not tested.
+    """
+
+    quantity: OperatingQuantity
+    demanded: float
+    lowest: float
+    highest: float
+    unit: str
+    extrapolated: tuple[str, ...] = ()
+
+    @property
+    def below(self) -> bool:
+        """Whether the demand is below the tested range, and not above."""
+        return self.demanded < self.lowest
+
+    @property
+    def times(self) -> float:
+        """Demand over the highest tested value; infinite where that is zero."""
+        return self.demanded / self.highest if self.highest > 0.0 else inf
+
+    @property
+    def severity(self) -> float:
+        """Factor between the demand and the tested range, for comparison of exceedances of one quantity."""
+        if not self.below:
+            return self.times
+        return self.lowest / self.demanded if self.demanded > 0.0 else inf
+
+    @property
+    def in_words(self) -> str:
+        """As in "velocity 313 mm/s, tested to 88 mm/s (3.6 times)"."""
+        (demanded, lowest, highest), unit = _shown(
+            self.quantity, (self.demanded, self.lowest, self.highest), self.unit
+        )
+        tested = f"to {highest}"
+        if self.quantity in ("frequency", "command"):
+            tested = f"at {highest}" if lowest == highest else f"from {lowest} to {highest}"
+        times = f" ({self.times:.2g} times)" if not self.below and isfinite(self.times) else ""
+        name = _NAMES.get(self.quantity, self.quantity)
+        laws = ""
+        if self.extrapolated:
+            plural, verb = ("", "is") if len(self.extrapolated) == 1 else ("s", "are")
+            laws = f"; the law{plural} of {', '.join(self.extrapolated)} {verb} extrapolated"
+        return f"{name} {demanded} {unit}, tested {tested} {unit}{times}{laws}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class OperatingRange(Summarised):
+    """Ranges of motion, command and load of a damper: those it was tested in, or those that a simulation demands.
+
+    `stroke` is half the peak-to-peak elongation [m], or its peak from rest; `velocity` [m/s] and `force` [N] are peaks;
+    `power` is the largest mean dissipated power of a test [W], which heats the damper. `frequency` [Hz] is that of the
+    cycles, without the slowest and the fastest tenth; `command` [A or V, `command_unit`] is the lowest and the highest,
+    `None` if unknown.
+    """
+
+    stroke: float
+    velocity: float
+    frequency: tuple[float, float] | None
+    command: tuple[float, float] | None
+    command_unit: CommandUnit | None
+    force: float
+    power: float
+
+    @classmethod
+    def of_test(
+        cls, test: DamperTest, unit: CommandUnit | None, force: NDArray[np.float64] | None = None
+    ) -> OperatingRange:
+        """Ranges of a test with its command in `unit`; `force` replaces the measured one [N], shape (n_time,)."""
+        load = test.force if force is None else force
+        command = {"A": test.current, "V": test.voltage, None: None}[unit]
+        return cls(
+            stroke=0.5 * float(np.ptp(test.displacement)),
+            velocity=float(np.abs(test.velocity).max()),
+            frequency=_frequencies(test),
+            command=None if command is None else (float(np.min(command)), float(np.max(command))),
+            command_unit=None if command is None else unit,
+            force=float(np.abs(load).max()),
+            power=max(0.0, float(np.mean(load * test.velocity))),
+        )
+
+    @classmethod
+    def of_tests(cls, tests: Sequence[DamperTest], unit: CommandUnit | None = None) -> OperatingRange:
+        """Ranges of one or more tests together; without a `unit`, that in which most of the commands are known."""
+        if unit is None:
+            known = [sum(value is not None for value in values) for values in _commands(tests)]
+            unit = None if max(known) == 0 else "A" if known[0] >= known[1] else "V"
+        return covering([cls.of_test(test, unit) for test in tests])
+
+    def exceeded_by(self, demand: OperatingRange) -> tuple[Exceedance, ...]:
+        """Quantities in which a demand is outside these ranges by more than 5 %, and 10 % in frequency."""
+        found = []
+        for quantity, unit in _PEAKS:
+            found.append(
+                _exceedance(quantity, unit, (0.0, getattr(self, quantity)), (0.0, getattr(demand, quantity)))
+            )
+        if self.frequency is not None and demand.frequency is not None:
+            found.append(
+                _exceedance(
+                    "frequency", "Hz", self.frequency, demand.frequency, relative=_FREQUENCY_TOLERANCE
+                )
+            )
+        if (
+            self.command is not None
+            and demand.command is not None
+            and self.command_unit == demand.command_unit
+        ):
+            found.append(
+                _exceedance("command", str(self.command_unit), self.command, demand.command, _COMMAND_NOISE)
+            )
+        return tuple(sorted(filter(None, found), key=lambda each: _ORDER.index(each.quantity)))
+
+    @property
+    def in_words(self) -> str:
+        """As in "stroke to 25 mm, velocity to 88 mm/s, frequency 0.1 to 5 Hz, command 0 to 1 A, ..."."""
+        return ", ".join(f"{name} {span}" for name, span in self.rows())
+
+    def rows(self) -> list[tuple[str, str]]:
+        """Each known quantity with its range in displayed units."""
+        rows = []
+        for quantity in _ORDER:
+            value = getattr(self, quantity)
+            if value is None:
+                continue
+            ends = value if isinstance(value, tuple) else (value,)
+            shown, unit = _shown(quantity, ends, str(self.command_unit))
+            span = f"to {shown[0]}"
+            if len(shown) == 2:
+                span = f"at {shown[1]}" if shown[0] == shown[1] else f"{shown[0]} to {shown[1]}"
+            rows.append((_NAMES.get(quantity, quantity), f"{span} {unit}"))
+        return rows
+
+    def _summary(self) -> Summary:
+        return Summary(title="Operating range", facts=self.rows())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outside:
+    """Demand on a damper outside its tested ranges, and laws that leave their admissible range under that demand.
+
+    `known` is false where the damper has no tested ranges, as that of a published set.
+    """
+
+    exceedances: tuple[Exceedance, ...] = ()
+    laws: tuple[LawLimit, ...] = ()
+    known: bool = True
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the quantities."""
+        return tuple(each.quantity for each in self.exceedances)
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """A sentence for each quantity and law."""
+        return (*(each.in_words for each in self.exceedances), *(each.in_words for each in self.laws))
+
+
+def outside_of(
+    spec: DamperSpec, theta: ArrayLike, tested: OperatingRange | None, demand: OperatingRange
+) -> Outside:
+    """Compare a demand with the tested ranges of a damper, and evaluate its laws at the demanded commands."""
+    exceedances = () if tested is None else tested.exceeded_by(demand)
+    return Outside(
+        exceedances=tuple(
+            replace(each, extrapolated=spec.following) if each.quantity == "command" else each
+            for each in exceedances
+        ),
+        laws=() if demand.command is None else law_limits(spec, theta, demand.command),
+        known=tested is not None,
+    )
+
+
+def covering(ranges: Sequence[OperatingRange]) -> OperatingRange:
+    """The smallest range that covers all; they have one unit of the command."""
+    units = [each.command_unit for each in ranges if each.command_unit is not None]
+    return OperatingRange(
+        stroke=max(each.stroke for each in ranges),
+        velocity=max(each.velocity for each in ranges),
+        frequency=_hull(each.frequency for each in ranges),
+        command=_hull(each.command for each in ranges),
+        command_unit=units[0] if units else None,
+        force=max(each.force for each in ranges),
+        power=max(each.power for each in ranges),
+    )
+
+
+def worst_of(found: Iterable[tuple[str, Exceedance]]) -> list[tuple[Exceedance, str, int]]:
+    """For each quantity, above and below its range: the worst exceedance, its label, and how many there are."""
+    groups: dict[tuple[str, bool], list[tuple[str, Exceedance]]] = {}
+    for label, each in found:
+        groups.setdefault((each.quantity, each.below), []).append((label, each))
+    worst = []
+    for members in groups.values():
+        label, exceedance = max(members, key=lambda member: member[1].severity)
+        worst.append((exceedance, label, len(members)))
+    return sorted(worst, key=lambda each: _ORDER.index(each[0].quantity))
+
+
+def _exceedance(
+    quantity: OperatingQuantity,
+    unit: str,
+    tested: tuple[float, float],
+    demand: tuple[float, float],
+    absolute: float = 0.0,
+    *,
+    relative: float = _TOLERANCE,
+) -> Exceedance | None:
+    lowest, highest = tested
+    if demand[1] > (1.0 + relative) * highest + absolute:
+        demanded = demand[1]
+    elif demand[0] < lowest / (1.0 + relative) - absolute:
+        demanded = demand[0]
+    else:
+        return None
+    return Exceedance(quantity=quantity, demanded=demanded, lowest=lowest, highest=highest, unit=unit)
+
+
+def _frequencies(test: DamperTest) -> tuple[float, float] | None:
+    """Frequencies of the cycles [Hz], without the slowest and the fastest tenth; `None` without a whole cycle."""
+    seconds = [test.dt * (cycle.stop - cycle.start) for cycle in whole_cycles(test.displacement)]
+    if not seconds:
+        return None
+    lowest, highest = np.quantile(1.0 / np.array(seconds), [_RARE, 1.0 - _RARE])
+    return float(lowest), float(highest)
+
+
+def _commands(tests: Sequence[DamperTest]) -> tuple[list[object], list[object]]:
+    return [test.current for test in tests], [test.voltage for test in tests]
+
+
+def _hull(spans: Iterable[tuple[float, float] | None]) -> tuple[float, float] | None:
+    known = [span for span in spans if span is not None]
+    return (min(low for low, _ in known), max(high for _, high in known)) if known else None
+
+
+def _shown(quantity: str, values: Sequence[float], unit: str) -> tuple[list[str], str]:
+    """Values with three significant digits, and their common displayed unit."""
+    small, factor, large = _DISPLAYED.get(quantity, (unit, 1.0, unit))
+    if max(factor * value for value in values) >= 1000.0:
+        factor, small = 1e-3 * factor if large != small else factor, large
+    return [f"{factor * value:.3g}" for value in values], small

@@ -1,0 +1,141 @@
+"""Tested ranges follow from the tests, and demand outside of them is named quantity by quantity."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from sinusoidal_tests import sinusoidal_test
+
+from mrwork.dampers.spec import damper
+from mrwork.records.operating_range import Exceedance, OperatingRange, covering, outside_of, worst_of
+
+BINGHAM = (400.0, 1e-3, 900.0, 0.0)
+
+
+def a_test(amplitude: float, frequency: float, current: float | None = None):
+    test = sinusoidal_test("bingham", BINGHAM, (amplitude, frequency), noise=0.0, cycles=6)
+    return replace(test, current=current)
+
+
+def ranges(**changes: object) -> OperatingRange:
+    usual = OperatingRange(
+        stroke=0.025,
+        velocity=0.088,
+        frequency=(0.1, 5.0),
+        command=(0.25, 1.0),
+        command_unit="A",
+        force=1560.0,
+        power=60.0,
+    )
+    return replace(usual, **changes)
+
+
+def test_ranges_of_a_sinusoid_are_those_of_its_equation() -> None:
+    found = OperatingRange.of_tests([a_test(0.01, 2.0, 0.5)])
+    assert found.stroke == pytest.approx(0.01, rel=1e-6)
+    assert found.velocity == pytest.approx(2.0 * np.pi * 2.0 * 0.01, rel=1e-3)
+    assert found.frequency is not None
+    assert found.frequency == pytest.approx((2.0, 2.0), rel=0.02)
+    assert (found.command, found.command_unit) == ((0.5, 0.5), "A")
+    # Coulomb friction and viscous damping; the step of the sign takes a little of the peak velocity.
+    assert found.force == pytest.approx(400.0 + 900.0 * found.velocity, rel=1e-2)
+    assert found.power == pytest.approx(400.0 * 4 * 0.01 * 2.0 + 0.5 * 900.0 * found.velocity**2, rel=0.05)
+
+
+def test_an_offset_of_the_displacement_is_no_stroke() -> None:
+    test = a_test(0.01, 2.0)
+    moved = replace(test, displacement=test.displacement + 0.2)
+    assert OperatingRange.of_tests([moved]).stroke == pytest.approx(0.01, rel=1e-6)
+
+
+def test_tests_together_cover_each() -> None:
+    found = OperatingRange.of_tests([a_test(0.02, 0.5, 0.25), a_test(0.002, 5.0, 1.0), a_test(0.01, 1.0)])
+    assert found.stroke == pytest.approx(0.02, rel=1e-6)
+    assert found.frequency == pytest.approx((0.5, 5.0), rel=0.05)
+    assert found.command == (0.25, 1.0)
+
+
+def test_the_unit_is_that_of_the_laws_or_of_most_tests() -> None:
+    volts = [replace(a_test(0.01, 1.0), voltage=2.0), replace(a_test(0.01, 1.0, 0.5), voltage=3.0)]
+    assert OperatingRange.of_tests(volts).command == (2.0, 3.0)
+    assert OperatingRange.of_tests(volts, "A").command == (0.5, 0.5)
+    assert OperatingRange.of_tests([a_test(0.01, 1.0)]).command is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentences"),
+    [
+        ({"velocity": 0.313}, ["velocity 313 mm/s, tested to 88 mm/s (3.6 times)"]),
+        ({"force": 2870.0}, ["force 2.87 kN, tested to 1.56 kN (1.8 times)"]),
+        ({"force": 990.0}, []),
+        ({"command": (0.0, 1.0)}, ["command 0 A, tested from 0.25 to 1 A"]),
+        ({"command": (0.24, 1.04)}, []),
+        ({"command": (0.5, 2.0)}, ["command 2 A, tested from 0.25 to 1 A (2 times)"]),
+        ({"frequency": (0.05, 1.0)}, ["frequency 0.05 Hz, tested from 0.1 to 5 Hz"]),
+        ({"frequency": (1.0, 10.0)}, ["frequency 10 Hz, tested from 0.1 to 5 Hz (2 times)"]),
+        ({"stroke": 0.026, "velocity": 0.09, "power": 62.0}, []),
+        (
+            {"stroke": 0.05, "power": 120.0},
+            ["stroke 50 mm, tested to 25 mm (2 times)", "mean power 120 W, tested to 60 W (2 times)"],
+        ),
+        ({"command": None}, []),
+        ({"command": (0.0, 5.0), "command_unit": "V"}, []),
+    ],
+)
+def test_a_sentence_for_each_quantity_outside_and_no_other(
+    changes: dict[str, object], sentences: list[str]
+) -> None:
+    found = ranges().exceeded_by(ranges(**changes))
+    assert [each.in_words for each in found] == sentences
+
+
+def test_a_single_tested_command_is_named_as_such() -> None:
+    (found,) = ranges(command=(0.5, 0.5)).exceeded_by(ranges(command=(1.0, 1.0)))
+    assert found.in_words == "command 1 A, tested at 0.5 A (2 times)"
+    (found,) = ranges(command=(0.0, 0.0)).exceeded_by(ranges(command=(1.0, 1.0)))
+    assert found.in_words == "command 1 A, tested at 0 A"
+
+
+@given(st.lists(st.floats(0.1, 10.0), min_size=5, max_size=5), st.floats(1.0, 10.0))
+def test_what_covers_a_demand_is_not_exceeded_by_it(sizes: list[float], share: float) -> None:
+    demand = OperatingRange(
+        stroke=sizes[0],
+        velocity=sizes[1],
+        frequency=(sizes[2], share * sizes[2]),
+        command=(sizes[3], share * sizes[3]),
+        command_unit="V",
+        force=sizes[4],
+        power=sizes[0],
+    )
+    assert covering([demand, ranges(command_unit="V")]).exceeded_by(demand) == ()
+
+
+def test_the_worst_of_many_is_kept_with_its_label_and_their_number() -> None:
+    found = [
+        (f"test {number}", each)
+        for number, velocity in enumerate((0.1, 0.3, 0.2))
+        for each in ranges().exceeded_by(ranges(velocity=velocity, command=(0.0, 0.5)))
+    ]
+    worst = worst_of(found)
+    assert [(each.quantity, label, count) for each, label, count in worst] == [
+        ("velocity", "test 1", 3),
+        ("command", "test 0", 3),
+    ]
+    assert isinstance(worst[0][0], Exceedance)
+
+
+def test_a_command_outside_names_the_laws_that_are_extrapolated_and_those_out_of_range() -> None:
+    spec = damper("dahl").with_current_laws({"k_w": "linear"}, unit="A")
+    found = outside_of(spec, [-100.0, 900.0, 2000.0, 0.0], ranges(), ranges(command=(0.0, 0.0)))
+    assert found.names == ("command",)
+    assert found.sentences == (
+        "command 0 A, tested from 0.25 to 1 A; the law of k_w is extrapolated",
+        "the law of k_w turns negative: -100 N at 0 A, taken as 0.001 N",
+    )
+    assert outside_of(spec, [100.0, 900.0, 2000.0, 0.0], ranges(), ranges()).sentences == ()
+    unknown = outside_of(spec, [100.0, 900.0, 2000.0, 0.0], None, ranges())
+    assert (unknown.known, unknown.names) == (False, ())
