@@ -175,8 +175,10 @@ def test_a_compressed_variable_is_not_unpacked_without_bound(tmp_path: Path) -> 
         pytest.param(b"", "empty", id="empty"),
         pytest.param(b"abc", "not a readable .mat file", id="three bytes"),
         pytest.param(HEADER.encode() * 10, "not a readable .mat file", id="text"),
-        pytest.param(b"\x89HDF\r\n\x1a\n" + bytes(600), "save it with -v7", id="HDF5"),
-        pytest.param(b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF", "save it with -v7", id="version 7.3"),
+        pytest.param(b"\x89HDF\r\n\x1a\n" + bytes(600), "not a readable version 7.3", id="HDF5"),
+        pytest.param(
+            b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF", "not a readable version 7.3", id="version 7.3"
+        ),
     ],
 )
 def test_a_wrong_mat_file_is_refused(tmp_path: Path, content: bytes, expected: str) -> None:

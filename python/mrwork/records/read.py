@@ -19,7 +19,7 @@ from mrwork.records.rig_table import Use, listed_tests
 
 
 def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str] | None = None) -> DamperTest:
-    """Read one test from a .csv, .tsv, .parquet or .mat file, check it and convert it to SI.
+    """Read one test from a text, .mat, .tdms or Parquet file, check it and convert it to SI.
 
     Columns are recognised by their names with units (``t_s``, ``displacement_mm``, ``Force (kN)``, ``current_a``, in
     any case). Time, displacement and force are required; velocity, current and voltage are optional. A file name such

@@ -103,6 +103,7 @@ def open_parquet(path: Path) -> ColumnTable:
         raise RecordError(
             f"{path}: reading Parquet needs pyarrow; run: pip install 'mrwork[parquet]'"
         ) from error
+    check_size(path)
     data = path.read_bytes()
     try:
         table = pyarrow.parquet.ParquetFile(pyarrow.BufferReader(data)).read()

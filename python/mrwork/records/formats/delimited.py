@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
+from mrwork.records.formats.labview import is_labview, labview_layout
 from mrwork.records.formats.layout import (
     DECIMAL_COMMA,
     MISSING,
@@ -46,23 +47,35 @@ def open_delimited(path: Path) -> ColumnTable:
         The file is empty, not text, too large, or it has no data line.
     """
     data = read_text_bytes(path)
-    text = decoded(data).replace("\r\n", "\n").replace("\r", "\n")
-    return DelimitedTable(source=str(path), sha256=hashlib.sha256(data).hexdigest(), lines=text.split("\n"))
+    lines = decoded(data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    layout: Layout | None = None
+    if is_labview(lines):
+        lines, layout = labview_layout(lines, str(path))
+    return DelimitedTable(
+        source=str(path), sha256=hashlib.sha256(data).hexdigest(), lines=lines, layout=layout
+    )
 
 
 class DelimitedTable(ColumnTable):
     """A text table stored as lines; numbers are parsed on request.
 
-    `names` are the column names of a table without a header line.
+    `names` are the column names of a table without a header line; the `layout` is that of the lines where it is known.
     """
 
     def __init__(
-        self, *, source: str, sha256: str, lines: list[str], names: tuple[str, ...] | None = None
+        self,
+        *,
+        source: str,
+        sha256: str,
+        lines: list[str],
+        names: tuple[str, ...] | None = None,
+        layout: Layout | None = None,
     ) -> None:
         self.sha256 = sha256
         self._source = source
         self._lines = lines
-        layout = layout_of(lines, source) if names is None else _without_header(lines, names)
+        if layout is None:
+            layout = layout_of(lines, source) if names is None else _without_header(lines, names)
         self.names = layout.names
         self.units = dict(zip(layout.names, layout.units, strict=False))
         self._delimiter = layout.delimiter

@@ -1,4 +1,4 @@
-"""Numeric vectors and matrices of MATLAB .mat files, versions 4 to 7.
+"""Numeric vectors and matrices of MATLAB .mat files, versions 4 to 7; those of version 7.3 are HDF5.
 
 SciPy reads these files too, but a damaged type tag ends the whole process in its reader (1.17), and it allocates the
 size that a header claims before it checks whether the file can hold it. Here every length is checked.
@@ -18,7 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from mrwork.records.table import ColumnTable, VectorTable
+from mrwork.records.formats.hdf5 import hdf5_variables
+from mrwork.records.table import ColumnTable, VectorTable, check_size
 
 _HDF5: Final = b"\x89HDF"
 _LARGEST_VARIABLE: Final = 1 << 30
@@ -48,7 +49,7 @@ def open_matlab(path: Path) -> ColumnTable:
     Raises
     ------
     RecordError
-        The file is of version 7.3, damaged, claims more data than it holds, or has no numeric vector.
+        The file is damaged, claims more data than it holds, or has no numeric vector.
     """
     data, variables = _variables(path)
     columns = {
@@ -71,7 +72,7 @@ def read_matlab_matrices(path: Path) -> dict[str, NDArray[np.float64]]:
     Raises
     ------
     RecordError
-        The file is of version 7.3, damaged, or claims more data than it holds.
+        The file is damaged, or claims more data than it holds.
     """
     _, variables = _variables(path)
     return {
@@ -83,13 +84,12 @@ def read_matlab_matrices(path: Path) -> dict[str, NDArray[np.float64]]:
 
 def _variables(path: Path) -> tuple[bytes, Variables]:
     """Bytes of the file, and its variables by name; `None` for contents other than real numbers."""
+    check_size(path)
     data = path.read_bytes()
     if not data:
         raise RecordError(f"{path}: the file is empty; a .mat file was expected")
     if data.startswith(_HDF5) or data[512:516] == _HDF5:
-        raise RecordError(
-            f"{path}: this is a version 7.3 .mat file, which is HDF5; save it with -v7 from MATLAB"
-        )
+        return data, hdf5_variables(data, path)
     try:
         # A version 4 file starts with a small integer, a version 5 file with text.
         variables = _version_4(data) if 0 in data[:4] else _version_5(data)

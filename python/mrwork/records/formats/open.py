@@ -8,15 +8,16 @@ from typing import Final
 from mrwork.errors import RecordError
 from mrwork.records.formats.delimited import open_delimited
 from mrwork.records.formats.matlab import open_matlab
+from mrwork.records.formats.tdms import open_tdms
 from mrwork.records.table import ColumnTable, check_is_file, open_parquet
 
-TEXT_EXTENSIONS: Final = (".csv", ".tsv", ".txt", ".dat", ".asc")
-EXTENSIONS: Final = (*TEXT_EXTENSIONS, ".mat", ".parquet", ".pq")
+TEXT_EXTENSIONS: Final = (".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm")
+EXTENSIONS: Final = (*TEXT_EXTENSIONS, ".mat", ".tdms", ".parquet", ".pq")
 """Extensions of the files that can hold a test."""
 
 
 def open_table(path: Path) -> ColumnTable:
-    """Open a CSV, TSV, Parquet or .mat file as named columns.
+    """Open a text, .mat, .tdms or Parquet file as named columns.
 
     Raises
     ------
@@ -30,6 +31,8 @@ def open_table(path: Path) -> ColumnTable:
             return open_delimited(path)
         if extension == ".mat":
             return open_matlab(path)
+        if extension == ".tdms":
+            return open_tdms(path)
         if extension in (".parquet", ".pq"):
             return open_parquet(path)
     except OSError as error:
