@@ -74,6 +74,7 @@ def test_versions_of_a_fitted_test_are_seen_and_not_used(place: Path, tmp_path: 
     assert [each["seen"] is not None for each in predicted["files"]] == [True, False]
     assert [each["band"]["calibrated_on"] is not None for each in predicted["files"]] == [False, True]
     text = mrwork("predict", place, smoothed, OTHERS[0], "--level", "0.9").stdout
+    assert "Not seen by the fit: 1 tests" in text
     assert f"Seen by the fit: {smoothed} has the motion" in text
     assert f"Used for the calibration of the bands: {OTHERS[0]} has" in text
 

@@ -22,7 +22,13 @@ from mrwork.uncertainty.bands.band import (
 )
 from mrwork.uncertainty.bands.conformal import calibrate, measured_coverage
 from mrwork.uncertainty.bands.cycle import cycles_of, errors_over_cycles
-from mrwork.uncertainty.bands.prediction import Fold, Prediction, has_regular_cycles, predict_left_out
+from mrwork.uncertainty.bands.prediction import (
+    Fold,
+    Prediction,
+    alike_remark,
+    has_regular_cycles,
+    predict_left_out,
+)
 from mrwork.uncertainty.noise import NOISES
 
 DAMPING, STIFFNESS = 1000.0, 20000.0
@@ -169,6 +175,10 @@ def test_alike_tests_are_left_out_together(some_fit: Fit) -> None:
         seen.append([test.name for test in rest])
         return some_fit
 
+    assert alike_remark(tests) == ""
+    assert alike_remark([*tests, again]).startswith(
+        "left out together, as they are alike: again has the motion"
+    )
     predict_left_out([*tests, again], "test", identify_rest)
     assert seen == [[tests[1].name], [tests[0].name, "again"]]
     with pytest.raises(SettingError, match="have one test in common"):

@@ -21,7 +21,7 @@ from mrwork.cli.options import (
     observation_of,
     read_tests,
 )
-from mrwork.cli.output import print_json, renew_page, table_lines
+from mrwork.cli.output import note, print_json, renew_page, table_lines
 from mrwork.cli.progress import IdentificationInWords, ProgressLine
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
@@ -87,6 +87,11 @@ def run(options: argparse.Namespace) -> int:
 def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:
     """Predictions of the files by the fit of the run, for which they must not have been used."""
     fit = read_fit(options.run_folder)
+    if not fit.motions:
+        note(
+            f"the tests of {options.run_folder} cannot be read as they were, so that only identical files are "
+            "recognised as seen; identify again from the files"
+        )
     words = observation_of(options, fit.settings.observe)
     tests = [observed(test, words) for test in read_tests(options, "calibration")]
     nuisances = nuisances_of(options, fit.nuisances)

@@ -22,7 +22,8 @@ from mrwork.dampers.law_limits import LawLimit, worst_laws
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.nuisance import estimated_in_words, missing_warnings
 from mrwork.identification.result import FitSpread, explained_by, free_run
-from mrwork.records import observed
+from mrwork.records import Likeness, observed
+from mrwork.records.likeness import likenesses_in_words
 from mrwork.records.operating_range import Exceedance, worst_of
 from mrwork.summary import aligned
 from mrwork.uncertainty.bands.band import score
@@ -65,7 +66,8 @@ def run(options: argparse.Namespace) -> int:
     calibration = None if options.level is None else read_calibration(options.run_folder)
     spec, theta = fit.spec, np.array(fit.theta)
     rows: list[dict[str, Any]] = []
-    about_seen: tuple[str, ...] = ()
+    known: list[Likeness] = []
+    calibrated_on: list[Likeness] = []
     exceeded: list[tuple[str, Exceedance]] = []
     limited: list[LawLimit] = []
     nuisances = nuisances_of(options, fit.nuisances)
@@ -98,23 +100,22 @@ def run(options: argparse.Namespace) -> int:
                 "warnings": list(outside.sentences),
             }
         )
-        about_seen += () if seen is None else (f"Seen by the fit: {seen.in_words}.",)
+        known += [] if seen is None else [seen]
         if calibration is not None:
             band = calibration.band(Prediction(test=test, model_force=force), options.level)
             scored = score(band, test.force[test.counted])
-            known = calibration.knows(test)
-            if known is not None:
-                about_seen += (f"Used for the calibration of the bands: {known.in_words}.",)
+            used = calibration.knows(test)
+            calibrated_on += [] if used is None else [used]
             rows[-1]["band"] = {
                 "level": band.level,
                 "half_width_n": 0.5 * scored.width,
                 "inside": scored.coverage,
-                "calibrated_on": None if known is None else asdict(known),
+                "calibrated_on": None if used is None else asdict(used),
             }
     warnings = [*missing_warnings(fit.nuisances, nuisances), *_warnings(exceeded, limited, len(rows))]
-    spread = None
-    if len(rows) > 1:
-        spread = FitSpread.of([row["file"] for row in rows], [row["fit_percent"] for row in rows])
+    spread = _spread(rows) if len(rows) > 1 else None
+    unseen = [row for row in rows if row["seen"] is None]
+    spread_unseen = _spread(unseen) if unseen and len(unseen) < len(rows) else None
     basis = None if calibration is None else calibration.basis
     if options.json:
         document: dict[str, Any] = {
@@ -124,6 +125,7 @@ def run(options: argparse.Namespace) -> int:
             "warnings": warnings,
         }
         document |= {"spread": asdict(spread)} if spread is not None else {}
+        document |= {"spread_unseen": asdict(spread_unseen)} if spread_unseen is not None else {}
         print(json.dumps(document | ({"basis": basis} if basis else {})))
         return 0
     heads = ["file", "fit %", "NRMSE", "RMSE [N]", "samples", "sub-steps"]
@@ -151,11 +153,21 @@ def run(options: argparse.Namespace) -> int:
         print(f"warning: {warning}")
     if fit.tested is None:
         print("The tested ranges of this fit are not known: its tests cannot be read as they were.")
+    if not fit.motions:
+        print("Nor are the motions of its tests: only identical files are recognised as seen.")
     if basis:
         print(f"Bands of {100.0 * options.level:g} %, {basis}.")
-    for sentence in about_seen:
-        print(sentence)
+    if known:
+        print(f"Seen by the fit: {likenesses_in_words(known)}.")
+    if spread_unseen is not None:
+        print(f"Not seen by the fit: {spread_unseen.in_words}")
+    if calibrated_on:
+        print(f"Used for the calibration of the bands: {likenesses_in_words(calibrated_on)}.")
     return 0
+
+
+def _spread(rows: list[dict[str, Any]]) -> FitSpread:
+    return FitSpread.of([row["file"] for row in rows], [row["fit_percent"] for row in rows])
 
 
 def _warnings(exceeded: list[tuple[str, Exceedance]], limited: list[LawLimit], n_files: int) -> list[str]:

@@ -10,7 +10,7 @@ from typing import Any
 
 from mrwork.errors import MrworkError, RecordError
 from mrwork.identification.fit import Fit
-from mrwork.records import DamperTest
+from mrwork.records import DamperTest, RecordedMotion
 from mrwork.records.operating_range import OperatingRange
 from mrwork.store.codec import json_document, read_document, record_from_json
 from mrwork.store.run_folder import (
@@ -104,18 +104,22 @@ def read_fit(path: str | Path) -> Fit:
     if fit is None:
         raise RecordError(f"{place / FIT} cannot be read (it does not exist); run `mrwork identify` again")
     fit = _with_effective_samples(fit)
-    return fit if fit.tested is not None else replace(fit, tested=_tested(fit))
+    return fit if fit.tested is not None and fit.motions else _with_ranges(fit)
 
 
-def _tested(fit: Fit) -> OperatingRange | None:
-    """The tested ranges of a fit of an earlier version, from its tests where they can be read as they were."""
+def _with_ranges(fit: Fit) -> Fit:
+    """A fit of an earlier version with the tested ranges and motions of its tests, where they are read as they were."""
     try:
         tests = fit.reading().tests()
     except MrworkError:
-        return None
+        return fit
     if not {test.sha256 for test in tests} <= set(fit.provenance.inputs.values()):
-        return None
-    return OperatingRange.of_tests(tests, None if fit.current is None else fit.current.unit)
+        return fit
+    return replace(
+        fit,
+        tested=OperatingRange.of_tests(tests, None if fit.current is None else fit.current.unit),
+        motions=tuple(RecordedMotion.of(test) for test in tests),
+    )
 
 
 def fit_from_json(text: str, *, origin: str) -> Fit:

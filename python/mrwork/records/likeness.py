@@ -155,6 +155,12 @@ class Likeness:
         )
 
 
+def likenesses_in_words(found: Sequence[Likeness]) -> str:
+    """The first few of several likenesses."""
+    more = f", and {len(found) - 3} more alike" if len(found) > 3 else ""
+    return "; ".join(each.in_words for each in found[:3]) + more
+
+
 def likeness(test: RecordedMotion, seen: RecordedMotion) -> Likeness | None:
     """Whether a test has the motion and command of another one, wholly or for the greater part."""
     if test.sha256 and test.sha256 == seen.sha256:

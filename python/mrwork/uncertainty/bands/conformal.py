@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest, Likeness, RecordedMotion
-from mrwork.records.likeness import alike_groups, likest
+from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
 from mrwork.summary import Summarised, Summary, rounded
 from mrwork.uncertainty.bands.band import Band, BandScore, next_test_quantile, score
 from mrwork.uncertainty.bands.cycle import cycle_band, cycles_of, errors_over_cycles
@@ -70,7 +70,7 @@ class Calibration(Summarised):
         """Sentences on tests that were given but not used, and on tests that count as one."""
         remarks = []
         if self.seen:
-            remarks.append(f"Not used, because the fit has seen them: {_listed(self.seen)}.")
+            remarks.append(f"Not used, because the fit has seen them: {likenesses_in_words(self.seen)}.")
         joined = len(self.motions) - len(self.tests)
         if joined > 0:
             remarks.append(
@@ -126,7 +126,7 @@ def calibrate(predictions: Sequence[Prediction], *, held_out: str) -> Calibratio
     groups, motions, seen = _held_out(predictions)
     if not groups:
         raise SettingError(
-            f"a band is calibrated on tests that the fit has not seen, but {_listed(seen)}; "
+            f"a band is calibrated on tests that the fit has not seen, but {likenesses_in_words(seen)}; "
             "give tests at other motions or commands"
         )
     table = ErrorTable.of(groups)
@@ -149,11 +149,6 @@ def _held_out(
     motions = tuple(RecordedMotion.of(each.test) for each in unseen)
     groups = [[unseen[index] for index in members] for members in alike_groups(motions)]
     return groups, motions, tuple(each.seen for each in predictions if each.seen is not None)
-
-
-def _listed(seen: Sequence[Likeness]) -> str:
-    more = f", and {len(seen) - 3} more alike" if len(seen) > 3 else ""
-    return "; ".join(each.in_words for each in seen[:3]) + more
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

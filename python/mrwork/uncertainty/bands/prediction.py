@@ -16,7 +16,7 @@ from mrwork.identification.residual import ObservedTest
 from mrwork.identification.result import explained_by
 from mrwork.records import DamperTest, Likeness, RecordedMotion
 from mrwork.records.command_signal import same_command
-from mrwork.records.likeness import alike_groups
+from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
 from mrwork.records.motion import regular_cycles, whole_cycles
 from mrwork.records.operating_range import Outside
 from mrwork.summary import Summarised, Summary
@@ -232,6 +232,18 @@ def folds_of(tests: Sequence[DamperTest], fold: Fold) -> list[list[int]]:
 
 def _same_command(one: DamperTest, other: DamperTest) -> bool:
     return same_command(one.current, other.current) and same_command(one.voltage, other.voltage)
+
+
+def alike_remark(tests: Sequence[DamperTest]) -> str:
+    """Which tests have the motion and command of another and are left out with it; empty where none has."""
+    motions = [RecordedMotion.of(test) for test in tests]
+    pairs = [
+        found
+        for members in alike_groups(motions)
+        for index in members[1:]
+        if (found := likest(motions[index], [motions[other] for other in members if other != index]))
+    ]
+    return f"left out together, as they are alike: {likenesses_in_words(pairs)}" if pairs else ""
 
 
 def _same_motion(one: DamperTest, other: DamperTest) -> bool:

@@ -22,7 +22,14 @@ from mrwork.records import DamperTest, observed
 from mrwork.records.damper_test import as_tests
 from mrwork.store import Journal
 from mrwork.summary import Summarised, Summary
-from mrwork.uncertainty.bands.prediction import ONE_TEST, Fold, folds_of, held_out_errors, held_out_words
+from mrwork.uncertainty.bands.prediction import (
+    ONE_TEST,
+    Fold,
+    alike_remark,
+    folds_of,
+    held_out_errors,
+    held_out_words,
+)
 from mrwork.uncertainty.choice.families import ALL, Family, families
 from mrwork.uncertainty.choice.leave_one_out import Likelihood, free_parameters, residuals_of, variance_of
 from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank, ranking_of
@@ -291,6 +298,8 @@ def choose_model(
     remarks += about_commands
     if len(tests) == 1:
         remarks += (ONE_TEST,)
+    alike = alike_remark(tests)
+    remarks += (alike,) if alike else ()
     n_folds = len(folds_of(tests, leave_out)) if len(tests) > 1 else 1
     comparison = RunningComparison(
         tests=tests,
