@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.dampers.parameters import LawName, current_laws
+from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.simulate import Loading, simulate_force
@@ -105,7 +105,7 @@ def static_counterpart(
         raise SettingError(
             f"`theta` has {len(values)} values, {spec.name} takes {len(spec.names)}; see `spec.names`"
         )
-    if needs_no_counterpart(spec):
+    if is_curve(spec):
         return StaticCounterpart(spec=spec, theta=values, fit_percent=100.0)
     for name, (low, high) in {"amplitude": amplitude, "velocity": velocity}.items():
         if not 0.0 < low <= high < np.inf:
@@ -123,18 +123,8 @@ def static_counterpart(
 
 
 def is_curve(spec: DamperSpec) -> bool:
-    """Whether a model gives the force as a function of the command: static hysteretic, with current laws."""
+    """Whether a model gives the force as a function of the command: static hysteretic, with any current laws."""
     return spec.name == _COUNTERPART_MODEL and spec.current is not None
-
-
-def needs_no_counterpart(spec: DamperSpec) -> bool:
-    """Whether a damper is static hysteretic, with laws of no higher degree than a counterpart's."""
-    if spec.current is None or not is_curve(spec):
-        return False
-    return all(
-        law == highest or current_laws()[law].is_special_case_of(current_laws()[highest])
-        for law, highest in zip(spec.current.laws, _counterpart_laws(), strict=True)
-    )
 
 
 def _counterpart_laws() -> tuple[LawName, ...]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
-from mrwork.control.counterpart import needs_no_counterpart, static_counterpart
+from mrwork.control.counterpart import is_curve, static_counterpart
 from mrwork.control.plant import Plant, plant_of
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
@@ -47,7 +47,7 @@ class DesignProblem(Summarised):
         """
         device = self.devices[0]
         theta = device.draws[0]
-        if needs_no_counterpart(device.spec):
+        if is_curve(device.spec):
             return device.spec, theta
         if self.amplitude is None or self.velocity is None:
             raise SettingError(
