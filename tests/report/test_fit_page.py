@@ -13,7 +13,7 @@ from typing import Any
 import headless_browser
 import numpy as np
 import pytest
-from report_samples import comparison, fit
+from report_samples import comparison, fit, quality
 from test_report import Page
 
 import mrwork as mr
@@ -22,7 +22,9 @@ from mrwork.errors import MrworkError, RecordError
 from mrwork.identification.fit_file import fit_from_json, read_fit
 from mrwork.identification.identify import identify
 from mrwork.identification.residual import ObservedTest
+from mrwork.records import Finding
 from mrwork.records.window import cut
+from mrwork.report.comparison import Comparison
 from mrwork.report.fit.page import comparisons_of, fit_page, open_run, write_page
 from mrwork.report.fit.search import waterfall_panel
 from mrwork.report.progress import PageProgress
@@ -72,7 +74,7 @@ def anchors(place: Path) -> list[str]:
 
 
 def test_identify_writes_what_the_fit_says_by_itself_and_names_the_rest(plain: Path) -> None:
-    assert anchors(plain) == ["test-1", "identifiability", "residuals", "absent"]
+    assert anchors(plain) == ["test-1", "tested", "identifiability", "residuals", "absent"]
     text = (plain / "report.html").read_text()
     for command in ("mrwork profile RUN", "mrwork sample RUN", "mrwork calibrate RUN TESTS"):
         assert f"<code>{command}</code>" in text
@@ -82,6 +84,7 @@ def test_identify_writes_what_the_fit_says_by_itself_and_names_the_rest(plain: P
 def test_every_verb_adds_its_section(whole: Path) -> None:
     expected = [
         "test-1",
+        "tested",
         "identifiability",
         "profiles",
         "posterior",
@@ -186,7 +189,7 @@ def test_a_run_interrupted_while_its_page_is_drawn_loses_nothing(
     assert "mrwork report RUN" in (place / "report.html").read_text()
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
     run_verb("report", place)
-    assert anchors(place) == ["test-1", "identifiability", "residuals", "absent"]
+    assert anchors(place) == ["test-1", "tested", "identifiability", "residuals", "absent"]
 
 
 def test_progress_of_a_page_counts_its_parts(plain: Path) -> None:
@@ -194,6 +197,46 @@ def test_progress_of_a_page_counts_its_parts(plain: Path) -> None:
     write_page(*open_run(plain), on_progress=heard.append)
     assert [each.done for each in heard] == list(range(heard[0].total))
     assert heard[-1].task == "test synthetic spencer1997"
+
+
+def worse(number: int) -> Comparison:
+    """A test whose model misses more with its number."""
+    made = comparison(f"test{number}", n_time=400, findings=(DRIFT,))
+    model = (1.0 - 0.1 * number) * made.model_force
+    return replace(made, model_force=model, quality=quality(made.test, model))
+
+
+DRIFT = Finding(code="drift", severity="warning", message="the force drifts by 3 %")
+
+
+def test_of_many_tests_the_best_the_median_and_the_worst_are_drawn_in_full() -> None:
+    # Best fit first, so that the second to last is not the worst.
+    shown = [worse(number) for number in (3, 0, 4, 1, 2)]
+    run = StoredRun(place=Path(), fit=fit(*shown))
+    heard: list[PageProgress] = []
+    text = fit_page(run, shown, on_progress=heard.append)
+    page = Page(text)
+    headings = page.text_in("h2")
+    for expected in ("All tests", "Best fit: test0", "Median fit: test2", "Worst fit: test4"):
+        assert expected in headings
+    assert "test3" not in headings
+    identifiers = set(page.values("id"))
+    assert {f"o{number}-title" for number in range(1, 6)} <= identifiers
+    assert {"test-2", "test-3", "test-5", "tests"} <= identifiers
+    assert {target[1:] for target in page.values("href") if target.startswith("#")} <= identifiers
+    percents = [each.quality.fit_percent for each in shown]
+    assert f"5 tests: fit median {np.median(percents):.2f} %" in page.text_in("p").replace("\xa0", " ")
+    assert page.text_in("ul").count("warning in all 5 tests: the force drifts by 3") == 1
+    assert [each.done for each in heard] == list(range(heard[0].total))
+    every = Page(fit_page(run, shown, every_test=True))
+    assert {f"test-{number}" for number in range(1, 6)} <= set(every.values("id"))
+
+
+def test_up_to_four_tests_are_drawn_in_full() -> None:
+    shown = [worse(number) for number in range(4)]
+    page = Page(fit_page(StoredRun(place=Path(), fit=fit(*shown)), shown))
+    assert {f"test-{number}" for number in range(1, 5)} <= set(page.values("id"))
+    assert "o1-title" not in page.values("id")
 
 
 def test_a_damaged_addition_is_named_and_leaves_the_page(whole: Path, tmp_path: Path) -> None:

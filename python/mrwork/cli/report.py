@@ -25,6 +25,11 @@ def add_parser(verbs: Any) -> None:
         action="store_true",
         help="also write every figure as an SVG and a PNG file into RUN/figures; those of each test for every test",
     )
+    parser.add_argument(
+        "--all-tests",
+        action="store_true",
+        help="draw every test in full; by default up to four tests, of more the best, the median and the worst fit",
+    )
     add_quiet(parser)
     add_json(parser)
     parser.set_defaults(run=run)
@@ -41,7 +46,7 @@ def run(options: argparse.Namespace) -> int:
         from mrwork.report.fit.page import open_run, write_page
 
         opened, comparisons = open_run(place)
-        write_page(opened, comparisons, on_progress=on_progress)
+        write_page(opened, comparisons, every_test=options.all_tests, on_progress=on_progress)
         if options.figures:
             names.extend(write_figures(opened, comparisons, on_progress=on_progress))
 

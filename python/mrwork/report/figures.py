@@ -18,6 +18,7 @@ from mrwork.report.style import DisplayUnit
 
 POINTS_IN_WINDOW = 150
 POINTS_IN_LOOP = 600
+POINTS_IN_SMALL_LOOP = 400
 
 # Inches between a force history and its residual below, the residual's share of the height, and a line of heading.
 _BETWEEN = 0.42
@@ -148,6 +149,25 @@ def draw_velocity_loop(figure: Figure, column: int, comparison: Comparison, unit
     scale = style.MILLIMETRE_PER_SECOND
     velocity = comparison.test.velocity * scale.factor
     _draw_loop(figure, column, comparison, unit, velocity, f"Velocity ({scale.symbol})")
+
+
+@style.drawn_in_style()
+def small_velocity_loop(comparison: Comparison, unit: DisplayUnit) -> Figure:
+    """Force against velocity over a few cycles as one of four columns: two lines, the data under the model."""
+    samples = zoom_window(comparison.test.displacement).samples
+    scale = style.MILLIMETRE_PER_SECOND
+    velocity = comparison.test.velocity[samples] * scale.factor
+    figure, axes = canvas.small_axes(labelled=True)
+    for force, colour, width in (
+        (comparison.test.force, style.DATA, 2.2),
+        (comparison.model_force, style.MODEL, 0.9),
+    ):
+        shown = force[samples] * unit.factor
+        drawn = even_samples(velocity, shown, POINTS_IN_SMALL_LOOP, aspect=1.0)
+        axes.plot(velocity[drawn], shown[drawn], color=colour, linewidth=width)
+    axes.set_ylim(*_limits_of(comparison, unit))
+    canvas.name_small_axes(axes, f"Force ({unit.symbol})", f"Velocity ({scale.symbol})")
+    return figure
 
 
 def _draw_loop(

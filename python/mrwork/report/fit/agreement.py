@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from matplotlib.figure import Figure
@@ -12,6 +12,7 @@ from mrwork.records.damper_test import DamperTest, Finding
 from mrwork.report import figures, numbers
 from mrwork.report.comparison import Comparison
 from mrwork.report.cycles import zoom_window
+from mrwork.report.fit import overview
 from mrwork.report.section import Panel, panel
 from mrwork.report.style import DisplayUnit
 
@@ -36,10 +37,15 @@ class AgreementRow:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TestBlock:
-    """Contents of the page on one test."""
+    """Contents of the page on one test.
+
+    `anchor` is its place on the page, `role` what it stands for among many tests; without `panels` it has no part of
+    its own.
+    """
 
     anchor: str
     name: str
+    role: str
     synthetic: bool
     conditions: str
     agreement: AgreementRow
@@ -51,14 +57,21 @@ def blocks_of_tests(
     comparisons: Sequence[Comparison],
     agreement: Sequence[AgreementRow],
     *,
-    on_test: Callable[[int, str], None],
+    drawn: Mapping[int, str],
+    on_test: Callable[[str], None],
 ) -> list[TestBlock]:
-    """Contents of the page on each test, in order, all forces in one unit; `on_test` hears of each before it begins."""
+    """Contents of the page on each test, in order, all forces in one unit.
+
+    Those in `drawn`, indices with their roles, have figures; `on_test` hears of each before it is drawn.
+    """
     unit = figures.common_force_unit(comparisons)
     blocks = []
     for number, (comparison, row) in enumerate(zip(comparisons, agreement, strict=True)):
-        on_test(number, comparison.test.name)
-        blocks.append(_test_block(number + 1, comparison, row, unit))
+        panels: tuple[Panel, ...] = ()
+        if number in drawn:
+            on_test(comparison.test.name)
+            panels = _test_panels(f"t{number + 1}", comparison, row, unit)
+        blocks.append(_test_block(number + 1, comparison, row, panels, drawn.get(number, "")))
     return blocks
 
 
@@ -100,16 +113,19 @@ def checked(comparisons: Sequence[Comparison]) -> str:
     return f"the checks of {records} found {', '.join(parts) or 'nothing to report'}."
 
 
-def _test_block(number: int, comparison: Comparison, agreement: AgreementRow, unit: DisplayUnit) -> TestBlock:
+def _test_block(
+    number: int, comparison: Comparison, agreement: AgreementRow, panels: tuple[Panel, ...], role: str
+) -> TestBlock:
     test = comparison.test
     return TestBlock(
-        anchor=f"test-{number}",
+        anchor=f"test-{number}" if panels else overview.ANCHOR,
         name=test.name,
+        role=role,
         synthetic=test.synthetic,
         conditions=_conditions(test, comparison.quality),
         agreement=agreement,
         findings=tuple(sorted(test.findings, key=lambda finding: finding.severity != "warning")),
-        panels=_test_panels(f"t{number}", comparison, agreement, unit),
+        panels=panels,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -21,6 +22,7 @@ from mrwork.report.fit.bands import BANDS
 from mrwork.report.fit.coverage import COVERAGE
 from mrwork.report.fit.identifiability import IDENTIFIABILITY
 from mrwork.report.fit.kind import SectionKind
+from mrwork.report.fit.overview import drawn_in_full, has_small_loops, overview
 from mrwork.report.fit.parameters import caution, parameter_rows
 from mrwork.report.fit.plan import PLAN
 from mrwork.report.fit.posterior import POSTERIOR
@@ -79,17 +81,28 @@ def comparisons_of(fit: Fit, tests: Sequence[DamperTest]) -> tuple[Comparison, .
     )
 
 
-def fit_page(run: StoredRun, comparisons: Sequence[Comparison], *, on_progress: OnDrawn = unobserved) -> str:
-    """The page of a run: its fit, `comparisons` with the tests of the fit, and what later verbs have added."""
-    total = len(comparisons) + len(SECTIONS)
+def fit_page(
+    run: StoredRun,
+    comparisons: Sequence[Comparison],
+    *,
+    every_test: bool = False,
+    on_progress: OnDrawn = unobserved,
+) -> str:
+    """The page of a run: its fit, `comparisons` with the tests of the fit, and what later verbs have added.
+
+    Of many tests the best, the median and the worst are drawn in full, or with `every_test` all.
+    """
+    drawn = drawn_in_full(comparisons, every_test=every_test)
+    total = len(SECTIONS) + len(drawn) + (len(comparisons) if has_small_loops(comparisons) else 0)
+    done = itertools.count()
+
+    def before(task: str) -> None:
+        on_progress(PageProgress(done=next(done), total=total, task=task))
+
     made = []
-    for number, kind in enumerate(SECTIONS):
-        on_progress(PageProgress(done=number, total=total, task="sections of the page"))
+    for kind in SECTIONS:
+        before("sections of the page")
         made.append((kind, kind.make(run, comparisons)))
-
-    def on_test(number: int, name: str) -> None:
-        on_progress(PageProgress(done=len(SECTIONS) + number, total=total, task=f"test {name}"))
-
     fit = run.fit
     return identification_report(
         fit,
@@ -99,7 +112,8 @@ def fit_page(run: StoredRun, comparisons: Sequence[Comparison], *, on_progress: 
         source=fit.spec.source,
         sections=[section for _, section in made if section is not None],
         absent=[kind.absent for kind, section in made if section is None and kind.absent is not None],
-        on_test=on_test,
+        drawn=drawn,
+        on_test=lambda name: before(f"test {name}"),
     )
 
 
@@ -120,7 +134,11 @@ def open_run(place: str | Path) -> tuple[StoredRun, tuple[Comparison, ...]]:
 
 
 def write_page(
-    run: StoredRun, comparisons: Sequence[Comparison], *, on_progress: OnDrawn = unobserved
+    run: StoredRun,
+    comparisons: Sequence[Comparison],
+    *,
+    every_test: bool = False,
+    on_progress: OnDrawn = unobserved,
 ) -> Path:
     """Write `report.html` of a run into its folder, replacing an earlier one when the new one is complete.
 
@@ -129,7 +147,7 @@ def write_page(
     OutputError
         Where the page cannot be written.
     """
-    page = fit_page(run, comparisons, on_progress=on_progress)
+    page = fit_page(run, comparisons, every_test=every_test, on_progress=on_progress)
     write_files(run.place, {REPORT: page.encode()})
     return run.place / REPORT
 
@@ -143,7 +161,8 @@ def identification_report(
     source: str,
     sections: Sequence[Section] = (),
     absent: Sequence[Absent] = (),
-    on_test: Callable[[int, str], None] = lambda number, name: None,
+    drawn: Mapping[int, str] | None = None,
+    on_test: Callable[[str], None] = lambda name: None,
 ) -> str:
     """The page of a fit and of the tests it is compared with.
 
@@ -160,8 +179,10 @@ def identification_report(
         Sections between the fit and its provenance.
     absent
         Sections that the run does not have yet.
+    drawn
+        Indices of the tests that are drawn in full, with what each stands for; default `drawn_in_full`.
     on_test
-        Called with the number and the name of each test before it is drawn.
+        Called with the name of each test before it is drawn.
 
     Returns
     -------
@@ -189,7 +210,13 @@ def identification_report(
         parameters=parameter_rows(fit.estimates),
         caution=caution(fit),
         overall=overall,
-        blocks=blocks_of_tests(comparisons, agreement, on_test=on_test),
+        overview=overview(comparisons, on_test=on_test),
+        blocks=blocks_of_tests(
+            comparisons,
+            agreement,
+            drawn=drawn_in_full(comparisons) if drawn is None else drawn,
+            on_test=on_test,
+        ),
         searched=search_panels(fit),
         search=search_facts(fit),
         sections=sections,
