@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.identify import identify
 from mrwork.identification.levenberg_marquardt import find_minima, find_minimum
+from mrwork.identification.linearisation import linearised
 from mrwork.identification.multistart import (
     Multistart,
     MultistartResult,
@@ -67,6 +69,23 @@ def test_starts_that_cannot_be_simulated_do_not_move(starts: NDArray[np.float64]
     np.testing.assert_allclose(minima.theta[1], stiff[1], rtol=1e-9)
     assert not minima.converged[1]
     assert np.isfinite(minima.misfit[[0, 2, 3, 4]]).all()
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_start_whose_derivatives_overflow_does_not_move(
+    starts: NDArray[np.float64], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def overflowing(*arguments: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        residuals, jacobian = linearised(*arguments)
+        jacobian[0] *= 1e200 if len(jacobian) > 1 else 1.0
+        return residuals, jacobian
+
+    monkeypatch.setattr("mrwork.identification.levenberg_marquardt.linearised", overflowing)
+    minima = find_minima(objective(), FORM.box, starts[:2], max_iterations=8)
+    before = objective()(starts[:2])
+    assert minima.misfit[0] == pytest.approx(before[0])
+    assert not minima.converged[0]
+    assert minima.misfit[1] < before[1]
 
 
 def test_seeds_agree_on_the_minimum_and_threads_on_every_bit() -> None:

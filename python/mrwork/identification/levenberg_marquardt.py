@@ -258,9 +258,14 @@ def _iterated(objective: Objective, box: Box, state: _State, tolerance: float) -
     moved, arrived, running = state.moved.copy(), state.arrived.copy(), state.running.copy()
     fresh = np.flatnonzero(running & moved)
     for index, residuals, jacobian in _linearised(objective, box, latent, fresh):
-        sensitivity[index] = np.maximum(sensitivity[index], np.linalg.norm(jacobian, axis=1))
-        normal[index] = jacobian @ jacobian.T
-        gradient[index] = jacobian @ residuals
+        # The derivatives of a force that is nearly unstable overflow; no step can be computed from them.
+        with np.errstate(over="ignore", invalid="ignore"):
+            sensitivity[index] = np.maximum(sensitivity[index], np.linalg.norm(jacobian, axis=1))
+            normal[index] = jacobian @ jacobian.T
+            gradient[index] = jacobian @ residuals
+        running[index] = np.isfinite(normal[index]).all() and np.isfinite(gradient[index]).all()
+    if not running.any():
+        return replace(state, running=running)
     active = np.flatnonzero(running)
     floor = 1e-9 * sensitivity[active].max(axis=1, keepdims=True)
     weight = np.maximum(sensitivity[active], np.maximum(floor, _LEAST_SENSITIVITY)) ** 2
