@@ -6,10 +6,11 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 
 from mrwork.errors import RecordError
+from mrwork.identification.certainty import Intervals
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import read_fit
-from mrwork.store.codec import read_document
-from mrwork.store.run_folder import FIT, PLAN, PROFILES, RANKING, RESULTS
+from mrwork.store.codec import json_document, read_document
+from mrwork.store.run_folder import FIT, PLAN, PROFILES, RANKING, RESULTS, write_files
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.calibration_files import StoredBands, read_bands
 from mrwork.uncertainty.bands.conformal import Calibration
@@ -24,8 +25,9 @@ from mrwork.uncertainty.posterior.draws_file import read_draws
 class StoredRun(Summarised):
     """Contents of the run folder at `place`; `None` for what no verb has added.
 
-    `draws` are of `mrwork sample`, `profiles` of `mrwork profile`, `bands` of `mrwork calibrate`, `plan` of
-    `mrwork plan`, `ranking` of `mrwork identify` with several models.
+    The `fit` has the intervals of the draws where they have converged, else of the profiles where they are of every
+    free parameter. `draws` are of `mrwork sample`, `profiles` of `mrwork profile`, `bands` of `mrwork calibrate`,
+    `plan` of `mrwork plan`, `ranking` of `mrwork identify` with several models.
     """
 
     place: Path
@@ -79,12 +81,37 @@ def load(run: str | Path) -> StoredRun:
             "read it with `mr.study.read_results`"
         )
     fit = read_fit(place)
+    draws = read_draws(place, fit)
+    profiles = read_document(Profiles, place / PROFILES, name="profiles", verb="profile")
     return StoredRun(
         place=place,
-        fit=fit,
-        draws=read_draws(place, fit),
-        profiles=read_document(Profiles, place / PROFILES, name="profiles", verb="profile"),
+        fit=fit.with_intervals(_intervals(fit, draws, profiles)),
+        draws=draws,
+        profiles=profiles,
         bands=read_bands(place),
         plan=read_document(CheckedPlan, place / PLAN, name="plan", verb="plan"),
         ranking=read_document(Ranking, place / RANKING, name="ranking", verb="identify"),
     )
+
+
+def record_intervals(place: Path) -> None:
+    """Write the fit of a run folder again, with the intervals that the folder has.
+
+    Raises
+    ------
+    RecordError
+        Where a file of the folder is damaged.
+    OutputError
+        Where the fit cannot be written.
+    """
+    write_files(place, {FIT: json_document(load(place).fit.as_dict()).encode()})
+
+
+def _intervals(fit: Fit, draws: Draws | None, profiles: Profiles | None) -> Intervals | None:
+    if draws is not None and draws.status == "converged":
+        return draws.intervals
+    free = {each.name for each in fit.estimates if each.remark != "fixed"}
+    # Profiles of a model with redundant parameters are in other parameters.
+    if profiles is not None and profiles.model == fit.model and profiles.status == "finished":
+        return profiles.intervals if free <= {each.name for each in profiles.profiles} else None
+    return None

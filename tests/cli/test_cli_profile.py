@@ -11,6 +11,7 @@ from command_line import printed
 
 from mrwork.cli import main
 from mrwork.identification.fit_file import read_fit
+from mrwork.stored import load
 
 
 @pytest.fixture(scope="module")
@@ -127,3 +128,40 @@ def test_profiles_do_not_outlive_their_fit(
     printed(capsys, "identify", *arguments, "--out", again)
     assert (again / "notes.txt").read_text() == "mine"
     assert not (again / "profiles.json").exists()
+
+
+def test_intervals_take_the_place_of_standard_errors_everywhere(
+    run: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    place = tmp_path / "profiled"
+    shutil.copytree(run, place)
+    (place / "profiles.json").unlink(missing_ok=True)
+    # Of one parameter only: the table keeps its standard errors, as it has one kind of uncertainty.
+    printed(capsys, "profile", place, "--quiet", "--parameter", "c")
+    assert load(place).fit.intervals is None
+    assert "Standard error, " in (place / "report.html").read_text()
+    document = json.loads(printed(capsys, "profile", place, "--json"))
+    (c,) = [each for each in document["profiles"] if each["name"] == "c"]
+    fit = load(place).fit
+    assert fit == read_fit(place)
+    assert "95 % profile interval" in repr(fit)
+    assert "95 % profile interval" in fit._repr_html_()
+    assert "standard error" not in repr(fit)
+    assert f"{c['lower']:.4g} to {c['upper']:.4g}" in repr(fit)
+    stored = json.loads((place / "fit.json").read_text())["intervals"]
+    assert (stored["kind"], stored["level"]) == ("profile", 0.95)
+    page = (place / "report.html").read_text()
+    parameters = page[page.index("<h2>Parameters</h2>") : page.index("<h2>Agreement</h2>")]
+    assert "95 % profile interval" in parameters
+    assert "Standard error" not in parameters
+    judged = {each["name"]: each["verdict"] for each in document["profiles"]}
+    assert {name: fit.verdict_on(name)[0] for name in judged} == judged
+
+
+def test_verdicts_of_earlier_versions_are_read_in_the_words_of_now(run: Path, tmp_path: Path) -> None:
+    old = tmp_path / "old"
+    shutil.copytree(run, old)
+    text = (old / "fit.json").read_text()
+    assert '"weakly identifiable"' in text
+    (old / "fit.json").write_text(text.replace('"weakly identifiable"', '"weakly"'))
+    assert read_fit(old) == read_fit(run)

@@ -128,7 +128,7 @@ def test_a_profile_of_one_point_is_drawn() -> None:
         upper=None,
         lower_end="interrupted",
         upper_end="interrupted",
-        verdict="not",
+        verdict="not identifiable",
         reason="",
     )
     assert svg_bytes(profiles_figure(profiles(lonely)))

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.conversions import bouc_wen_from_normalised
 from mrwork.dampers.spec import damper
-from mrwork.identification.fit import Change, Estimate, Fit, Identifiability
+from mrwork.identification.certainty import Change, Identifiability
+from mrwork.identification.fit import Estimate, Fit
 from mrwork.identification.identify import identify
 from mrwork.records import DamperTest
 from mrwork.synthetic import synthetic_test
+from mrwork.uncertainty.identifiability.curvature import WEAK, ParameterScale
 from mrwork.uncertainty.identifiability.information import (
-    WEAK,
     changes_along,
     identifiability_from,
     simple_combinations,
@@ -55,6 +56,14 @@ def spencer(fit: Fit, scale: float, *, held: bool) -> Fit:
     return replace(fit, model="bouc_wen", estimates=estimates)
 
 
+def scales(names: str) -> list[ParameterScale]:
+    """Parameters of value 1."""
+    return [
+        ParameterScale(name=name, unit="m", value=1.0, size=1.0, of_range=False, lower=0.0, upper=2.0)
+        for name in names
+    ]
+
+
 def verdicts(found: Identifiability) -> dict[str, str]:
     return {each.name: each.verdict for each in found.verdicts}
 
@@ -72,7 +81,7 @@ def test_the_redundancy_of_the_spencer_form_is_found_and_said(normalised: Fit) -
     assert "alpha A" in unseen.sentence
     assert "gamma/beta" in unseen.sentence
     for name in ("alpha", "gamma", "beta", "A"):
-        assert verdicts(found)[name] == "not"
+        assert verdicts(found)[name] == "not identifiable"
     for name in ("c0", "k0"):
         assert verdicts(found)[name] == "identifiable"
 
@@ -88,7 +97,7 @@ def test_what_was_held_to_settle_a_scale_makes_the_others_identifiable(normalise
 def test_the_normalised_form_has_no_redundancy(normalised: Fit) -> None:
     found = identifiability_of(normalised, [TEST])
     assert all(each.seen for each in found.directions)
-    assert "not" not in verdicts(found).values()
+    assert "not identifiable" not in verdicts(found).values()
     assert verdicts(found)["k_w"] == "identifiable"
 
 
@@ -104,7 +113,7 @@ def test_standard_errors_and_effective_samples_are_those_of_the_fit(static: tupl
 def test_a_ratio_that_alone_is_seen_is_named(static: tuple[Fit, DamperTest]) -> None:
     # 10 mm of stroke on x_s = 0.1 m: tanh(x/x_s) is a straight line of slope 1/x_s.
     found = identifiability_of(static[0], [static[1]])
-    assert verdicts(found)["delta"] == verdicts(found)["x_s"] == "weakly"
+    assert verdicts(found)["delta"] == verdicts(found)["x_s"] == "weakly identifiable"
     (weak,) = found.directions
     assert weak.seen
     assert {each.name for each in weak.changes} == {"delta", "x_s"}
@@ -118,7 +127,7 @@ def test_a_parameter_on_its_bound_is_bounded_from_one_side(static: tuple[Fit, Da
     bounded = identify("static_hysteretic", test, rng=1, bounds={"beta": (100.0, 300.0)})
     found = identifiability_of(bounded, [test])
     (beta,) = [each for each in found.verdicts if each.name == "beta"]
-    assert beta.verdict == "weakly"
+    assert beta.verdict == "weakly identifiable"
     assert beta.reason.startswith("at lower bound")
     assert [each.name for each in found.verdicts] == list(fit.spec.names)
 
@@ -129,7 +138,7 @@ def columns() -> NDArray[np.float64]:
 
 
 def test_the_size_of_a_column_does_not_make_it_unseen(columns: NDArray[np.float64]) -> None:
-    found = identifiability_from(columns, names="abcd", of_range=[False] * 4, misfit=1e-9, n_effective=60.0)
+    found = identifiability_from(columns, scales=scales("abcd"), misfit=1e-9, n_effective=60.0)
     assert found.directions == ()
     assert {each.verdict for each in found.verdicts} == {"identifiable"}
 
@@ -137,7 +146,7 @@ def test_the_size_of_a_column_does_not_make_it_unseen(columns: NDArray[np.float6
 def test_two_redundancies_are_told_one_by_one(columns: NDArray[np.float64]) -> None:
     # p = a b and q = c/d: two products, four parameters.
     both = np.stack([columns[:, 0], columns[:, 0], columns[:, 3], -columns[:, 3]], axis=1)
-    found = identifiability_from(both, names="abcd", of_range=[False] * 4, misfit=1e-9, n_effective=60.0)
+    found = identifiability_from(both, scales=scales("abcd"), misfit=1e-9, n_effective=60.0)
     assert [{each.name for each in direction.changes} for direction in found.directions] == [
         {"a", "b"},
         {"c", "d"},
@@ -153,8 +162,8 @@ def test_two_redundancies_are_told_one_by_one(columns: NDArray[np.float64]) -> N
 def test_a_parameter_that_nothing_feels_is_named(columns: NDArray[np.float64]) -> None:
     deaf = columns.copy()
     deaf[:, 2] = 0.0
-    found = identifiability_from(deaf, names="abcd", of_range=[False] * 4, misfit=1e-9, n_effective=60.0)
-    assert {each.name: each.verdict for each in found.verdicts}["c"] == "not"
+    found = identifiability_from(deaf, scales=scales("abcd"), misfit=1e-9, n_effective=60.0)
+    assert {each.name: each.verdict for each in found.verdicts}["c"] == "not identifiable"
     assert [each.sentence for each in found.directions] == ["the residuals do not depend on c"]
 
 
@@ -162,17 +171,17 @@ def test_a_weak_direction_begins_with_what_it_leaves_open_most(columns: NDArray[
     # a is told ten times better than b along a + 10 b, which is all but a multiple of the third column.
     nearly = columns / np.linalg.norm(columns, axis=0)
     nearly[:, 0] = -10.0 * nearly[:, 1] + 1e-3 * nearly[:, 0]
-    found = identifiability_from(nearly, names="abcd", of_range=[False] * 4, misfit=0.1, n_effective=60.0)
+    found = identifiability_from(nearly, scales=scales("abcd"), misfit=0.1, n_effective=60.0)
     weak = found.directions[0]
     assert weak.seen
     assert [each.name for each in weak.changes] == ["b", "a"]
     assert [each.percent for each in weak.changes] == pytest.approx([1.0, 0.1], rel=0.05)
-    assert "so the standard error of b is" in weak.sentence
+    assert "so along it the standard error of b is" in weak.sentence
 
 
 def test_correlated_residuals_widen_standard_errors(columns: NDArray[np.float64]) -> None:
     few, many = (
-        identifiability_from(columns, names="abcd", of_range=[False] * 4, misfit=1e-9, n_effective=n).verdicts
+        identifiability_from(columns, scales=scales("abcd"), misfit=1e-9, n_effective=n).verdicts
         for n in (15.0, 60.0)
     )
     for one, other in zip(few, many, strict=True):
@@ -182,9 +191,9 @@ def test_correlated_residuals_widen_standard_errors(columns: NDArray[np.float64]
 def test_a_verdict_turns_weak_at_the_stated_share() -> None:
     column = np.ones((101, 1)) / np.sqrt(101.0)
     # One column of unit length: the standard error is misfit / sqrt(100).
-    for factor, verdict in ((0.99, "identifiable"), (1.01, "weakly")):
+    for factor, verdict in ((0.99, "identifiable"), (1.01, "weakly identifiable")):
         found = identifiability_from(
-            column, names=["a"], of_range=[False], misfit=10.0 * WEAK * factor, n_effective=101.0
+            column, scales=scales("a"), misfit=10.0 * WEAK * factor, n_effective=101.0
         )
         assert found.verdicts[0].verdict == verdict
         assert found.verdicts[0].standard_error == pytest.approx(WEAK * factor)
@@ -200,8 +209,24 @@ def test_a_basis_with_few_parameters_spans_the_same_space() -> None:
 
 
 def test_products_and_ratios_have_simple_exponents() -> None:
-    changes = changes_along(np.array([0.5, -1.0, 0.5, 0.137, 1e-4]), list("abcde"), [False] * 5)
+    changes = changes_along(np.array([0.5, -1.0, 0.5, 0.137, 1e-4]), scales("abcde"))
     assert [each.name for each in changes] == ["a", "b", "c", "d"]
     assert simple_combinations(changes) == ("a^2 b", "a/c")
     assert simple_combinations([*changes, Change(name="x0", percent=1.0, of_range=True)]) == ()
     assert [each.in_words for each in changes[:2]] == ["a up 1 %", "b down 2 %"]
+
+
+def test_a_parameter_that_may_be_zero_is_measured_by_a_range_that_is_shown() -> None:
+    column = np.ones((101, 1)) / np.sqrt(101.0)
+    wide = ParameterScale(name="x0", unit="m", value=1e-3, size=0.02, of_range=True, lower=-0.02, upper=0.02)
+    for misfit, verdict in ((3.4, "weakly identifiable"), (0.34, "identifiable")):
+        found = identifiability_from(column, scales=[wide], misfit=misfit, n_effective=101.0)
+        assert found.verdicts[0].verdict == verdict
+        # 3.4 % of the range is small, but two thirds of the value, so it is said as well.
+        assert (
+            f"{10.0 * misfit:.2g} % of half its range for these tests (-0.02 to 0.02 m)"
+            in found.verdicts[0].reason
+        )
+    assert "of its range" not in " ".join(each.sentence for each in found.directions)
+    (change,) = changes_along(np.array([2.0]), [wide])
+    assert change.in_words == "x0 up 0.0002 m"

@@ -12,7 +12,7 @@ from scipy.stats import ks_2samp
 from mrwork.errors import SettingError
 from mrwork.identification.identify import identify
 from mrwork.synthetic import synthetic_test
-from mrwork.uncertainty.posterior.draws import convergence
+from mrwork.uncertainty.posterior.diagnostics import convergence
 from mrwork.uncertainty.posterior.laplace import first_walkers
 from mrwork.uncertainty.posterior.nuts import substeps_at, twin_log_posterior
 from mrwork.uncertainty.posterior.prior import Normal

@@ -13,7 +13,8 @@ from posterior_samples import independent_errors, small_fit, small_test
 from scipy.stats import norm
 
 from mrwork.errors import Interrupted, JournalError, SettingError
-from mrwork.uncertainty.posterior.draws import Draws, diagnose, next_check, summary_of
+from mrwork.uncertainty.posterior.diagnostics import diagnose, next_check
+from mrwork.uncertainty.posterior.draws import Draws, summary_of
 from mrwork.uncertainty.posterior.draws_file import read_draws, write_draws
 from mrwork.uncertainty.posterior.ensemble import Ensemble
 from mrwork.uncertainty.posterior.prior import Normal, Uniform

@@ -142,7 +142,7 @@ def test_an_interval_is_open_where_the_data_do_not_object(found: Profiles) -> No
     # tanh(x/x_s) is a straight line from some x_s on: only delta/x_s is seen, up to the bound.
     delta = by_name(found)["delta"]
     assert (delta.upper, delta.upper_end) == (None, "bound")
-    assert delta.verdict in ("weakly", "not")
+    assert delta.verdict in ("weakly identifiable", "not identifiable")
     assert "open above" in delta.reason or "above:" in delta.reason
     assert delta.values[-1] == SPEC.parameters[SPEC.names.index("delta")].upper or delta.ratio[-1] > 0.0
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.output import drawing, result_lines
 from mrwork.dampers.spec import damper
-from mrwork.identification.fit import Fit
+from mrwork.identification.fit import Estimate, Fit
 from mrwork.identification.fit_file import write_run
 from mrwork.identification.result import FitSpread
 from mrwork.identification.settings import Reading
@@ -121,17 +121,8 @@ def summary_of(fit: Fit, tests: tuple[DamperTest, ...], folder: Path) -> dict[st
     """Summary of a fit, for --json."""
     return {
         "model": fit.model,
-        "parameters": {
-            estimate.name: {
-                "value": estimate.value,
-                "unit": estimate.unit,
-                "standard_error": estimate.standard_error,
-                "lower": estimate.lower,
-                "upper": estimate.upper,
-                "remark": estimate.remark,
-            }
-            for estimate in fit.estimates
-        },
+        "parameters": {estimate.name: _parameter(fit, estimate) for estimate in fit.estimates},
+        "uncertainty": fit.uncertainty_heading,
         "current_laws": None if fit.current is None else asdict(fit.current),
         "identifiability": None if fit.identifiability is None else asdict(fit.identifiability),
         "nuisances": fit.nuisances,
@@ -153,6 +144,20 @@ def summary_of(fit: Fit, tests: tuple[DamperTest, ...], folder: Path) -> dict[st
         "spread": asdict(spread_of(fit)) if len(fit.quality) > 1 else None,
         "findings": _findings(tests),
         "out": str(folder),
+    }
+
+
+def _parameter(fit: Fit, estimate: Estimate) -> dict[str, Any]:
+    verdict, reason = fit.verdict_on(estimate.name)
+    return {
+        "value": estimate.value,
+        "unit": estimate.unit,
+        "standard_error": estimate.standard_error,
+        "lower": estimate.lower,
+        "upper": estimate.upper,
+        "remark": estimate.remark,
+        "verdict": verdict,
+        "reason": reason,
     }
 
 

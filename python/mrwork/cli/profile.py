@@ -11,7 +11,8 @@ from mrwork.cli.options import add_json, add_quiet, add_run, add_threads
 from mrwork.cli.output import note, print_json, renew_page, result_lines
 from mrwork.cli.progress import PATIENCE, ProgressLine, profile_described
 from mrwork.errors import Interrupted, SettingError
-from mrwork.identification.fit import Fit, Identifiability
+from mrwork.identification.certainty import Identifiability
+from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
 from mrwork.store.codec import json_document
 from mrwork.store.run_folder import PROFILES, REPORT, write_files
@@ -50,6 +51,7 @@ def run(options: argparse.Namespace) -> int:
     if options.threads < 0:
         raise SettingError(f"--threads is {options.threads}; it cannot be negative")
     # SciPy's optimisers are slow to load, and the help does not need them.
+    from mrwork.stored import record_intervals
     from mrwork.uncertainty.identifiability.profile_likelihood import profile
     from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
@@ -72,6 +74,7 @@ def run(options: argparse.Namespace) -> int:
     identifiability = identifiability_of(opened.fit, opened.tests, threads=options.threads)
     document = asdict(profiles) | {"directions": [asdict(each) for each in identifiability.directions]}
     write_files(opened.place, {PROFILES: json_document(document).encode()})
+    record_intervals(opened.place)
     drawn = renew_page(opened.place, quiet=options.quiet or options.json)
     if options.json:
         print_json(document | {"out": str(opened.place / PROFILES)})

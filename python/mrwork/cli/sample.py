@@ -68,6 +68,7 @@ def run(options: argparse.Namespace) -> int:
     priors = dict(parse_prior(text) for text in options.prior)
     opened = reopen(options.run_folder)
     # ArviZ, emcee and HDF5 take seconds to load.
+    from mrwork.stored import record_intervals
     from mrwork.uncertainty.posterior.draws_file import write_draws
     from mrwork.uncertainty.posterior.sample import sample
 
@@ -97,6 +98,7 @@ def run(options: argparse.Namespace) -> int:
     finally:
         line.close()
     write_draws(opened.place, draws)
+    record_intervals(opened.place)
     status = renew_page(opened.place, quiet=options.quiet or options.json)
     if options.json:
         print_json(_summary(draws, opened.place))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.parameters import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.identification.certainty import Identifiability, Intervals
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings, Reading
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
@@ -110,6 +111,7 @@ class Fit(Summarised):
 
     `n_effective` is the effective number of samples that the standard errors assume, see `effective_samples`; `None`
     where there are no standard errors, or, in files of earlier versions, those of `n_time` independent residuals.
+    `intervals` are those of `profile` or `sample`; where there are any, tables show them and not the standard errors.
     `evaluations` counts the simulated candidates of the search and of the selection of starting points;
     `refinement_steps` counts those of the final fit, one simulation with its derivatives each. `identifiability` is
     the result of `uncertainty.identifiability_of`, `None` where it was not computed. `forces` are those of the free
@@ -139,6 +141,7 @@ class Fit(Summarised):
     nuisances: tuple[NuisanceName, ...] = ()
     n_effective: float | None = None
     identifiability: Identifiability | None = None
+    intervals: Intervals | None = None
     warnings: tuple[str, ...] = ()
     motions: tuple[RecordedMotion, ...] = ()
     tested: OperatingRange | None = None
@@ -205,7 +208,9 @@ class Fit(Summarised):
 
     @property
     def uncertainty_heading(self) -> str:
-        """Heading of the column of uncertainties: their kind, and how many samples they count."""
+        """Heading of the column of uncertainties: intervals, or standard errors and how many samples they count."""
+        if self.intervals is not None:
+            return self.intervals.heading
         if self.n_effective is None:
             return f"standard error, {self.n_time} independent samples"
         return f"standard error, {self.n_effective:.0f} effective samples"
@@ -216,6 +221,32 @@ class Fit(Summarised):
         demand = OperatingRange.of_test(test, self.tested.command_unit if self.tested else unit, force)
         return outside_of(self.spec, self.theta, self.tested, demand)
 
+    def with_intervals(self, intervals: Intervals | None) -> Fit:
+        """The fit with intervals in place of standard errors: those of `Profiles.intervals` or `Draws.intervals`."""
+        return replace(self, intervals=intervals)
+
+    def verdict_on(self, name: str) -> tuple[str, str]:
+        """Verdict on a parameter, and the reason: by its interval, else by the derivatives at the fit.
+
+        Instead of a verdict "fixed", and empty where none is known.
+        """
+        (estimate,) = [each for each in self.estimates if each.name == name]
+        if estimate.remark == "fixed":
+            return "fixed", ""
+        interval = None if self.intervals is None else self.intervals.of(name)
+        if interval is not None and interval.verdict is not None:
+            return interval.verdict, interval.reason
+        for each in () if self.identifiability is None else self.identifiability.verdicts:
+            if each.name == name:
+                return each.verdict, each.reason
+        return ("not identifiable", "") if estimate.remark == "not identifiable" else ("", estimate.remark)
+
+    def _uncertainty(self, estimate: Estimate) -> str:
+        if self.intervals is None:
+            return rounded(estimate.standard_error, 2)
+        interval = self.intervals.of(estimate.name)
+        return "-" if interval is None else interval.in_words(rounded)
+
     def as_dict(self) -> dict[str, Any]:
         """Nested dictionaries and lists for JSON, without the forces and the live settings."""
         document = asdict(replace(self, forces=(), live_settings=None))
@@ -224,12 +255,6 @@ class Fit(Summarised):
 
     def _summary(self) -> Summary:
         tests = "" if len(self.quality) == 1 else f" on {len(self.quality)} tests"
-        verdicts = () if self.identifiability is None else self.identifiability.verdicts
-        remarks = {
-            each.name: f"{VERDICT_IN_WORDS[each.verdict]}: {each.reason}"
-            for each in verdicts
-            if each.verdict != "identifiable"
-        }
         return Summary(
             title=f"Fit of {self.model}{tests}: {self.fit_percent:.2f} %, {self.status.replace('_', ' ')}",
             facts=(
@@ -238,98 +263,16 @@ class Fit(Summarised):
                 ("search", f"{self.evaluations} simulations, {self.seconds:.1f} s, {self.stop_reason}"),
                 *([("tested", self.tested.in_words)] if self.tested else []),
             ),
-            columns=("parameter", "value", self.uncertainty_heading, "unit", "remark"),
+            columns=("parameter", "value", self.uncertainty_heading, "unit", "verdict", "reason"),
             rows=[
                 (
                     each.name,
                     rounded(each.value, 6),
-                    rounded(each.standard_error, 2),
+                    self._uncertainty(each),
                     each.unit,
-                    each.remark or remarks.get(each.name, ""),
+                    *self.verdict_on(each.name),
                 )
                 for each in self.estimates
             ],
             notes=[f"warning: {each}" for each in self.warnings],
-        )
-
-
-VerdictName = Literal["identifiable", "weakly", "not"]
-VERDICT_IN_WORDS: dict[VerdictName, str] = {
-    "identifiable": "identifiable",
-    "weakly": "weakly identifiable",
-    "not": "not identifiable",
-}
-_IN_SHORT: dict[VerdictName, str] = {"identifiable": "yes", "weakly": "weakly", "not": "no"}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Verdict:
-    """Identifiability of one parameter, with the reason.
-
-    `standard_error` is in the parameter's unit, for the effective number of samples; `None` where there is none.
-    """
-
-    name: str
-    verdict: VerdictName
-    standard_error: float | None
-    reason: str
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Change:
-    """Component of a direction along one parameter: percent of its value, or of its range where `of_range`."""
-
-    name: str
-    percent: float
-    of_range: bool = False
-
-    @property
-    def in_words(self) -> str:
-        """As in "alpha up 1 %"."""
-        way = "up" if self.percent > 0 else "down"
-        return f"{self.name} {way} {abs(self.percent):.2g} %{' of its range' if self.of_range else ''}"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Direction:
-    """A combined change of parameters that has little effect on the residuals, or none where `seen` is false.
-
-    `effect` is the root mean square of the resulting change of force, per standard deviation of the force.
-    """
-
-    changes: tuple[Change, ...]
-    effect: float
-    seen: bool
-    sentence: str
-
-    @property
-    def starts_with_name(self) -> bool:
-        """Whether the sentence starts with the name of a parameter, which is not capitalised.
-
-        It does not where a single parameter has no effect: "the residuals do not depend on it".
-        """
-        return self.seen or len(self.changes) > 1
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Identifiability(Summarised):
-    """A verdict for each free parameter, and the directions that the data determine weakly or not at all.
-
-    `n_effective` is the effective number of samples; it is below `n_time` where residuals are correlated.
-    """
-
-    verdicts: tuple[Verdict, ...]
-    directions: tuple[Direction, ...]
-    n_time: int
-    n_effective: float
-
-    def _summary(self) -> Summary:
-        return Summary(
-            title=f"Identifiability from {self.n_time} samples, worth {self.n_effective:.0f} independent ones",
-            columns=("parameter", "identifiable", "standard error [SI]", "reason"),
-            rows=[
-                (each.name, _IN_SHORT[each.verdict], rounded(each.standard_error, 2), each.reason)
-                for each in self.verdicts
-            ],
-            notes=[each.sentence for each in self.directions],
         )

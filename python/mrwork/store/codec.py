@@ -31,6 +31,9 @@ _LITTLE_ENDIAN = "<f8"
 _ARTICLES = {int: "an integer", str: "a string"}
 _WHERE_NULL = {"lower": -math.inf, "upper": math.inf, "best": math.inf, "median": math.inf, "ends": math.inf}
 
+# Words of earlier versions, by the name of their field.
+_FORMER_WORDS = {"verdict": {"weakly": "weakly identifiable", "not": "not identifiable"}}
+
 
 def plain(value: object) -> Any:
     """Exact JSON form of a value: dataclasses and mappings as objects, arrays and sequences as lists."""
@@ -150,6 +153,8 @@ def _built(kind: Any, value: Any, place: str) -> Any:
     if kind is Any:
         return value
     if origin is Literal:
+        if isinstance(value, str):
+            value = _FORMER_WORDS.get(place.rpartition(".")[2], {}).get(value, value)
         return _accepted(value in arguments, value, place, " or ".join(map(repr, arguments)))
     if origin in (Union, types.UnionType):
         inner = next(argument for argument in arguments if argument is not type(None))

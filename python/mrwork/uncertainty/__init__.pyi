@@ -30,9 +30,9 @@ from .planning.candidates import Limits as Limits
 from .planning.plan import Plan as Plan
 from .planning.plan import plan as plan
 from .planning.plan_draws import CheckedPlan as CheckedPlan
+from .posterior.diagnostics import convergence as convergence
+from .posterior.diagnostics import kept as kept
 from .posterior.draws import Draws as Draws
-from .posterior.draws import convergence as convergence
-from .posterior.draws import kept as kept
 from .posterior.ensemble import Ensemble as Ensemble
 from .posterior.laplace import first_walkers as first_walkers
 from .posterior.nuts import NutsDraws as NutsDraws

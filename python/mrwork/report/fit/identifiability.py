@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import get_args
 
-from mrwork.identification.fit import VERDICT_IN_WORDS, Direction, Fit, Identifiability, VerdictName
+from mrwork.identification.certainty import Direction, Identifiability, VerdictName
+from mrwork.identification.fit import Fit
 from mrwork.report import numbers
 from mrwork.report.comparison import Comparison
 from mrwork.report.fit.kind import SectionKind
-from mrwork.report.fit.parameters import relative_error, shown_unit
 from mrwork.report.section import Group, Section, Table, table
 from mrwork.stored import StoredRun
 
@@ -18,51 +19,53 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     found = run.fit.identifiability
     if found is None:
         return None
-    verdicts: dict[str, VerdictName] = {each.name: each.verdict for each in found.verdicts}
-    # A profile does not assume linearity as a standard error does, so its verdict takes precedence.
-    profiles = run.profiles
-    verdicts |= {each.name: each.verdict for each in (profiles.profiles if profiles is not None else ())}
+    judged = {each.name: run.fit.verdict_on(each.name) for each in found.verdicts}
     points = tuple(_sentence(each) for each in found.directions)
     return Section(
         anchor="identifiability",
         title="Identifiability",
-        summary=_summary(verdicts),
-        groups=(Group(prose=_prose(found), table=_table(run.fit, found), points=points),),
+        summary=_summary(judged),
+        groups=(Group(prose=_prose(run.fit, found, judged), table=_table(judged), points=points),),
     )
 
 
-def _summary(verdicts: Mapping[str, VerdictName]) -> str:
+def _summary(judged: Mapping[str, tuple[str, str]]) -> str:
     counts = {
-        word: [name for name, verdict in verdicts.items() if verdict == word] for word in VERDICT_IN_WORDS
+        word: [name for name, (verdict, _) in judged.items() if verdict == word]
+        for word in get_args(VerdictName)
     }
-    parts = [f"{len(counts['identifiable'])} of {len(verdicts)} parameters are identifiable"]
-    if counts["weakly"]:
-        parts.append(f"weakly: {', '.join(counts['weakly'])}")
-    if counts["not"]:
-        parts.append(f"not: {', '.join(counts['not'])}")
+    certain, weak, none = (counts[word] for word in get_args(VerdictName))
+    parts = [f"{len(certain)} of {len(judged)} parameters are identifiable"]
+    if weak:
+        parts.append(f"weakly: {', '.join(weak)}")
+    if none:
+        parts.append(f"not: {', '.join(none)}")
     return f"Identifiability: {'; '.join(parts)}."
 
 
-def _prose(found: Identifiability) -> tuple[str, ...]:
+def _prose(fit: Fit, found: Identifiability, judged: Mapping[str, tuple[str, str]]) -> tuple[str, ...]:
     effective = numbers.fixed(found.n_effective, 0)
-    text = (
-        f"To allow for autocorrelation, the {numbers.fixed(found.n_time, 0)} residuals count as {effective} effective "
-        "samples. The standard errors here use this number, so they are larger than those in the table of parameters. "
-        "They assume that the force is linear in the parameters over that range; profiles and posterior draws do not."
+    counted = (
+        f"The {numbers.fixed(found.n_time, 0)} residuals count as {effective} effective samples, because they are "
+        "correlated."
     )
-    if found.n_effective > 0.9 * found.n_time:
-        text = (
-            "The residuals are almost uncorrelated, so every sample counts. The standard errors assume that the force "
-            "is linear in the parameters over that range; profiles and posterior draws do not."
+    if fit.intervals is None:
+        basis = (
+            "The verdicts follow from the standard errors, which take the force to be linear in the parameters over "
+            "that range; profiles and posterior draws do not."
         )
-    unsettled = [each.name for each in found.verdicts if each.verdict != "identifiable"]
-    if not unsettled:
-        return (text,)
+    else:
+        basis = (
+            f"The verdicts follow from the {fit.intervals.heading}s, the directions below from the derivatives at the "
+            "fit."
+        )
+    if all(verdict == "identifiable" for verdict, _ in judged.values()):
+        return (f"{counted} {basis}",)
     advice = (
         "Do not use the value of a parameter that is not identifiable. Fix it at a known value, choose a model without "
         "it, or add a test in which it has an effect."
     )
-    return text, advice
+    return f"{counted} {basis}", advice
 
 
 def _sentence(direction: Direction) -> str:
@@ -71,28 +74,12 @@ def _sentence(direction: Direction) -> str:
     return f"{sentence if direction.starts_with_name else sentence[0].upper() + sentence[1:]}."
 
 
-def _table(fit: Fit, found: Identifiability) -> Table:
-    estimates = {each.name: each for each in fit.estimates}
-    rows = []
-    for verdict in found.verdicts:
-        estimate = estimates[verdict.name]
-        value, error = numbers.value_and_error(estimate.value, verdict.standard_error)
-        rows.append(
-            (
-                verdict.name,
-                value,
-                error,
-                relative_error(estimate.value, verdict.standard_error),
-                shown_unit(estimate.unit),
-                VERDICT_IN_WORDS[verdict.verdict],
-                verdict.reason,
-            )
-        )
+def _table(judged: Mapping[str, tuple[str, str]]) -> Table:
     return table(
         label="Identifiability of each parameter",
-        columns=("Parameter", "Value", "Standard error", "Relative (%)", "Unit", "Verdict", "Reason"),
-        words=(4, 5, 6),
-        rows=tuple(rows),
+        columns=("Parameter", "Verdict", "Reason"),
+        words=(1, 2),
+        rows=tuple((name, *words) for name, words in judged.items()),
     )
 
 

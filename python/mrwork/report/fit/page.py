@@ -207,7 +207,7 @@ def identification_report(
         banner=_BANNER.get(fit.status, ""),
         headline=_headline(fit),
         tests=[(comparison.test.name, comparison.test.synthetic) for comparison in comparisons],
-        parameters=parameter_rows(fit.estimates),
+        parameters=parameter_rows(fit),
         caution=caution(fit),
         overall=overall,
         overview=overview(comparisons, on_test=on_test),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from mrwork.identification.certainty import Intervals
 from mrwork.identification.fit import Estimate, Fit
 from mrwork.report import numbers
 
@@ -20,7 +21,7 @@ class Aligned:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParameterRow:
-    """One estimate as text."""
+    """One estimate as text; `error` is its uncertainty, a standard error or an interval."""
 
     name: str
     value: Aligned
@@ -32,11 +33,15 @@ class ParameterRow:
     remark: str
 
 
-def parameter_rows(estimates: Sequence[Estimate]) -> list[ParameterRow]:
+def parameter_rows(fit: Fit) -> list[ParameterRow]:
     """A row per estimate, in the order of the model's spec."""
+    estimates = fit.estimates
     pairs = [numbers.value_and_error(estimate.value, estimate.standard_error) for estimate in estimates]
     values = _aligned([value for value, _ in pairs])
     errors = _aligned([error for _, error in pairs])
+    if fit.intervals is not None:
+        values = _aligned([numbers.significant(estimate.value, 5) for estimate in estimates])
+        errors = [_plain(_interval(fit.intervals, estimate)) for estimate in estimates]
     relatives = _aligned([relative_error(estimate.value, estimate.standard_error) for estimate in estimates])
     lowers = _aligned([numbers.shortest(estimate.lower) for estimate in estimates])
     uppers = _aligned([numbers.shortest(estimate.upper) for estimate in estimates])
@@ -57,8 +62,24 @@ def parameter_rows(estimates: Sequence[Estimate]) -> list[ParameterRow]:
     ]
 
 
+def _interval(intervals: Intervals, estimate: Estimate) -> str:
+    found = intervals.of(estimate.name)
+    return (
+        numbers.fixed(None, 0) if found is None else found.in_words(lambda end: numbers.significant(end, 4))
+    )
+
+
+def _plain(text: str) -> Aligned:
+    return Aligned(head=text, tail="", width=0)
+
+
 def caution(fit: Fit) -> str:
-    """What the standard errors assume."""
+    """What the uncertainties assume."""
+    if fit.intervals is not None:
+        return (
+            f"The {fit.intervals.heading}s take the place of standard errors. They hold if the model is right; an end "
+            "that is not given is one at which the data do not bound the parameter."
+        )
     if all(estimate.standard_error is None for estimate in fit.estimates):
         return "No standard errors: they could not be computed for this fit."
     linear = (

@@ -19,7 +19,8 @@ from mrwork.report.fit.kind import SectionKind
 from mrwork.report.fit.parameters import shown_unit
 from mrwork.report.section import Absent, Group, Section, Table, panel, table
 from mrwork.stored import StoredRun
-from mrwork.uncertainty.posterior.draws import LARGEST_RHAT, LEAST_ESS, Draws, DrawsStatus
+from mrwork.uncertainty.posterior.diagnostics import LARGEST_RHAT, LEAST_ESS
+from mrwork.uncertainty.posterior.draws import Draws, DrawsStatus
 
 Array = NDArray[np.float64]
 
@@ -130,17 +131,29 @@ def _prose(draws: Draws) -> tuple[str, ...]:
 def _table(draws: Draws) -> Table:
     return table(
         label="Posterior of each parameter",
-        columns=("Parameter", "Median", "5 %", "95 %", "Unit", "ESS bulk", "ESS tail", "R-hat", "Remark"),
-        words=(4, 8),
+        columns=(
+            "Parameter",
+            "Median",
+            "2.5 %",
+            "97.5 %",
+            "Unit",
+            "ESS bulk",
+            "ESS tail",
+            "R-hat",
+            "Verdict",
+            "Reason",
+        ),
+        words=(4, 8, 9),
         rows=tuple(
             (
                 each.name,
-                *(numbers.significant(value, 5) for value in (each.median, each.lower_5, each.upper_95)),
+                *(numbers.significant(value, 5) for value in (each.median, each.lower, each.upper)),
                 shown_unit(each.unit),
                 numbers.fixed(each.ess_bulk, 0),
                 numbers.fixed(each.ess_tail, 0),
                 numbers.fixed(each.rhat if math.isfinite(each.rhat) else None, 3),
-                each.remark,
+                each.verdict or each.remark,
+                each.reason,
             )
             for each in draws.summaries
         ),

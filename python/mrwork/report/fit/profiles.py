@@ -10,7 +10,6 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
-from mrwork.identification.fit import VERDICT_IN_WORDS
 from mrwork.report import numbers, style
 from mrwork.report.canvas import SMALL_WIDTH, grid_of_axes, plain_ticks, small_axes
 from mrwork.report.comparison import Comparison
@@ -79,7 +78,7 @@ def _table(profiles: Profiles) -> Table:
                 _end(each.lower),
                 _end(each.upper),
                 shown_unit(each.unit),
-                VERDICT_IN_WORDS[each.verdict],
+                each.verdict,
                 each.reason,
             )
             for each in profiles.profiles

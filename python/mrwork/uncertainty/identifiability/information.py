@@ -8,7 +8,8 @@ from fractions import Fraction
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.identification.fit import Change, Direction, Identifiability, Verdict
+from mrwork.identification.certainty import Change, Direction, Identifiability, Verdict
+from mrwork.uncertainty.identifiability.curvature import WEAK, ParameterScale
 
 # Components of a direction smaller than this share of the largest are not named.
 _NEGLIGIBLE = 0.03
@@ -18,9 +19,7 @@ _LARGEST_DENOMINATOR = 2
 _LARGEST_EXPONENT = 3
 
 
-def changes_along(
-    direction: NDArray[np.float64], names: Sequence[str], of_range: Sequence[bool]
-) -> tuple[Change, ...]:
+def changes_along(direction: NDArray[np.float64], scales: Sequence[ParameterScale]) -> tuple[Change, ...]:
     """Changes of the parameters along a direction, shape (n_params,), in shares of their scales.
 
     The first one increases by 1 %; parameters that hardly change are left out.
@@ -28,7 +27,13 @@ def changes_along(
     named = np.flatnonzero(np.abs(direction) > _NEGLIGIBLE * np.max(np.abs(direction)))
     unit = direction / direction[named[0]]
     return tuple(
-        Change(name=names[index], percent=float(unit[index]), of_range=of_range[index])
+        Change(
+            name=scales[index].name,
+            percent=float(unit[index]),
+            of_range=scales[index].of_range,
+            amount=0.01 * float(unit[index]) * scales[index].size,
+            unit=scales[index].unit,
+        )
         for index in map(int, named)
     )
 
@@ -87,8 +92,6 @@ def listed(parts: Sequence[str]) -> str:
 # Largest ratio of a singular value to the greatest one for an unidentifiable direction, parameters scaled to unit
 # sensitivity. Rounding leaves about 1e-9 where derivatives are difference quotients.
 UNSEEN = 1e-7
-# Parameters with a relative standard error above this are weakly identifiable.
-WEAK = 0.25
 # Smallest component of a parameter that takes part in a direction.
 _LEAST_COMPONENT = 1e-6
 # Tolerance of exponents for combinations along weakly identifiable directions.
@@ -100,8 +103,7 @@ _STRONG_CORRELATION = 0.9
 def identifiability_from(
     jacobian: NDArray[np.float64],
     *,
-    names: Sequence[str],
-    of_range: Sequence[bool],
+    scales: Sequence[ParameterScale],
     misfit: float,
     n_effective: float,
     held: set[str] | frozenset[str] = frozenset(),
@@ -116,8 +118,8 @@ def identifiability_from(
     ----------
     jacobian
         With respect to parameters in units of their scales; residuals sum up in squares to the squared misfit.
-    of_range
-        Whether the scale of each parameter is its range, not its value.
+    scales
+        Of the parameters, in the order of the columns.
     held
         Parameters that were held fixed: without verdict, but they may take part in a direction.
 
@@ -129,8 +131,8 @@ def identifiability_from(
     n_time = len(jacobian)
     null = _null_space(jacobian)
     basis = sparse_basis(null) if len(null) else null
-    unseen = tuple(_unidentifiable_direction(row, jacobian, names, of_range, held) for row in basis)
-    counted = np.array([index for index, name in enumerate(names) if name not in held], dtype=int)
+    unseen = tuple(_unidentifiable_direction(row, jacobian, scales, held) for row in basis)
+    counted = np.array([index for index, each in enumerate(scales) if each.name not in held], dtype=int)
     free = jacobian[:, counted]
     undetermined = np.any(np.abs(_null_space(free)) > _LEAST_COMPONENT, axis=0)
     variance = misfit**2 / max(n_time - counted.size, 1) * n_time / n_effective
@@ -138,22 +140,13 @@ def identifiability_from(
     cov = np.full((counted.size, counted.size), np.inf)
     cov[np.ix_(~undetermined, ~undetermined)] = variance * _scaled_inverse(seen.T @ seen)
     verdicts = tuple(
-        _verdict(
-            number,
-            [names[index] for index in counted],
-            cov,
-            free,
-            [of_range[index] for index in counted],
-            undetermined,
-        )
+        _verdict(number, [scales[index] for index in counted], cov, free, undetermined)
         for number in range(counted.size)
     )
-    seen_names = [names[index] for index in counted[~undetermined]]
     weak = _weak_directions(
         cov[np.ix_(~undetermined, ~undetermined)],
         seen,
-        seen_names,
-        [of_range[index] for index in counted[~undetermined]],
+        [scales[index] for index in counted[~undetermined]],
     )
     return Identifiability(
         verdicts=verdicts, directions=unseen + weak, n_time=n_time, n_effective=n_effective
@@ -182,11 +175,10 @@ def _scaled_inverse(normal: NDArray[np.float64]) -> NDArray[np.float64]:
 def _unidentifiable_direction(
     direction: NDArray[np.float64],
     jacobian: NDArray[np.float64],
-    names: Sequence[str],
-    of_range: Sequence[bool],
+    scales: Sequence[ParameterScale],
     held: set[str] | frozenset[str],
 ) -> Direction:
-    changes = changes_along(direction, names, of_range)
+    changes = changes_along(direction, scales)
     if len(changes) == 1:
         sentence = f"the residuals do not depend on {changes[0].name}"
     else:
@@ -199,14 +191,15 @@ def _unidentifiable_direction(
     kept = [each.name for each in changes if each.name in held]
     if kept:
         sentence += f"; {listed(kept)} was held fixed for this reason"
-    return Direction(changes=changes, effect=_effect(changes, jacobian, names), seen=False, sentence=sentence)
+    return Direction(
+        changes=changes, effect=_effect(changes, jacobian, scales), seen=False, sentence=sentence
+    )
 
 
 def _weak_directions(
     cov: NDArray[np.float64],
     jacobian: NDArray[np.float64],
-    names: Sequence[str],
-    of_range: Sequence[bool],
+    scales: Sequence[ParameterScale],
 ) -> tuple[Direction, ...]:
     """Directions along which the standard error exceeds `WEAK` of the scales, largest first."""
     if not len(cov):
@@ -217,28 +210,22 @@ def _weak_directions(
         if np.sqrt(variance) <= WEAK:
             break
         # The parameter with the largest component comes first.
-        order = np.argsort(np.arange(len(names)) != np.argmax(np.abs(vector)), kind="stable")
-        changes = changes_along(
-            vector[order], [names[index] for index in order], [of_range[index] for index in order]
-        )
-        effect = _effect(changes, jacobian, names)
+        largest = int(np.argmax(np.abs(vector)))
+        order = np.argsort(np.arange(len(scales)) != largest, kind="stable")
+        changes = changes_along(vector[order], [scales[index] for index in order])
+        effect = _effect(changes, jacobian, scales)
+        names = [each.name for each in scales]
         in_order = sorted(changes, key=lambda change: names.index(change.name))
         combinations = simple_combinations(in_order, within=_APPROXIMATE)
         better = f"; {listed(combinations)} is better identifiable" if combinations else ""
-        first = float(np.sqrt(variance)) * abs(vector[names.index(changes[0].name)])
+        along = float(np.sqrt(variance)) * abs(vector[largest])
         sentence = (
             f"{_joint_change(changes)} is weakly identifiable: it changes the force by {100.0 * effect:.1g} % of its "
-            f"deviation, so the standard error of {changes[0].name} is "
-            f"{_relative_size(first, changes[0].of_range)}{better}"
+            f"deviation, so along it the standard error of {changes[0].name} is "
+            f"{scales[largest].share(along)}{better}"
         )
         found.append(Direction(changes=changes, effect=effect, seen=True, sentence=sentence))
     return tuple(found)
-
-
-def _relative_size(share: float, of_range: bool) -> str:
-    """Relative size such as "40 % of its value", or "33 times its value" above 100 %."""
-    whole = "range" if of_range else "value"
-    return f"{100.0 * share:.2g} % of its {whole}" if share < 1.0 else f"{share:.3g} times its {whole}"
 
 
 def _joint_change(changes: Sequence[Change]) -> str:
@@ -246,40 +233,43 @@ def _joint_change(changes: Sequence[Change]) -> str:
     return f"{first} with {listed(rest)}" if rest else first
 
 
-def _effect(changes: Sequence[Change], jacobian: NDArray[np.float64], names: Sequence[str]) -> float:
-    column = {name: number for number, name in enumerate(names)}
+def _effect(
+    changes: Sequence[Change], jacobian: NDArray[np.float64], scales: Sequence[ParameterScale]
+) -> float:
+    column = {each.name: number for number, each in enumerate(scales)}
     moved = sum(0.01 * each.percent * jacobian[:, column[each.name]] for each in changes)
     return float(np.linalg.norm(moved))
 
 
 def _verdict(
     number: int,
-    names: Sequence[str],
+    scales: Sequence[ParameterScale],
     cov: NDArray[np.float64],
     jacobian: NDArray[np.float64],
-    of_range: Sequence[bool],
     undetermined: NDArray[np.bool_],
 ) -> Verdict:
     """Verdict on one parameter; its standard error in units of the scale."""
-    name = names[number]
+    scale = scales[number]
     if undetermined[number]:
         others = [
-            each
-            for each, is_undetermined in zip(names, undetermined, strict=True)
-            if is_undetermined and each != name
+            each.name
+            for each, is_undetermined in zip(scales, undetermined, strict=True)
+            if is_undetermined and each is not scale
         ]
         reason = "the residuals do not depend on it"
         if others and np.any(jacobian[:, number] != 0.0):
             reason = f"identifiable only in combination with {listed(others)}"
-        return Verdict(name=name, verdict="not", standard_error=None, reason=reason)
+        return Verdict(name=scale.name, verdict="not identifiable", standard_error=None, reason=reason)
     error = float(np.sqrt(cov[number, number]))
     if error <= WEAK:
-        return Verdict(name=name, verdict="identifiable", standard_error=error, reason="")
+        reason = f"its standard error is {scale.share(error)}" if scale.exceeds_value(error) else ""
+        return Verdict(name=scale.name, verdict="identifiable", standard_error=error, reason=reason)
     deviation = np.sqrt(np.diag(cov))
     correlation = np.where(undetermined, 0.0, cov[number] / np.where(undetermined, 1.0, error * deviation))
     correlation[number] = 0.0
     partner = int(np.argmax(np.abs(correlation)))
-    reason = f"its standard error is {_relative_size(error, of_range[number])}"
+    reason = f"its standard error is {scale.share(error)}"
     if abs(correlation[partner]) > _STRONG_CORRELATION:
-        reason += f", mostly because {names[partner]} can compensate for it (correlation {correlation[partner]:.3f})"
-    return Verdict(name=name, verdict="weakly", standard_error=error, reason=reason)
+        other = scales[partner].name
+        reason += f", mostly because {other} can compensate for it (correlation {correlation[partner]:.3f})"
+    return Verdict(name=scale.name, verdict="weakly identifiable", standard_error=error, reason=reason)

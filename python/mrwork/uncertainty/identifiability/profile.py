@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.parameters import ParamSpec
-from mrwork.identification.fit import VERDICT_IN_WORDS, VerdictName
+from mrwork.identification.certainty import Interval, Intervals, VerdictName
 from mrwork.summary import Summarised, Summary, of_unit, rounded
-from mrwork.uncertainty.identifiability.curvature import Scaled
-from mrwork.uncertainty.identifiability.information import WEAK
+from mrwork.uncertainty.identifiability.curvature import ParameterScale, Scaled, verdict_on_width
 from mrwork.uncertainty.identifiability.walk import (
     End,
     Side,
@@ -46,7 +45,7 @@ class Profile(Summarised):
         limits = ((self.lower, self.lower_end), (self.upper, self.upper_end))
         ends = [of_unit(value, self.unit) if value is not None else f"open ({end})" for value, end in limits]
         return Summary(
-            title=f"Profile of {self.name}: {VERDICT_IN_WORDS[self.verdict]}",
+            title=f"Profile of {self.name}: {self.verdict}",
             facts=(
                 ("estimate", of_unit(self.estimate, self.unit, 5)),
                 ("lower end", ends[0]),
@@ -77,6 +76,24 @@ class Profiles(Summarised):
     evaluations: int
     seconds: float
 
+    @property
+    def intervals(self) -> Intervals:
+        """The intervals, for `Fit.with_intervals`."""
+        return Intervals(
+            kind="profile",
+            level=self.level,
+            intervals=tuple(
+                Interval(
+                    name=each.name,
+                    lower=each.lower,
+                    upper=each.upper,
+                    verdict=each.verdict,
+                    reason=each.reason,
+                )
+                for each in self.profiles
+            ),
+        )
+
     def _summary(self) -> Summary:
         return Summary(
             title=f"Profiles of {self.model}: intervals at {100.0 * self.level:g} %, {self.status}",
@@ -89,7 +106,7 @@ class Profiles(Summarised):
                     "open" if each.lower is None else rounded(each.lower, 5),
                     "open" if each.upper is None else rounded(each.upper, 5),
                     each.unit,
-                    VERDICT_IN_WORDS[each.verdict],
+                    each.verdict,
                     each.reason,
                 )
                 for each in self.profiles
@@ -102,6 +119,7 @@ def profile_of(
     parameter: ParamSpec,
     scaled: Scaled,
     index: int,
+    scale: ParameterScale,
     below: Side,
     above: Side,
     *,
@@ -143,7 +161,7 @@ def profile_of(
         verdict="identifiable",
         reason="",
     )
-    verdict, reason = _verdict(profile, crossings, limit)
+    verdict, reason = _verdict(profile, crossings, limit, scale)
     return replace(profile, verdict=verdict, reason=reason)
 
 
@@ -161,7 +179,9 @@ def _value(scaled: Scaled, index: int, position: float) -> float:
     return float(np.exp(position) if scaled.log[index] else position * scaled.size[index])
 
 
-def _verdict(profile: Profile, crossings: list[float | None], limit: float) -> tuple[VerdictName, str]:
+def _verdict(
+    profile: Profile, crossings: list[float | None], limit: float, scale: ParameterScale
+) -> tuple[VerdictName, str]:
     """Verdict: identifiable if closed and narrow, weakly if wide or open on one side, not if open on both sides."""
     open_ends = [
         f"{side}: {_IN_WORDS[end]}"
@@ -173,15 +193,11 @@ def _verdict(profile: Profile, crossings: list[float | None], limit: float) -> t
     ]
     if crossings[0] is None and crossings[1] is None:
         if profile.lower_end == profile.upper_end:
-            return "not", f"open on both sides: {_IN_WORDS[profile.lower_end]}"
-        return "not", f"open {'; '.join(open_ends)}"
+            return "not identifiable", f"open on both sides: {_IN_WORDS[profile.lower_end]}"
+        return "not identifiable", f"open {'; '.join(open_ends)}"
     if crossings[0] is None or crossings[1] is None:
-        return "weakly", f"open {open_ends[0]}"
-    half = 0.5 * (crossings[1] - crossings[0])
-    if half > WEAK * limit:
-        width = f"a factor of {np.exp(half):.2g}" if profile.log else f"{100.0 * half:.2g} % of its scale"
-        return "weakly", f"the interval is {width} wide to either side"
-    return "identifiable", ""
+        return "weakly identifiable", f"open {open_ends[0]}"
+    return verdict_on_width(0.5 * (crossings[1] - crossings[0]), limit, scale, log=profile.log)
 
 
 _IN_WORDS: dict[End, str] = {

@@ -101,7 +101,8 @@ def profile(
     objective, spec, box = problem.objective, problem.form.spec, problem.form.box
     theta = np.clip(problem.form.from_model(np.array(fit.theta)), box.lower, box.upper)
     profiled = _profiled_indices(box, parameters)
-    scaled = Scaled.of(spec, box, Scale.of(spec, box, objective.tests, theta), theta)
+    scale = Scale.of(spec, box, objective.tests, theta)
+    scaled = Scaled.of(spec, box, scale, theta)
     derivatives = linearise(objective, box.free)
 
     def simulated(position: NDArray[np.float64]) -> list[Point]:
@@ -122,6 +123,7 @@ def profile(
                 spec.parameters[box.free[index]],
                 scaled,
                 index,
+                scale.of_parameter(spec, box.free[index]),
                 sides[index, -1],
                 sides[index, 1],
                 least=least,

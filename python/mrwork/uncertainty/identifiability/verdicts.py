@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.autocorrelation import effective_samples, residuals_by_test
-from mrwork.identification.fit import Fit, Identifiability, Verdict
+from mrwork.identification.certainty import Identifiability, Verdict
+from mrwork.identification.fit import Fit
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
@@ -49,8 +50,7 @@ def identifiability_of(
     sign = np.where(scale.of_range | (theta >= 0.0), 1.0, -1.0)
     found = identifiability_from(
         jacobian * (sign * scale.size)[interior],
-        names=[spec.names[index] for index in interior],
-        of_range=[bool(each) for each in scale.of_range[interior]],
+        scales=[scale.of_parameter(spec, index) for index in interior],
         misfit=float(np.linalg.norm(residuals)),
         n_effective=effective_samples(residuals_by_test(residuals, objective.tests)),
         held=held,
@@ -64,7 +64,7 @@ def identifiability_of(
     verdicts += [
         Verdict(
             name=name,
-            verdict="weakly",
+            verdict="weakly identifiable",
             standard_error=None,
             reason=f"{remark_of(box, spec.names.index(name), value)}: the data bound it from one side only",
         )

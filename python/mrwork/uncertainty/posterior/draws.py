@@ -1,18 +1,21 @@
-"""Draws of a posterior with summaries and convergence diagnostics: autocorrelation time, R-hat, effective sizes."""
+"""Draws of a posterior, and a summary of each parameter with its interval and verdict."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from importlib import import_module
-from math import ceil
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
+from dataclasses import asdict, dataclass, replace
+from math import log
+from statistics import NormalDist
+from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.identification.certainty import Interval, Intervals, VerdictName
 from mrwork.identification.fit import Provenance
 from mrwork.summary import Summarised, Summary, rounded, with_decimals
+from mrwork.uncertainty.identifiability.curvature import ParameterScale, verdict_on_width
+from mrwork.uncertainty.posterior.diagnostics import convergence
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -20,130 +23,27 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 # "unknown" in files that do not state it.
 DrawsStatus = Literal["converged", "not_converged", "interrupted", "unknown"]
-Remark = Literal["", "fixed", "piles up at its lower bound", "piles up at its upper bound"]
+Remark = Literal[
+    "", "fixed", "piles up at its lower bound", "piles up at its upper bound", "piles up at both bounds"
+]
 _FIXED: Final = "fixed"
 _AT_LOWER: Final = "piles up at its lower bound"
 _AT_UPPER: Final = "piles up at its upper bound"
+_AT_BOTH: Final = "piles up at both bounds"
 
-# Limits on R-hat and effective sizes: Vehtari et al. (2021); on the length in autocorrelation times: emcee.
-LARGEST_RHAT = 1.01
-LEAST_ESS = 400.0
-LEAST_LENGTH = 50.0
-# Share of the chain that is discarded.
-BURN_IN = 0.25
-# Largest number of evenly spaced steps from which R-hat and effective sizes are computed.
-_MOST_DRAWS = 1000
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Diagnosis:
-    """Convergence diagnostics, shape (n_params,): autocorrelation time in steps, R-hat, bulk and tail ESS.
-
-    They are NaN for a parameter that did not vary. `n_steps` is the number of steps after the burn-in.
-    """
-
-    names: tuple[str, ...]
-    n_steps: int
-    tau: Array
-    rhat: Array
-    ess_bulk: Array
-    ess_tail: Array
-
-    @property
-    def length(self) -> float:
-        """Number of steps per longest autocorrelation time; 0 where a walker never moved."""
-        longest = float(np.max(self.tau))
-        return self.n_steps / longest if longest > 0.0 else 0.0
-
-    @property
-    def shortcomings(self) -> tuple[str, ...]:
-        """Criteria that are not met, in words; empty where the chain has converged."""
-        found = []
-        if not self.length >= LEAST_LENGTH:
-            found.append(
-                f"the chain is {self.length:.0f} autocorrelation times long where {LEAST_LENGTH:.0f} are required"
-            )
-        worst = int(np.argmax(np.where(np.isnan(self.rhat), np.inf, self.rhat)))
-        if not self.rhat[worst] < LARGEST_RHAT:
-            found.append(
-                f"walkers disagree most on {self.names[worst]} (R-hat {self.rhat[worst]:.3f}, below {LARGEST_RHAT} "
-                "is required)"
-            )
-        ess = np.minimum(self.ess_bulk, self.ess_tail)
-        least = int(np.argmin(np.where(np.isnan(ess), -np.inf, ess)))
-        if not ess[least] >= LEAST_ESS:
-            found.append(
-                f"{self.names[least]} has {ess[least]:.0f} effective draws where {LEAST_ESS:.0f} are required"
-            )
-        return tuple(found)
-
-
-def diagnose(values: Array, names: tuple[str, ...]) -> Diagnosis:
-    """Diagnose a chain without its burn-in, shape (n_steps, n_walkers, n_params); walkers count as chains."""
-    n_steps = len(values)
-    by_chain = np.moveaxis(values[:: max(1, ceil(n_steps / _MOST_DRAWS))], 0, 1)
-    columns = [np.ascontiguousarray(by_chain[:, :, index]) for index in range(values.shape[2])]
-    diagnostics = [convergence(column) for column in columns]
-    return Diagnosis(
-        names=names,
-        n_steps=n_steps,
-        tau=autocorrelation_times(values),
-        rhat=np.array([each.rhat for each in diagnostics]),
-        ess_bulk=np.array([each.ess_bulk for each in diagnostics]),
-        ess_tail=np.array([each.ess_tail for each in diagnostics]),
-    )
-
-
-class Convergence(NamedTuple):
-    """Convergence of one parameter; `mcse` is the Monte-Carlo standard error of its mean."""
-
-    rhat: float
-    ess_bulk: float
-    ess_tail: float
-    mcse: float
-
-
-def convergence(chains: Array) -> Convergence:
-    """Rank-normalised R-hat, effective sizes and Monte-Carlo error of draws, shape (n_chains, n_draws)."""
-    # ArviZ takes a second to load, and has no type annotations.
-    statistics: Any = import_module("arviz_stats.base").array_stats
-    # A constant chain has zero variance.
-    with np.errstate(all="ignore"):
-        return Convergence(
-            rhat=float(statistics.rhat(chains, method="rank")),
-            ess_bulk=float(statistics.ess(chains, method="bulk")),
-            ess_tail=float(statistics.ess(chains, method="tail", prob=(0.05, 0.95))),
-            mcse=float(statistics.mcse(chains, method="mean")),
-        )
-
-
-def autocorrelation_times(values: Array) -> Array:
-    """Integrated autocorrelation time in steps, shape (n_params,), of a chain, (n_steps, n_walkers, n_params)."""
-    from emcee.autocorr import integrated_time
-
-    with np.errstate(all="ignore"):
-        return np.asarray(integrated_time(values, tol=0, has_walkers=True))
-
-
-def kept(n_steps: int) -> slice:
-    """Rows of a chain after the burn-in; its first row is the start."""
-    return slice(1 + int(BURN_IN * n_steps), n_steps + 1)
-
-
-def next_check(n_steps: int, *, first: int = 200, growth: float = 1.25) -> int:
-    """Step of the next convergence check, a function of the step alone: a resumed run ends at the same step."""
-    check = first
-    while check <= n_steps:
-        check = ceil(check * growth)
-    return check
+# Probability of the intervals, and the number of standard deviations that they reach to either side if normal.
+LEVEL = 0.95
+_DEVIATIONS = NormalDist().inv_cdf(0.5 * (1.0 + LEVEL))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DrawSummary:
     """Summary of the draws of one parameter or noise parameter, in `unit`.
 
-    `mcse` is the Monte-Carlo standard error of the mean, `tau` the autocorrelation time in steps. Diagnostics are NaN
-    for a fixed parameter. `remark` names a fixed parameter, or the bound at which the draws pile up.
+    `lower` and `upper` are the ends of the 95 % interval. `verdict` is `None` for noise and fixed parameters, and in
+    draws of earlier versions. `mcse` is the Monte-Carlo standard error of the mean, `tau` the autocorrelation time in
+    steps. Diagnostics are NaN for a fixed parameter. `remark` names a fixed parameter, or the bound at
+    which the draws pile up.
     """
 
     name: str
@@ -158,7 +58,11 @@ class DrawSummary:
     ess_tail: float
     rhat: float
     tau: float
+    lower: float
+    upper: float
     remark: Remark = ""
+    verdict: VerdictName | None = None
+    reason: str = ""
 
     @property
     def fixed(self) -> bool:
@@ -168,7 +72,29 @@ class DrawSummary:
     @property
     def at_bound(self) -> bool:
         """Whether the draws pile up at a bound."""
-        return self.remark in (_AT_LOWER, _AT_UPPER)
+        return self.remark in (_AT_LOWER, _AT_UPPER, _AT_BOTH)
+
+    @property
+    def interval(self) -> Interval:
+        """The interval; an end at which the draws pile up is open."""
+        return Interval(
+            name=self.name,
+            lower=None if self.remark in (_AT_LOWER, _AT_BOTH) else self.lower,
+            upper=None if self.remark in (_AT_UPPER, _AT_BOTH) else self.upper,
+            verdict=self.verdict,
+            reason=self.reason,
+        )
+
+    def judged(self, scale: ParameterScale, *, logarithmic: bool) -> DrawSummary:
+        """With the verdict: as for a profile, where an end at which the draws pile up is open."""
+        if self.fixed:
+            return self
+        if self.at_bound:
+            verdict: VerdictName = "not identifiable" if self.remark == _AT_BOTH else "weakly identifiable"
+            return replace(self, verdict=verdict, reason=f"it {self.remark}")
+        half = 0.5 * (log(self.upper / self.lower) if logarithmic else (self.upper - self.lower) / scale.size)
+        verdict, reason = verdict_on_width(half, _DEVIATIONS, scale, log=logarithmic)
+        return replace(self, verdict=verdict, reason=reason)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -222,6 +148,15 @@ class Draws(Summarised):
         return self.chains[..., self.names.index(name)]
 
     @property
+    def intervals(self) -> Intervals:
+        """The 95 % intervals of the parameters that varied, for `Fit.with_intervals`."""
+        return Intervals(
+            kind="posterior",
+            level=LEVEL,
+            intervals=tuple(each.interval for each in self.varied if each.name in self.names),
+        )
+
+    @property
     def log_posterior(self) -> Array:
         """Log posterior of all draws, shape (n_draws,)."""
         return self.densities.reshape(-1)
@@ -259,7 +194,10 @@ class Draws(Summarised):
         for name in self.measured:
             tree["observed_data"][name].attrs["units"] = "N"
         for summary in self.summaries:
-            tree["posterior"][summary.name].attrs["units"] = summary.unit
+            attributes = tree["posterior"][summary.name].attrs
+            attributes["units"] = summary.unit
+            if summary.verdict is not None:
+                attributes |= {"verdict": summary.verdict, "reason": summary.reason}
         return tree
 
     def _summary(self) -> Summary:
@@ -273,17 +211,28 @@ class Draws(Summarised):
                 ),
                 ("verdict", self.verdict),
             ),
-            columns=("parameter", "median", "5 %", "95 %", "unit", "R-hat", "ESS", "remark"),
+            columns=(
+                "parameter",
+                "median",
+                "2.5 %",
+                "97.5 %",
+                "unit",
+                "R-hat",
+                "ESS",
+                "verdict",
+                "reason",
+            ),
             rows=[
                 (
                     each.name,
                     rounded(each.median, 5),
-                    rounded(each.lower_5),
-                    rounded(each.upper_95),
+                    rounded(each.lower, 5),
+                    rounded(each.upper, 5),
                     each.unit,
                     with_decimals(each.rhat, 3),
                     with_decimals(each.ess_bulk, 0),
-                    each.remark,
+                    each.verdict or each.remark,
+                    each.reason,
                 )
                 for each in self.summaries
             ],
@@ -292,7 +241,8 @@ class Draws(Summarised):
 
 def summary_of(chain: Array, *, name: str, unit: str, bounds: tuple[float, float], tau: float) -> DrawSummary:
     """Summarise the draws of one parameter, shape (n_walkers, n_kept)."""
-    lower, median, upper = np.quantile(chain, [0.05, 0.5, 0.95]).tolist()
+    tail = 0.5 * (1.0 - LEVEL)
+    first, lower, median, upper, last = np.quantile(chain, [tail, 0.05, 0.5, 0.95, 1.0 - tail]).tolist()
     fixed = float(np.ptp(chain)) == 0.0
     diagnostics = convergence(chain)
     return DrawSummary(
@@ -304,6 +254,8 @@ def summary_of(chain: Array, *, name: str, unit: str, bounds: tuple[float, float
         median=median,
         upper_95=upper,
         tau=tau,
+        lower=first,
+        upper=last,
         remark=_FIXED if fixed else _pile(chain, bounds, upper - lower),
         **diagnostics._asdict(),
     )
@@ -316,6 +268,7 @@ def _pile(chain: Array, bounds: tuple[float, float], width: float) -> Remark:
     deviations from its mode, within 5 %.
     """
     first, last = np.quantile(chain, [0.01, 0.99])
+    at_upper = bounds[1] - last < 0.02 * width
     if first - bounds[0] < 0.02 * width:
-        return _AT_LOWER
-    return _AT_UPPER if bounds[1] - last < 0.02 * width else ""
+        return _AT_BOTH if at_upper else _AT_LOWER
+    return _AT_UPPER if at_upper else ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -78,7 +79,13 @@ def read_draws(place: Path, fit: Fit) -> Draws | None:
                 noise_chains=np.stack([columns[name] for name in noise_names], axis=-1),
                 densities=densities,
                 summaries=tuple(
-                    summary_of(columns[name], name=name, unit=units[name], bounds=bounds[name], tau=np.nan)
+                    replace(
+                        summary_of(
+                            columns[name], name=name, unit=units[name], bounds=bounds[name], tau=np.nan
+                        ),
+                        verdict=posterior[name].attrs.get("verdict"),
+                        reason=str(posterior[name].attrs.get("reason", "")),
+                    )
                     for name in names + noise_names
                 ),
                 status=attributes.get("status", "unknown"),

@@ -20,18 +20,16 @@ from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.store.fingerprint import digest_of, package_version
+from mrwork.uncertainty.identifiability.curvature import Scale
 from mrwork.uncertainty.noise import noise_model
-from mrwork.uncertainty.posterior.draws import (
+from mrwork.uncertainty.posterior.diagnostics import (
     LARGEST_RHAT,
     Diagnosis,
-    Draws,
-    DrawsStatus,
-    DrawSummary,
     autocorrelation_times,
     diagnose,
     kept,
-    summary_of,
 )
+from mrwork.uncertainty.posterior.draws import Draws, DrawsStatus, DrawSummary, summary_of
 from mrwork.uncertainty.posterior.ensemble import Ensemble
 from mrwork.uncertainty.posterior.prior import Prior
 from mrwork.uncertainty.posterior.target import Target, Tempering
@@ -187,7 +185,7 @@ class SamplingProblem:
         upper = own.upper + space.box.upper[space.n_params :]
         tau = autocorrelation_times(np.moveaxis(chains, 0, 1))
         strided = chains[:, :: max(1, ceil(chains.shape[1] / _MOST_ROWS))]
-        return tuple(
+        found = [
             summary_of(
                 np.ascontiguousarray(strided[..., index]),
                 name=name,
@@ -196,7 +194,14 @@ class SamplingProblem:
                 tau=float(tau[index]),
             )
             for index, name in enumerate(names)
-        )
+        ]
+        theta = np.asarray(self.target.form.to_model(self.start))
+        scale = Scale.of(self.spec, own, self.target.objective.tests, theta)
+        judged = [
+            each.judged(scale.of_parameter(self.spec, index), logarithmic=own.log[index])
+            for index, each in enumerate(found[: theta.size])
+        ]
+        return (*judged, *found[theta.size :])
 
     def _verdict(self, n_steps: int, diagnosis: Diagnosis, summaries: tuple[DrawSummary, ...]) -> str:
         if diagnosis.shortcomings:

@@ -14,7 +14,8 @@ from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.uncertainty.posterior.chain_file import ChainFile
-from mrwork.uncertainty.posterior.draws import Diagnosis, Draws, next_check
+from mrwork.uncertainty.posterior.diagnostics import Diagnosis, next_check
+from mrwork.uncertainty.posterior.draws import Draws
 from mrwork.uncertainty.posterior.ensemble import Ensemble
 from mrwork.uncertainty.posterior.laplace import first_walkers
 from mrwork.uncertainty.posterior.prior import Prior
