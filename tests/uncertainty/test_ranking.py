@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from mrwork.errors import SettingError
+from mrwork.uncertainty.choice.collapse import Collapse
+from mrwork.uncertainty.choice.conclusion import ranking_of
 from mrwork.uncertainty.choice.leave_one_out import LeaveOneOut
-from mrwork.uncertainty.choice.ranking import Evidence, Ranking, Standing, rank, ranking_of
+from mrwork.uncertainty.choice.ranking import Evidence, Ranking, Standing, rank
 
 TESTS = np.array([0.10, 0.14, 0.08, 0.12, 0.11, 0.13])
 
@@ -21,6 +23,7 @@ def family(
     elpd: tuple[float, ...] = (),
     pareto_k: float = 0.2,
     reason: str = "",
+    same_as: str = "",
 ) -> Evidence:
     told = LeaveOneOut(elpd=np.array(elpd), pareto_k=np.full(len(elpd), pareto_k))
     return Evidence(
@@ -34,6 +37,7 @@ def family(
         left_out=() if left_out is None else tuple(left_out.tolist()),
         variance=None if left_out is None else variance,
         leave_one_out=told if elpd else None,
+        collapse=Collapse(model=same_as, reason="sigma is at upper bound") if same_as else None,
     )
 
 
@@ -177,3 +181,22 @@ def test_rows_are_frozen_numbers() -> None:
     # One fold tells no standard error.
     assert row.left_out_error is None
     assert row.left_out_percent == pytest.approx(90.0)
+
+
+def test_a_family_that_has_collapsed_to_a_simpler_one_cannot_be_chosen_over_it() -> None:
+    simple, rich = family("simple", 7, TESTS), family("rich", 11, TESTS - 0.02)
+    # The better prediction of the data left out would choose it.
+    assert verdicts(simple, rich) == {"simple": "behind", "rich": "chosen"}
+    same = family("rich", 11, TESTS - 0.02, same_as="simple")
+    assert verdicts(simple, same) == {"simple": "chosen", "rich": "collapsed"}
+    found = ranking(simple, same)
+    assert found.chosen == "simple"
+    assert [(each.model, each.same_as) for each in found.standings] == [("simple", ""), ("rich", "simple")]
+    assert "Rich counts as Simple: sigma is at upper bound" in found.sentence
+    assert found._summary().rows[1][-2:] == ("collapsed", "sigma is at upper bound")
+
+
+def test_a_collapsed_family_stays_where_the_simpler_one_failed() -> None:
+    assert (
+        verdicts(family("simple", 7, None), family("rich", 11, TESTS, same_as="simple"))["rich"] == "chosen"
+    )

@@ -30,9 +30,11 @@ from mrwork.uncertainty.bands.prediction import (
     held_out_errors,
     held_out_words,
 )
+from mrwork.uncertainty.choice.collapse import collapsed
+from mrwork.uncertainty.choice.conclusion import ranking_of
 from mrwork.uncertainty.choice.families import ALL, Family, families
 from mrwork.uncertainty.choice.leave_one_out import Likelihood, free_parameters, residuals_of, variance_of
-from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank, ranking_of
+from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank
 from mrwork.uncertainty.noise import noise_model
 
 T = TypeVar("T")
@@ -180,8 +182,11 @@ class RunningComparison:
     def choice(self) -> Choice:
         """The choice among the families that are done."""
         best = min(self.fits.values(), key=lambda fit: fit.nrmse)
-        n_effective = effective_samples(residuals_of(best, self.tests))
-        evidence = list(self.evidence.values())
+        residuals = {model: residuals_of(fit, self.tests) for model, fit in self.fits.items()}
+        n_effective = effective_samples(residuals[best.model])
+        n_params = {model: self.evidence[model].n_params for model in self.fits}
+        same = collapsed(self.fits, residuals, n_params, self.tests, n_effective)
+        evidence = [replace(each, collapse=same.get(model)) for model, each in self.evidence.items()]
         standings = rank(evidence, n_effective)
         ranking = ranking_of(
             standings,

@@ -1,4 +1,4 @@
-"""Ranking of families of models by their left-out fit, with PSIS-LOO and BIC, and its conclusion in words."""
+"""Ranking of families of models by their left-out fit, with PSIS-LOO and BIC."""
 
 from __future__ import annotations
 
@@ -11,20 +11,18 @@ from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised, Summary, rounded
+from mrwork.uncertainty.choice.collapse import Collapse
 from mrwork.uncertainty.choice.leave_one_out import UNRELIABLE, LeaveOneOut
 
 # Negligible difference in fit [percentage points]: the cycles of a real test repeat to 97-99 %.
 NEGLIGIBLE = 0.1
 
-# Number of folds below which a standard error is uncertain.
-_FEW_FOLDS = 4
-# A smaller difference in BIC is negligible (Kass and Raftery, JASA 90, 1995, 773-795).
-_NEGLIGIBLE_BIC = 2.0
-
 DEFINITIONS = (
     "Left-out fit: 100 (1 - NRMSE) in percent of what the fit has not seen, the mean over folds with its standard "
     "error. A family is as good as the best within one standard error of the paired difference, not more than that "
     f"of the best itself, or within {NEGLIGIBLE:g} points; of those the one with the fewest parameters is chosen.",
+    "Collapsed: the fit is that of a simpler family, because the forces of the two differ by no more than chance, and "
+    "more of its parameters are on a bound or undetermined. Such a family counts as the simpler one and is not chosen.",
     "ELPD: expected log predictive density of a block of whole cycles given the other blocks (PSIS-LOO), residuals in "
     "deviations of each test's force, the log density tempered by n_eff / n. Cycles of one test repeat, so it "
     "is about more of the same tests, not about another excitation.",
@@ -33,7 +31,7 @@ DEFINITIONS = (
     "counts anew in n_eff though cycles repeat, so that differences in ELPD and BIC are upper limits.",
 )
 
-RankVerdict = Literal["chosen", "as good", "behind", "failed"]
+RankVerdict = Literal["chosen", "as good", "behind", "collapsed", "failed"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +40,7 @@ class Evidence:
 
     `left_out` has the mean NRMSE of each fold, in the same order for all families; it is empty where a prediction
     failed, for the given `reason`. `variance` is the mean square of the residuals in deviations of each test's force.
-    Missing results are `None`.
+    Missing results are `None`. `collapse` is there where the fit is that of a simpler family.
     """
 
     model: str
@@ -55,12 +53,15 @@ class Evidence:
     left_out: tuple[float, ...] = ()
     variance: float | None = None
     leave_one_out: LeaveOneOut | None = None
+    collapse: Collapse | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Standing:
     """One row of the ranking; differences to the best family by each criterion are positive.
 
+    The left-out fit of a collapsed family is compared as well, though it is not ranked, so it may be negative.
+    `same_as` is the simpler family whose fit it has.
     Fits are in percent; `left_out_behind` is in percentage points, with the standard error of the paired difference.
     `unreliable_blocks` is the number of blocks whose Pareto k is above 0.7.
     """
@@ -84,15 +85,17 @@ class Standing:
     unreliable_blocks: int | None = None
     bic: float | None = None
     bic_behind: float | None = None
+    same_as: str = ""
 
 
 def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Standing, ...]:
-    """Rank families by their left-out fit, best first; those that failed come last.
+    """Rank families by their left-out fit, best first; collapsed families follow, those that failed come last.
 
     A family is as good as the best if its mean left-out NRMSE exceeds that of the best by no more than the standard
     error of the paired difference over folds, limited to the standard error of the best itself (a family that fails on
     one test has a large error of its own), or by no more than 0.1 percentage points. Of those as good, the one with the
-    fewest parameters is chosen. BIC is `n_eff ln(variance) + n_params ln(n_eff)`.
+    fewest parameters is chosen. A family that has collapsed to a simpler one which predicts the tests left out counts
+    as that one: it is neither the best nor chosen. BIC is `n_eff ln(variance) + n_params ln(n_eff)`.
 
     Parameters
     ----------
@@ -110,8 +113,10 @@ def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Stand
     if not predicted:
         reasons = "; ".join(f"{each.model}: {each.reason}" for each in evidence)
         raise SettingError(f"no family of models predicts what was left out of its fit ({reasons})")
-    best = predicted[0]
-    as_good = [each for each in predicted if _is_as_good(each, best)]
+    simpler = {each.model for each in predicted}
+    distinct = [each for each in predicted if each.collapse is None or each.collapse.model not in simpler]
+    best = distinct[0]
+    as_good = [each for each in distinct if _is_as_good(each, best)]
     chosen = min(as_good, key=lambda each: each.n_params)
     bic = {each.model: _bic(each, n_effective) for each in evidence}
     most_likely = max(
@@ -120,8 +125,9 @@ def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Stand
         default=None,
     )
     standings = []
-    for each in [*predicted, *(each for each in evidence if not each.left_out)]:
-        verdict: RankVerdict = "failed" if not each.left_out else "behind"
+    same = [each for each in predicted if each not in distinct]
+    for each in [*distinct, *same, *(each for each in evidence if not each.left_out)]:
+        verdict: RankVerdict = "failed" if not each.left_out else "collapsed" if each in same else "behind"
         if each is chosen:
             verdict = "chosen"
         elif each in as_good:
@@ -149,9 +155,10 @@ def _standing(
         n_params=own.n_params,
         verdict=verdict,
         status=own.status,
-        reason=own.reason,
+        reason=own.reason if own.collapse is None else own.collapse.reason,
         seconds=own.seconds,
         fit_percent=own.fit_percent,
+        same_as="" if own.collapse is None else own.collapse.model,
         left_out_percent=100.0 - float(percent.mean()) if percent.size else None,
         left_out_error=_error_of_mean(percent),
         left_out_behind=float(difference.mean()) if percent.size else None,
@@ -230,100 +237,3 @@ class Ranking(Summarised):
             ],
             notes=(self.sentence, *(f"note: {remark}" for remark in self.remarks)),
         )
-
-
-def ranking_of(
-    standings: tuple[Standing, ...],
-    *,
-    held_out: str,
-    n_folds: int,
-    n_blocks: int | None,
-    n_effective: float | None,
-    remarks: Sequence[str] = (),
-    missing: Sequence[str] = (),
-) -> Ranking:
-    """Ranking of these standings with its sentence."""
-    chosen = next(each for each in standings if each.verdict == "chosen")
-    parts = [_choice(standings, chosen, held_out)]
-    runner_up = next((each for each in standings if each.verdict == "behind"), None)
-    if runner_up is not None:
-        parts.append(
-            f"Next comes {runner_up.title} with {runner_up.n_params} parameters, "
-            f"{_points(runner_up, chosen)} behind the best"
-        )
-    parts += [_by_elpd(standings, chosen, n_blocks), _by_bic(standings, chosen)]
-    if 1 < n_folds < _FEW_FOLDS:
-        parts.append(f"A standard error from {n_folds} folds is uncertain")
-    failed = [each.title for each in standings if each.verdict == "failed"]
-    if failed:
-        parts.append(f"Failed: {', '.join(failed)}")
-    if missing:
-        parts.append(f"The comparison was interrupted and lacks {', '.join(missing)}")
-    return Ranking(
-        chosen=chosen.model,
-        sentence=". ".join(part for part in parts if part) + ".",
-        standings=standings,
-        held_out=held_out,
-        n_folds=n_folds,
-        n_blocks=n_blocks,
-        n_effective=n_effective,
-        remarks=tuple(remarks),
-        missing=tuple(missing),
-    )
-
-
-def _choice(standings: tuple[Standing, ...], chosen: Standing, held_out: str) -> str:
-    count = f"Of {len(standings)} families" if len(standings) > 1 else "The only family"
-    error = "" if chosen.left_out_error is None else f", standard error {chosen.left_out_error:.2g}"
-    text = (
-        f"{count}, {chosen.title} with {chosen.n_params} parameters is chosen: its mean left-out fit is "
-        f"{chosen.left_out_percent:.2f} % ({held_out}{error})"
-    )
-    best = standings[0]
-    if best is not chosen:
-        more = best.n_params - chosen.n_params
-        text += (
-            f", {_points(chosen, best)} behind {best.title}, the best, which has {more} parameters more: "
-            "as good, and simpler"
-        )
-    others = [each for each in standings if each.verdict == "as good" and each is not best]
-    if others:
-        text += f". As good with no fewer parameters: {', '.join(each.title for each in others)}"
-    return text
-
-
-def _points(own: Standing, other: Standing) -> str:
-    """Difference in percentage points with the standard error of the paired difference; one of the two is the best."""
-    behind = own.left_out_behind or other.left_out_behind or 0.0
-    error = own.left_out_behind_error
-    return f"{behind:.2f} points" if error is None else f"{behind:.2f} ± {error:.2f} points"
-
-
-def _by_elpd(standings: tuple[Standing, ...], chosen: Standing, n_blocks: int | None) -> str:
-    best = next((each for each in standings if each.elpd_behind == 0.0), None)
-    if best is None or chosen.elpd_behind is None:
-        return ""
-    doubtful = [each for each in (best, chosen) if each.unreliable_blocks]
-    doubt = ""
-    if doubtful:
-        share = max(each.unreliable_blocks or 0 for each in doubtful)
-        blocks = "1 block" if share == 1 else f"{share} blocks"
-        doubt = f", though the Pareto k of {blocks} is above 0.7: importance weights are not reliable there"
-    if best is chosen:
-        return f"PSIS-LOO over {n_blocks} blocks agrees{doubt}"
-    error = chosen.elpd_behind_error or 0.0
-    by = f"{chosen.elpd_behind:.1f} ± {error:.1f} in log density over {n_blocks} blocks"
-    if chosen.elpd_behind <= error:
-        return f"PSIS-LOO does not distinguish it from {best.title} ({by}){doubt}"
-    return f"PSIS-LOO prefers {best.title}, by {by}{doubt}"
-
-
-def _by_bic(standings: tuple[Standing, ...], chosen: Standing) -> str:
-    best = next((each for each in standings if each.bic_behind == 0.0), None)
-    if best is None or chosen.bic_behind is None:
-        return ""
-    if best is chosen:
-        return "BIC agrees"
-    if chosen.bic_behind < _NEGLIGIBLE_BIC:
-        return f"BIC does not distinguish it from {best.title} ({chosen.bic_behind:.1f})"
-    return f"BIC prefers {best.title}, by {chosen.bic_behind:.1f}"
