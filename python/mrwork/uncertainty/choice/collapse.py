@@ -88,7 +88,7 @@ class Doubtful:
 
 
 def doubtful_parameters(fit: Fit, tests: tuple[DamperTest, ...]) -> Doubtful:
-    """Free parameters on a bound, and those whose standard error is infinite or above their value or half their range."""
+    """Free parameters on a bound, and those with a standard error above their value or half their range, or none."""
     spec, theta = fit.spec, np.array(fit.theta)
     bounds = {name: pair for name, pair in fit.settings.bounds.items() if name in spec.names}
     scale = Scale.of(spec, Box.of(spec).with_bounds(bounds), tests, theta)

@@ -149,16 +149,17 @@ def _standing(
     behind = _elpd(most_likely) - elpd if most_likely is not None and elpd.size else elpd[:0]
     least = min((value for value in bic.values() if value is not None), default=None)
     value = bic[own.model]
+    same = own.collapse if verdict == "collapsed" else None
     return Standing(
         model=own.model,
         title=own.title,
         n_params=own.n_params,
         verdict=verdict,
         status=own.status,
-        reason=own.reason if own.collapse is None else own.collapse.reason,
+        reason=own.reason if same is None else same.reason,
         seconds=own.seconds,
         fit_percent=own.fit_percent,
-        same_as="" if own.collapse is None else own.collapse.model,
+        same_as="" if same is None else same.model,
         left_out_percent=100.0 - float(percent.mean()) if percent.size else None,
         left_out_error=_error_of_mean(percent),
         left_out_behind=float(difference.mean()) if percent.size else None,
