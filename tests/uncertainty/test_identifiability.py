@@ -107,12 +107,19 @@ def test_standard_errors_and_effective_samples_are_those_of_the_fit(static: tupl
     assert found.n_effective == pytest.approx(fit.n_effective, rel=1e-9)
     theirs = {each.name: each.standard_error for each in fit.estimates}
     for each in found.verdicts:
-        assert each.standard_error == pytest.approx(theirs[each.name], rel=1e-5)
+        # None for delta, which is on its bound.
+        assert each.standard_error == (theirs[each.name] and pytest.approx(theirs[each.name], rel=1e-5))
 
 
 def test_a_ratio_that_alone_is_seen_is_named(static: tuple[Fit, DamperTest]) -> None:
     # 10 mm of stroke on x_s = 0.1 m: tanh(x/x_s) is a straight line of slope 1/x_s.
-    found = identifiability_of(static[0], [static[1]])
+    # The fit is at the end of that valley, at a bound of delta; half of both gives nearly the same force.
+    fit, test = static
+    halved = tuple(
+        replace(each, value=0.5 * each.value) if each.name in ("delta", "x_s") else each
+        for each in fit.estimates
+    )
+    found = identifiability_of(replace(fit, estimates=halved), [test])
     assert verdicts(found)["delta"] == verdicts(found)["x_s"] == "weakly identifiable"
     (weak,) = found.directions
     assert weak.seen
