@@ -11,6 +11,7 @@ from record_files import codes
 
 from mrwork.records import DamperTest, build_damper_test, mislabelled, read_damper_tests
 from mrwork.records.detectors.smoothing import detect_smoothing
+from mrwork.records.likeness import RecordedMotion, alike_groups
 
 DATA = measured_data.DATA / "dampers"
 
@@ -98,3 +99,14 @@ def test_the_authors_moving_average_over_a_tenth_of_a_period_is_found(utfsm: tup
 
 def test_no_moving_average_is_seen_where_none_is_known(labcontrol: tuple[DamperTest, ...]) -> None:
     assert [test.name for test in labcontrol if detect_smoothing(test)] == []
+
+
+def test_raw_and_smoothed_versions_are_alike_and_no_other_tests_are(utfsm: tuple[DamperTest, ...]) -> None:
+    groups = alike_groups([RecordedMotion.of(test) for test in utfsm])
+    facts = [
+        {(utfsm[index].amplitude, utfsm[index].frequency, utfsm[index].current) for index in members}
+        for members in groups
+    ]
+    assert all(len(each) == 1 for each in facts)
+    # Thirty settings of the rig; the raw records of twenty are there too.
+    assert sorted(len(members) for members in groups) == [1] * 10 + [2] * 20

@@ -47,8 +47,9 @@ def add_parser(verbs: Any) -> None:
     parser = verbs.add_parser(
         "calibrate",
         description="Calibrate prediction bands with the errors of the model on tests that were not used for the fit, "
-        "and write them into the run folder, where mrwork predict RUN --level uses them. Without files, the tests of "
-        "the run are left out in turn, and each is predicted by a fit to the others.",
+        "and write them into the run folder, where mrwork predict RUN --level uses them. A test with the motion and "
+        "command of a fitted one, such as its raw record or a repeated run, has been seen and is not used. Without "
+        "files, the tests of the run are left out in turn, and each is predicted by a fit to the others.",
     )
     add_run(parser)
     add_files(parser, required=False)

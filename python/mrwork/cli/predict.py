@@ -37,7 +37,8 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb."""
     parser = verbs.add_parser(
         "predict",
-        description="Simulate other tests with a stored fit and compare the simulated force with the measured one.",
+        description="Simulate other tests with a stored fit and compare the simulated force with the measured one. "
+        "Tests with the motion and command of a fitted one are named as seen.",
     )
     add_run(parser)
     add_files(parser)
