@@ -114,6 +114,31 @@ FILES: dict[str, tuple[str, Callable[[], str]]] = {
         ".txt",
         lambda: text([f"setting {k}\t{k}\t{k}" for k in range(300)], MTS, rows("n", "t", "x", "f")),
     ),
+    "a table of a calibration above": (
+        ".txt",
+        lambda: text(
+            ["Calibration"], [f"{k}\t{2.5 * k}" for k in range(30)], ["t_s\tx_mm\tf_kN"], rows("t", "x", "f")
+        ),
+    ),
+    "units above the names": (
+        ".txt",
+        lambda: text(["s\tmm\tkN", "Time\tStroke\tForce"], rows("t", "x", "f")),
+    ),
+    "a remark on each column below the units": (
+        ".txt",
+        lambda: text(["Time\tStroke\tForce", "s\tmm\tkN", "run 1\trun 1\trun 1"], rows("t", "x", "f")),
+    ),
+    "a spreadsheet's first line": (
+        ".csv",
+        lambda: text(["sep=;", "Zeit;Weg;Kraft", "s;mm;kN"], rows("t", "x", "f", delimiter=";", comma=True)),
+    ),
+    "catman": (
+        ".asc",
+        lambda: text(
+            ["Messrate: 200 Hz", "Zeit  1 - Standardmessrate [s]\tWeg [mm]\tKraft [kN]"],
+            rows("t", "x", "f", comma=True),
+        ),
+    ),
     "words of several languages": (
         ".csv",
         lambda: text(["Tiempo (s),Desplazamiento (mm),Fuerza (kN)"], rows("t", "x", "f", delimiter=",")),

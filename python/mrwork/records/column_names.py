@@ -17,76 +17,27 @@ _COMMAND: Final = frozenset({"command", "cmd", "setpoint"})
 # in the language of their user.
 _STEMS: Final[Mapping[TestQuantity, frozenset[str]]] = {
     "time": frozenset({"time", "t", "zeit", "tiempo", "temps"}),
-    "displacement": frozenset(
-        {
-            "displacement",
-            "disp",
-            "stroke",
-            "position",
-            "x",
-            "u",
-            "extension",
-            "elongation",
-            "deflection",
-            "weg",
-            "hub",
-        }
-        | {"desplazamiento", "carrera", "déplacement", "deplacement"}
-    ),
+    "displacement": frozenset({
+        "displacement", "disp", "displ", "stroke", "position", "pos", "x", "u", "extension",
+        "elongation", "deflection", "weg", "hub", "desplazamiento", "carrera", "déplacement",
+        "deplacement",
+    }),
     "velocity": frozenset({"velocity", "vel", "v", "speed", "geschwindigkeit", "velocidad", "vitesse"}),
     "force": frozenset({"force", "load", "f", "kraft", "fuerza"}),
     "current": frozenset({"current", "i", "strom", "corriente", "courant", *_COMMAND}),
     "voltage": frozenset({"voltage", "volt", "v", "u", "spannung", "voltaje", *_COMMAND}),
-}
+}  # fmt: skip
 # Words in the name of a column of which the quantity is no sample of the measured signal.
-_NOT_MEASURED: Final = frozenset(
-    {
-        "command",
-        "commanded",
-        "setpoint",
-        "set",
-        "target",
-        "demand",
-        "reference",
-        "ref",
-        "desired",
-        "soll",
-        "sollwert",
-    }
-    | {
-        "error",
-        "limit",
-        "min",
-        "max",
-        "minimum",
-        "maximum",
-        "peak",
-        "valley",
-        "mean",
-        "rms",
-        "count",
-        "cycle",
-    }
-    | {"cycles", "rate", "segments", "offset", "date", "stamp", "of"}
-)
+_NOT_MEASURED: Final = frozenset({
+    "command", "commanded", "setpoint", "set", "target", "demand", "reference", "ref", "desired",
+    "soll", "sollwert", "error", "limit", "min", "max", "minimum", "maximum", "peak", "valley",
+    "mean", "rms", "count", "cycle", "cycles", "segments", "offset", "date", "stamp", "of",
+})  # fmt: skip
 # Only with these words is a voltage or current the command of the damper, and not the signal of a sensor.
-_OF_COMMAND: Final = frozenset(
-    {
-        "command",
-        "commanded",
-        "setpoint",
-        "set",
-        "point",
-        "target",
-        "demand",
-        "coil",
-        "damper",
-        "mr",
-        "mrd",
-        "driver",
-    }
-    | {"applied", "control", "input", "excitation", "spule", "bobina"}
-)
+_OF_COMMAND: Final = frozenset({
+    "command", "commanded", "setpoint", "set", "point", "target", "demand", "coil", "damper", "mr",
+    "mrd", "drive", "driver", "applied", "control", "input", "excitation", "spule", "bobina",
+})  # fmt: skip
 # A word, optionally followed by a separator and a unit: force_kN, Force (kN), "v [m/s]", disp/mm.
 _NAME: Final = re.compile(r"\s*([^\W\d_]+)(?:[\s_\-/,:.(\[]+(.*?)[)\]]?)?\s*")
 # Several words before the unit: Axial Force (kN), load_cell_kN, Position(Linear:Digital Position) (mm).

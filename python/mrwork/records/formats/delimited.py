@@ -28,6 +28,7 @@ from mrwork.records.table import ColumnTable, check_size
 _LONGEST_LINE: Final = 65536
 # Control characters that no text export writes; NUL also indicates UTF-16.
 _BINARY: Final = re.compile(rb"[\x00-\x08\x0e-\x1a\x7f]")
+_SURELY_DECIMAL_WITHIN: Final = re.compile(r"(?<!\d)0,\d|\d,(?:\d{1,2}|\d{4,})(?!\d)")
 # A comma before three digits is a decimal comma or separates thousands; these can only be decimal commas.
 _SURELY_DECIMAL: Final = re.compile(
     r"[+-]?(0*,\d+|\d+,(\d{1,2}|\d{4,}))([eE][+-]?\d+)?|[+-]?\d*,\d+[eE][+-]?\d+"
@@ -86,15 +87,23 @@ class DelimitedTable(ColumnTable):
     def read(self, wanted: Sequence[str]) -> dict[str, NDArray[np.float64]]:
         """Parse the requested columns, each of shape (n_time,)."""
         columns = [self.names.index(name) for name in wanted]
-        rows = [self._lines[index] for index in self._data]
         try:
-            block = np.loadtxt(rows, delimiter=self._delimiter, quotechar='"', ndmin=2)
+            block = np.loadtxt(self._rows_with_points(), delimiter=self._delimiter, quotechar='"', ndmin=2)
         except ValueError:
             # Text in a column that is not requested, an empty cell, decimal commas or an error: the slow reader tells.
             return dict(zip(wanted, self._parse_line_by_line(columns), strict=True))
         if block.shape[1] != len(self.names):
             self._refuse_width(self._data[0] + 1, block.shape[1])
         return {name: np.ascontiguousarray(block[:, i]) for name, i in zip(wanted, columns, strict=True)}
+
+    def _rows_with_points(self) -> list[str]:
+        """Rows of the file, with points for decimal commas where all of them can only be that."""
+        rows = [self._lines[index] for index in self._data]
+        if self._delimiter == "," or not any("," in row for row in rows):
+            return rows
+        text = "\n".join(rows)
+        sure = "." not in text and _SURELY_DECIMAL_WITHIN.search(text) is not None
+        return text.replace(",", ".").split("\n") if sure else rows
 
     def locate(self, row: int) -> str:
         """Line of a row; blank lines, comments and headers count as lines but not as rows."""

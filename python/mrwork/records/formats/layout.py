@@ -26,6 +26,7 @@ DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _ENOUGH_ROWS: Final = 10
 # Lines between the names and the numbers: units, rules, blanks.
 _MOST_BETWEEN: Final = 5
+_MOST_BELOW: Final = 2
 _RULE: Final = re.compile(r"[\s+|]*[-=_*]{3,}[-=_*+|\s.,;:]*")
 # Units of channels that are of no use here, as they stand in rows of units.
 _OTHER_UNITS: Final = re.compile(
@@ -49,6 +50,15 @@ class Layout:
     data: tuple[int, ...]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Header:
+    """Lines of the names, of the units, and of other texts between them and the numbers."""
+
+    names: int
+    units: int | None = None
+    others: tuple[int, ...] = ()
+
+
 def layout_of(lines: Sequence[str], source: str) -> Layout:
     """Find delimiter, names, units and rows of a text table.
 
@@ -63,15 +73,15 @@ def layout_of(lines: Sequence[str], source: str) -> Layout:
     rows = _first_rows(lines, filled)
     if rows is None:
         return _of_first_line(lines, filled, source)
-    named = _names_above(lines, filled, rows)
-    if named is None:
+    header = _names_above(lines, filled, rows)
+    if header is None:
         return _named_by_comment(lines, filled, rows)
-    header, units = named
+    units = () if header.units is None else _texts(lines[header.units], rows)
     return Layout(
         delimiter=rows.delimiter,
-        names=_texts(lines[header], rows),
-        units=() if units is None else tuple(text.strip(_BRACKETS) for text in _texts(lines[units], rows)),
-        data=tuple(_below(lines, filled, rows, header=header, units=units)),
+        names=_texts(lines[header.names], rows),
+        units=tuple(text.strip(_BRACKETS) for text in units),
+        data=tuple(_below(lines, filled, rows, header)),
     )
 
 
@@ -111,18 +121,31 @@ def is_number(text: str) -> bool:
 
 
 def _first_rows(lines: Sequence[str], filled: Sequence[int]) -> _Run | None:
+    """The first rows of numbers that look like those in the middle of the file; `None` where there are none.
+
+    A list of limits or results above them has rows of numbers, too.
+    """
+    middle = _run(lines, filled[len(filled) // 2 :])
+    if middle is None or middle.length < _ENOUGH_ROWS:
+        return _run(lines, filled)
+    return _run(lines, filled, like=middle)
+
+
+def _run(lines: Sequence[str], filled: Sequence[int], *, like: _Run | None = None) -> _Run | None:
     """The first run of rows of numbers that is long enough, or else the longest; `None` where there are none.
 
-    Rows with numbers only are looked for first, then rows that also have texts.
+    Rows with numbers only are looked for first, then rows that also have texts; with `like`, rows as wide as its.
     """
+    delimiters = ("\t", ";", None, ",") if like is None else (like.delimiter,)
     found: _Run | None = None
     for only_numbers in (True, False):
-        runs = [_Run(delimiter=delimiter) for delimiter in ("\t", ";", None, ",")]
+        runs = [_Run(delimiter=delimiter) for delimiter in delimiters]
         for index in filled:
             line = _without_remark(lines[index])
             for number, run in enumerate(runs):
                 runs[number] = run = run.continued(index, line, only_numbers=only_numbers)
-                if run.length and (found is None or run.length > found.length):
+                fits = like is None or run.width == like.width
+                if run.length and fits and (found is None or run.length > found.length):
                     found = run
             if found is not None and found.length >= _ENOUGH_ROWS:
                 return found
@@ -168,21 +191,24 @@ def _width_of_row(fields: Sequence[str], *, only_numbers: bool) -> int:
     return len(fields) if others == 0 or (not only_numbers and numbers >= others) else 0
 
 
-def _names_above(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> tuple[int, int | None] | None:
-    """Lines of the names and of the units above the first row of numbers; `None` where there are no names."""
-    nearest: int | None = None
-    units: int | None = None
-    for index in islice(_lines_of_texts(lines, filled, rows), _MOST_BETWEEN):
-        fields = _texts(lines[index], rows)
-        if not rows.width <= len(fields) <= rows.raw_width:
-            nearest = index if nearest is None else nearest
-        elif units is None and _are_units(fields):
-            units = index
-        else:
-            return index, units
-    if units is not None:
-        return units, None
-    return None if nearest is None else (nearest, None)
+def _names_above(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> _Header | None:
+    """Names and units above the first row of numbers; `None` where there are no names.
+
+    The names are next above a row of units, else the nearest; units may also stand above them.
+    """
+    nearest = list(islice(_lines_of_texts(lines, filled, rows), _MOST_BETWEEN))
+    fitting = [index for index in nearest if rows.width <= len(_texts(lines[index], rows)) <= rows.raw_width]
+    are_units = [_are_units(_texts(lines[index], rows)) for index in fitting]
+    if not fitting:
+        return _Header(names=nearest[0]) if nearest else None
+    if True not in are_units:
+        return _Header(names=fitting[0])
+    place = are_units.index(True)
+    if place + 1 < len(fitting) and place < _MOST_BELOW:
+        return _Header(names=fitting[place + 1], units=fitting[place], others=tuple(fitting[:place]))
+    if place == 1:
+        return _Header(names=fitting[0], units=fitting[1])
+    return _Header(names=fitting[0])
 
 
 def _lines_of_texts(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> Iterator[int]:
@@ -214,20 +240,19 @@ def _are_units(fields: Sequence[str]) -> bool:
     return any(known) and (2 * units > len(texts) or 2 * bracketed > len(texts))
 
 
-def _below(
-    lines: Sequence[str], filled: Sequence[int], rows: _Run, *, header: int, units: int | None
-) -> Iterator[int]:
+def _below(lines: Sequence[str], filled: Sequence[int], rows: _Run, header: _Header) -> Iterator[int]:
     """Lines of data below the names, without the units and without header blocks that are repeated."""
-    units_text = None if units is None else lines[units].strip()
-    below = [index for index in filled if index > header]
+    last = max(header.names, header.units or 0, *header.others)
+    others = {lines[index].strip() for index in (header.units, *header.others) if index is not None}
+    below = [index for index in filled if index > header.names]
     skipped: set[int] = set()
     for place, index in enumerate(below):
-        if index == units or _RULE.fullmatch(lines[index]):
+        if (index <= last and lines[index].strip() in others) or _RULE.fullmatch(lines[index]):
             skipped.add(index)
-        elif lines[index].strip() == lines[header].strip():
+        elif lines[index].strip() == lines[header.names].strip():
             skipped.add(index)
             after = below[place + 1 : place + 1 + _MOST_BETWEEN]
-            skipped.update(each for each in after if lines[each].strip() == units_text)
+            skipped.update(each for each in after if lines[each].strip() in others)
             for each in reversed(below[:place]):
                 fields = without_empty_end(split(_without_remark(lines[each]), rows.delimiter))
                 if _width_of_row(fields, only_numbers=False) == rows.width:
