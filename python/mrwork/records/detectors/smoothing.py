@@ -64,10 +64,12 @@ def smoothing_finding(test: DamperTest) -> tuple[Finding, ...]:
         return ()
     window = smoothing.window_seconds
     share = window * spectrum(test.displacement, test.dt).dominant
+    averaged = "force" in smoothing.channels
+    advice = "identify applies the same average to the model's force" if averaged else "the force shows none"
     message = (
         f"{' and '.join(smoothing.channels)} passed a moving average over {1e3 * window:.4g} ms "
         f"({round(window / test.dt)} samples, {share:.2g} of the dominant period), which rounds the corners of "
-        "the loop; apply the same average to a model before comparison, or use the original record"
+        f"the loop; {advice}, or use the original record"
     )
     measured = Measured(value=window, standard_error=test.dt, unit="s")
     return (Finding(code="moving_average", severity="warning", message=message, measured=measured),)
