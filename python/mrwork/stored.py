@@ -10,10 +10,11 @@ from mrwork.identification.certainty import Intervals
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import read_fit
 from mrwork.store.codec import json_document, read_document
-from mrwork.store.run_folder import FIT, PLAN, PROFILES, RANKING, RESULTS, write_files
+from mrwork.store.run_folder import FIT, LAWS, PLAN, PROFILES, RANKING, RESULTS, write_files
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.calibration_files import StoredBands, read_bands
 from mrwork.uncertainty.bands.conformal import Calibration
+from mrwork.uncertainty.choice.law_table import LawTable
 from mrwork.uncertainty.choice.ranking import Ranking
 from mrwork.uncertainty.identifiability.profile import Profiles
 from mrwork.uncertainty.planning.plan_draws import CheckedPlan
@@ -27,7 +28,8 @@ class StoredRun(Summarised):
 
     The `fit` has the intervals of the draws where they have converged, else of the profiles where they are of every
     free parameter. `draws` are of `mrwork sample`, `profiles` of `mrwork profile`, `bands` of `mrwork calibrate`,
-    `plan` of `mrwork plan`, `ranking` of `mrwork identify` with several models.
+    `plan` of `mrwork plan`, `ranking` of `mrwork identify` with several models, `laws` of
+    `mrwork identify --law auto`.
     """
 
     place: Path
@@ -37,6 +39,7 @@ class StoredRun(Summarised):
     bands: StoredBands | None = None
     plan: CheckedPlan | None = None
     ranking: Ranking | None = None
+    laws: LawTable | None = None
 
     @property
     def calibration(self) -> Calibration | None:
@@ -91,6 +94,7 @@ def load(run: str | Path) -> StoredRun:
         bands=read_bands(place),
         plan=read_document(CheckedPlan, place / PLAN, name="plan", verb="plan"),
         ranking=read_document(Ranking, place / RANKING, name="ranking", verb="identify"),
+        laws=read_document(LawTable, place / LAWS, name="choice of laws", verb="identify"),
     )
 
 

@@ -18,7 +18,7 @@ from mrwork.cli.identified import (
     write_fit_page,
     write_identification,
 )
-from mrwork.cli.options import cannot_be_resumed, command_unit, laws_of, reading_of
+from mrwork.cli.options import cannot_be_resumed, command_unit, laws_are_chosen, laws_of, reading_of
 from mrwork.cli.output import note
 from mrwork.cli.progress import ProgressLine, choice_described
 from mrwork.errors import Interrupted, MrworkError, SettingError
@@ -42,8 +42,8 @@ def add_choice(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--leave-out",
         choices=get_args(Fold),
-        help="with several models: tests that are left out together and predicted: each test alone (default), all of "
-        "one motion, or all at one command",
+        help="with several models or --law auto: tests that are left out together and predicted: each test alone "
+        "(default), all of one motion (default of --law auto from three motions on), or all at one command",
     )
     parser.add_argument(
         "--posterior",
@@ -62,8 +62,12 @@ def is_choice(options: argparse.Namespace) -> bool:
         Where an option belongs only to a comparison and there is none, or is impossible in a comparison.
     """
     several = options.model == ALL or "," in options.model
-    if not several and (options.leave_out or options.posterior):
+    if not several and (options.posterior or (options.leave_out and not laws_are_chosen(options))):
         raise SettingError("--leave-out and --posterior belong to a comparison; give --model all, or A,B,C")
+    if several and laws_are_chosen(options):
+        raise SettingError(
+            "--law auto chooses the laws of one model; name one, or give the laws of all models"
+        )
     if several and options.starts:
         raise SettingError("--start gives one model's parameters; leave it out where models are compared")
     return several

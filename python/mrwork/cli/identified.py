@@ -22,6 +22,7 @@ from mrwork.store.run_folder import REPORT
 
 if TYPE_CHECKING:
     from mrwork.report.progress import OnDrawn
+    from mrwork.uncertainty.choice.law_table import LawTable
     from mrwork.uncertainty.choice.ranking import Ranking
 
 
@@ -66,7 +67,13 @@ def write_identification(
 
 
 def write_fit_page(
-    folder: Path, fit: Fit, tests: tuple[DamperTest, ...], *, quiet: bool, ranking: Ranking | None = None
+    folder: Path,
+    fit: Fit,
+    tests: tuple[DamperTest, ...],
+    *,
+    quiet: bool,
+    ranking: Ranking | None = None,
+    laws: LawTable | None = None,
 ) -> int:
     """Draw the page of a fit that has just been written to its folder; return the exit status, see `drawing`."""
 
@@ -75,7 +82,7 @@ def write_fit_page(
         from mrwork.report.fit.page import comparisons_of, write_page
         from mrwork.stored import StoredRun
 
-        run = StoredRun(place=folder, fit=fit, ranking=ranking)
+        run = StoredRun(place=folder, fit=fit, ranking=ranking, laws=laws)
         write_page(run, comparisons_of(fit, tests), on_progress=on_progress)
 
     return drawing(folder, draw, quiet=quiet)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
 
-from mrwork.cli import choose
+from mrwork.cli import choose, choose_laws
 from mrwork.cli.choose import add_choice, is_choice
 from mrwork.cli.identified import (
     report_line,
@@ -29,6 +29,7 @@ from mrwork.cli.options import (
     cannot_be_resumed,
     check_not_negative,
     command_unit,
+    laws_are_chosen,
     laws_of,
     nuisances_of,
     observation_of,
@@ -81,7 +82,8 @@ def add_parser(verbs: Any) -> None:
         action="append",
         default=[],
         metavar="NAME=LAW",
-        help="let a parameter follow the command: linear, quadratic, cubic or exponential; repeat for more",
+        help="let a parameter follow the command: linear, quadratic, cubic or exponential; repeat for more; "
+        "auto chooses the laws of all other parameters without bounds by the fit to tests left out",
     )
     parser.add_argument(
         "--command-unit",
@@ -170,6 +172,8 @@ def run(options: argparse.Namespace) -> int:
                 f"--engine {options.engine} finishes one model; leave it out where models are compared"
             )
         return choose.run(options, settings)
+    if laws_are_chosen(options):
+        return choose_laws.run(options, settings)
     plain = damper(options.model)
     reading = reading_of(options, "fit")
     tests = tuple(observed(test, settings.observe) for test in reading.tests())

@@ -18,6 +18,7 @@ from mrwork.records.repairs import REPAIR_KINDS, RepairKind
 from mrwork.records.rig_table import ListedTest, Use, listed_tests
 
 _NONE = "none"
+_AUTO = "auto"
 
 
 def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
@@ -170,8 +171,13 @@ def parse_bounds(ranges: Sequence[str], fixed: Sequence[str]) -> dict[str, tuple
     return bounds
 
 
+def laws_are_chosen(options: argparse.Namespace) -> bool:
+    """Whether --law auto is given."""
+    return _AUTO in options.law
+
+
 def laws_of(options: argparse.Namespace) -> dict[str, LawName]:
-    """Current law by name of parameter.
+    """Current law by name of parameter, of those that are given.
 
     Raises
     ------
@@ -182,9 +188,11 @@ def laws_of(options: argparse.Namespace) -> dict[str, LawName]:
         raise SettingError("--driver-lag is of the command, which no parameter follows; give --law NAME=LAW")
     laws: dict[str, LawName] = {}
     for text in options.law:
+        if text == _AUTO:
+            continue
         name, equals, law = text.partition("=")
         if not (name and equals):
-            raise SettingError(f"--law is {text!r}; give NAME=LAW, as in k_w=quadratic")
+            raise SettingError(f"--law is {text!r}; give NAME=LAW, as in k_w=quadratic, or auto")
         laws[name] = law
     return laws
 

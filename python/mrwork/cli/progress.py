@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from mrwork.report.progress import PageProgress
     from mrwork.study.run import StudyProgress
     from mrwork.uncertainty.choice.choose import ChoiceProgress
+    from mrwork.uncertainty.choice.laws import LawProgress
     from mrwork.uncertainty.identifiability.profile_likelihood import ProfileProgress
     from mrwork.uncertainty.posterior.sample import SamplingProgress
 
@@ -110,6 +111,16 @@ def choice_described(progress: ChoiceProgress) -> str:
     if progress.seconds_left is not None:
         parts.append(f"about {_duration(progress.seconds_left)} left")
     return ", ".join(parts)
+
+
+def laws_described(progress: LawProgress) -> str:
+    """Progress in one line: the task, how many sets of laws are done, the best left-out fit."""
+    parts = [progress.task]
+    if progress.n_tried:
+        parts.append(f"{progress.n_tried} tried, best left-out fit {progress.left_out_percent:.2f} %")
+    if progress.within is not None:
+        parts.append(f"{progress.within.stage} {progress.within.fit_percent:.2f} %")
+    return ", ".join([*parts, _duration(progress.seconds)])
 
 
 def sampling_described(progress: SamplingProgress) -> str:

@@ -18,6 +18,7 @@ from mrwork.store.run_folder import (
     FIGURES,
     FIT,
     JOURNAL,
+    LAWS,
     MANIFEST,
     MODELS,
     RANKING,
@@ -26,7 +27,7 @@ from mrwork.store.run_folder import (
 )
 from mrwork.store.unfinished import is_part
 
-_WRITTEN = ADDITIONS | {MANIFEST, FIT, JOURNAL, REPORT, FIGURES, RANKING, MODELS}
+_WRITTEN = ADDITIONS | {MANIFEST, FIT, JOURNAL, REPORT, FIGURES, RANKING, LAWS, MODELS}
 
 
 def write_run(

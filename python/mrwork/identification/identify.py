@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from warnings import warn
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, MrworkWarning, SimulationError
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace
@@ -165,25 +166,95 @@ def identify_with(
     for sentence in problem.warnings if warns else ():
         # Of the line that calls `identify`.
         warn(sentence, MrworkWarning, stacklevel=3)
-    spec, objective = problem.spec, problem.objective
-    if journal is not None:
-        journal.agree("identification", fingerprint_of(problem))
-        journal.carry(objective.tally)
-    reporter = Reporter(began=began, tally=objective.tally, on_progress=on_progress, journal=journal)
+    reporter = _begun(problem, began, on_progress, journal)
+    ending = _Ending(problem=problem, reporter=reporter, journal=journal)
 
     def on_search(generation: int, misfit: float, median: float, share: float) -> None:
-        count = objective.tally.simulations
+        count = problem.objective.tally.simulations
         reporter.report("search", count, "simulations", misfit, share, generation=generation, median=median)
 
-    def ended(interrupt: KeyboardInterrupt, theta: NDArray[np.float64], trace: SearchTrace) -> Fit:
+    try:
+        points = starting_points(problem, on_search=on_search)
+    except KeyboardInterrupt as interrupt:
+        found = interrupt.result if isinstance(interrupt, Interrupted) else None
+        if found is not None:
+            return ending.at(interrupt, found.theta[0], found.trace)
+        if not (isinstance(interrupt, Interrupted) and interrupt.stopped):
+            raise Interrupted(None, "identification") from interrupt
+        raise SimulationError(
+            f"no candidate of {problem.spec.name} could be simulated before the run was stopped; let it run longer"
+        ) from interrupt
+    return ending.finished(points.with_given(problem.spec, problem.settings.starts))
+
+
+def identify_from(
+    model: DamperSpec,
+    tests: DamperTest | Sequence[DamperTest],
+    settings: FitSettings,
+    *,
+    box: Box,
+    trace: SearchTrace,
+    threads: int = 0,
+    on_progress: Callable[[Progress], bool | None] | None = None,
+    journal: Journal | None = None,
+) -> Fit:
+    """The final fit of `identify` from the first of the starts in the settings, without a global search.
+
+    Coefficients stay in `box`; `trace` is that of the search which led to the start.
+
+    Raises
+    ------
+    Interrupted
+        On Ctrl-C, carrying the `Fit` at the start.
+    """
+    began = time.perf_counter() - (0.0 if journal is None else journal.seconds_before)
+    problem = Problem.of(model, as_tests(tests), settings, threads=threads, journal=journal)
+    reporter = _begun(problem, began, on_progress, journal)
+    problem = replace(problem, form=replace(problem.form, box=box))
+    start = problem.inside([settings.starts[0][name] for name in model.names])
+    points = StartingPoints(
+        objective=problem.objective, form=problem.form, theta=start[None], trace=trace, minima=True
+    )
+    return _Ending(problem=problem, reporter=reporter, journal=journal).finished(points)
+
+
+def _begun(
+    problem: Problem,
+    began: float,
+    on_progress: Callable[[Progress], bool | None] | None,
+    journal: Journal | None,
+) -> Reporter:
+    """The reporter of a run, whose journal then agrees with the problem."""
+    tally = problem.objective.tally
+    if journal is not None:
+        journal.agree("identification", fingerprint_of(problem))
+        journal.carry(tally)
+    return Reporter(began=began, tally=tally, on_progress=on_progress, journal=journal)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Ending:
+    """The end of an identification: the final fit, or the fit so far after an interrupt."""
+
+    problem: Problem
+    reporter: Reporter
+    journal: Journal | None
+
+    def at(self, interrupt: KeyboardInterrupt, theta: NDArray[np.float64], trace: SearchTrace) -> Fit:
         """The fit at the best point so far: returned where it was stopped by the callback, else raised."""
-        if journal is not None:
+        if self.journal is not None:
             # The abandoned thread of a local minimisation must not write to it any more.
-            journal.close()
+            self.journal.close()
 
         def so_far(trace: SearchTrace, status: FitStatus) -> Fit:
             return fit_at(
-                problem, theta, errors=None, trace=trace, steps=0, status=status, seconds=reporter.seconds
+                self.problem,
+                theta,
+                errors=None,
+                trace=trace,
+                steps=0,
+                status=status,
+                seconds=self.reporter.seconds,
             )
 
         if isinstance(interrupt, Interrupted) and interrupt.stopped:
@@ -191,45 +262,35 @@ def identify_with(
             return so_far(replace(trace, stop_reason=reason), "stopped")
         raise Interrupted(so_far(trace, "interrupted"), "identification") from interrupt
 
-    try:
-        points = starting_points(problem, on_search=on_search)
-    except KeyboardInterrupt as interrupt:
-        found = interrupt.result if isinstance(interrupt, Interrupted) else None
-        if found is not None:
-            return ended(interrupt, found.theta[0], found.trace)
-        if not (isinstance(interrupt, Interrupted) and interrupt.stopped):
-            raise Interrupted(None, "identification") from interrupt
-        raise SimulationError(
-            f"no candidate of {spec.name} could be simulated before the run was stopped; let it run longer"
-        ) from interrupt
-    points = points.with_given(spec, problem.settings.starts)
-    problem = replace(problem, form=points.form)
-    best = points.theta[0]
+    def finished(self, points: StartingPoints) -> Fit:
+        """Fit from the starting points to convergence."""
+        problem, reporter = replace(self.problem, form=points.form), self.reporter
+        best = points.theta[0]
 
-    def on_start(minimum: LocalMinimum, share: float) -> None:
-        nonlocal best
-        best = minimum.theta
-        reporter.report("screening", round(share * 100), "%", minimum.misfit, share)
+        def on_start(minimum: LocalMinimum, share: float) -> None:
+            nonlocal best
+            best = minimum.theta
+            reporter.report("screening", round(share * 100), "%", minimum.misfit, share)
 
-    def on_step(steps: int, misfit: float) -> None:
-        reporter.report("refinement", steps, "steps", misfit, 0.0)
+        def on_step(steps: int, misfit: float) -> None:
+            reporter.report("refinement", steps, "steps", misfit, 0.0)
 
-    try:
-        polished = interruptible(lambda: polish(problem, points, on_start=on_start, on_step=on_step))
-    except KeyboardInterrupt as interrupt:
-        return ended(interrupt, best, points.trace)
-    fit = fit_at(
-        problem,
-        polished.theta,
-        errors=polished.standard_errors,
-        n_effective=polished.n_effective,
-        trace=points.trace,
-        steps=polished.steps,
-        status="converged" if polished.converged else "not_converged",
-        seconds=reporter.seconds,
-    )
-    doubts = points.warnings + linear_warning(fit.nrmse, objective.tests)
-    return replace(fit, warnings=fit.warnings + doubts)
+        try:
+            polished = interruptible(lambda: polish(problem, points, on_start=on_start, on_step=on_step))
+        except KeyboardInterrupt as interrupt:
+            return replace(self, problem=problem).at(interrupt, best, points.trace)
+        fit = fit_at(
+            problem,
+            polished.theta,
+            errors=polished.standard_errors,
+            n_effective=polished.n_effective,
+            trace=points.trace,
+            steps=polished.steps,
+            status="converged" if polished.converged else "not_converged",
+            seconds=reporter.seconds,
+        )
+        doubts = points.warnings + linear_warning(fit.nrmse, problem.objective.tests)
+        return replace(fit, warnings=fit.warnings + doubts)
 
 
 def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:

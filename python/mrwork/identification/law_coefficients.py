@@ -50,6 +50,28 @@ def fitted_law(law: LawName, commands: NDArray[np.float64], column: NDArray[np.f
     return polynomial
 
 
+def with_other_laws(
+    earlier: DamperSpec, theta: NDArray[np.float64], spec: DamperSpec, commands: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Coefficients of other laws of the same model, shape (n_params,), for values `theta` of the earlier ones.
+
+    A law that is the same keeps its coefficients; another one is fitted to the values of the earlier one, which is a
+    polynomial, at these commands: exactly where its degree is no lower.
+    """
+    assert earlier.current is not None
+    assert spec.current is not None
+    values: list[float] = []
+    place = 0
+    for old, new in zip(earlier.current.laws, spec.current.laws, strict=True):
+        count = current_laws()[old].n_coefficients
+        own = theta[place : place + count]
+        place += count
+        column = np.polynomial.polynomial.polyval(commands, own)
+        values += list(own) if new == old else fitted_law(new, commands, np.asarray(column))
+    box = Box.of(spec)
+    return np.asarray(np.clip([*values, *theta[place:]], box.lower, box.upper))
+
+
 def plain_of(form: Form) -> tuple[DamperSpec, Box]:
     """The plain model of a form with current laws, with the bounds of the parameters that are constant."""
     plain = damper(form.spec.name)

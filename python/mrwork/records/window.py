@@ -57,8 +57,8 @@ _CYCLIC_BAND = 5.0
 _PER_FASTEST = 40
 
 
-def excerpt(test: DamperTest) -> DamperTest:
-    """Return the first cycles of a cyclic test, decimated to a resolution that shows the loop.
+def excerpt(test: DamperTest, *, per_cycle: int = _EXCERPT_PER_CYCLE) -> DamperTest:
+    """Return the first cycles of a cyclic test, decimated to `per_cycle` samples, which show the loop.
 
     This is sufficient for a search, since further cycles add little information. A motion whose band extends beyond a
     few times its dominant frequency keeps its length, and so does a test whose command varies.
@@ -66,7 +66,7 @@ def excerpt(test: DamperTest) -> DamperTest:
     motion = spectrum(test.displacement, test.dt)
     if motion.dominant <= 0.0:
         return test
-    thin = max(1, int(1.0 / (motion.dominant * test.dt * _EXCERPT_PER_CYCLE)))
+    thin = max(1, int(1.0 / (motion.dominant * test.dt * per_cycle)))
     if motion.band_edge > _CYCLIC_BAND * motion.dominant:
         return cut(test, every=max(1, int(1.0 / (motion.band_edge * test.dt * _PER_FASTEST))))
     if test.has_varying_command:

@@ -34,6 +34,8 @@ ADDITIONS = frozenset({CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, PREDICT
 # Added by a comparison of models: the ranking, and a folder with the fit of each model.
 RANKING = "ranking.json"
 MODELS = "models"
+# Added by a choice of current laws: the laws that were tried.
+LAWS = "laws.json"
 # Written by a study of buildings.
 RESULTS = "results.json"
 STUDY = "study.toml"

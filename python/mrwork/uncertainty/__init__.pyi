@@ -16,6 +16,10 @@ from .bands.prediction import predict as predict
 from .bands.prediction import predict_left_out as predict_left_out
 from .choice.choose import Choice as Choice
 from .choice.choose import choose_model as choose_model
+from .choice.law_table import LawTable as LawTable
+from .choice.law_table import TriedLaws as TriedLaws
+from .choice.laws import LawChoice as LawChoice
+from .choice.laws import choose_laws as choose_laws
 from .choice.ranking import Ranking as Ranking
 from .identifiability.profile import Profile as Profile
 from .identifiability.profile import Profiles as Profiles

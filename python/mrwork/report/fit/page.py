@@ -22,6 +22,7 @@ from mrwork.report.fit.bands import BANDS
 from mrwork.report.fit.coverage import COVERAGE
 from mrwork.report.fit.identifiability import IDENTIFIABILITY
 from mrwork.report.fit.kind import SectionKind
+from mrwork.report.fit.laws import LAWS
 from mrwork.report.fit.overview import drawn_in_full, has_small_loops, overview
 from mrwork.report.fit.parameters import caution, parameter_rows
 from mrwork.report.fit.plan import PLAN
@@ -48,6 +49,7 @@ SECTIONS: tuple[SectionKind, ...] = (
     BANDS,
     COVERAGE,
     RANKING,
+    LAWS,
     PLAN,
 )
 """The sections after the search, in their order on the page."""

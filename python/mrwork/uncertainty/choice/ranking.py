@@ -116,7 +116,7 @@ def rank(evidence: Sequence[Evidence], n_effective: float | None) -> tuple[Stand
     simpler = {each.model for each in predicted}
     distinct = [each for each in predicted if each.collapse is None or each.collapse.model not in simpler]
     best = distinct[0]
-    as_good = [each for each in distinct if _is_as_good(each, best)]
+    as_good = [each for each in distinct if is_as_good(each.left_out, best.left_out)]
     chosen = min(as_good, key=lambda each: each.n_params)
     bic = {each.model: _bic(each, n_effective) for each in evidence}
     most_likely = max(
@@ -161,9 +161,9 @@ def _standing(
         fit_percent=own.fit_percent,
         same_as="" if same is None else same.model,
         left_out_percent=100.0 - float(percent.mean()) if percent.size else None,
-        left_out_error=_error_of_mean(percent),
+        left_out_error=error_of_mean(percent),
         left_out_behind=float(difference.mean()) if percent.size else None,
-        left_out_behind_error=_error_of_mean(difference),
+        left_out_behind_error=error_of_mean(difference),
         elpd=float(elpd.sum()) if elpd.size else None,
         elpd_error=_error_of_sum(elpd),
         elpd_behind=float(behind.sum()) if behind.size else None,
@@ -176,9 +176,10 @@ def _standing(
     )
 
 
-def _is_as_good(own: Evidence, best: Evidence) -> bool:
-    difference = 100.0 * (np.array(own.left_out) - np.array(best.left_out))
-    errors = [_error_of_mean(difference), _error_of_mean(100.0 * np.array(best.left_out))]
+def is_as_good(own: Sequence[float], best: Sequence[float]) -> bool:
+    """Whether NRMSE of folds left out are as good as the best: within one standard error, as `rank` describes."""
+    difference = 100.0 * (np.array(own) - np.array(best))
+    errors = [error_of_mean(difference), error_of_mean(100.0 * np.array(best))]
     allowed = min((error for error in errors if error is not None), default=0.0)
     return float(difference.mean()) <= max(allowed, NEGLIGIBLE)
 
@@ -193,7 +194,8 @@ def _elpd(own: Evidence) -> NDArray[np.float64]:
     return np.empty(0) if own.leave_one_out is None else own.leave_one_out.elpd
 
 
-def _error_of_mean(values: NDArray[np.float64]) -> float | None:
+def error_of_mean(values: NDArray[np.float64]) -> float | None:
+    """Standard error of the mean, `None` for a single value."""
     return float(np.std(values, ddof=1) / np.sqrt(values.size)) if values.size > 1 else None
 
 

@@ -1,0 +1,323 @@
+"""Search of current laws: laws one degree up or down from the best, fitted to all tests and without each fold."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.dampers.coordinates import Box
+from mrwork.dampers.parameters import CommandUnit, LawName, ParamSpec, current_laws, polynomial_laws
+from mrwork.dampers.spec import DamperSpec
+from mrwork.errors import SettingError
+from mrwork.identification.equivalent import identifiable_form
+from mrwork.identification.fit import Fit
+from mrwork.identification.folded import FoldedFit, FoldedTests
+from mrwork.identification.law_coefficients import joint_box, with_other_laws
+from mrwork.identification.level_search import command_is_constant, levels_of
+from mrwork.identification.progress import interruptible
+from mrwork.identification.settings import FitSettings, Start
+from mrwork.records import DamperTest
+from mrwork.records.observing import NONE
+from mrwork.records.window import excerpt
+from mrwork.store import Journal, digest_of
+from mrwork.uncertainty.bands.prediction import Fold, folds_of
+from mrwork.uncertainty.choice.law_table import TriedLaws
+from mrwork.uncertainty.choice.ranking import is_as_good
+
+T = TypeVar("T")
+Array = NDArray[np.float64]
+Laws = dict[str, LawName]
+
+# Samples per cycle of the excerpts on which laws are compared: fits differ by 0.02 points from those with 400.
+_PER_CYCLE = 100
+# The path of rising degrees ends where the best of them promises no more than this [points] of the fit to all tests.
+_WORTH_TRYING = 0.02
+# Simpler laws are tried until so many in a row were not as good as the best.
+_SIMPLER = 3
+# Largest number of sets of laws that are fitted.
+_MOST_TRIED = 40
+# Damping of the steps of the linearised fits, relative to the sensitivity of each parameter.
+_DAMPING = 1e-3
+# NRMSE of a prediction by the mean force: that of a test that cannot be predicted.
+_NOT_PREDICTED = 1.0
+# Number of motions from which on a motion is left out, and not a test.
+_MOTIONS = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Promise:
+    """Fits to all tests that the linearised fit promises for each move [%], in the order of the moves."""
+
+    fit_percent: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Move:
+    """Laws of which one differs by a degree from the present ones, with the fit that they promise [%]."""
+
+    laws: Laws
+    fit_percent: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """A set of laws with its fits to all tests and without each fold, and its row of the table."""
+
+    spec: DamperSpec
+    box: Box
+    laws: Laws
+    fit: FoldedFit
+    tried: TriedLaws
+
+    @property
+    def score(self) -> float:
+        """Mean over the folds of the NRMSE of tests left out."""
+        return float(np.mean(self.tried.left_out))
+
+
+@dataclass(slots=True, kw_only=True)
+class LawSearch:
+    """A search of laws in progress; `free` are the parameters whose laws are chosen, `degrees` counts those allowed."""
+
+    plain: DamperSpec
+    tests: tuple[DamperTest, ...]
+    commands: Array
+    folds: list[list[int]]
+    folded: FoldedTests
+    settings: FitSettings
+    unit: CommandUnit
+    given: Laws
+    free: tuple[str, ...]
+    most: int
+    leave_out: Fold
+    journal: Journal | None = None
+    report: Callable[[str], None] = lambda task: None
+    found: list[Candidate] = field(default_factory=list)
+
+    def run(self, first: Fit, laws: Laws) -> None:
+        """Try laws from `laws` on, whose fit is `first`: a path of rising degrees, then simpler ones than the best."""
+        starts = np.repeat(np.array(first.theta)[None], 1 + len(self.folds), axis=0)
+        current = self._fitted(laws, starts)
+        while len(self.found) < _MOST_TRIED:
+            moves = self._moves(current, 1)
+            if not moves or moves[0].fit_percent < current.tried.fit_percent + _WORTH_TRYING:
+                break
+            current = self._moved(current, moves[0].laws)
+        self._simplify(min(self.found, key=lambda each: each.score))
+
+    def started_from(self, tried: TriedLaws) -> tuple[Candidate, Start]:
+        """The candidate of these laws, and the start that its fit to all tests is."""
+        candidate = next(each for each in self.found if each.tried.laws == tried.laws)
+        return candidate, dict(zip(candidate.spec.names, candidate.fit.theta[0].tolist(), strict=True))
+
+    def _simplify(self, current: Candidate) -> None:
+        """Lower degrees one by one while the laws stay as good as the best, the least loss of fit first."""
+        worse = 0
+        while worse < _SIMPLER and len(self.found) < _MOST_TRIED:
+            best = min(self.found, key=lambda each: each.score)
+            moves = self._moves(current, -1)
+            if not moves:
+                return
+            candidate = self._moved(current, moves[0].laws)
+            if is_as_good(candidate.tried.left_out, best.tried.left_out):
+                current, worse = candidate, 0
+            else:
+                worse += 1
+
+    def _moves(self, current: Candidate, change: int) -> list[_Move]:
+        """Laws of which one differs by a degree and that were not tried, the best promise of the linearised fit first.
+
+        All tests are linearised once, with every law as high as any move makes it. Each move is a subset of the
+        coefficients.
+        """
+        done = [each.laws for each in self.found]
+        moves = [
+            (name, _degree(current.laws, name) + change)
+            for name in self.free
+            if 0 <= _degree(current.laws, name) + change <= self.most
+            and _with_degree(current.laws, name, _degree(current.laws, name) + change) not in done
+        ]
+        if not moves:
+            return []
+        promise = self._once(
+            "promise", _Promise, lambda: self._promised(current, moves), current.fit.theta[:1], moves
+        )
+        found = [
+            _Move(laws=_with_degree(current.laws, name, degree), fit_percent=float(fit_percent))
+            for (name, degree), fit_percent in zip(moves, promise.fit_percent, strict=True)
+        ]
+        return sorted(found, key=lambda move: -move.fit_percent)
+
+    def _promised(self, current: Candidate, moves: Sequence[tuple[str, int]]) -> _Promise:
+        higher = dict(current.laws)
+        for name, degree in moves:
+            higher = _with_degree(higher, name, max(degree, _degree(higher, name)))
+        spec, box = self._model(higher)
+        theta = self._transferred(current, spec, box)[:1]
+        latent = np.asarray(box.latent_from_theta(theta))
+        here = self.folded.linearised(spec, box, latent)
+        away = (-theta[:, list(box.free)] / np.exp(box.log_slope(latent)))[0]
+        gradient = np.einsum("t,tp->p", self.folded.shares[0], here.gradient[0])
+        matrix = np.einsum("t,tpq->pq", self.folded.shares[0], here.matrix[0])
+        squared = float(self.folded.misfit(here.squared, self.folded.shares[:1])[0])
+        promised = []
+        for name, degree in moves:
+            degrees = {each: _degree(current.laws, each) for each in self.free} | {name: degree}
+            kept = np.array([_has(degrees, spec.parameters[index]) for index in box.free])
+            # Coefficients that the move removes go to zero; those of higher laws are there already.
+            step = _best_step(matrix, gradient, np.where(kept, 0.0, away), kept)
+            after = squared + 2.0 * float(gradient @ step) + float(step @ matrix @ step)
+            promised.append(100.0 * (1.0 - np.sqrt(max(after, 0.0))))
+        return _Promise(fit_percent=np.array(promised))
+
+    def _moved(self, current: Candidate, laws: Laws) -> Candidate:
+        spec, box = self._model(laws)
+        return self._fitted(laws, self._transferred(current, spec, box))
+
+    def _fitted(self, laws: Laws, starts: Array) -> Candidate:
+        spec, box = self._model(laws)
+        self.report(
+            f"fitting {', '.join(f'{name} {law}' for name, law in laws.items()) or 'constant parameters'}"
+        )
+        fit = self._once(
+            "laws", FoldedFit, lambda: interruptible(lambda: self.folded.fit(spec, box, starts)), box, starts
+        )
+        tried = TriedLaws.of(
+            self.given | laws,
+            n_params=len(box.free),
+            fit_percent=100.0 * (1.0 - float(np.sqrt(np.mean(fit.squared[0])))),
+            left_out=self._left_out(fit.squared),
+        )
+        self.found.append(Candidate(spec=spec, box=box, laws=laws, fit=fit, tried=tried))
+        return self.found[-1]
+
+    def _left_out(self, squared: Array) -> list[Array]:
+        """NRMSE of the tests of each fold without which they were fitted, from the squares, (n_rows, n_tests)."""
+        nrmse = np.minimum(np.sqrt(squared), _NOT_PREDICTED)
+        return [nrmse[row, members] for row, members in enumerate(self.folds, start=1)]
+
+    def _model(self, laws: Laws) -> tuple[DamperSpec, Box]:
+        spec = self.plain.with_current_laws(self.given | laws, unit=self.unit)
+        return spec, joint_box(identifiable_form(spec, self.settings.bounds), self.tests, self.commands)
+
+    def _transferred(self, current: Candidate, spec: DamperSpec, box: Box) -> Array:
+        """Parameters of each row of the present laws as a start of other laws; coefficients that are new are zero."""
+        rows = [with_other_laws(current.spec, theta, spec, self.commands) for theta in current.fit.theta]
+        return np.asarray(box.inside(np.clip(rows, box.lower, box.upper)))
+
+    def _once(self, step: str, kind: type[T], compute: Callable[[], T], *inputs: object) -> T:
+        if self.journal is None:
+            return compute()
+        return self.journal.once(step, digest_of(*inputs), kind, compute)
+
+
+def _best_step(matrix: Array, gradient: Array, away: Array, kept: NDArray[np.bool_]) -> Array:
+    """Damped least-squares step of what is `kept` after the step `away` of the others, all of shape (n_free,)."""
+    slope = (gradient + matrix @ away)[kept]
+    inner = matrix[np.ix_(kept, kept)]
+    scale = np.sqrt(np.maximum(np.diag(inner), np.finfo(float).tiny))
+    scaled = inner / scale[:, None] / scale + _DAMPING * np.eye(len(scale))
+    step = away.copy()
+    step[kept] = -np.linalg.solve(scaled, slope / scale) / scale
+    return np.asarray(step)
+
+
+def _has(degrees: Mapping[str, int], parameter: ParamSpec) -> bool:
+    """Whether laws of these degrees have a coefficient; parameters that are not listed keep their laws."""
+    place = parameter.coefficient
+    return place is None or place.parameter not in degrees or place.number <= degrees[place.parameter]
+
+
+def _degree(laws: Laws, name: str) -> int:
+    """Degree of the law of a parameter."""
+    degree = current_laws()[laws.get(name, polynomial_laws()[0])].degree
+    assert degree is not None  # laws that are chosen are polynomials
+    return degree
+
+
+def _with_degree(laws: Laws, name: str, degree: int) -> Laws:
+    """The laws with one of another degree; constant ones are not listed."""
+    changed = laws | {name: polynomial_laws()[degree]}
+    return {each: law for each, law in sorted(changed.items()) if law != polynomial_laws()[0]}
+
+
+def prepared(
+    plain: DamperSpec,
+    tests: tuple[DamperTest, ...],
+    given: Laws,
+    unit: CommandUnit,
+    leave_out: Fold | None,
+    settings: FitSettings,
+    threads: int,
+) -> LawSearch:
+    """Check the settings and prepare the folds.
+
+    Raises
+    ------
+    SettingError
+        Where laws cannot be chosen from these tests, or with these settings.
+    """
+    if plain.current is not None:
+        raise SettingError(f"{plain.name} has current laws already; give the plain model to choose laws for")
+    if settings.starts or settings.power != 2.0 or settings.engine != "lanes":
+        raise SettingError(
+            "the choice of laws takes no starts, the power 2 and the engine `lanes`; leave these settings out"
+        )
+    unknown = [name for name in settings.bounds if name not in plain.names]
+    if unknown:
+        raise SettingError(
+            f"bounds are given for {unknown[0]!r}; where laws are chosen, give them for parameters of {plain.name} "
+            f"({', '.join(plain.names)}), which then remain constant"
+        )
+    if len(tests) < 2:
+        raise SettingError(
+            "laws are chosen by tests left out of their fits, and one test was given; give more"
+        )
+    spec = plain.with_current_laws(given, unit=unit)
+    varying = [test.name for test in tests if not command_is_constant(test, spec)]
+    if varying:
+        raise SettingError(
+            f"laws are chosen from tests at constant commands, and that of {varying[0]} varies; leave such tests out, "
+            "or give the laws"
+        )
+    if leave_out is None:
+        motions = _count(tests, "motion")
+        leave_out = "motion" if motions >= _MOTIONS else "test"
+    folds = folds_of(tests, leave_out)
+    short = tuple(excerpt(test, per_cycle=_PER_CYCLE) for test in tests)
+    levels = levels_of(spec, short)
+    n_levels = min(
+        len(levels_of(spec, tuple(test for index, test in enumerate(short) if index not in members)))
+        for members in [[], *folds]
+    )
+    most = min(len(polynomial_laws()), n_levels) - 1
+    if most < 1:
+        raise SettingError(
+            f"the tests run at {len(levels)} command(s), {n_levels} without those left out; laws are chosen from tests "
+            "at two or more"
+        )
+    return LawSearch(
+        plain=plain,
+        tests=short,
+        commands=np.array(sorted(levels)),
+        leave_out=leave_out,
+        folds=folds,
+        folded=FoldedTests.of(spec, short, folds, nuisances=settings.nuisances, threads=threads),
+        # The excerpts have the observation models of their whole records.
+        settings=replace(settings, observe=(NONE,)),
+        unit=unit,
+        given=given,
+        free=tuple(name for name in plain.names if name not in {**given, **settings.bounds}),
+        most=most,
+    )
+
+
+def _count(tests: tuple[DamperTest, ...], fold: Fold) -> int:
+    try:
+        return len(folds_of(tests, fold))
+    except SettingError:
+        return 1

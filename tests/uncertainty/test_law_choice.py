@@ -1,0 +1,197 @@
+"""Choice of current laws: those that made the data are chosen, also after an interrupt; bad input is refused."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import mrwork, printed
+from sinusoidal_tests import MOTIONS, sinusoidal_test
+
+import mrwork as mr
+from mrwork.dampers.spec import damper
+from mrwork.errors import Interrupted, SettingError
+from mrwork.identification.equivalent import identifiable_form
+from mrwork.identification.folded import FoldedTests
+from mrwork.identification.law_coefficients import joint_box, with_other_laws
+from mrwork.identification.levenberg_marquardt import find_minimum
+from mrwork.identification.objective import Objective
+from mrwork.identification.settings import FitSettings
+from mrwork.records import DamperTest
+from mrwork.search import EfficientGA, StopRules
+from mrwork.store.unfinished import StepJournals
+from mrwork.uncertainty.choice.laws import LawChoice, LawProgress, choose_laws
+
+COMMANDS = (0.0, 0.5, 1.0)
+
+
+def yield_force(command: float) -> float:
+    """Saturates: 200, 560, 680 N."""
+    return 200.0 + 960.0 * command - 480.0 * command**2
+
+
+@pytest.fixture(scope="module")
+def tests() -> tuple[DamperTest, ...]:
+    """Of viscous_dahl: k_x and rho are constant, k_w is quadratic in the command."""
+    return tuple(
+        replace(
+            sinusoidal_test(
+                "viscous_dahl", (800.0, yield_force(command), 2000.0, 20.0), motion, noise=0.02, rng=seed
+            ),
+            current=command,
+            name=f"{motion} at {command} A",
+        )
+        for seed, (motion, command) in enumerate(
+            (motion, command) for motion in MOTIONS[:3] for command in COMMANDS
+        )
+    )
+
+
+@pytest.fixture(scope="module")
+def settings() -> FitSettings:
+    return FitSettings(search=EfficientGA(stop=StopRules(max_generations=10)))
+
+
+@pytest.fixture(scope="module")
+def choice(tests: tuple[DamperTest, ...], settings: FitSettings) -> LawChoice:
+    return choose_laws("viscous_dahl", tests, settings=settings, threads=1)
+
+
+def test_the_laws_that_made_the_data_are_chosen(choice: LawChoice) -> None:
+    chosen = choice.table.chosen
+    assert chosen.laws == {"k_w": "quadratic"}
+    assert chosen.n_params == 6
+    assert choice.fit.spec.names[1:4] == ("k_w.0", "k_w.1", "k_w.2")
+    values = dict(zip(choice.fit.spec.names, choice.fit.theta, strict=True))
+    assert values["k_w.1"] == pytest.approx(960.0, rel=0.05)
+    assert values["k_x"] == pytest.approx(800.0, rel=0.05)
+    # Noise of 2 % is all that is left.
+    assert chosen.left_out_percent == pytest.approx(98.0, abs=0.4)
+
+
+def test_of_laws_as_good_as_the_best_the_simplest_is_chosen(choice: LawChoice) -> None:
+    good = [each for each in choice.table.tried if each.verdict != "behind"]
+    assert choice.table.chosen.n_params == min(each.n_params for each in good)
+    assert choice.table.tried[0].left_out_percent == max(each.left_out_percent for each in choice.table.tried)
+    assert choice.table.n_folds == 3
+    assert "each predicted without the tests of its motion" in choice.table.sentence
+
+
+def test_given_laws_and_parameters_with_bounds_are_not_chosen(
+    tests: tuple[DamperTest, ...], settings: FitSettings
+) -> None:
+    held = replace(settings, bounds={"rho": (100.0, 1e4)})
+    found = choose_laws("viscous_dahl", tests, laws={"k_w": "quadratic"}, settings=held, threads=1)
+    assert all(each.laws["k_w"] == "quadratic" for each in found.table.tried)
+    assert all("rho" not in each.laws for each in found.table.tried)
+    assert found.fit.spec.names == ("k_x", "k_w.0", "k_w.1", "k_w.2", "rho", "f0")
+
+
+def test_interrupted_and_resumed_is_as_if_nothing_had_happened(
+    tests: tuple[DamperTest, ...], settings: FitSettings, choice: LawChoice, tmp_path: Path
+) -> None:
+    place = tmp_path / "run"
+
+    def stop(progress: LawProgress) -> None:
+        if progress.n_tried == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted) as interrupted:
+        choose_laws(
+            "viscous_dahl",
+            tests,
+            settings=settings,
+            threads=1,
+            on_progress=stop,
+            journal_of=StepJournals(place, resume=False),
+        )
+    so_far = interrupted.value.result
+    assert len(so_far.table.tried) == 2
+    assert not so_far.table.complete
+    assert so_far.fit.status == "interrupted"
+    resumed = choose_laws(
+        "viscous_dahl", tests, settings=settings, threads=1, journal_of=StepJournals(place, resume=True)
+    )
+    assert asdict(resumed.table) == asdict(choice.table)
+    assert resumed.fit.theta == choice.fit.theta
+
+
+def test_a_row_without_a_fold_ends_where_a_fit_to_the_other_tests_ends(tests: tuple[DamperTest, ...]) -> None:
+    spec = damper("viscous_dahl").with_current_laws({"k_w": "quadratic"})
+    box = joint_box(identifiable_form(spec, {}), tests, np.array(COMMANDS))
+    start = np.array([700.0, 150.0, 800.0, -300.0, 1500.0, 0.0])
+    folded = FoldedTests.of(spec, tests, [[0, 1, 2]], threads=1)
+    found = folded.fit(spec, box, np.stack([start, start]))
+    rest = find_minimum(Objective.of(spec, tests[3:], threads=1), box, start, max_evaluations=60)
+    assert found.theta[1] == pytest.approx(rest.theta, rel=5e-3, abs=0.5)
+    assert np.sqrt(found.squared[1, 3:].mean()) == pytest.approx(rest.misfit, rel=1e-5)
+
+
+def test_a_law_of_a_higher_degree_starts_as_the_same_model() -> None:
+    plain = damper("viscous_dahl")
+    earlier = plain.with_current_laws({"k_w": "linear"})
+    richer = plain.with_current_laws({"k_w": "quadratic", "k_x": "linear"})
+    theta = np.array([800.0, 200.0, 500.0, 2000.0, 20.0])
+    found = with_other_laws(earlier, theta, richer, np.array(COMMANDS))
+    assert found == pytest.approx([800.0, 0.0, 200.0, 500.0, 0.0, 2000.0, 20.0], abs=1e-9)
+    assert with_other_laws(richer, found, earlier, np.array(COMMANDS)) == pytest.approx(theta)
+
+
+@pytest.mark.parametrize(
+    ("chosen", "settings", "message"),
+    [
+        (slice(0, 1), FitSettings(), "one test was given"),
+        (slice(0, None, 3), FitSettings(), "run at 1 command"),
+        (slice(None), FitSettings(starts=({"k_x": 1.0},)), "takes no starts"),
+        (slice(None), FitSettings(power=4.0), "takes no starts, the power 2"),
+        (slice(None), FitSettings(bounds={"k_w.0": (0.0, 1.0)}), "which then remain constant"),
+    ],
+)
+def test_what_cannot_be_chosen_is_refused(
+    tests: tuple[DamperTest, ...], chosen: slice, settings: FitSettings, message: str
+) -> None:
+    with pytest.raises(SettingError, match=message):
+        choose_laws("viscous_dahl", tests[chosen], settings=settings)
+
+
+def test_a_run_folder_holds_the_table_and_the_page_shows_it(
+    tests: tuple[DamperTest, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = []
+    for number, test in enumerate(tests):
+        files.append(tmp_path / f"test{number}.csv")
+        rows = np.column_stack([test.time, test.displacement, test.velocity, test.force])
+        lines = [",".join(map(repr, [*row.tolist(), test.current])) for row in rows]
+        files[-1].write_text("\n".join(["t_s,displacement_m,velocity_mps,force_n,current_a", *lines]))
+    small = ("--generations", "10", "--threads", "1")
+    command = ("identify", *files, "--model", "viscous_dahl", "--law", "auto", *small)
+    out = tmp_path / "run"
+    summary = json.loads(printed(capsys, *command, "--out", out, "--json"))
+    table = summary["choice_of_laws"]
+    (chosen,) = (each for each in table["tried"] if each["verdict"] == "chosen")
+    assert chosen["laws"] == {"k_w": "quadratic"}
+    assert chosen["left_out_percent"] > 97.0
+    run = mr.load(out)
+    assert run.laws is not None
+    assert run.laws.chosen.laws == chosen["laws"]
+    page = (out / "report.html").read_text()
+    assert "Choice of current laws" in page
+    assert "k_w quadratic" in page
+    assert not (tmp_path / "run.part").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--model", "dahl,bingham"), "--law auto chooses the laws of one model"),
+        (("--start", "nowhere"), "leave --start out"),
+        (("--leave-out", "test"), "one test was given"),
+    ],
+)
+def test_options_that_do_not_go_together_are_refused(arguments: tuple[str, ...], message: str) -> None:
+    ended = mrwork("identify", "synthetic:spencer1997", "--law", "auto", *arguments)
+    assert ended.returncode == 2
+    assert message in ended.stderr
