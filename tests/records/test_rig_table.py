@@ -87,6 +87,9 @@ def test_a_command_is_a_number_or_a_column_and_goes_before_those_of_the_record(t
     stated = read_damper_test(path, columns={"command": "2 V"})
     assert (stated.current, stated.voltage) == (None, 2.0)
     assert read_damper_test(path, columns={"command": "drive:mA"}).current == pytest.approx(0.7)
+    columns["Amplifier, V"] = columns.pop("drive")
+    path = write_text(tmp_path / "rig.csv", columns, ";")
+    assert read_damper_test(path, columns={"command": "Amplifier, V"}).voltage == 700.0
     assert parse_column_option("command=0.5A") == ("command", "0.5A")
 
 
@@ -99,7 +102,9 @@ def test_a_command_against_the_name_of_the_file_is_a_finding(rig: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "error", "expected"),
     [
-        ("half", SettingError, "a number with its unit, such as 0.5 A, or COLUMN:UNIT"),
+        ("half", RecordError, "there is no column 'half'"),
+        ("force_n", UnitError, "'force_n' of the command does not say whether it is a current or a voltage"),
+        ("0.5 A per channel", SettingError, "a number with its unit, such as 0.5 A, or COLUMN:UNIT"),
         ("0.5", SettingError, "a number with its unit"),
         ("0.5 N", UnitError, "'N' is no unit of a current or a voltage"),
         ("drive:mm", UnitError, "'mm' is no unit of a current"),
@@ -139,7 +144,7 @@ def test_a_folder_without_a_table_stands_for_its_records(rig: Path) -> None:
         (("a.csv,fit,,,F:?,,,",), r"the force of 'a.csv' is 'F:\?'"),
         (("a.csv,fit,,,F,,,",), "line 2: column for the force is 'F'; expected COLUMN:UNIT"),
         (("a.csv,fit,,,F:mm,,,",), "line 2: .*'mm' is a unit of displacement"),
-        (("a.csv,fit,,,,,high,",), "line 2: the command is 'high'"),
+        (("a.csv,fit,,,,,1.5,",), "line 2: the command is '1.5'"),
         (("a.csv,fit,,,,,,", "# later", "a.csv,test,,,,,,"), "line 4: 'a.csv' is in the table twice"),
         (("a.csv,unused,,,,,,",), "no test is for any use"),
         (("absent.csv,fit,,,,,,",), "there is no such file"),
@@ -167,6 +172,14 @@ def test_a_folder_with_no_record_and_a_use_with_no_test_are_refused(rig: Path, t
     table(rig, *FULL[:1])
     with pytest.raises(RecordError, match=r"no test is for calibration \(1 for fit, 0 for calibration"):
         read_damper_tests(rig, use="calibration")
+
+
+def test_a_pattern_that_takes_in_table_and_records_is_refused(rig: Path) -> None:
+    table(rig, *FULL)
+    with pytest.raises(RecordError, match="is given twice, by a table of tests and once more"):
+        read_damper_tests(str(rig / "*.csv"))
+    refused = mrwork("check", *sorted(rig.glob("*.csv")))
+    assert (refused.returncode, "is given twice" in refused.stderr) == (2, True)
 
 
 def test_the_first_guess_says_what_is_in_doubt(rig: Path) -> None:

@@ -15,7 +15,7 @@ from mrwork.identification.settings import Reading, is_synthetic
 from mrwork.records import DamperTest, parse_column_option
 from mrwork.records.observing import DETECT, as_words
 from mrwork.records.repairs import REPAIR_KINDS, RepairKind
-from mrwork.records.rig_table import ListedTest, Use, listed_tests
+from mrwork.records.rig_table import ListedTest, Use, check_given_once, listed_tests
 
 _NONE = "none"
 _AUTO = "auto"
@@ -136,6 +136,7 @@ def reading_of(options: argparse.Namespace, use: Use | None = None) -> Reading:
     rows: list[ListedTest] = []
     for file in options.files:
         rows += [ListedTest(file=file)] if is_synthetic(file) else listed_tests([file], use=use)
+    check_given_once(rows)
     return Reading(
         files=tuple(row.file for row in rows),
         columns_of={row.file: row.columns for row in rows if row.columns},

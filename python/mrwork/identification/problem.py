@@ -230,7 +230,7 @@ def command_warning(tests: Sequence[DamperTest], specs: Sequence[DamperSpec]) ->
     return (
         f"{found} but no parameter of {listed(constant)} follows the "
         "command, so the fit is a compromise between them and right at none; let parameters follow the command "
-        "with --law NAME=LAW (in Python `with_current_laws`), or give tests at one command",
+        "with --law auto or --law NAME=LAW (in Python `with_current_laws`), or give tests at one command",
     )
 
 

@@ -67,6 +67,11 @@ def unit_in_name(quantity: TestQuantity, name: str) -> str | None:
     return None if others & _NOT_MEASURED else unit
 
 
+def unit_at_end(name: str) -> str:
+    """The unit in brackets or at the end of a column's name, empty where there is none."""
+    return _words_and_unit(name)[1]
+
+
 def _words_and_unit(name: str) -> tuple[str, str]:
     """The words of a column's name, and the unit in brackets or at its end; empty where there is none."""
     match = _BRACKETED.fullmatch(name)

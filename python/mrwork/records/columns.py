@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 from mrwork.errors import MrworkError, RecordError, SettingError, UnitError
-from mrwork.records.column_names import QUANTITIES, TestQuantity, is_plain, unit_in_name
+from mrwork.records.column_names import QUANTITIES, TestQuantity, is_plain, unit_at_end, unit_in_name
 from mrwork.units import FACTORS, factor_of, factor_to_si, known_units, quantity_of
 
 REQUIRED: Final[tuple[TestQuantity, ...]] = ("time", "displacement", "force")
@@ -27,6 +27,7 @@ COMMAND: Final = "command"
 """Key of a mapping of columns for the command: a column of current or voltage, or a number with its unit."""
 
 COMMANDS: Final[tuple[Literal["current"], Literal["voltage"]]] = ("current", "voltage")
+_STARTS_AS_NUMBER: Final = re.compile(r"[+-]?[.,]?\d|[+-]?(nan|inf)\b", re.IGNORECASE)
 _NUMBER_AND_UNIT: Final = re.compile(r"([+-]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][+-]?\d+)?)\s*([^\W\d_]+)")
 
 
@@ -93,15 +94,42 @@ def check_specification(name: str, specification: str) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatedCommand:
-    """The command as it is stated for a test: a number in SI, or a column and its unit."""
+    """The command as it is stated for a test: a number in SI, or a column, with its unit or the file's.
 
-    quantity: TestQuantity
+    The `quantity` is `None` where the unit is that of the file.
+    """
+
+    quantity: TestQuantity | None
     value: float | None = None
     column: str = ""
 
+    def in_file(
+        self, names: Sequence[str], units: Mapping[str, str], source: str
+    ) -> tuple[TestQuantity, str]:
+        """The quantity of a command that is a column, and its ``"COLUMN:UNIT"``.
+
+        Raises
+        ------
+        RecordError
+            There is no such column.
+        UnitError
+            Neither its name nor the file gives it a unit of a current or a voltage.
+        """
+        if self.quantity is not None:
+            return self.quantity, self.column
+        name = _find(self.column, names, source)
+        for unit in (units.get(name, ""), unit_at_end(name)):
+            for quantity in COMMANDS:
+                if quantity_of(unit) == quantity:
+                    return quantity, f"{name}:{unit}"
+        raise UnitError(
+            f"{source}: the column '{name}' of the command does not say whether it is a current or a voltage; give its "
+            f"unit, as in --column {COMMAND}={name}:A"
+        )
+
     @classmethod
     def of(cls, text: str) -> StatedCommand:
-        """Read ``"0.5 A"``, or ``"COLUMN:UNIT"``.
+        """Read ``"0.5 A"``, ``"COLUMN:UNIT"`` or ``"COLUMN"``.
 
         Raises
         ------
@@ -114,10 +142,17 @@ class StatedCommand:
         unit = number[2] if number else text.rpartition(":")[2].strip()
         quantity = next((each for each in COMMANDS if quantity_of(unit) == each), None)
         if quantity is None:
-            if number is None and ":" not in text:
+            if (
+                not text.strip()
+                or (_STARTS_AS_NUMBER.match(text.strip())
+                and number is None
+                and ":" not in text)
+            ):
                 raise SettingError(
                     f"the command is '{text.strip()}'; expected a number with its unit, such as 0.5 A, or COLUMN:UNIT"
                 )
+            if number is None and ":" not in text:
+                return cls(quantity=None, column=text.strip())
             raise UnitError(
                 f"the command is '{text.strip()}': '{unit}' is no unit of a current or a voltage; give one of "
                 f"{', '.join(known_units(each) for each in COMMANDS)}"

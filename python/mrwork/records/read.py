@@ -60,7 +60,8 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
     given = dict(columns or {})
     stated = StatedCommand.of(given.pop(COMMAND)) if COMMAND in given else None
     if stated is not None and stated.column:
-        given[stated.quantity] = stated.column
+        quantity, column = stated.in_file(table.names, table.units, source)
+        given[quantity] = column
     chosen = choose_columns(table.names, given, units=table.units, source=source)
     if stated is not None and stated.value is not None:
         chosen = {quantity: choice for quantity, choice in chosen.items() if quantity not in COMMANDS}
@@ -70,7 +71,7 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
         si: dict[TestQuantity, ArrayLike] = {
             quantity: choice.factor * numbers[choice.column] for quantity, choice in chosen.items()
         }
-    if stated is not None and stated.value is not None:
+    if stated is not None and stated.quantity is not None and stated.value is not None:
         si[stated.quantity] = stated.value
     nominal = nominal_from_name(file.stem)
     test = build_damper_test(

@@ -58,7 +58,8 @@ def listed_tests(
     Raises
     ------
     RecordError
-        No file is given or found, a folder has no test, or a table is invalid or has no row with that use.
+        No file is given or found, a folder has no test, a table is invalid or has no row with that use, or a
+        file is given by itself and by a table.
     """
     rows: list[ListedTest] = []
     for file in listed_files(paths, none="no record given; name at least one file, folder or table of tests"):
@@ -69,7 +70,25 @@ def listed_tests(
             rows += _used(read_test_table(path), path, use)
         else:
             rows.append(ListedTest(file=file))
+    check_given_once(rows)
     return tuple(rows)
+
+
+def check_given_once(rows: Sequence[ListedTest]) -> None:
+    """Refuse a test that is given by a table and once more, as by a pattern that takes in table and records.
+
+    Raises
+    ------
+    RecordError
+        There is such a test.
+    """
+    places = [Path(row.file).resolve() for row in rows]
+    for row, place in zip(rows, places, strict=True):
+        if row.use is not None and places.count(place) > 1:
+            raise RecordError(
+                f"{row.file} is given twice, by a table of tests and once more; give the table or its folder alone, or "
+                "the records without the table"
+            )
 
 
 def records_in(folder: Path) -> tuple[Path, ...]:
