@@ -33,23 +33,30 @@ def kept(path: Path = KEPT) -> dict[str, tuple[Tuned, ...]]:
     }
 
 
+_HEADING = "# Found by `study.py --tune`: the least score at each level; largest currents in amperes."
+
+
 def keep(found: Mapping[str, Found], path: Path = KEPT) -> None:
-    """Write what was found."""
-    path.write_text("\n".join(_lines(found)) + "\n")
-
-
-def _lines(found: Mapping[str, Found]) -> Iterator[str]:
-    yield "# Found by `study.py --tune`: the least score at each level; largest currents in amperes."
+    """Write what was found; the tables of other laws stay as they are."""
+    by_law: dict[str, list[str]] = {}
+    for table in path.read_text().rstrip("\n").split("\n\n")[1:] if path.exists() else []:
+        by_law.setdefault(table[1:].partition(".")[0], []).append(table)
     for law, each in found.items():
-        for level, tuned, score in zip(LEVELS, each.at_level, each.scores, strict=True):
-            settings = ", ".join(f"{name} = {_written(value)}" for name, value in tuned.settings.items())
-            yield ""
-            yield (
-                f'[{law}."{level_name(level)}"] # {score:.4f}, the best of {each.tried}; one setting for both levels: '
-                + (" and ".join(f"{value:.4f}" for value in each.both_score))
-            )
-            yield f"largest_current = {tuned.largest_current:g}"
-            yield f"settings = {{ {settings} }}" if settings else "settings = {}"
+        by_law[law] = list(_tables(law, each))
+    path.write_text("\n\n".join([_HEADING, *(table for law in by_law.values() for table in law)]) + "\n")
+
+
+def _tables(law: str, found: Found) -> Iterator[str]:
+    for level, tuned, score in zip(LEVELS, found.at_level, found.scores, strict=True):
+        settings = ", ".join(f"{name} = {_written(value)}" for name, value in tuned.settings.items())
+        yield "\n".join(
+            [
+                f'[{law}."{level_name(level)}"] # {score:.4f}, the best of {found.tried}; one setting for both levels: '
+                + (" and ".join(f"{value:.4f}" for value in found.both_score)),
+                f"largest_current = {tuned.largest_current:g}",
+                f"settings = {{ {settings} }}" if settings else "settings = {}",
+            ]
+        )
 
 
 def _written(value: Setting) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,19 +31,34 @@ ACTIVE = ("active", "active_limited")
 QUICK_LAWS = ("clipped_optimal", "lyapunov_direct", "inverse_direct")
 
 
-def tune(over: Bench, on_progress: OnProgress) -> dict[str, Found]:
-    """Search the settings of every law, and of the ideal force with and without a limit."""
-    rng = np.random.default_rng(SEED)
+def tune(
+    over: Bench, laws: Sequence[str], on_progress: OnProgress, *, near: bool = False
+) -> dict[str, Found]:
+    """Search the settings of laws, and of the ideal force with and without a limit.
+
+    With `near`, the search starts from the settings that are kept instead of a grid.
+    """
     found = {}
-    limit = figures(over, _constant([LARGEST_CURRENT])).peak_force[0]
-    for law in TUNED_LAWS:
+    before = kept() if near else {}
+    for law in laws:
         on_progress(f"search: {law}")
-        found[law] = search(over, law, rng=rng)
-    found["active"] = search(over, "active", rng=rng)
-    found["active_limited"] = search(
-        over, "active", rng=rng, admitted=lambda tried: tried.peak_force <= limit
-    )
+        if law == "active_limited":
+            limit = figures(over, _constant([LARGEST_CURRENT])).peak_force[0]
+            found[law] = search(
+                over,
+                "active",
+                rng=_rng_of(law),
+                start=before.get(law, ()),
+                admitted=lambda tried, limit=limit: tried.peak_force <= limit,
+            )
+        else:
+            found[law] = search(over, law, rng=_rng_of(law), start=before.get(law, ()))
     return found
+
+
+def _rng_of(law: str) -> np.random.Generator:
+    # A stream for each law: one more law leaves what is drawn for the others as it is.
+    return np.random.default_rng([SEED, *law.encode()])
 
 
 def five_storeys(over: Bench, on_progress: OnProgress, *, quick: bool) -> dict[str, dict[str, Any]]:

@@ -1,6 +1,6 @@
 """Chapter 6: buildings with MR dampers under earthquakes, every control law beside honest baselines.
 
-python studies/chapter_6/study.py [--tune] [--quick] [--json] [--out DIRECTORY]
+python studies/chapter_6/study.py [--tune [LAW ...] [--near]] [--quick] [--json] [--out DIRECTORY]
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from chapter_6_tables import text_of
 from departures import departures
 from frame_runs import bench
 from kept_settings import keep
-from loop_findings import found_by, tune
+from loop_findings import ACTIVE, TUNED_LAWS, found_by, tune
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -29,7 +29,16 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--tune", action="store_true", help="search the settings anew and write tuned.toml")
+    parser.add_argument(
+        "--tune",
+        nargs="*",
+        choices=(*TUNED_LAWS, *ACTIVE),
+        metavar="LAW",
+        help="search the settings of these laws anew, of all where none is named, and write tuned.toml",
+    )
+    parser.add_argument(
+        "--near", action="store_true", help="search about the settings of tuned.toml instead of a grid"
+    )
     parser.add_argument("--quick", action="store_true", help="a few laws, no conditions, no million runs")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "chapter_6", help="where the page goes")
@@ -41,8 +50,8 @@ def main() -> int:
     def on_progress(doing: str) -> None:
         print(f"{time.perf_counter() - began:6.0f} s  {doing}", file=sys.stderr, flush=True)
 
-    if options.tune:
-        keep(tune(bench(RECORDS), on_progress))
+    if options.tune is not None:
+        keep(tune(bench(RECORDS), options.tune or (*TUNED_LAWS, *ACTIVE), on_progress, near=options.near))
     found = found_by(quick=options.quick, records=RECORDS, on_progress=on_progress)
     found["seconds"] = time.perf_counter() - began
     wrong = departures(found)

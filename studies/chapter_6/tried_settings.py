@@ -132,9 +132,11 @@ _GRIDS: dict[str, Callable[[], Iterator[Settings]]] = {
     "super_twisting": _super_twisting,
     "fuzzy": _fuzzy,
     "lyapunov_direct": _lyapunov,
+    "lyapunov_parabola": _lyapunov,
     "lyapunov_direct_bang_bang": _lyapunov,
     "proportional_direct": _proportional,
     "inverse_direct": _regulators,
+    "inverse_parabola": _regulators,
     "inverse_network": _network,
     "active": _regulators,
 }

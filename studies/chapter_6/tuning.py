@@ -57,18 +57,26 @@ def search(
     law: str,
     *,
     rng: np.random.Generator,
+    start: Sequence[Tuned] = (),
     admitted: Callable[[Figures], np.ndarray] = lambda found: np.ones_like(found.score, dtype=bool),
 ) -> Found:
     """Try the grid at every largest current, then steps about the best of each level, and of both together.
 
     Parameters
     ----------
+    start
+        Settings that take the place of the grid, such as those of a similar law.
     admitted
         Whether a candidate is admitted at a level; all are by default.
     """
     chosen = grid(law)
     currents = MANY_CURRENTS if chosen == [{}] else (LARGEST_CURRENT,) if law == "active" else CURRENTS
-    tried, scores = _tried(over, law, ((current, chosen) for current in currents), admitted)
+    first = (
+        [(each.largest_current, [each.settings]) for each in start]
+        if start
+        else [(current, chosen) for current in currents]
+    )
+    tried, scores = _tried(over, law, first, admitted)
     if chosen != [{}]:
         second: list[tuple[float, Sequence[Settings]]] = []
         for best in {int(place): None for place in (*scores.argmin(axis=0), scores.mean(axis=1).argmin())}:
