@@ -37,7 +37,12 @@ def test_bands_are_calibrated_on_tests_that_the_fit_has_not_seen(place: Path) ->
     # Its own quantile: all that calibration can say of a single test.
     assert predicted["files"][0]["band"]["inside"] == pytest.approx(0.9, abs=0.01)
     assert "one test the fit has not seen" in predicted["basis"]
-    assert "Bands of 90 %, calibrated on" in mrwork("predict", place, OTHERS[0], "--level", "0.9").stdout
+    text = mrwork("predict", place, OTHERS[0], "--level", "0.9").stdout
+    assert "Bands of 90 %, calibrated on" in text
+    # A wider motion than those of the fit.
+    assert predicted["files"][0]["outside_tested_range"] == ["stroke"]
+    assert "outside the tested range of the fit in stroke" in predicted["files"][0]["band"]["basis"]
+    assert "1 of 1 files are outside the tested range of the fit: the level holds only" in text
 
 
 def test_a_test_that_the_fit_has_seen_is_refused(place: Path) -> None:

@@ -77,7 +77,7 @@ def names_of(record: type) -> list[str]:
 
 
 def test_results_have_every_quantity_of_the_core_and_no_other() -> None:
-    own = {"shape", "outcome", "steps", "histories"}
+    own = {"shape", "outcome", "steps", "histories", "devices", "seconds"}
     assert [name for name in names_of(Responses) if name not in own] == [
         each.name for each in run_quantities()
     ]

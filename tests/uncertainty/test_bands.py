@@ -10,6 +10,7 @@ from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify
 from mrwork.records import DamperTest, Likeness
+from mrwork.records.operating_range import OperatingRange, Outside
 from mrwork.synthetic import synthetic_test
 from mrwork.uncertainty.bands.band import (
     Band,
@@ -85,6 +86,16 @@ def test_score_of_a_band_counts_its_width_and_what_lies_outside() -> None:
     assert found.coverage == 0.75
     assert found.width == 0.5
     assert found.interval_score == pytest.approx((1.0 + 20.0 * 0.5 / 4.0) / 2.0)
+
+
+def test_the_basis_of_a_band_outside_the_tested_range_says_so() -> None:
+    *known, unknown = group(np.random.default_rng(5), 4)
+    tested = OperatingRange.of_tests([unknown.test])
+    outside = Outside(exceedances=replace(tested, velocity=0.5 * tested.velocity).exceeded_by(tested))
+    calibration = calibrate(known, held_out="")
+    basis = calibration.band(replace(unknown, outside=outside), 0.9).basis
+    assert "; outside the tested range of the fit in velocity: the level holds only" in basis
+    assert "outside" not in calibration.band(unknown, 0.9).basis
 
 
 @pytest.mark.parametrize("level", [0.5, 0.9])

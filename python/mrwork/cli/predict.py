@@ -28,6 +28,7 @@ from mrwork.records.operating_range import Exceedance, worst_of
 from mrwork.summary import aligned
 from mrwork.uncertainty.bands.band import score
 from mrwork.uncertainty.bands.calibration_files import read_calibration
+from mrwork.uncertainty.bands.conformal import BEYOND_TESTED
 from mrwork.uncertainty.bands.prediction import Prediction
 
 _AS_FITTED = "as in the identification"
@@ -103,7 +104,7 @@ def run(options: argparse.Namespace) -> int:
         )
         known += [] if seen is None else [seen]
         if calibration is not None:
-            band = calibration.band(Prediction(test=test, model_force=force), options.level)
+            band = calibration.band(Prediction(test=test, model_force=force, outside=outside), options.level)
             scored = score(band, test.force[test.counted])
             used = calibration.knows(test)
             calibrated_on += [] if used is None else [used]
@@ -111,6 +112,7 @@ def run(options: argparse.Namespace) -> int:
                 "level": band.level,
                 "half_width_n": 0.5 * scored.width,
                 "inside": scored.coverage,
+                "basis": band.basis,
                 "calibrated_on": None if used is None else asdict(used),
             }
     warnings = [*missing_warnings(fit.nuisances, nuisances), *_warnings(exceeded, limited, len(rows))]
@@ -158,6 +160,9 @@ def run(options: argparse.Namespace) -> int:
         print("Nor are the motions of its tests: only identical files are recognised as seen.")
     if basis:
         print(f"Bands of {100.0 * options.level:g} %, {basis}.")
+        beyond = sum(bool(row["outside_tested_range"]) for row in rows)
+        if beyond:
+            print(f"{beyond} of {len(rows)} files are outside the tested range of the fit: {BEYOND_TESTED}.")
     if known:
         print(f"Seen by the fit: {likenesses_in_words(known)}.")
     if spread_unseen is not None:

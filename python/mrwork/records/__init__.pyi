@@ -11,6 +11,9 @@ from .likeness import RecordedMotion as RecordedMotion
 from .observation import AS_IT_IS as AS_IT_IS
 from .observation import Observation as Observation
 from .observing import observed as observed
+from .operating_range import Exceedance as Exceedance
+from .operating_range import OperatingRange as OperatingRange
+from .operating_range import Outside as Outside
 from .read import read_damper_test as read_damper_test
 from .read import read_damper_tests as read_damper_tests
 from .repairs import repair as repair

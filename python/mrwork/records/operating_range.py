@@ -48,8 +48,8 @@ _DISPLAYED: dict[str, tuple[str, float, str]] = {
 _NAMES: dict[OperatingQuantity, str] = {"power": "mean power"}
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Exceedance:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Exceedance(Summarised):
     """Demand on a damper outside the tested range of one quantity, all in `unit`: SI, or that of the command.
 
     `extrapolated` are the parameters whose laws are used at a command that was not tested.
@@ -87,7 +87,8 @@ class Exceedance:
         )
         tested = f"to {highest}"
         if self.quantity in ("frequency", "command"):
-            tested = f"at {highest}" if lowest == highest else f"from {lowest} to {highest}"
+            single = _is_single(self.lowest, self.highest)
+            tested = f"at {highest}" if single else f"from {lowest} to {highest}"
         times = f" ({self.times:.2g} times)" if not self.below and isfinite(self.times) else ""
         name = _NAMES.get(self.quantity, self.quantity)
         laws = ""
@@ -95,6 +96,9 @@ class Exceedance:
             plural, verb = ("", "is") if len(self.extrapolated) == 1 else ("s", "are")
             laws = f"; the law{plural} of {', '.join(self.extrapolated)} {verb} extrapolated"
         return f"{name} {demanded} {unit}, tested {tested} {unit}{times}{laws}"
+
+    def _summary(self) -> Summary:
+        return Summary(title=self.in_words)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -179,7 +183,7 @@ class OperatingRange(Summarised):
             shown, unit = _shown(quantity, ends, str(self.command_unit))
             span = f"to {shown[0]}"
             if len(shown) == 2:
-                span = f"at {shown[1]}" if shown[0] == shown[1] else f"{shown[0]} to {shown[1]}"
+                span = f"at {shown[1]}" if _is_single(*ends) else f"{shown[0]} to {shown[1]}"
             rows.append((_NAMES.get(quantity, quantity), f"{span} {unit}"))
         return rows
 
@@ -187,8 +191,8 @@ class OperatingRange(Summarised):
         return Summary(title="Operating range", facts=self.rows())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Outside:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Outside(Summarised):
     """Demand on a damper outside its tested ranges, and laws that leave their admissible range under that demand.
 
     `known` is false where the damper has no tested ranges, as that of a published set.
@@ -207,6 +211,12 @@ class Outside:
     def sentences(self) -> tuple[str, ...]:
         """A sentence for each quantity and law."""
         return (*(each.in_words for each in self.exceedances), *(each.in_words for each in self.laws))
+
+    def _summary(self) -> Summary:
+        title = "Within the tested ranges" if self.known else "Tested ranges not known"
+        if self.names:
+            title = f"Outside the tested ranges in {', '.join(self.names)}"
+        return Summary(title=title, notes=self.sentences)
 
 
 def outside_of(
@@ -285,6 +295,11 @@ def _commands(tests: Sequence[DamperTest]) -> tuple[list[object], list[object]]:
 def _hull(spans: Iterable[tuple[float, float] | None]) -> tuple[float, float] | None:
     known = [span for span in spans if span is not None]
     return (min(low for low, _ in known), max(high for _, high in known)) if known else None
+
+
+def _is_single(lowest: float, highest: float) -> bool:
+    """Whether a range is one value: the cycles of a rig differ by a sample or two."""
+    return highest - lowest <= 0.5 * _TOLERANCE * highest
 
 
 def _shown(quantity: str, values: Sequence[float], unit: str) -> tuple[list[str], str]:

@@ -23,6 +23,9 @@ from mrwork.uncertainty.bands.prediction import Prediction
 
 LEVELS = (0.5, 0.9, 0.95)
 
+BEYOND_TESTED = "the level holds only where the calibration had such tests"
+"""Remark on a band outside the tested range of the fit."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Calibration(Summarised):
@@ -46,7 +49,7 @@ class Calibration(Summarised):
         return likest(RecordedMotion.of(test), self.motions)
 
     def band(self, prediction: Prediction, level: float) -> Band:
-        """Prediction band of the force, shape (n_counted,).
+        """Prediction band of the force, shape (n_counted,); its basis names what lies outside the tested ranges.
 
         Raises
         ------
@@ -55,7 +58,9 @@ class Calibration(Summarised):
         """
         centre, scale = self.shape.of(prediction)
         half = next_test_quantile(self.scores, level) * scale
-        return Band.about(centre, half, level=level, basis=self.basis)
+        outside = ", ".join(prediction.outside.names)
+        beyond = f"; outside the tested range of the fit in {outside}: {BEYOND_TESTED}" if outside else ""
+        return Band.about(centre, half, level=level, basis=self.basis + beyond)
 
     @property
     def basis(self) -> str:
