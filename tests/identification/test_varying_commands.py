@@ -133,6 +133,12 @@ def test_a_plain_model_of_a_varying_command_warns_and_names_the_law() -> None:
         mr.identify("bingham", record(switching), search=FEW)
 
 
+def test_a_prediction_of_a_command_that_nothing_follows_warns() -> None:
+    fit = mr.identify("bingham", record(0.5), search=FEW)
+    with pytest.warns(MrworkWarning, match=r"varies in switching, but no parameter of this bingham.*--law"):
+        mr.predict(fit, record(switching))
+
+
 def test_a_lag_that_no_test_shows_is_told() -> None:
     problem = Problem.of(SPEC, (record(0.0), record(0.5), record(1.0)), FitSettings())
     assert any("--fix eta" in sentence for sentence in problem.warnings)

@@ -126,6 +126,21 @@ def test_a_varying_command_gives_no_finding_on_cycles_that_differ_by_it() -> Non
     assert mislabelled([built(SWITCHING), *(built(0.5) for _ in range(3))]) == ()
 
 
+def test_a_command_in_time_with_the_motion_is_no_static_force() -> None:
+    """Switched on in one direction of motion only, as control laws do."""
+    outwards = built(np.where(np.cos(2.0 * np.pi * 2.0 * TIME) > 0.0, 1.0, 0.0))
+    assert "force_offset" not in codes(outwards)
+    unchanged, log = repair(outwards, ["offset"])
+    np.testing.assert_array_equal(unchanged.force, outwards.force)
+    assert log[0].code == "no_offset"
+    assert repair(outwards, [], amounts={"offset": 50.0})[0].force[0] == outwards.force[0] - 50.0
+
+
+def test_ranges_are_told_to_a_hundredth() -> None:
+    noisy = SWITCHING + 0.004 * np.random.default_rng(13).standard_normal(N_TIME)
+    assert built(noisy).command_in_words in {"-0.01 to 1.01 A, stepped", "-0.01 to 1.02 A, stepped"}
+
+
 def test_commands_are_the_same_sample_by_sample() -> None:
     assert same_command(0.5, 0.5)
     assert not same_command(0.5, None)

@@ -37,7 +37,7 @@ from mrwork.uncertainty.bands.conformal import (
     calibrate,
     measured_coverage,
 )
-from mrwork.uncertainty.bands.prediction import IN_WORDS, Fold, Prediction, predict, predict_left_out
+from mrwork.uncertainty.bands.prediction import IN_WORDS, Fold, Prediction, predict_left_out, predict_tests
 
 _AS_FITTED = "as in the identification"
 
@@ -96,7 +96,7 @@ def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:
     words = observation_of(options, fit.settings.observe)
     tests = [observed(test, words) for test in read_tests(options, "calibration")]
     nuisances = nuisances_of(options, fit.nuisances)
-    return tuple(predict(fit, test, nuisances=nuisances) for test in tests)
+    return predict_tests(fit, tests, nuisances=nuisances)
 
 
 def _left_out(options: argparse.Namespace) -> tuple[Prediction, ...]:

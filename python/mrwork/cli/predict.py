@@ -21,6 +21,7 @@ from mrwork.cli.options import (
 from mrwork.dampers.law_limits import LawLimit, worst_laws
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.nuisance import estimated_in_words, missing_warnings
+from mrwork.identification.problem import prediction_warning
 from mrwork.identification.result import FitSpread, explained_by, free_run
 from mrwork.records import Likeness, observed
 from mrwork.records.likeness import likenesses_in_words
@@ -74,7 +75,8 @@ def run(options: argparse.Namespace) -> int:
     limited: list[LawLimit] = []
     nuisances = nuisances_of(options, fit.nuisances)
     words = observation_of(options, fit.settings.observe)
-    for test in (observed(test, words) for test in read_tests(options, "test")):
+    tests = read_tests(options, "test")
+    for test in (observed(test, words) for test in tests):
         with explained_by(fit, test):
             force, quality = free_run(
                 spec, theta, test, nuisances=nuisances, substep_factor=options.substep_factor
@@ -115,7 +117,11 @@ def run(options: argparse.Namespace) -> int:
                 "basis": band.basis,
                 "calibrated_on": None if used is None else asdict(used),
             }
-    warnings = [*missing_warnings(fit.nuisances, nuisances), *_warnings(exceeded, limited, len(rows))]
+    warnings = [
+        *missing_warnings(fit.nuisances, nuisances),
+        *prediction_warning(spec, tests),
+        *_warnings(exceeded, limited, len(rows)),
+    ]
     spread = _spread(rows) if len(rows) > 1 else None
     unseen = [row for row in rows if row["seen"] is None]
     spread_unseen = _spread(unseen) if unseen and len(unseen) < len(rows) else None

@@ -234,6 +234,17 @@ def command_warning(tests: Sequence[DamperTest], specs: Sequence[DamperSpec]) ->
     )
 
 
+def prediction_warning(spec: DamperSpec, tests: Sequence[DamperTest]) -> tuple[str, ...]:
+    """A sentence where a model with constant parameters is to predict a command that varies; else nothing."""
+    varying = [test.label for test in tests if test.has_varying_command]
+    if spec.follows_command or not varying:
+        return ()
+    return (
+        f"the command varies in {listed(varying)}, but no parameter of this {spec.name} follows it, so the predicted "
+        "force is that of the command of the fit; identify it with --law NAME=LAW (in Python `with_current_laws`)",
+    )
+
+
 def _recorded(command: Command | None) -> float | str | None:
     """A constant command, or the digest of one that varies."""
     return digest_of(command) if isinstance(command, np.ndarray) else command

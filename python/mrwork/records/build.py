@@ -123,7 +123,8 @@ def build_damper_test(
     findings += [
         *about_velocity,
         *about_sign,
-        *checks.force_offset(resisting, derivative),
+        # A varying command weighs the directions of motion differently, so that the mean force is no static one.
+        *(() if given.has_commands else checks.force_offset(resisting, derivative)),
         *checks.rest_before_motion(displaced, dt, motion.dominant),
         *checks.samples_per_cycle(motion.dominant, dt),
         *about_current,

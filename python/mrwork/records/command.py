@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from mrwork.records.command_signal import Command, command_range, variation_in_words
+from mrwork.records.command_signal import Command, command_range, range_in_words, variation_in_words
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 
 _RELATIVE: Final = 0.05
@@ -44,12 +44,12 @@ def command_of(
     low, high = np.percentile(present, [1.0, 99.0])
     if high - low <= tolerance and not _has_pulse(np.abs(present - value) > tolerance):
         return value, ()
-    low, high = command_range(present)
+    lowest, highest = range_in_words(present)
     message = (
-        f"the {quantity} {variation_in_words(present)} {low:.3g} and {high:.3g} {unit}; a model follows it by current "
+        f"the {quantity} {variation_in_words(present)} {lowest} and {highest} {unit}; a model follows it by current "
         "laws (--law)"
     )
-    measured = Measured(value=high - low, unit=unit)
+    measured = Measured(value=float(np.ptp(present)), unit=unit)
     return samples, (Finding(code="command_varies", severity="note", message=message, measured=measured),)
 
 

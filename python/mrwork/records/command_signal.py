@@ -34,8 +34,15 @@ def command_in_words(command: Command, unit: str) -> str:
     """Value of a constant command, range and kind of a varying one, as in ``0 to 1 A, stepped``."""
     if not isinstance(command, np.ndarray):
         return of_unit(command, unit)
+    low, high = range_in_words(command)
+    return f"{low} to {high} {unit}, {'stepped' if is_stepped(command) else 'varying'}"
+
+
+def range_in_words(command: NDArray[np.float64]) -> tuple[str, str]:
+    """Lowest and highest value of a varying command, to a hundredth of its range or finer."""
     low, high = command_range(command)
-    return f"{low:.3g} to {high:.3g} {unit}, {'stepped' if is_stepped(command) else 'varying'}"
+    step = 10.0 ** np.floor(np.log10((high - low) / 100.0))
+    return f"{step * round(low / step) + 0.0:.6g}", f"{step * round(high / step) + 0.0:.6g}"
 
 
 def variation_in_words(command: NDArray[np.float64]) -> str:

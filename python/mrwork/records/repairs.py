@@ -114,6 +114,8 @@ def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]
 
 
 def _offset(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
+    if test.has_varying_command and amount is None:
+        return test, _no_cause("offset", "the mean force under a varying command is no static one; give one")
     motion = motion_of(test.displacement, test.dt)
     offset = mean_over_travel(test.force, motion.velocity) if amount is None else amount
     message = f"a static force of {offset:+.4g} N was subtracted"

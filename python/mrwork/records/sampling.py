@@ -40,6 +40,11 @@ class Signals:
         named = ((each.name, getattr(self, each.name)) for each in fields(self))
         return tuple((name, channel) for name, channel in named if channel is not None)
 
+    @property
+    def has_commands(self) -> bool:
+        """Whether a command varies."""
+        return self.current is not None or self.voltage is not None
+
     def through(self, change: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> Signals:
         """Signals with the same change applied to every channel."""
         return replace(self, **{name: change(channel) for name, channel in self.channels()})

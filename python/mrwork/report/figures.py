@@ -122,6 +122,22 @@ def draw_cycles(figure: Figure, column: int, comparison: Comparison, unit: Displ
     _draw_residual(lower, comparison, unit, window.samples, linewidth=1.1)
 
 
+def draw_command(figure: Figure, column: int, comparison: Comparison, unit: DisplayUnit) -> None:
+    """A varying command over the whole record, held between samples; the part of `draw_cycles` is shaded."""
+    test = comparison.test
+    axes = _axes(figure, column, canvas.BOTTOM, style.PANEL_HEIGHT - canvas.TOP)
+    for command, symbol in test.commands:
+        if isinstance(command, np.ndarray):
+            axes.plot(test.time, command, color=style.DATA, linewidth=1.1, drawstyle="steps-post")
+            finish_signed(axes, f"Command ({symbol})", "Time (s)")
+            break
+    window = zoom_window(test.displacement)
+    axes.axvspan(
+        test.time[window.start], test.time[window.stop - 1], color=style.WINDOW, linewidth=0, zorder=-1
+    )
+    axes.set_xlim(float(test.time[0]), float(test.time[-1]))
+
+
 def _draw_residual(
     axes: Axes, comparison: Comparison, unit: DisplayUnit, samples: slice, *, linewidth: float
 ) -> None:

@@ -158,7 +158,7 @@ def _test_panels(
     def of(suffix: str, title: str, figure: Figure, what: str, note: str) -> Panel:
         return panel(f"{identifier}-{suffix}", title, figure, f"{what} {agrees}", note)
 
-    panels = (
+    panels: tuple[Panel, ...] = (
         of(
             "record",
             "Whole record",
@@ -188,6 +188,16 @@ def _test_panels(
             in_loop,
         ),
     )
+    if test.has_varying_command:
+        panels += (
+            panel(
+                f"{identifier}-command",
+                "Command",
+                figures.one_column(comparison, unit, figures.draw_command),
+                f"Command against time of test {test.name}, {test.command_in_words}",
+                "The loops belong to the whole record, so they are wide where the command changes.",
+            ),
+        )
     return (
         panels if test.original is None else (*panels, _repair_panel(identifier, test, test.original, unit))
     )

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
+from warnings import warn
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.errors import SettingError, SimulationError
+from mrwork.errors import MrworkWarning, SettingError, SimulationError
 from mrwork.identification.fit import Fit
 from mrwork.identification.nuisance import NuisanceName
+from mrwork.identification.problem import prediction_warning
 from mrwork.identification.residual import ObservedTest
 from mrwork.identification.result import explained_by
 from mrwork.records import DamperTest, Likeness, RecordedMotion
@@ -127,12 +129,31 @@ def predict(fit: Fit, test: DamperTest, *, nuisances: tuple[NuisanceName, ...] |
     SimulationError
         Where the simulation diverges or cannot be resolved.
 
+    Warns
+    -----
+    MrworkWarning
+        Where the command of the test varies and no parameter of the model follows it.
+
     Examples
     --------
     >>> import mrwork as mr
     >>> fit = mr.identify("bingham", mr.synthetic_test("spencer1997"))  # doctest: +SKIP
     >>> mr.predict(fit, mr.synthetic_test("spencer1997_slow"))  # doctest: +SKIP
     """
+    return predict_tests(fit, (test,), nuisances=nuisances)[0]
+
+
+def predict_tests(
+    fit: Fit, tests: Sequence[DamperTest], *, nuisances: tuple[NuisanceName, ...] | None = None
+) -> tuple[Prediction, ...]:
+    """`predict` for several tests, with one warning for all."""
+    for sentence in prediction_warning(fit.spec, tests):
+        # Of the line that calls `predict`.
+        warn(sentence, MrworkWarning, stacklevel=3)
+    return tuple(_predicted(fit, test, nuisances) for test in tests)
+
+
+def _predicted(fit: Fit, test: DamperTest, nuisances: tuple[NuisanceName, ...] | None = None) -> Prediction:
     test = fit.observed(test)
     observed = ObservedTest.of(fit.spec, test, fit.nuisances if nuisances is None else nuisances)
     with explained_by(fit, test):
@@ -195,7 +216,7 @@ def predict_left_out(
         fits.append(fit)
         for index in members:
             try:
-                predictions[index] = predict(fit, tests[index])
+                predictions[index] = _predicted(fit, tests[index])
             except SimulationError as reason:
                 failures.append(str(reason))
     return LeftOut(
@@ -304,7 +325,7 @@ def halves(test: DamperTest) -> tuple[DamperTest, DamperTest]:
 def _later_cycles(test: DamperTest, identify_rest: IdentifyRest) -> tuple[float, ...]:
     first, second = halves(test)
     fit = identify_rest((first,))
-    prediction = predict(fit, second)
+    prediction = _predicted(fit, second)
     start = second.n_settle
     cycles = [
         slice(cycle.start - start, cycle.stop - start)
