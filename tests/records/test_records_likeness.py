@@ -125,6 +125,18 @@ def test_other_motions_and_commands_are_not_alike(other: DamperTest) -> None:
         assert not alike(test, other)
 
 
+@pytest.mark.parametrize("seconds", [10.0, 40.0])
+def test_random_motions_are_told_apart_and_recognised_again(seconds: float) -> None:
+    tests = [recorded(random_motion(seed, seconds=seconds), seed=seed) for seed in range(8)]
+    motions = [RecordedMotion.of(test) for test in tests]
+    assert [len(members) for members in alike_groups(motions)] == [1] * 8
+    # From another sample on, averaged over a twentieth of a cycle.
+    for test, motion in zip(tests, motions, strict=True):
+        again = RecordedMotion.of(smoothed(cut(test, start=0.123), 0.04))
+        assert likeness(again, motion) is not None
+        assert likeness(motion, again) is not None
+
+
 def test_unknown_commands_are_told_apart_by_the_force() -> None:
     unknown = recorded(sine(0.01, 1.0), current=None, seed=3)
     assert alike(unknown, SINE)

@@ -36,7 +36,7 @@ _FORCE: Final = 0.2
 # Least correlation of displacements: a sine and a triangle have 0.993; smoothed versions of a random motion have lost
 # its fastest part.
 _PERIODIC: Final = 0.995
-_IRREGULAR: Final = 0.95
+_IRREGULAR: Final = 0.98
 # Share of a motion that the other must contain, and most cycles that are compared.
 _SHARE: Final = 0.5
 _CYCLES: Final = 8
@@ -135,7 +135,11 @@ class RecordedMotion:
         pairs = [(own, _at(seen.displacement, seen.step, step))]
         for mine, other in zip(self.commands, seen.commands, strict=True):
             pairs.append((_at(_decoded(mine), self.step, step), _at(_decoded(other), seen.step, step)))
-        return _contained(pairs, least=_SHARE, limit=_IRREGULAR)
+        least = _SHARE
+        if seen.displacement.size == _MOST:
+            # Of a longer motion only the first part is kept.
+            least *= min(1.0, pairs[0][1].size / own.size)
+        return _contained(pairs, least=least, limit=_IRREGULAR)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -198,8 +202,9 @@ def _mean_cycle(displacement: Array, cycles: Sequence[slice]) -> Array:
 
 
 def _samples_of_a_mean(displacement: Array, dt: float) -> int:
-    """Number of samples in the 32nd part of a period of the dominant frequency."""
-    return max(1, int(1.0 / (spectrum(displacement, dt).dominant * dt * _PER_CYCLE)))
+    """Number of samples in the 32nd part of a period, that of the dominant frequency or of a quarter of the band edge."""
+    band = spectrum(displacement, dt)
+    return max(1, int(1.0 / (max(band.dominant, 0.25 * band.band_edge) * dt * _PER_CYCLE)))
 
 
 def _means(samples: Array, n_each: int) -> Array:
