@@ -202,7 +202,7 @@ def _mean_cycle(displacement: Array, cycles: Sequence[slice]) -> Array:
 
 
 def _samples_of_a_mean(displacement: Array, dt: float) -> int:
-    """Number of samples in the 32nd part of a period, that of the dominant frequency or of a quarter of the band edge."""
+    """Number of samples in a 32nd of a period: of the dominant frequency, or of a quarter of the band edge."""
     band = spectrum(displacement, dt)
     return max(1, int(1.0 / (max(band.dominant, 0.25 * band.band_edge) * dt * _PER_CYCLE)))
 
