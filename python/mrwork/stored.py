@@ -83,7 +83,17 @@ def load(run: str | Path) -> StoredRun:
             f"{place} is the folder of a study, and a run of `mrwork identify` was expected; "
             "read it with `mr.study.read_results`"
         )
-    fit = read_fit(place)
+    return with_additions(place, read_fit(place))
+
+
+def with_additions(place: Path, fit: Fit) -> StoredRun:
+    """The run of a `fit` that has been read from the folder at `place`, with what later verbs have added.
+
+    Raises
+    ------
+    RecordError
+        Where one of the files is damaged.
+    """
     draws = read_draws(place, fit)
     profiles = read_document(Profiles, place / PROFILES, name="profiles", verb="profile")
     return StoredRun(

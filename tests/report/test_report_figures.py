@@ -250,6 +250,19 @@ def test_the_figure_of_a_repair_holds_both_loops_whole() -> None:
     assert set(run_figures(stored(repaired), [repaired])) - own == {"repair"}
 
 
+def test_small_loops_on_shared_axes_are_drawn_as_if_alone() -> None:
+    shown = [
+        comparison(),
+        comparison("large", amplitude=0.3, peak_force=9e3),
+        comparison("third", peak_force=40.0),
+    ]
+    unit = figures.common_force_unit(shown)
+    together = [svg_bytes(figure) for figure in figures.small_velocity_loops(shown, unit)]
+    alone = [svg_bytes(next(iter(figures.small_velocity_loops([each], unit)))) for each in shown]
+    assert together == alone
+    assert len(set(together)) == 3
+
+
 def test_figure_files_are_named_after_the_tests_and_written_on_request(tmp_path: Path) -> None:
     tested = [comparison(), comparison("second", synthetic=True)]
     heard: list[PageProgress] = []

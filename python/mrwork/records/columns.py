@@ -142,11 +142,8 @@ class StatedCommand:
         unit = number[2] if number else text.rpartition(":")[2].strip()
         quantity = next((each for each in COMMANDS if quantity_of(unit) == each), None)
         if quantity is None:
-            if (
-                not text.strip()
-                or (_STARTS_AS_NUMBER.match(text.strip())
-                and number is None
-                and ":" not in text)
+            if not text.strip() or (
+                _STARTS_AS_NUMBER.match(text.strip()) and number is None and ":" not in text
             ):
                 raise SettingError(
                     f"the command is '{text.strip()}'; expected a number with its unit, such as 0.5 A, or COLUMN:UNIT"

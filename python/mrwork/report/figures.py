@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -167,23 +167,29 @@ def draw_velocity_loop(figure: Figure, column: int, comparison: Comparison, unit
     _draw_loop(figure, column, comparison, unit, velocity, f"Velocity ({scale.symbol})")
 
 
-@style.drawn_in_style()
-def small_velocity_loop(comparison: Comparison, unit: DisplayUnit) -> Figure:
-    """Force against velocity over a few cycles as one of four columns: two lines, the data under the model."""
-    samples = zoom_window(comparison.test.displacement).samples
+def small_velocity_loops(comparisons: Sequence[Comparison], unit: DisplayUnit) -> Iterator[Figure]:
+    """Force against velocity over a few cycles as one of four columns: two lines, the data under the model.
+
+    A figure for each test, on the same axes, because new axes take longer than what is drawn on them: save a figure
+    before the next is requested.
+    """
     scale = style.MILLIMETRE_PER_SECOND
-    velocity = comparison.test.velocity[samples] * scale.factor
-    figure, axes = canvas.small_axes(labelled=True)
-    for force, colour, width in (
-        (comparison.test.force, style.DATA, 2.2),
-        (comparison.model_force, style.MODEL, 0.9),
-    ):
-        shown = force[samples] * unit.factor
-        drawn = even_samples(velocity, shown, POINTS_IN_SMALL_LOOP, aspect=1.0)
-        axes.plot(velocity[drawn], shown[drawn], color=colour, linewidth=width)
-    axes.set_ylim(*_limits_of(comparison, unit))
-    canvas.name_small_axes(axes, f"Force ({unit.symbol})", f"Velocity ({scale.symbol})")
-    return figure
+    with style.drawn_in_style():
+        figure, axes = canvas.small_axes(labelled=True)
+        (data,) = axes.plot([], [], color=style.DATA, linewidth=2.2)
+        (model,) = axes.plot([], [], color=style.MODEL, linewidth=0.9)
+        canvas.name_small_axes(axes, f"Force ({unit.symbol})", f"Velocity ({scale.symbol})")
+    for comparison in comparisons:
+        samples = zoom_window(comparison.test.displacement).samples
+        velocity = comparison.test.velocity[samples] * scale.factor
+        for line, force in ((data, comparison.test.force), (model, comparison.model_force)):
+            shown = force[samples] * unit.factor
+            drawn = even_samples(velocity, shown, POINTS_IN_SMALL_LOOP, aspect=1.0)
+            line.set_data(velocity[drawn], shown[drawn])
+        margin = 0.05 * (float(np.ptp(velocity)) or 1.0)
+        axes.set_xlim(float(velocity.min()) - margin, float(velocity.max()) + margin)
+        axes.set_ylim(*_limits_of(comparison, unit))
+        yield figure
 
 
 def _draw_loop(

@@ -10,7 +10,7 @@ from mrwork.identification.result import FitSpread
 from mrwork.records.findings import gathered_findings
 from mrwork.report import numbers
 from mrwork.report.comparison import Comparison
-from mrwork.report.figures import common_force_unit, small_velocity_loop
+from mrwork.report.figures import common_force_unit, small_velocity_loops
 from mrwork.report.section import Group, Panel, Section, panel
 
 ANCHOR = "tests"
@@ -60,14 +60,15 @@ def overview(comparisons: Sequence[Comparison], *, on_test: Callable[[str], None
 def _small_panels(comparisons: Sequence[Comparison], on_test: Callable[[str], None]) -> tuple[Panel, ...]:
     unit = common_force_unit(comparisons)
     panels = []
-    for number, comparison in enumerate(comparisons, start=1):
+    loops = small_velocity_loops(comparisons, unit)
+    for number, (comparison, figure) in enumerate(zip(comparisons, loops, strict=True), start=1):
         name, percent = comparison.test.name, numbers.fixed(comparison.quality.fit_percent, 1)
         on_test(name)
         panels.append(
             panel(
                 f"o{number}",
                 name + (" (synthetic)" if comparison.test.synthetic else ""),
-                small_velocity_loop(comparison, unit),
+                figure,
                 f"Force against velocity of test {name}, {comparison.data_label} and model, fit {percent} %",
                 f"fit {percent} %",
             )

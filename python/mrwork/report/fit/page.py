@@ -37,7 +37,7 @@ from mrwork.report.progress import OnDrawn, PageProgress, unobserved
 from mrwork.report.section import Absent, Section
 from mrwork.report.typeset import equation_html
 from mrwork.store.run_folder import REPORT, write_files
-from mrwork.stored import StoredRun, load
+from mrwork.stored import StoredRun, with_additions
 from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
 SECTIONS: tuple[SectionKind, ...] = (
@@ -132,7 +132,7 @@ def open_run(place: str | Path) -> tuple[StoredRun, tuple[Comparison, ...]]:
     if fit.identifiability is None:
         # Earlier versions did not store it.
         fit = replace(fit, identifiability=identifiability_of(fit, opened.tests))
-    return replace(load(opened.place), fit=fit), comparisons_of(fit, opened.tests)
+    return with_additions(opened.place, fit), comparisons_of(fit, opened.tests)
 
 
 def write_page(
