@@ -120,3 +120,22 @@ def test_simulated_force_has_zero_residuals(test: DamperTest) -> None:
     own = replace(test, force=simulate_force(SPEC, SPEC.nominal, loading))
     residuals, _ = linearised(Objective.of(SPEC, (own,)), SPEC.nominal[None], [0])
     assert np.all(residuals == 0.0)
+
+
+def test_a_force_exponent_of_zero_compares_errors_in_newtons(test: DamperTest) -> None:
+    tests, theta = (test, other(test)), rows(2)
+    in_newtons = np.zeros(len(theta))
+    for each in Objective.of(SPEC, tests).compared:
+        residuals, _ = each.residuals(theta)
+        in_newtons += np.mean(residuals**2, axis=1)
+    weighted = Objective.of(SPEC, tests, force_exponent=0.0)
+    ratio = weighted(theta) ** 2 / in_newtons
+    np.testing.assert_allclose(ratio, ratio[0], rtol=1e-12)
+    limits = 1.01 * weighted(theta)
+    assert np.array_equal(weighted(theta, limits), weighted(theta))
+    assert np.array_equal(weighted.on(SPEC, tests[:1])(theta), Objective.of(SPEC, tests[:1])(theta))
+
+
+@pytest.mark.parametrize("power", [2.0, 6.0])
+def test_jacobian_has_the_weights_of_a_force_exponent(test: DamperTest, power: float) -> None:
+    assert_exact(Objective.of(SPEC, (test, other(test)), power=power, force_exponent=0.5), rows(1))

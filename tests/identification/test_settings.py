@@ -30,6 +30,7 @@ OTHER = FitSettings(
     bounds={"alpha": (10.0, 500.0)},
     starts=({"alpha": 100.0},),
     power=4.0,
+    force_exponent=0.5,
     engine="twin",
     nuisances=("level",),
     observe=("average=0.1T", "gain=1.1"),

@@ -115,6 +115,14 @@ def add_parser(verbs: Any) -> None:
         help="minimise (mean NRMSE^P)^(1/P) over the files: 2, the default, is the root mean square; a higher power "
         "gives more weight to the worst file",
     )
+    parser.add_argument(
+        "--force-exponent",
+        type=float,
+        default=1.0,
+        metavar="E",
+        help="assume that errors grow between files with their force to this power: 1, the default, gives all files "
+        "the same weight, 0 compares errors in newtons",
+    )
     parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the search, default 0")
     parser.add_argument(
         "--search",
@@ -155,6 +163,7 @@ def settings_of(options: argparse.Namespace) -> FitSettings:
         search=_search(options),
         bounds=parse_bounds(options.bound, options.fix),
         power=options.power,
+        force_exponent=options.force_exponent,
         engine=options.engine,
         nuisances=nuisances_of(options),
         observe=observation_of(options),

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.nuisance import NuisanceName
+from mrwork.identification.objective import EQUAL_SHARES, shares_of
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import DamperTest
 
@@ -56,7 +57,7 @@ class FoldedFit:
 class FoldedTests:
     """Tests, and the rows' shares of them in the squared misfit, shape (n_rows, n_tests): 0 for a test left out.
 
-    The squared misfit of a row is the mean of the squared NRMSE of its tests.
+    The squared misfit of a row is the mean of the squared NRMSE of its tests, weighted as in `Objective`.
     """
 
     observed: tuple[ObservedTest, ...]
@@ -71,14 +72,17 @@ class FoldedTests:
         folds: Sequence[Sequence[int]],
         *,
         nuisances: tuple[NuisanceName, ...] = (),
+        force_exponent: float = EQUAL_SHARES,
         threads: int = 0,
     ) -> FoldedTests:
         """Row 0 has all tests, row k all but those with the indices of fold k - 1."""
-        included = np.ones((1 + len(folds), len(tests)))
+        observed = tuple(ObservedTest.of(spec, test, nuisances) for test in tests)
+        shares = shares_of([each.deviation for each in observed], force_exponent)
+        included = np.tile(shares, (1 + len(folds), 1))
         for row, members in enumerate(folds, start=1):
             included[row, list(members)] = 0.0
         return cls(
-            observed=tuple(ObservedTest.of(spec, test, nuisances) for test in tests),
+            observed=observed,
             shares=included / included.sum(axis=1, keepdims=True),
             threads=threads,
         )

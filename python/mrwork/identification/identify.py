@@ -46,6 +46,7 @@ def identify(
     observe: str | Sequence[str] = DETECT,
     starts: Sequence[Start] = (),
     power: float = 2.0,
+    force_exponent: float = 1.0,
     engine: Engine = "lanes",
     rng: int = 0,
     threads: int = 0,
@@ -84,6 +85,9 @@ def identify(
     power
         The objective is (mean NRMSE^power)^(1/power) over the tests: 2 is the root mean square, a higher power gives
         more weight to the worst test.
+    force_exponent
+        Errors are assumed to grow between tests with this power of the standard deviation of the force: 1 gives all
+        tests the same weight, 0 compares errors in newtons.
     engine
         Where the final fit runs: "lanes", or "twin", which takes about eighty times as long to reach the same minimum.
     rng
@@ -136,6 +140,7 @@ def identify(
         bounds=dict(bounds or {}),
         starts=tuple(dict(start) for start in starts),
         power=power,
+        force_exponent=force_exponent,
         engine=engine,
         nuisances=tuple(nuisances),
         observe=as_words(observe),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
@@ -27,7 +27,23 @@ _MARGIN = 1.0 + 1e-9
 # Power of the root mean square, that of least squares.
 ROOT_MEAN_SQUARE = 2.0
 
+# Exponent with which every test has the same weight: errors that grow in proportion to the force.
+EQUAL_SHARES = 1.0
+
 T = TypeVar("T")
+
+
+def shares_of(deviations: Sequence[float], force_exponent: float) -> list[float]:
+    """Weights of the squared NRMSE of tests, of mean 1, from the standard deviations of their forces [N].
+
+    Errors whose standard deviation is proportional to that of the force to the `force_exponent` have the same variance
+    then: 1 gives equal weights, 0 minimises the sum of squares in newtons.
+    """
+    if force_exponent == EQUAL_SHARES:
+        return [1.0] * len(deviations)
+    relative = np.array(deviations) / np.max(deviations)
+    weights = relative ** (2.0 * (EQUAL_SHARES - force_exponent))
+    return [float(weight) for weight in weights / weights.mean()]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -35,7 +51,8 @@ class Objective(Summarised):
     """Free-run misfit of a model against one or several tests.
 
     The misfit is the power mean over tests of the NRMSE, (mean NRMSE^power)^(1/power). With power 2 all tests have the
-    same weight, independent of length and force; a higher power gives more weight to the worst. The observation model
+    same weight, independent of length and force; a higher power gives more weight to the worst, a `force_exponent`
+    below 1 to tests of large force, see `shares_of`. The observation model
     of the test and the nuisance parameters are applied to the simulated force before the comparison. Costly steps are
     recorded in the `journal`, if any.
     """
@@ -44,6 +61,7 @@ class Objective(Summarised):
     compared: tuple[ObservedTest, ...]
     nuisances: tuple[NuisanceName, ...] = ()
     power: float = ROOT_MEAN_SQUARE
+    force_exponent: float = EQUAL_SHARES
     threads: int = 0
     tally: Tally = field(default_factory=Tally)
     journal: Journal | None = None
@@ -56,6 +74,7 @@ class Objective(Summarised):
         *,
         nuisances: tuple[NuisanceName, ...] = (),
         power: float = ROOT_MEAN_SQUARE,
+        force_exponent: float = EQUAL_SHARES,
         threads: int = 0,
         tally: Tally | None = None,
         journal: Journal | None = None,
@@ -63,11 +82,14 @@ class Objective(Summarised):
         """Objective on these tests; the splines of their motions are computed here, once for all candidates."""
         if not tests:
             raise RecordError("no test was given to identify from; name at least one file")
+        compared = tuple(ObservedTest.of(spec, test, nuisances) for test in tests)
+        shares = shares_of([each.deviation for each in compared], force_exponent)
         return cls(
             spec=spec,
-            compared=tuple(ObservedTest.of(spec, test, nuisances) for test in tests),
+            compared=tuple(replace(each, share=share) for each, share in zip(compared, shares, strict=True)),
             nuisances=nuisances,
             power=power,
+            force_exponent=force_exponent,
             threads=threads,
             tally=tally or Tally(),
             journal=journal,
@@ -80,6 +102,7 @@ class Objective(Summarised):
             tests,
             nuisances=self.nuisances,
             power=self.power,
+            force_exponent=self.force_exponent,
             threads=self.threads,
             tally=self.tally,
             journal=self.journal,

@@ -105,6 +105,7 @@ class Problem:
             tuple(observed(test, settings.observe) for test in tests),
             nuisances=settings.nuisances,
             power=settings.power,
+            force_exponent=settings.force_exponent,
             threads=threads,
             journal=journal,
         )

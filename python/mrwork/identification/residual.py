@@ -31,14 +31,16 @@ Array = NDArray[np.float64]
 class ObservedTest:
     """One test that a model is compared with; the splines of its `history` are computed once for all candidates.
 
-    Residuals are the model's force minus the measured one [N], over the samples that are compared, with the nuisance
-    parameters at their least-squares values for each candidate.
+    `share` is the weight of its squared NRMSE among other tests. Residuals are the model's force minus the measured one
+    [N], over the samples that are compared, with the nuisance parameters at their least-squares values for each
+    candidate.
     """
 
     spec: DamperSpec
     test: DamperTest
     history: _rust.LoadingHistory
     nuisances: tuple[NuisanceName, ...] = ()
+    share: float = 1.0
 
     @classmethod
     def of(cls, spec: DamperSpec, test: DamperTest, nuisances: tuple[NuisanceName, ...] = ()) -> ObservedTest:
@@ -58,7 +60,7 @@ class ObservedTest:
     def weight(self, n_tests: int) -> float:
         """Factor on residuals [N] with which the sum of their squares over all tests is the squared misfit."""
         measured = self.measured
-        return float(1.0 / np.sqrt(np.var(measured) * measured.size * n_tests))
+        return float(np.sqrt(self.share) / np.sqrt(np.var(measured) * measured.size * n_tests))
 
     def forces(self, theta: Array, *, threads: int = 0) -> tuple[Array, NDArray[np.bool_]]:
         """Force of each row of `theta` as recorded [N], shape (n_batch, n_time), and which rows failed.

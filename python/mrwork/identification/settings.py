@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args
 
 from mrwork.errors import RecordError, SettingError
 from mrwork.identification.nuisance import NuisanceName
-from mrwork.identification.objective import ROOT_MEAN_SQUARE
+from mrwork.identification.objective import EQUAL_SHARES, ROOT_MEAN_SQUARE
 from mrwork.identification.searches import Search, record_of_search, search_named, search_of_record
 from mrwork.records import DamperTest, read_damper_test, repair
 from mrwork.records.observing import DETECT, NONE, as_words
@@ -112,7 +112,7 @@ class FitSettings:
     Raises
     ------
     SettingError
-        Where the power, the engine, a nuisance parameter or an observation is impossible.
+        Where the power, the exponent of the force, the engine, a nuisance parameter or an observation is impossible.
     UnknownNameError
         Where no search has the name.
     """
@@ -121,6 +121,7 @@ class FitSettings:
     bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     starts: tuple[Start, ...] = ()
     power: float = ROOT_MEAN_SQUARE
+    force_exponent: float = EQUAL_SHARES
     engine: Engine = "lanes"
     nuisances: tuple[NuisanceName, ...] = ()
     observe: tuple[str, ...] = (DETECT,)
@@ -136,6 +137,11 @@ class FitSettings:
             raise SettingError(
                 f"the power of the mean over tests is {self.power:g}; give 2, where all weigh the same, "
                 f"up to {_LARGEST_POWER:g}, where hardly any but the worst counts"
+            )
+        if not 0.0 <= self.force_exponent <= EQUAL_SHARES:
+            raise SettingError(
+                f"the exponent of the force is {self.force_exponent:g}; give 1, where all tests weigh the same, down "
+                "to 0, where errors in newtons do"
             )
         unknown = [name for name in self.nuisances if name not in get_args(NuisanceName)]
         if unknown:

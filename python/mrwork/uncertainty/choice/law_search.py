@@ -104,7 +104,8 @@ class LawSearch:
         current = self._fitted(laws, starts)
         while len(self.found) < _MOST_TRIED:
             moves = self._moves(current, 1)
-            if not moves or moves[0].fit_percent < current.tried.fit_percent + _WORTH_TRYING:
+            misfit = self.folded.misfit(current.fit.squared[:1], self.folded.shares[:1])[0]
+            if not moves or moves[0].fit_percent < 100.0 * (1.0 - np.sqrt(misfit)) + _WORTH_TRYING:
                 break
             current = self._moved(current, moves[0].laws)
         self._simplify(min(self.found, key=lambda each: each.score))
@@ -306,7 +307,14 @@ def prepared(
         commands=np.array(sorted(levels)),
         leave_out=leave_out,
         folds=folds,
-        folded=FoldedTests.of(spec, short, folds, nuisances=settings.nuisances, threads=threads),
+        folded=FoldedTests.of(
+            spec,
+            short,
+            folds,
+            nuisances=settings.nuisances,
+            force_exponent=settings.force_exponent,
+            threads=threads,
+        ),
         # The excerpts have the observation models of their whole records.
         settings=replace(settings, observe=(NONE,)),
         unit=unit,
