@@ -11,7 +11,7 @@ from record_files import AMPLITUDE, FREQUENCY, clean_columns, codes
 
 from mrwork.errors import RecordError
 from mrwork.records import DamperTest, build_damper_test, cut, mislabelled, read_damper_test, repair
-from mrwork.records.command_signal import is_stepped, same_command
+from mrwork.records.command_signal import is_stepped, levels_of_command, same_command
 from mrwork.records.window import excerpt
 
 DT = 1e-3
@@ -139,6 +139,15 @@ def test_a_command_in_time_with_the_motion_is_no_static_force() -> None:
 def test_ranges_are_told_to_a_hundredth() -> None:
     noisy = SWITCHING + 0.004 * np.random.default_rng(13).standard_normal(N_TIME)
     assert built(noisy).command_in_words in {"-0.01 to 1.01 A, stepped", "-0.01 to 1.02 A, stepped"}
+
+
+def test_levels_of_a_stepped_command_are_those_without_noise() -> None:
+    noisy = SWITCHING + 0.004 * np.random.default_rng(17).standard_normal(N_TIME)
+    assert levels_of_command(noisy) == pytest.approx((0.0, 1.0), abs=1e-3)
+    assert levels_of_command(0.5) == (0.5,)
+    smooth = levels_of_command(SMOOTH)
+    assert len(smooth) > 10
+    assert (smooth[0], smooth[-1]) == pytest.approx((0.1, 0.9), abs=0.05)
 
 
 def test_commands_are_the_same_sample_by_sample() -> None:

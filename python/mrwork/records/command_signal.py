@@ -77,15 +77,18 @@ def _jumps(command: NDArray[np.float64]) -> bool:
 
 
 def levels_of_command(command: Command) -> tuple[float, ...]:
-    """Values at which a command stays for some of the time, lowest first; of one that varies smoothly, its range."""
+    """Values at which a command stays for some of the time, lowest first; of one that varies smoothly, about twenty.
+
+    A level is the median of its samples, which noise does not shift.
+    """
     if not isinstance(command, np.ndarray):
         return (float(command),)
-    percentiles = np.percentile(command, np.arange(0.5, 100.0, 1.0))
-    levels = [percentiles[0]]
-    for value in percentiles:
-        if value - levels[-1] > _LEVEL * np.ptp(command):
-            levels.append(value)
-    return tuple(float(level) for level in levels)
+    groups: list[list[float]] = [[]]
+    for value in np.percentile(command, np.arange(0.5, 100.0, 1.0)):
+        if groups[-1] and value - groups[-1][0] > _LEVEL * np.ptp(command):
+            groups.append([])
+        groups[-1].append(float(value))
+    return tuple(float(np.median(group)) for group in groups)
 
 
 def resampled_command(

@@ -14,7 +14,8 @@ from mrwork.dampers.parameters import CommandUnit
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest
-from mrwork.records.command_signal import command_range
+from mrwork.records.command import command_level
+from mrwork.records.command_signal import Command, levels_of_command
 from mrwork.records.damper_test import as_tests
 from mrwork.records.motion import spectrum
 from mrwork.simulate import Loading
@@ -108,7 +109,7 @@ def candidate_grid(
     levels: Sequence[float | None] = [None]
     if spec.current is not None:
         known = [command for test in tests for command, unit in test.commands if unit == spec.current.unit]
-        levels = commands or sorted({level for command in known for level in command_range(command)})
+        levels = commands or sorted({level for command in known for level in _ends(command)})
     grid = tuple(
         candidate
         for command in levels
@@ -182,6 +183,14 @@ def excitation_of(test: DamperTest) -> Candidate:
         amplitude=test.amplitude or 0.5 * float(np.ptp(test.displacement)),
         frequency=test.frequency or float(spectrum(test.displacement, test.dt).dominant),
     )
+
+
+def _ends(command: Command) -> tuple[float, ...]:
+    """A constant command, or the lowest and the highest level of one that varies."""
+    if not isinstance(command, np.ndarray):
+        return (command,)
+    levels = levels_of_command(command)
+    return command_level(levels[0]), command_level(levels[-1])
 
 
 def _about(values: Sequence[float]) -> list[float]:
