@@ -271,7 +271,9 @@ def test_a_matrix_that_claims_two_gigabytes_is_refused(tmp_path: Path) -> None:
 
 
 def test_other_bad_inputs_are_one_sentence(record: Path, tmp_path: Path) -> None:
-    refused(mrwork("check", tmp_path), "directory")
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    refused(mrwork("check", empty), "has no record")
     refused(mrwork("check", tmp_path / "none.csv"), "none.csv")
     refused(mrwork("identify", record, "--model", "bouc_wenn"), "bouc_wenn", "static_hysteretic")
     refused(mrwork("identify", record, "--bound", "rho=10:1"), "reversed")
