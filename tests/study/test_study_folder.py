@@ -13,6 +13,7 @@ from mrwork.errors import RecordError
 from mrwork.store.codec import json_document
 from mrwork.store.run_folder import RESULTS
 from mrwork.study import StudyResults, read_results
+from mrwork.study.comparison import compared
 from mrwork.study.folder import StoredStudy, study_document
 from mrwork.study.results import largest_step_changes
 
@@ -39,6 +40,18 @@ def test_what_follows_from_the_runs_follows_from_their_file(tmp_path: Path) -> N
     assert largest_step_changes(stored) == largest_step_changes(results)
     assert (stored.done, stored.total, stored.complete) == (results.done, results.total, True)
     assert stored.finished(0) == results.finished(0) == [0, 1, 2, 3]
+
+
+def test_a_file_without_the_changes_still_opens(tmp_path: Path) -> None:
+    results = study_samples.results()
+    document = study_document(results)
+    for newer in ("changes", "best_passive"):
+        del document[newer]
+    for run in document["results"]:
+        del run["over_best_passive"]
+    (tmp_path / RESULTS).write_text(json_document(document), encoding="utf-8")
+    stored = read_results(tmp_path)
+    assert compared(stored).in_words(4) == compared(results).in_words(4)
 
 
 def test_rows_that_were_not_reached_are_known_by_their_labels(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ def study_text(results: StudyResults, folder: Path) -> str:
     """Changes of every quantity, a table for each motion, scores, check of the step, warnings, path of the page."""
     comparison = compared(results)
     lines = [results.title, "", *_leading_lines(comparison)]
-    for reference in comparison.references:
+    for reference in comparison.references if len(results.rows) > 1 else ():
         lines += [*_change_lines(comparison, reference), ""]
     for motion in range(len(results.motions)):
         lines += [*_motion_lines(results, motion), ""]

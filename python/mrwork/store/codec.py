@@ -181,7 +181,11 @@ def _built_record(kind: type, value: Any, place: str) -> Any:
     known = fields(kind)
     names = [field.name for field in known if field.name in value]
     # A field that has a default may be newer than the document.
-    missing = [field.name for field in known if field.name not in value and field.default is MISSING]
+    missing = [
+        field.name
+        for field in known
+        if field.name not in value and field.default is MISSING and field.default_factory is MISSING
+    ]
     if missing:
         raise _MismatchError(f"`{place}` lacks {', '.join(missing)}")
     return kind(**{name: _built(hints[name], value[name], f"{place}.{name}") for name in names})

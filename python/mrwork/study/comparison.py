@@ -37,7 +37,7 @@ RANKS = (
 """Ranks in the order of tables; every kind of row belongs to one."""
 
 ADD_BEST_PASSIVE = (
-    "The study has no best constant command, and against i = 0 alone any law looks good: add a [[controller]] with "
+    "The study has no best constant command, and against i = 0 alone most laws look good: add a [[controller]] with "
     'law = "best_passive".'
 )
 """Advice for a study whose passive dampers do not include the best one."""
