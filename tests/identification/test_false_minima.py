@@ -38,7 +38,18 @@ def linear(test: DamperTest) -> DamperTest:
 def test_a_linear_spring_and_dashpot_describes_its_own_force_and_not_a_hysteresis() -> None:
     assert linear_misfit([linear(TEST)]) < 1e-9
     assert linear_misfit([TEST]) > 0.1
-    assert linear_misfit([TEST, linear(TEST)]) == pytest.approx(linear_misfit([TEST]) / np.sqrt(2.0))
+
+
+def test_tests_at_two_commands_share_the_linear_model_unless_the_model_follows_the_command() -> None:
+    # One spring and dashpot for a force and its triple is right for neither.
+    weak, strong = (
+        replace(linear(TEST), current=current, force=factor * linear(TEST).force)
+        for current, factor in ((0.0, 1.0), (1.0, 3.0))
+    )
+    assert linear_misfit([weak, strong], follows_command=True) < 1e-9
+    assert linear_misfit([weak, strong]) > 0.3
+    same = [replace(test, current=0.0) for test in (weak, strong)]
+    assert linear_misfit(same, follows_command=True) == pytest.approx(linear_misfit(same))
 
 
 def test_a_fit_no_better_than_a_linear_one_is_named() -> None:

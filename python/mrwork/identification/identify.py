@@ -294,7 +294,9 @@ class _Ending:
             status="converged" if polished.converged else "not_converged",
             seconds=reporter.seconds,
         )
-        doubts = points.warnings + linear_warning(fit.nrmse, problem.objective.tests)
+        doubts = points.warnings + linear_warning(
+            fit.nrmse, problem.objective.tests, follows_command=problem.spec.current is not None
+        )
         return replace(fit, warnings=fit.warnings + doubts)
 
 

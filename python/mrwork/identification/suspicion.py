@@ -7,28 +7,52 @@ from collections.abc import Sequence
 import numpy as np
 
 from mrwork.records import DamperTest
+from mrwork.records.command import command_level
 
 # A fit whose misfit is not below this share of that of a linear spring and dashpot has lost its non-linear part.
 LINEAR_SHARE = 0.98
 
 
-def linear_misfit(tests: Sequence[DamperTest]) -> float:
-    """Misfit of a linear spring and dashpot with an offset, fitted to each test by itself: root mean square NRMSE."""
-    return float(np.sqrt(np.mean([_linear_nrmse(test) ** 2 for test in tests])))
+def linear_misfit(tests: Sequence[DamperTest], *, follows_command: bool = False) -> float:
+    """Misfit of a linear spring and dashpot with an offset: root mean square NRMSE.
+
+    All tests have one spring and dashpot, as they have one set of constant parameters; for a model that follows the
+    command, those at each command have their own.
+    """
+    groups: dict[object, list[DamperTest]] = {}
+    for test in tests:
+        groups.setdefault(_command_of(test) if follows_command else None, []).append(test)
+    squares = [square for group in groups.values() for square in _linear_squares(group)]
+    return float(np.sqrt(np.mean(squares)))
 
 
-def _linear_nrmse(test: DamperTest) -> float:
-    counted = test.counted
-    force = test.force[counted]
-    motion = np.stack([test.displacement, test.velocity, np.ones_like(test.force)], axis=1)[counted]
-    scale = np.maximum(np.abs(motion).max(axis=0), np.finfo(np.float64).tiny)
-    solution = np.linalg.lstsq(motion / scale, force, rcond=None)[0]
-    return float(np.std(force - (motion / scale) @ solution) / np.std(force))
+def _command_of(test: DamperTest) -> object:
+    """What tests at one command share; a test whose command varies is by itself."""
+    if test.has_varying_command:
+        return test.label
+    return tuple((unit, command_level(float(np.mean(command)))) for command, unit in test.commands)
 
 
-def linear_warning(nrmse: float, tests: Sequence[DamperTest]) -> tuple[str, ...]:
+def _linear_squares(tests: Sequence[DamperTest]) -> list[float]:
+    """Squared NRMSE of each test, for one spring and dashpot that minimises their sum."""
+    forces, motions = [], []
+    for test in tests:
+        force = test.force[test.counted]
+        motion = np.stack([test.displacement, test.velocity, np.ones_like(test.force)], axis=1)[test.counted]
+        weight = np.std(force) * np.sqrt(force.size)
+        forces.append(force / weight)
+        motions.append(motion / weight)
+    scale = np.maximum(np.abs(np.concatenate(motions)).max(axis=0), np.finfo(np.float64).tiny)
+    solution = np.linalg.lstsq(np.concatenate(motions) / scale, np.concatenate(forces), rcond=None)[0]
+    residuals = [force - (motion / scale) @ solution for force, motion in zip(forces, motions, strict=True)]
+    return [float(residual @ residual) for residual in residuals]
+
+
+def linear_warning(
+    nrmse: float, tests: Sequence[DamperTest], *, follows_command: bool = False
+) -> tuple[str, ...]:
     """A warning where a fit with this misfit is no better than a linear spring and dashpot."""
-    linear = linear_misfit(tests)
+    linear = linear_misfit(tests, follows_command=follows_command)
     if nrmse < LINEAR_SHARE * linear:
         return ()
     return (
