@@ -48,8 +48,9 @@ def standings(choice: Choice) -> list[dict[str, Any]]:
 def test_data_go_to_the_family_that_made_them_not_to_a_larger_one_that_contains_it(choice: Choice) -> None:
     found = {each.model: each for each in choice.ranking.standings}
     assert choice.ranking.chosen == "viscous_dahl"
-    # With n on its bound it is the smaller family, and counts as that.
+    # Its knee is that of Dahl: n is on its bound.
     assert found["normalised_bouc_wen"].verdict == "collapsed"
+    assert found["normalised_bouc_wen"].same_as == "viscous_dahl"
     assert found["dahl"].verdict == "behind"
     # Noise of 2 % is all that is left.
     assert found["viscous_dahl"].left_out_percent == pytest.approx(98.0, abs=0.4)
