@@ -196,6 +196,8 @@ class Draws(Summarised):
         for summary in self.summaries:
             attributes = tree["posterior"][summary.name].attrs
             attributes["units"] = summary.unit
+            # The draws kept are thinned, so their quantiles differ a little.
+            attributes |= {"median": summary.median, "lower": summary.lower, "upper": summary.upper}
             if summary.verdict is not None:
                 attributes |= {"verdict": summary.verdict, "reason": summary.reason}
         return tree

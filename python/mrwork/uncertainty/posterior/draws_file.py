@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.store.run_folder import DRAWS, replacing
 from mrwork.uncertainty.noise import noise_model
-from mrwork.uncertainty.posterior.draws import Draws, summary_of
+from mrwork.uncertainty.posterior.draws import Draws, DrawSummary, summary_of
 from mrwork.uncertainty.posterior.space import NOISE
 
 if TYPE_CHECKING:
@@ -79,12 +80,11 @@ def read_draws(place: Path, fit: Fit) -> Draws | None:
                 noise_chains=np.stack([columns[name] for name in noise_names], axis=-1),
                 densities=densities,
                 summaries=tuple(
-                    replace(
+                    _with_stored(
                         summary_of(
                             columns[name], name=name, unit=units[name], bounds=bounds[name], tau=np.nan
                         ),
-                        verdict=posterior[name].attrs.get("verdict"),
-                        reason=str(posterior[name].attrs.get("reason", "")),
+                        posterior[name].attrs,
                     )
                     for name in names + noise_names
                 ),
@@ -105,3 +105,13 @@ def read_draws(place: Path, fit: Fit) -> Draws | None:
 
 def _numbers(values: DataArray) -> Array:
     return np.asarray(values.values, dtype=np.float64)
+
+
+def _with_stored(summary: DrawSummary, attributes: Mapping[str, Any]) -> DrawSummary:
+    """The summary with the verdict and the quantiles of all draws, which files of earlier versions do not have."""
+    return replace(
+        summary,
+        verdict=attributes.get("verdict"),
+        reason=str(attributes.get("reason", "")),
+        **{name: float(attributes[name]) for name in ("median", "lower", "upper") if name in attributes},
+    )
