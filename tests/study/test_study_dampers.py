@@ -85,6 +85,7 @@ def test_an_identified_run_is_taken_with_its_laws_and_its_largest_tested_command
     assert found.largest_command == 4.0
     assert found.tested == TESTED
     assert chosen('run = "run"\nlargest_command = 5.0').largest_command == 5.0
+    assert chosen('run = "run"\nlargest_command = "500 mV"').largest_command == 0.5
 
 
 @pytest.mark.parametrize(
@@ -111,6 +112,11 @@ def test_an_identified_run_is_taken_with_its_laws_and_its_largest_tested_command
             r"line 3: passive is true, and c, k, alpha, delta, f0 of this",
         ),
         ('run = "old"', "has no largest_command"),
+        (
+            'run = "run"\nlargest_command = "2 A"',
+            r"line 3: largest_command is '2 A', .* its unit may be V, mV",
+        ),
+        ('preset = "kwok2006"\nlargest_command = "-1 A"', r"line 3: largest_command is -1; .* positive"),
         (
             'run = "run"\nunit = "A"',
             r"line 3: the command of this damper \(run run\) is in V; leave unit out",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
+from math import inf
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from mrwork.errors import RecordError
 from mrwork.keys import Place
 from mrwork.records.command import command_level
 from mrwork.records.operating_range import OperatingRange
-from mrwork.study.declared import located, suggestion
+from mrwork.study.declared import located, number_in, suggestion
 from mrwork.study.schema import DamperTable
 
 
@@ -100,7 +101,7 @@ def chosen_damper(table: DamperTable, folder: Path, identified: Identified) -> C
         place.within("unit").refuse(
             f"the command of this damper ({source}) is in {draft.unit}; leave unit out"
         )
-    largest = table.largest_command if table.largest_command is not None else largest
+    largest = _largest_given(table, draft.unit) or largest
     if not largest and spec.follows_command:
         place.refuse(
             f"{place.table} has no largest_command; give the largest command of the driver [{draft.unit}]"
@@ -119,6 +120,19 @@ class _Draft:
     values: Mapping[str, tuple[float, ...]]
     unit: CommandUnit
     lag: float | None
+
+
+def _largest_given(table: DamperTable, unit: CommandUnit) -> float | None:
+    """The largest command of the table in the unit of the damper; `None` if it has none."""
+    given, place = table.largest_command, table.place.within("largest_command")
+    if isinstance(given, str):
+        number = number_in(given, unit)
+        if isinstance(number, str):
+            place.refuse(f"largest_command {number}")
+        given = number
+    if given is not None and not 0.0 < given < inf:
+        place.refuse(f"largest_command is {given:g}; give a positive number [{unit}]")
+    return given
 
 
 def _refuse_unless_passive(table: DamperTable, spec: DamperSpec, source: str) -> None:

@@ -108,7 +108,7 @@ def _value(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
 def _plain(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
     unit = entry.metadata["unit"]
     if kind is float and isinstance(value, str) and unit:
-        number = _number_in(value, unit)
+        number = number_in(value, unit)
         if isinstance(number, str):
             place.refuse(f"{_name(place)} {number}")
         value = number
@@ -122,7 +122,7 @@ def _plain(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
     return value
 
 
-def _number_in(text: str, unit: str) -> float | str:
+def number_in(text: str, unit: str) -> float | str:
     """A number in SI from a text such as "1 ms", or the reason why it is not one, as the rest of a sentence."""
     factors = {name: factor for quantity in _MEASURES[unit] for name, factor in FACTORS[quantity].items()}
     known, example = ", ".join(factors), f'"1 {list(factors)[:2][-1]}"'

@@ -67,7 +67,7 @@ class DamperTable:
     lag: float | None = key(
         "rate of the lag of the driver, instead of that of the preset", unit="1/s", default=None, above=0.0
     )
-    largest_command: float | None = key(
+    largest_command: float | str | None = key(
         "largest command of the driver, instead of that of the preset or the largest tested one of the run",
         unit="A or V",
         default=None,
