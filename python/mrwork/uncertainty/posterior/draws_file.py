@@ -113,5 +113,7 @@ def _with_stored(summary: DrawSummary, attributes: Mapping[str, Any]) -> DrawSum
         summary,
         verdict=attributes.get("verdict"),
         reason=str(attributes.get("reason", "")),
-        **{name: float(attributes[name]) for name in ("median", "lower", "upper") if name in attributes},
+        median=float(attributes.get("median", summary.median)),
+        lower=float(attributes.get("lower", summary.lower)),
+        upper=float(attributes.get("upper", summary.upper)),
     )
