@@ -187,6 +187,7 @@ def test_a_run_folder_holds_the_table_and_the_page_shows_it(
     ("arguments", "message"),
     [
         (("--model", "dahl,bingham"), "--law auto chooses the laws of one model"),
+        (("--driver-lag",), "which show no lag; leave --driver-lag out"),
         (("--start", "nowhere"), "leave --start out"),
         (("--leave-out", "test"), "one test was given"),
     ],

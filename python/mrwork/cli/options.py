@@ -187,6 +187,11 @@ def laws_of(options: argparse.Namespace) -> dict[str, LawName]:
     """
     if options.driver_lag and not options.law:
         raise SettingError("--driver-lag is of the command, which no parameter follows; give --law NAME=LAW")
+    if options.driver_lag and laws_are_chosen(options):
+        raise SettingError(
+            "--law auto chooses laws from tests at constant commands, which show no lag; leave --driver-lag out, or "
+            "give the laws"
+        )
     laws: dict[str, LawName] = {}
     for text in options.law:
         if text == _AUTO:
