@@ -21,6 +21,7 @@ from mrwork.identification.levenberg_marquardt import find_minimum
 from mrwork.identification.objective import Objective
 from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest
+from mrwork.records.window import middle_excerpt
 from mrwork.search import EfficientGA, StopRules
 from mrwork.store.unfinished import StepJournals
 from mrwork.uncertainty.choice.laws import LawChoice, LawProgress, choose_laws
@@ -196,3 +197,16 @@ def test_options_that_do_not_go_together_are_refused(arguments: tuple[str, ...],
     ended = mrwork("identify", "synthetic:spencer1997", "--law", "auto", *arguments)
     assert ended.returncode == 2
     assert message in ended.stderr
+
+
+def test_laws_are_compared_on_cycles_from_the_middle_of_a_record() -> None:
+    test = sinusoidal_test("viscous_dahl", (800.0, 300.0, 2000.0, 20.0), (0.010, 1.0), noise=0.0, cycles=20)
+    short = middle_excerpt(test, per_cycle=30)
+    assert short.dt == pytest.approx(2.0 * test.dt)
+    ends = short.start_time, short.start_time + short.n_time * short.dt
+    assert np.mean(ends) == pytest.approx(10.0, abs=0.1)
+    assert ends[1] - ends[0] == pytest.approx(3.0 + test.n_settle * test.dt, abs=0.1)
+    few = replace(
+        test, displacement=test.displacement[:90], velocity=test.velocity[:90], force=test.force[:90]
+    )
+    assert middle_excerpt(few, per_cycle=60).n_time == 90

@@ -57,8 +57,8 @@ _CYCLIC_BAND = 5.0
 _PER_FASTEST = 40
 
 
-def excerpt(test: DamperTest, *, per_cycle: int = _EXCERPT_PER_CYCLE) -> DamperTest:
-    """Return the first cycles of a cyclic test, decimated to `per_cycle` samples, which show the loop.
+def excerpt(test: DamperTest) -> DamperTest:
+    """Return the first cycles of a cyclic test, decimated to a resolution that shows the loop.
 
     This is sufficient for a search, since further cycles add little information. A motion whose band extends beyond a
     few times its dominant frequency keeps its length, and so does a test whose command varies.
@@ -66,13 +66,28 @@ def excerpt(test: DamperTest, *, per_cycle: int = _EXCERPT_PER_CYCLE) -> DamperT
     motion = spectrum(test.displacement, test.dt)
     if motion.dominant <= 0.0:
         return test
-    thin = max(1, int(1.0 / (motion.dominant * test.dt * per_cycle)))
+    thin = max(1, int(1.0 / (motion.dominant * test.dt * _EXCERPT_PER_CYCLE)))
     if motion.band_edge > _CYCLIC_BAND * motion.dominant:
         return cut(test, every=max(1, int(1.0 / (motion.band_edge * test.dt * _PER_FASTEST))))
     if test.has_varying_command:
         return cut(test, every=thin)
     whole = test.n_settle * test.dt + _EXCERPT_CYCLES / motion.dominant
     return cut(test, end=test.start_time + whole, every=thin)
+
+
+def middle_excerpt(test: DamperTest, *, per_cycle: int) -> DamperTest:
+    """Return as many cycles from the middle of a cyclic test, decimated to `per_cycle` samples.
+
+    They represent a record whose force drifts better than the first ones, which contain the start-up. Another motion
+    is treated as by `excerpt`.
+    """
+    motion = spectrum(test.displacement, test.dt)
+    if motion.dominant <= 0.0 or motion.band_edge > _CYCLIC_BAND * motion.dominant:
+        return excerpt(test)
+    length = test.n_settle * test.dt + _EXCERPT_CYCLES / motion.dominant
+    start = test.start_time + max(0.0, (test.n_time * test.dt - length) / 2.0)
+    thin = max(1, int(1.0 / (motion.dominant * test.dt * per_cycle)))
+    return cut(test, start=start, end=start + length, every=thin)
 
 
 def counted_from(test: DamperTest, settle: float) -> DamperTest:

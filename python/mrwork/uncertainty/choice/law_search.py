@@ -22,7 +22,7 @@ from mrwork.identification.progress import interruptible
 from mrwork.identification.settings import FitSettings, Start
 from mrwork.records import DamperTest
 from mrwork.records.observing import NONE
-from mrwork.records.window import excerpt
+from mrwork.records.window import middle_excerpt
 from mrwork.store import Journal, digest_of
 from mrwork.uncertainty.bands.prediction import Fold, folds_of
 from mrwork.uncertainty.choice.law_table import TriedLaws
@@ -289,7 +289,7 @@ def prepared(
         motions = _count(tests, "motion")
         leave_out = "motion" if motions >= _MOTIONS else "test"
     folds = folds_of(tests, leave_out)
-    short = tuple(excerpt(test, per_cycle=_PER_CYCLE) for test in tests)
+    short = tuple(middle_excerpt(test, per_cycle=_PER_CYCLE) for test in tests)
     levels = levels_of(spec, short)
     n_levels = min(
         len(levels_of(spec, tuple(test for index, test in enumerate(short) if index not in members)))

@@ -24,8 +24,8 @@ LAW_DEFINITIONS = (
     "are as good as the best within one standard error of the paired difference, no more than that of the best itself, "
     f"or within {NEGLIGIBLE:g} points; of those the laws with the fewest parameters are chosen.",
     "A path of laws rises by one degree at a time, the one for which the linearised fit to all tests promises most; "
-    "from the best of the path degrees are lowered again, the one with the least loss first. Laws are fitted to the "
-    "first cycles of all tests, and of all but those of each fold, each time from the fits of the laws before.",
+    "from the best of the path degrees are lowered again, the one with the least loss first. Laws are fitted to "
+    "cycles from the middle of all tests, and of all but those of each fold, from the fits of the laws before.",
     "The left-out fit of the chosen laws is optimistic, because they were chosen by it; tests that were not given "
     "measure it without bias.",
 )
