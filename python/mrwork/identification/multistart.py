@@ -112,8 +112,8 @@ def search_starts(
     The best samples often lie in one basin, which need not be that of the least misfit. Only half of them therefore
     start minimisations, the others are samples in random order; later rounds also start from the best minimum with some
     of its parameters replaced. The search ends early only if a round has not lowered the least misfit, that misfit is
-    not `suspicious`, and it has been found again. One round is sufficient where three quarters of it agree; a minimum on
-    a bound takes one more round than others.
+    not `suspicious`, and it has been found again. One round is sufficient where three quarters of it agree; a minimum
+    on a bound takes one more round than others.
 
     Parameters
     ----------
