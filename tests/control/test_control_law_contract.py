@@ -86,8 +86,10 @@ def only(law: ControlLaw, rows: slice | Floats) -> ControlLaw:
 
 def bits(response: Responses) -> Floats:
     """All numbers of all runs, shape (n_runs, n_numbers)."""
-    names = [field.name for field in fields(Responses) if field.name not in ("shape", "histories")]
-    return np.hstack([np.reshape(getattr(response, name), (len(response.outcome), -1)) for name in names])
+    values = [getattr(response, field.name) for field in fields(Responses)]
+    arrays = [value for value in values if isinstance(value, np.ndarray)]
+    assert len(arrays) > 10
+    return np.hstack([np.reshape(array, (len(response.outcome), -1)) for array in arrays])
 
 
 def assert_same_bits(left: Responses, right: Responses) -> None:
