@@ -39,6 +39,7 @@ impl<'a> CurveModel<'a> {
     }
 
     /// The curve of one device.
+    #[allow(clippy::cast_precision_loss)] // few nodes
     pub(crate) fn curve<R: Real>(&self, largest: f64, mounting: Mounting) -> ForceCurve<R> {
         let columns: Vec<R> = self.theta.iter().map(|&value| R::splat(value)).collect();
         let nodes: Vec<Node<R>> = (0..NODES)
@@ -192,6 +193,7 @@ impl<R: Real> ForceCurve<R> {
 
     /// The command of the least of the tabulated values, between commands by the parabola through three of them.
     #[inline(always)]
+    #[allow(clippy::cast_precision_loss)] // few nodes
     fn least(&self, values: &[R; NODES]) -> R {
         let last = NODES - 1;
         let step = R::splat(self.largest / last as f64);
