@@ -79,6 +79,7 @@ def test_identify_writes_what_the_fit_says_by_itself_and_names_the_rest(plain: P
     for command in ("mrwork profile RUN", "mrwork sample RUN", "mrwork calibrate RUN TESTS"):
         assert f"<code>{command}</code>" in text
     assert "Final misfit of each local minimisation" in text
+    assert '<a href="#tested">Tested range</a>: stroke to' in text
 
 
 def test_every_verb_adds_its_section(whole: Path) -> None:

@@ -18,7 +18,7 @@ def _section(run: StoredRun, _: Sequence[Comparison]) -> Section | None:
     return Section(
         anchor="tested",
         title="Tested range",
-        summary=f"{tested.in_words}.",
+        summary=f"Tested range: {tested.in_words}.",
         groups=(
             Group(
                 table=Table(
