@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import argparse
-import json
 import textwrap
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 from mrwork.cli.identified import (
-    report_line,
+    close_run,
+    run_search,
     stem_of,
     text_of,
     with_command,
     with_identifiability,
-    write_fit_page,
     write_identification,
 )
-from mrwork.cli.options import cannot_be_resumed, command_unit, laws_are_chosen, laws_of, reading_of
+from mrwork.cli.options import command_unit, laws_are_chosen, laws_of, reading_of
 from mrwork.cli.output import note
-from mrwork.cli.progress import ProgressLine, choice_described
-from mrwork.errors import Interrupted, MrworkError, SettingError
+from mrwork.cli.progress import choice_described
+from mrwork.errors import SettingError
 from mrwork.identification.settings import FitSettings
 from mrwork.records import observed
 from mrwork.store.run_folder import FIT, MODELS, RANKING, check_destination
@@ -84,10 +83,8 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
     folder = options.out or Path("out") / f"{stem_of(tests)}-models"
     check_destination(folder)
     journals = StepJournals(folder, resume=options.resume, note=note)
-    line = ProgressLine(choice_described, quiet=options.quiet or options.json)
-    status = 0
-    try:
-        choice = choose_model(
+    choice, status = run_search(
+        lambda line: choose_model(
             tests,
             models,
             leave_out=options.leave_out or "test",
@@ -99,21 +96,14 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
             threads=options.threads,
             on_progress=line,
             journal_of=journals,
-        )
-    except Interrupted as interrupt:
-        if interrupt.result is None:
-            line.close()
-            note(
-                "interrupted before any model was identified; run the same command with --resume to continue"
-            )
-            return 130
-        choice, status = interrupt.result, 130
-    except MrworkError as error:
-        if cannot_be_resumed(error, options):
-            journals.discard()
-        raise
-    finally:
-        line.close()
+        ),
+        choice_described,
+        options,
+        before="any model was identified",
+        discard=journals.discard,
+    )
+    if choice is None:
+        return status
     fits = {fit.model: with_command(fit, reading) for fit in choice.fits}
     best = fits[choice.ranking.chosen]
     if status == 0:
@@ -128,22 +118,18 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
     )
     if status == 0:
         journals.discard()
-    if not options.json:
-        print(_text(choice.ranking, folder), flush=True)
-    if status == 130:
-        note(
-            f"interrupted; the models identified so far are in {folder}; run the same command with --resume to continue"
-        )
-    else:
-        if not options.json:
-            print("\n" + text_of(best, tests), flush=True)
-        quiet = options.quiet or options.json
-        status = write_fit_page(folder, best, tests, quiet=quiet, ranking=choice.ranking)
-        if status == 0 and not options.json:
-            print(report_line(folder))
-    if options.json:
-        print(json.dumps(_summary(choice, folder)))
-    return status
+    text = _text(choice.ranking, folder)
+    return close_run(
+        folder,
+        best,
+        tests,
+        status,
+        options,
+        text=f"{text}\n\n{text_of(best, tests)}" if status == 0 else text,
+        kept="what was identified",
+        document=_summary(choice, folder),
+        ranking=choice.ranking,
+    )
 
 
 def _summary(choice: Choice, folder: Path) -> dict[str, Any]:

@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 import argparse
-import json
 import textwrap
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrwork.cli.identified import (
-    report_line,
+    close_run,
+    run_search,
     stem_of,
     summary_of,
     text_of,
     with_command,
     with_identifiability,
-    write_fit_page,
     write_identification,
 )
-from mrwork.cli.options import cannot_be_resumed, command_unit, laws_of, reading_of
+from mrwork.cli.options import command_unit, laws_of, reading_of
 from mrwork.cli.output import note
-from mrwork.cli.progress import ProgressLine, laws_described
-from mrwork.errors import Interrupted, MrworkError, SettingError
+from mrwork.cli.progress import laws_described
+from mrwork.errors import SettingError
 from mrwork.identification.settings import FitSettings
 from mrwork.records import observed
 from mrwork.store.run_folder import LAWS, check_destination
@@ -46,10 +45,8 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
     folder = options.out or Path("out") / f"{stem_of(tests)}-{options.model}"
     check_destination(folder)
     journals = StepJournals(folder, resume=options.resume, note=note)
-    line = ProgressLine(laws_described, quiet=options.quiet or options.json)
-    status = 0
-    try:
-        choice = choose_laws(
+    choice, status = run_search(
+        lambda line: choose_laws(
             options.model,
             tests,
             laws=laws_of(options),
@@ -59,19 +56,14 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
             threads=options.threads,
             on_progress=line,
             journal_of=journals,
-        )
-    except Interrupted as interrupt:
-        if interrupt.result is None:
-            line.close()
-            note("interrupted before any laws were fitted; run the same command with --resume to continue")
-            return 130
-        choice, status = interrupt.result, 130
-    except MrworkError as error:
-        if cannot_be_resumed(error, options):
-            journals.discard()
-        raise
-    finally:
-        line.close()
+        ),
+        laws_described,
+        options,
+        before="any laws were fitted",
+        discard=journals.discard,
+    )
+    if choice is None:
+        return status
     fit = replace(choice.fit, seconds=choice.seconds)
     if status == 0:
         fit = with_identifiability(fit, tests, threads=options.threads)
@@ -87,20 +79,17 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
     )
     if status == 0:
         journals.discard()
-    if not options.json:
-        print("\n".join([*_lines(choice.table, folder), "", text_of(fit, tests)]), flush=True)
-    if status == 130:
-        note(
-            f"interrupted; the best laws so far are in {folder}; run the same command with --resume to continue"
-        )
-    else:
-        quiet = options.quiet or options.json
-        status = write_fit_page(folder, fit, tests, quiet=quiet, laws=choice.table)
-        if status == 0 and not options.json:
-            print(report_line(folder))
-    if options.json:
-        print(json.dumps(summary_of(fit, tests, folder) | {"choice_of_laws": asdict(choice.table)}))
-    return status
+    return close_run(
+        folder,
+        fit,
+        tests,
+        status,
+        options,
+        text="\n".join([*_lines(choice.table, folder), "", text_of(fit, tests)]),
+        kept="the best of what was fitted",
+        document=summary_of(fit, tests, folder) | {"choice_of_laws": asdict(choice.table)},
+        laws=choice.table,
+    )
 
 
 def _lines(table: LawTable, folder: Path) -> list[str]:

@@ -1,17 +1,22 @@
-"""Run folder, summary and text of an identification, of one model or of the best of several."""
+"""An identification of one model, of its laws or of several models: its run with progress, its folder, its text."""
 
 from __future__ import annotations
 
+import argparse
+import json
 import os
 import shlex
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
-from mrwork.cli.output import drawing, result_lines
+from mrwork.cli.options import cannot_be_resumed
+from mrwork.cli.output import drawing, note, result_lines
+from mrwork.cli.progress import ProgressLine
 from mrwork.dampers.spec import damper
+from mrwork.errors import Interrupted, MrworkError
 from mrwork.identification.fit import Estimate, Fit
 from mrwork.identification.fit_file import write_run
 from mrwork.identification.result import FitSpread
@@ -25,11 +30,55 @@ if TYPE_CHECKING:
     from mrwork.uncertainty.choice.law_table import LawTable
     from mrwork.uncertainty.choice.ranking import Ranking
 
+Result = TypeVar("Result")
+
 
 def stem_of(tests: tuple[DamperTest, ...]) -> str:
     """First part of the name of a run folder."""
     first = tests[0].name.replace(" ", "_").replace(os.sep, "_")
     return first if len(tests) == 1 else f"{first}-and-{len(tests) - 1}-more"
+
+
+def run_search(
+    search: Callable[[ProgressLine[Any]], Result],
+    described: Callable[[Any], str],
+    options: argparse.Namespace,
+    *,
+    before: str,
+    discard: Callable[[], None],
+    useless: Callable[[], bool] = lambda: False,
+) -> tuple[Result | None, int]:
+    """Run a search with a progress line; return its result, or `None`, and the exit status, 130 after Ctrl-C.
+
+    Parameters
+    ----------
+    search
+        Called with the progress line.
+    described
+        Text of a progress report.
+    options
+        The command line.
+    before
+        What has not happened when Ctrl-C leaves no result, for the message.
+    discard
+        Called to remove the journals after an error that makes them useless.
+    useless
+        Whether the journals are useless after any error.
+    """
+    line = ProgressLine(described, quiet=options.quiet or options.json)
+    try:
+        return search(line), 0
+    except Interrupted as interrupt:
+        if interrupt.result is None:
+            line.close()
+            note(f"interrupted before {before}; run the same command with --resume to continue")
+        return interrupt.result, 130
+    except MrworkError as error:
+        if cannot_be_resumed(error, options) or useless():
+            discard()
+        raise
+    finally:
+        line.close()
 
 
 def with_command(fit: Fit, reading: Reading) -> Fit:
@@ -88,6 +137,38 @@ def write_fit_page(
     return drawing(folder, draw, quiet=quiet)
 
 
+def close_run(
+    folder: Path,
+    fit: Fit,
+    tests: tuple[DamperTest, ...],
+    status: int,
+    options: argparse.Namespace,
+    *,
+    text: str,
+    kept: str,
+    document: Mapping[str, object],
+    ranking: Ranking | None = None,
+    laws: LawTable | None = None,
+) -> int:
+    """Print the result of a run whose folder is written, draw its page; return the exit status.
+
+    After Ctrl-C, `status` 130, a message says that what is `kept` so far is in the folder, and no page is drawn.
+    `document` is printed with --json in place of `text`.
+    """
+    if not options.json:
+        print(text, flush=True)
+    if status == 130:
+        note(f"interrupted; {kept} so far is in {folder}; run the same command with --resume to continue")
+    else:
+        quiet = options.quiet or options.json
+        status = write_fit_page(folder, fit, tests, quiet=quiet, ranking=ranking, laws=laws)
+    if options.json:
+        print(json.dumps(document))
+    elif status == 0:
+        print(f"\nReport: {folder / REPORT}")
+    return status
+
+
 _PAGE = (
     "<!doctype html><html lang=en><meta charset=utf-8><title>mrwork: {title}</title><p>{text}</p></html>\n"
 )
@@ -101,11 +182,6 @@ _NOT_DRAWN = _PAGE.format(
     text="This identification is complete, and its result is in fit.json. Its page was not drawn; "
     "<code>mrwork report RUN</code>, with this folder as RUN, draws it.",
 )
-
-
-def report_line(folder: Path) -> str:
-    """Where the page is, below the summary of a fit."""
-    return f"\nReport: {folder / REPORT}"
 
 
 def spread_of(fit: Fit) -> FitSpread:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
@@ -11,13 +10,13 @@ from typing import Any, get_args
 from mrwork.cli import choose, choose_laws
 from mrwork.cli.choose import add_choice, is_choice
 from mrwork.cli.identified import (
-    report_line,
+    close_run,
+    run_search,
     stem_of,
     summary_of,
     text_of,
     with_command,
     with_identifiability,
-    write_fit_page,
     write_identification,
 )
 from mrwork.cli.options import (
@@ -26,7 +25,6 @@ from mrwork.cli.options import (
     add_observation,
     add_quiet,
     add_threads,
-    cannot_be_resumed,
     check_not_negative,
     command_unit,
     laws_are_chosen,
@@ -37,9 +35,9 @@ from mrwork.cli.options import (
     reading_of,
 )
 from mrwork.cli.output import note
-from mrwork.cli.progress import IdentificationInWords, ProgressLine
+from mrwork.cli.progress import IdentificationInWords
 from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.errors import Interrupted, MrworkError, SettingError
+from mrwork.errors import SettingError
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.identify import identify_with
 from mrwork.identification.problem import start_from
@@ -191,46 +189,41 @@ def run(options: argparse.Namespace) -> int:
     folder = options.out or Path("out") / f"{stem_of(tests)}-{spec.name}"
     check_destination(folder)
     journal = resume_journal(folder, note=note) if options.resume else begin_journal(folder)
-    line = ProgressLine(IdentificationInWords(), quiet=options.quiet or options.json)
-    status = 0
     try:
-        fit = identify_with(
-            spec,
-            tests,
-            replace(settings, starts=starts),
-            threads=options.threads,
-            on_progress=line,
-            journal=journal,
+        fit, status = run_search(
+            lambda line: identify_with(
+                spec,
+                tests,
+                replace(settings, starts=starts),
+                threads=options.threads,
+                on_progress=line,
+                journal=journal,
+            ),
+            IdentificationInWords(),
+            options,
+            before="any candidate was simulated",
+            discard=lambda: discard_journal(journal),
+            useless=lambda: is_copy(folder, journal),
         )
-    except Interrupted as interrupt:
-        if interrupt.result is None:
-            raise
-        fit, status = interrupt.result, 130
-    except MrworkError as error:
-        if cannot_be_resumed(error, options) or is_copy(folder, journal):
-            discard_journal(journal)
-        raise
     finally:
-        line.close()
         journal.close()
+    if fit is None:
+        return status
     if status == 0:
         fit = with_identifiability(fit, tests, threads=options.threads)
     fit = with_command(fit, reading)
     write_identification(folder, fit, journal.path, finished=status == 0)
     discard_journal(journal)
-    if not options.json:
-        print(text_of(fit, tests), flush=True)
-    if status == 130:
-        note(
-            f"interrupted; the best fit so far is in {folder}; run the same command with --resume to continue"
-        )
-    else:
-        status = write_fit_page(folder, fit, tests, quiet=options.quiet or options.json)
-    if options.json:
-        print(json.dumps(summary_of(fit, tests, folder)))
-    elif status == 0:
-        print(report_line(folder))
-    return status
+    return close_run(
+        folder,
+        fit,
+        tests,
+        status,
+        options,
+        text=text_of(fit, tests),
+        kept="the best fit",
+        document=summary_of(fit, tests, folder),
+    )
 
 
 def _with_laws(plain: DamperSpec, tests: tuple[DamperTest, ...], options: argparse.Namespace) -> DamperSpec:
