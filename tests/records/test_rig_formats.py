@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from record_files import DT, N_TIME, clean_columns
+from record_files import DT, N_TIME, clean_columns, damaged
 
 from mrwork.errors import MrworkError, RecordError
 from mrwork.records import DamperTest, read_damper_test
@@ -196,13 +196,9 @@ def test_a_damaged_tdms_file_reads_or_is_refused(nptdms: Any, tmp_path: Path) ->
     path = tmp_path / "rig.tdms"
     write_tdms(nptdms, path, tdms_channels(wf_increment=DT))
     intact = path.read_bytes()
-    rng = np.random.default_rng(3)
     n_refused = 0
-    for _ in range(60):
-        damaged = bytearray(intact)
-        for place in rng.integers(0, 300, size=3):
-            damaged[place] = rng.integers(0, 256)
-        path.write_bytes(bytes(damaged[: rng.integers(len(damaged) // 2, 2 * len(damaged))]))
+    for copy in damaged(intact, 60, header=300, rng=3):
+        path.write_bytes(copy)
         try:
             read_damper_test(path)
         except MrworkError:
