@@ -26,6 +26,7 @@ from mrwork.identification.settings import FitSettings
 from mrwork.records import DamperTest, build_damper_test
 from mrwork.records.command_signal import Command
 from mrwork.search import EfficientGA, StopRules
+from mrwork.simulate import loading_of
 from mrwork.uncertainty.bands.calibration_files import read_predictions, write_predictions
 from mrwork.uncertainty.bands.prediction import folds_of
 
@@ -144,6 +145,21 @@ def test_a_lag_that_no_test_shows_is_told() -> None:
     assert any("--fix eta" in sentence for sentence in problem.warnings)
     held = Problem.of(SPEC, (record(0.5),), FitSettings(bounds={"eta": (60.0, 60.0)}))
     assert held.warnings == ()
+
+
+def test_a_lag_that_was_left_out_is_told() -> None:
+    without = PLAIN.with_current_laws({"c": "linear", "alpha": "quadratic"})
+    test = record(random_steps)
+    force = mr.simulate_force(without, THETA[:-1], loading_of(test, without))
+    noise = NOISE_N * np.random.default_rng(3).standard_normal(test.n_time)
+    immediate = replace(test, force=force + noise)
+    lags = [
+        [sentence for sentence in fit.warnings if "--driver-lag" in sentence]
+        for fit in (mr.identify(without, each, search=SEARCH, bounds=FIXED) for each in (test, immediate))
+    ]
+    assert len(lags[0]) == 1
+    assert "80 1/s" in lags[0][0] or "40 1/s" in lags[0][0]
+    assert lags[1] == []
 
 
 def test_the_force_rises_with_the_command() -> None:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, MrworkWarning, SimulationError
+from mrwork.identification.driver_lag import missing_lag_warning
 from mrwork.identification.fit import Fit, FitStatus, SearchTrace
 from mrwork.identification.global_search import (
     OnSearch,
@@ -294,10 +295,13 @@ class _Ending:
             status="converged" if polished.converged else "not_converged",
             seconds=reporter.seconds,
         )
-        doubts = points.warnings + linear_warning(
-            fit.nrmse, problem.objective.tests, follows_command=problem.spec.current is not None
+        objective = problem.objective
+        doubts = (
+            *points.warnings,
+            *linear_warning(fit.nrmse, objective.tests, follows_command=problem.spec.current is not None),
+            *missing_lag_warning(problem.form.spec, objective, polished.theta),
         )
-        return replace(fit, warnings=fit.warnings + doubts)
+        return replace(fit, warnings=(*fit.warnings, *doubts))
 
 
 def starting_points(problem: Problem, *, on_search: OnSearch) -> StartingPoints:

@@ -15,6 +15,7 @@ from mrwork import _rust
 from mrwork.dampers.parameters import LawName, current_laws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.identification.driver_lag import rate_warning
 from mrwork.identification.equivalent import Form, identifiable_form
 from mrwork.identification.fit import Fit, Provenance
 from mrwork.identification.multistart import Multistart
@@ -114,20 +115,8 @@ class Problem:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences on why any result is likely to mislead, known before the search."""
-        return (*command_warning(self.objective.tests, (self.spec,)), *self._lag_warning())
-
-    def _lag_warning(self) -> tuple[str, ...]:
-        """A sentence where the rate of the driver's lag is to be estimated from tests at constant commands."""
-        current = self.spec.current
-        if current is None or not current.lagged:
-            return ()
-        rate = self.form.spec.names.index(self.spec.names[-1])
-        if rate not in self.form.box.free or any(test.has_varying_command for test in self.objective.tests):
-            return ()
-        return (
-            "the command is constant in every test, so nothing shows the rate eta of the driver's lag; add a test with "
-            "a command that varies, fix it with --fix eta=VALUE, or leave the lag out",
-        )
+        tests = self.objective.tests
+        return (*command_warning(tests, (self.spec,)), *rate_warning(self.spec, self.form, tests))
 
     @property
     def search(self) -> Search:
