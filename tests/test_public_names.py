@@ -52,7 +52,16 @@ SMALL_VALUES = {
         "Envelope",
     ),
     *("Estimate", "Fault", "Finding", "KanaiTajimi", "LeftOutCoverage", "Likeness", "Limits"),
-    *("Lognormal", "Measured", "Normal", "Observation", "OpenSeesBoucWen", "ParamSpec", "Progress"),
+    *(
+        "Lognormal",
+        "Measured",
+        "MotionOfStudy",
+        "Normal",
+        "Observation",
+        "OpenSeesBoucWen",
+        "ParamSpec",
+        "Progress",
+    ),
     *("RecordedMotion", "Smoothing", "Tuning", "Uniform"),
 }
 # Settings (also all classes called so), tables of what exists, and values that are functions.

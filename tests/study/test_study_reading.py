@@ -95,7 +95,7 @@ def test_a_study_begins_with_its_references(tmp_path: Path) -> None:
         "passive",
     ]
     assert study.arrangements[0].devices == ()
-    assert [motion.peak for motion in study.motions] == pytest.approx([1.0, 2.0])
+    assert [ground.peak for ground in study.grounds] == pytest.approx([1.0, 2.0])
     assert study.detailed == 1
     assert study.command_unit == "A"
 
@@ -200,3 +200,34 @@ def test_dampers_of_two_models_are_refused(tmp_path: Path) -> None:
 def test_a_study_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match=r"gone\.toml cannot be read"):
         read_study(tmp_path / "gone.toml", unknown_run)
+
+
+TRAINING = """
+[[motion]]
+synthetic = "kanai_tajimi"
+name = "other noise"
+duration = 3
+seed = 5
+use = "training"
+"""
+
+
+def test_a_motion_is_for_testing_unless_it_is_for_training(tmp_path: Path) -> None:
+    study = study_of(STUDY + TRAINING, tmp_path)
+    assert [motion.use for motion in study.motions] == ["test", "test", "training"]
+    assert [motion.name for motion in study.of_use("training").motions] == ["other noise"]
+    assert study.of_use("test").chosen_on == (study.grounds[2],)
+    whole = study_of(STUDY, tmp_path)
+    assert whole.chosen_on == whole.grounds
+
+
+def test_a_part_of_a_study_shows_the_motion_of_the_largest_peak_that_it_has(tmp_path: Path) -> None:
+    study = study_of(STUDY + TRAINING.replace("duration = 3", "duration = 3\npga = 9"), tmp_path)
+    assert (study.detailed, study.histories) == (2, (2,))
+    test = study.of_use("test")
+    assert (test.detailed, test.histories) == (1, (1,))
+
+
+def test_a_study_without_test_motions_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SettingError, match="every motion is for training"):
+        study_of(STUDY.replace("pga", 'use = "training"\npga'), tmp_path)

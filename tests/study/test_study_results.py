@@ -8,8 +8,9 @@ from dataclasses import replace
 import pytest
 import study_samples
 
-from mrwork.closed_loop.evaluation import criteria
+from mrwork.closed_loop.evaluation import Spread, criteria
 from mrwork.simulate import Outcome
+from mrwork.study.comparison import compared
 from mrwork.study.results import largest_step_changes
 
 
@@ -34,6 +35,34 @@ def test_the_score_is_the_mean_over_motions() -> None:
     results = study_samples.results()
     wanted = study_samples.amplitude(4, 0) / study_samples.amplitude(1, 0)
     assert results.score(4) == pytest.approx(wanted, rel=1e-12)
+
+
+def test_scores_and_changes_stand_on_test_motions_only() -> None:
+    results = study_samples.results()
+    first, second = results.motions
+    split = replace(results, motions=(replace(first, use="training"), second))
+    alone = replace(
+        results,
+        motions=(second,),
+        runs={(row, 0): run for (row, motion), run in results.runs.items() if motion == 1},
+    )
+    assert split.judged == (1,)
+    for row in range(len(results.rows)):
+        assert split.score(row) == alone.score(row)
+        assert split.spread(row) == alone.spread(row)
+    changes, others = compared(split).tables, compared(alone).tables
+    for key, table in changes.items():
+        for name, change in table.items():
+            assert (change.mean, change.largest) == (others[key][name].mean, others[key][name].largest)
+            assert change.motion == 1
+
+
+def test_the_spread_of_a_score_has_the_quartiles_of_single_motions() -> None:
+    spread = Spread.of([0.5, 0.9, 0.6, 0.7, 0.8])
+    assert (spread.motions, spread.least, spread.median, spread.most) == (5, 0.5, 0.7, 0.9)
+    assert (spread.lower_quartile, spread.upper_quartile) == (0.6, 0.8)
+    assert spread.mean == pytest.approx(0.7)
+    assert math.isnan(Spread.of([0.5, math.nan]).median)
 
 
 def test_a_run_that_failed_has_no_criteria_and_leaves_no_score() -> None:

@@ -103,6 +103,31 @@ def test_the_best_constant_command_is_no_worse_than_none(study: Study, tmp_path:
     assert results.score(3) <= results.score(1) == pytest.approx(1.0)
 
 
+def test_the_best_constant_command_is_chosen_on_training_motions(path: Path, tmp_path: Path) -> None:
+    training = """
+[[motion]]
+synthetic = "kanai_tajimi"
+name = "strong noise"
+duration = 3
+seed = 7
+pga = 6.0
+"""
+
+    def best(text: str, journal: str) -> tuple[str, StudyResults]:
+        path.write_text(text)
+        results = run_study(read_study(path).of_use("test"), journal=Journal(tmp_path / journal))
+        return results.rows[3].label, results
+
+    alone, _ = best(
+        STUDY.replace("pga = [0.5, 1.0]", "pga = 6.0").replace("duration = 3", "duration = 3\nseed = 7"),
+        "alone",
+    )
+    judged, _ = best(STUDY, "judged")
+    chosen, results = best(STUDY + training + 'use = "training"', "chosen")
+    assert chosen == alone != judged
+    assert len(results.motions) == 2
+
+
 def test_the_ideal_force_does_not_depend_on_how_many_dampers_it_replaces(path: Path, tmp_path: Path) -> None:
     scores = []
     for number, dampers in enumerate(("", "count = 3", "differential = true")):

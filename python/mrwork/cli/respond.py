@@ -42,6 +42,12 @@ def add_parser(verbs: Any) -> None:
         "--seed", type=int, default=0, metavar="N", help="seed of noise and synthetic motions, default 0"
     )
     parser.add_argument(
+        "--motions",
+        choices=("test", "training", "all"),
+        default="test",
+        help="use of the motions that are simulated, default test; with all, scores are those of the test motions",
+    )
+    parser.add_argument(
         "--check-step",
         action="store_true",
         help="repeat every run with half the integration step and compare",
@@ -75,7 +81,8 @@ def run(options: argparse.Namespace) -> int:
     from mrwork.study.stored_histories import Histories
 
     began = time.perf_counter()
-    study = read_study(options.study, seed=options.seed)
+    whole = read_study(options.study, seed=options.seed)
+    study = whole if options.motions == "all" else whole.of_use(options.motions)
     place = options.out or Path("out") / options.study.stem
     check_destination(place)
     journal = resume_journal(place, note=note) if options.resume else begin_journal(place)

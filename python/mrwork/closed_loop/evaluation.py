@@ -122,6 +122,41 @@ def score(controlled: Sequence[dict[str, Floats]], passive: Sequence[dict[str, F
     return mean
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spread:
+    """Distribution of a number over ground motions: how many, mean, least, quartiles, median and most.
+
+    Quartiles are interpolated linearly between the ordered values, as `numpy.quantile` does.
+    """
+
+    motions: int
+    mean: float
+    least: float
+    lower_quartile: float
+    median: float
+    upper_quartile: float
+    most: float
+
+    @staticmethod
+    def of(values: Sequence[float]) -> Spread:
+        """The spread of one value for each motion; all NaN where there is none, or one is not a number."""
+        numbers = np.asarray(values, dtype=np.float64)
+        if not numbers.size or np.isnan(numbers).any():
+            quantiles, mean = np.full(5, np.nan), float("nan")
+        else:
+            quantiles, mean = np.quantile(numbers, (0.0, 0.25, 0.5, 0.75, 1.0)), float(np.mean(numbers))
+        least, lower, median, upper, most = quantiles.tolist()
+        return Spread(
+            motions=numbers.size,
+            mean=mean,
+            least=least,
+            lower_quartile=lower,
+            median=median,
+            upper_quartile=upper,
+            most=most,
+        )
+
+
 _OHTORI = "Ohtori et al. 2004"
 _JANSEN = "Jansen & Dyke 2000"
 

@@ -50,7 +50,7 @@ def compared_quantities() -> tuple[Criterion, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
-    """Change of a quantity relative to a reference, -0.2 for 20 % less: mean over motions, and the largest.
+    """Change of a quantity relative to a reference, -0.2 for 20 % less: mean over the test motions, and the largest.
 
     `motion` is the index of the motion of the largest. NaN if a run is missing or did not finish.
     """
@@ -124,7 +124,7 @@ class Comparison(Summarised):
 
     def heading(self, row: int) -> str:
         """The label of a row, its place among the rows of its rank, and over what its changes are averaged."""
-        motions = len(self.results.motions)
+        motions = len(self.results.judged)
         rank, rows = next((rank, rows) for rank, rows in self.ranks if row in rows)
         parts = [self.results.rows[row].label]
         if len(rows) > 1 and row == rows[0] and math.isfinite(self.results.score(row)):
@@ -160,7 +160,7 @@ class Comparison(Summarised):
         return f"{better}{'; ' if better else ''}worse: {worse}" if worse else better
 
     def _largest(self, change: Change) -> str:
-        if len(self.results.motions) == 1:
+        if len(self.results.judged) == 1:
             return ""
         return f" ({in_percent(change.largest)} % under {self.results.motions[change.motion].name})"
 
@@ -224,17 +224,21 @@ def in_percent(change: float) -> str:
 
 
 def _changes(results: StudyCriteria, row: int, reference: int) -> dict[str, Change]:
-    ratios = [results.ratios_to(row, motion, reference) for motion in range(len(results.motions))]
+    motions = results.judged
+    ratios = [results.ratios_to(row, motion, reference) for motion in motions]
     return {
-        entry.name: _change([each[entry.name] - 1.0 for each in ratios]) for entry in compared_quantities()
+        entry.name: _change([each[entry.name] - 1.0 for each in ratios], motions)
+        for entry in compared_quantities()
     }
 
 
-def _change(changes: Sequence[float]) -> Change:
+def _change(changes: Sequence[float], motions: Sequence[int]) -> Change:
     if not changes or any(map(math.isnan, changes)):
         return Change(mean=math.nan, largest=math.nan, motion=0)
     largest = max(changes)
-    return Change(mean=math.fsum(changes) / len(changes), largest=largest, motion=changes.index(largest))
+    return Change(
+        mean=math.fsum(changes) / len(changes), largest=largest, motion=motions[changes.index(largest)]
+    )
 
 
 def _small_first(title: str) -> str:

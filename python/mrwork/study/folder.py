@@ -68,14 +68,6 @@ class StoredStudyRun(RunEnd):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _StoredMotion:
-    name: str
-    peak: float
-    duration: float
-    changes: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class _Document:
     """The results file; its fields are the keys of the JSON object.
 
@@ -85,7 +77,7 @@ class _Document:
     title: str
     complete: bool
     command_unit: str
-    motions: tuple[_StoredMotion, ...]
+    motions: tuple[MotionFacts, ...]
     scores: _Criteria
     warnings: tuple[str, ...]
     damper_warnings: tuple[str, ...] = ()
@@ -162,10 +154,7 @@ def read_results(folder: str | Path) -> StoredStudy:
     return StoredStudy(
         title=document.title,
         rows=tuple(rows.values()),
-        motions=tuple(
-            MotionFacts(name=each.name, peak=each.peak, duration=each.duration, changes=each.changes)
-            for each in document.motions
-        ),
+        motions=document.motions,
         runs={(labels.index(run.controller), names.index(run.motion)): run for run in document.results},
         command_unit=document.command_unit,
         damper_warnings=document.damper_warnings,
@@ -215,10 +204,7 @@ def study_document(results: StudyResults) -> dict[str, Any]:
         title=results.title,
         complete=results.complete,
         command_unit=results.command_unit,
-        motions=tuple(
-            _StoredMotion(name=each.name, peak=each.peak, duration=each.duration, changes=each.changes)
-            for each in results.motions
-        ),
+        motions=results.motions,
         scores={row.label: results.score(number) for number, row in enumerate(results.rows)},
         warnings=tuple(results.warnings()),
         damper_warnings=results.damper_warnings,

@@ -14,14 +14,13 @@ from mrwork.buildings.from_file import building_from_table
 from mrwork.closed_loop.hardware import Fault, Hardware
 from mrwork.errors import RecordError
 from mrwork.keys import Place
-from mrwork.motions import GroundMotion
 from mrwork.study.arrangements import arrangements
 from mrwork.study.dampers import ChosenDamper, Identified, equipped, identified_damper
 from mrwork.study.declared import located, read_table, suggestion
 from mrwork.study.lines import parse
 from mrwork.study.motions import motions_of
 from mrwork.study.schema import HardwareTable, ReportTable, StudyTable
-from mrwork.study.study import Study
+from mrwork.study.study import MotionOfStudy, Study
 
 
 def read_study(path: str | Path, identified: Identified = identified_damper, *, seed: int = 0) -> Study:
@@ -48,14 +47,18 @@ def read_study(path: str | Path, identified: Identified = identified_damper, *, 
     with located(place.within("building")):
         bare = building_from_table(table.building, place.within("building"), folder=path.parent)
     building, devices, chosen = equipped(bare, table.damper, path.parent, identified)
-    made = [
-        (motion, each.synthetic is not None)
+    motions = tuple(
+        MotionOfStudy(ground=ground, use=each.use, synthetic=each.synthetic is not None)
         for each in table.motion
-        for motion in motions_of(each, path.parent, seed)
-    ]
-    motions = tuple(motion for motion, _ in made)
+        for ground in motions_of(each, path.parent, seed)
+    )
     if not motions:
         place.refuse("the study has no motion; give a [[motion]]")
+    training = tuple(motion.ground for motion in motions if motion.use == "training")
+    if len(training) == len(motions):
+        place.within("motion").refuse(
+            'every motion is for training, and none is left to judge the controllers on; give a [[motion]] use = "test"'
+        )
     _refuse_same([motion.name for motion in motions], place.within("motion"), "motions", "name")
     hardware = hardware_of(table.hardware, place.within("hardware"), seed)
     compared = arrangements(table, bare, building, devices, path.parent, hardware.sample_time)
@@ -68,7 +71,7 @@ def read_study(path: str | Path, identified: Identified = identified_damper, *, 
         building=bare,
         arrangements=compared,
         motions=motions,
-        synthetic=tuple(number for number, (_, synthetic) in enumerate(made) if synthetic),
+        chosen_on=training or tuple(motion.ground for motion in motions),
         hardware=hardware,
         devices=devices,
         command_unit="A" if first is None else first.unit,
@@ -104,7 +107,7 @@ def _refuse_same(names: Sequence[str], place: Place, what: str, key: str) -> Non
 
 
 def _drawn(
-    table: ReportTable, motions: Sequence[GroundMotion], labels: Sequence[str], place: Place
+    table: ReportTable, motions: Sequence[MotionOfStudy], labels: Sequence[str], place: Place
 ) -> tuple[int, tuple[int, ...]]:
     names = [motion.name for motion in motions]
     where = place.within("report")
@@ -115,7 +118,7 @@ def _drawn(
         if label not in labels:
             near = suggestion(label, labels)
             where.within("controllers").refuse(f"no arrangement is called {label!r}{near}")
-    largest = int(np.argmax([motion.peak for motion in motions]))
+    largest = int(np.argmax([motion.ground.peak for motion in motions]))
     detailed = largest if table.motion is None else names.index(table.motion)
     drawn = [
         number for number, label in enumerate(labels) if not table.controllers or label in table.controllers

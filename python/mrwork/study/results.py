@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from mrwork.buildings.devices import Device
-from mrwork.closed_loop.evaluation import criteria, criterion, ratio, score, values
+from mrwork.closed_loop.evaluation import Spread, criteria, criterion, ratio, score, values
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.study.demand import DeviceDemand, damper_warnings, demands_of
 from mrwork.study.run_result import RunEnd, RunResult
-from mrwork.study.study import Kind, Row
+from mrwork.study.study import Kind, Row, Use
 from mrwork.summary import Summarised, Summary, listed, rounded
 from mrwork.units import STANDARD_GRAVITY
 
@@ -39,7 +39,7 @@ ON_OFF = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionFacts:
-    """A ground motion in tables: peak [m/s^2], duration [s], source, and how it was processed."""
+    """A ground motion in tables: peak [m/s^2], duration [s], source, how it was processed, and its use."""
 
     name: str
     peak: float
@@ -47,6 +47,7 @@ class MotionFacts:
     source: str = ""
     changes: tuple[str, ...] = ()
     synthetic: bool = False
+    use: Use = "test"
 
 
 class StudyCriteria(Summarised, ABC):
@@ -101,6 +102,12 @@ class StudyCriteria(Summarised, ABC):
         """Whether all runs are done."""
         return self.done == self.total
 
+    @property
+    def judged(self) -> tuple[int, ...]:
+        """Indices of the motions that scores and changes stand on: the test motions, or all where there are none."""
+        test = tuple(number for number, motion in enumerate(self.motions) if motion.use == "test")
+        return test or tuple(range(len(self.motions)))
+
     def finished(self, motion: int) -> list[int]:
         """The rows whose run under a motion finished."""
         runs = ((row, self.ends.get((row, motion))) for row in range(len(self.rows)))
@@ -128,19 +135,27 @@ class StudyCriteria(Summarised, ABC):
         }
 
     def score(self, row: int) -> float:
-        """Mean over motions of the criteria over those at i = 0; NaN unless all runs of the row finished."""
+        """Mean over the motions of `judged` of the criteria over those at i = 0; NaN unless all these runs finished."""
+        return self.score_under(row, self.judged)
+
+    def score_under(self, row: int, motions: Sequence[int]) -> float:
+        """The score of a row under some motions, by their indices; NaN unless all these runs finished."""
         reference = self.row_of("passive_off")
         if reference is None:
             return float("nan")
-        controlled = [self.criteria(row, motion) for motion in range(len(self.motions))]
-        passive = [self.criteria(reference, motion) for motion in range(len(self.motions))]
-        pairs = [(one, other) for one, other in zip(controlled, passive, strict=True) if one and other]
-        if len(pairs) < len(self.motions):
+        pairs = [(self.criteria(row, motion), self.criteria(reference, motion)) for motion in motions]
+        found = [(one, other) for one, other in pairs if one and other]
+        if len(found) < len(motions) or not found:
             return float("nan")
         arrays = [
-            [{name: np.array(value) for name, value in each.items()} for each in pair] for pair in pairs
+            [{name: np.array(value) for name, value in each.items()} for each in pair] for pair in found
         ]
         return float(score([one for one, _ in arrays], [other for _, other in arrays]))
+
+    def spread(self, row: int, motions: Sequence[int] | None = None) -> Spread:
+        """Spread of the scores of a row under single motions, by default those of `judged`."""
+        chosen = self.judged if motions is None else motions
+        return Spread.of([self.score_under(row, (motion,)) for motion in chosen])
 
     @property
     def balanced(self) -> bool:

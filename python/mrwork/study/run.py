@@ -143,13 +143,14 @@ def _results_of(
         motions=tuple(
             MotionFacts(
                 name=motion.name,
-                peak=motion.peak,
-                duration=motion.duration,
-                source=motion.source,
-                changes=motion.changes,
-                synthetic=number in study.synthetic,
+                peak=motion.ground.peak,
+                duration=motion.ground.duration,
+                source=motion.ground.source,
+                changes=motion.ground.changes,
+                synthetic=motion.synthetic,
+                use=motion.use,
             )
-            for number, motion in enumerate(study.motions)
+            for motion in study.motions
         ),
         runs=dict(runs),
         floor_names=bare.floor_names,
@@ -181,7 +182,7 @@ def _runs(
     step = "run" if step_factor == 1 else "run with half the step"
     simulated = dict(known)
     histories: dict[int, RunHistory] = {}
-    for motion, ground in enumerate(study.motions):
+    for motion, ground in enumerate(study.grounds):
         inputs = digest_of_run(arrangement, ground)
         recalled = None if journal is None else journal.recall(step, inputs)
         if recalled is not None:
@@ -191,7 +192,7 @@ def _runs(
             stored = [number for number in study.histories if number >= motion and step_factor == 1]
             responses = simulated_by(
                 arrangement,
-                study.motions[motion:],
+                study.grounds[motion:],
                 study,
                 histories=bool(stored) and _history_bytes(study, arrangement, motion) < _MOST_HISTORY_BYTES,
                 step_factor=step_factor,
@@ -211,7 +212,7 @@ def _runs(
 
 def _history(study: Study, arrangement: Arrangement, motion: int, threads: int) -> RunHistory:
     responses = simulated_by(
-        arrangement, study.motions[motion : motion + 1], study, histories=True, threads=threads
+        arrangement, study.grounds[motion : motion + 1], study, histories=True, threads=threads
     )
     assert responses.histories is not None
     return history_of(responses.histories[0], arrangement)
@@ -227,7 +228,7 @@ def _history_bytes(study: Study, arrangement: Arrangement, first: int) -> float:
         "device": max(len(arrangement.devices), 1),
         "state": 2 * building.n_coordinates,
     }
-    seconds = sum(motion.duration for motion in study.motions[first:])
+    seconds = sum(motion.duration for motion in study.grounds[first:])
     width = sum(columns[signal.axis] for signal in history_signals())
     return 8.0 * width * seconds / study.hardware.sample_time
 
@@ -264,7 +265,7 @@ def simulated_by(
 def _with_best_constant(
     study: Study, arrangement: Arrangement, journal: Journal | None, threads: int
 ) -> tuple[Arrangement, Mapping[int, RunResult]]:
-    """The arrangement with the constant command of the lowest score; and its runs, unless the command is recalled."""
+    """The arrangement with the constant command of the lowest score; and its known runs, unless it is recalled."""
     devices = arrangement.devices
     weight = arrangement.building.total_mass * STANDARD_GRAVITY
     known: dict[int, RunResult] = {}
@@ -272,21 +273,26 @@ def _with_best_constant(
     def search() -> BestConstant:
         commands = np.linspace(0.0, min(device.largest_command for device in devices), LEVELS)
         tried = replace(arrangement, law=constant_commands(devices, commands))
-        responses = simulated_by(tried, study.motions, study, threads=threads)
-        n_motions = len(study.motions)
+        responses = simulated_by(tried, study.chosen_on, study, threads=threads)
+        n_motions = len(study.chosen_on)
         found = [result_of(responses, run, arrangement) for run in range(LEVELS * n_motions)]
         levels = [found[start : start + n_motions] for start in range(0, len(found), n_motions)]
         criteria = [[_criteria(result, weight) for result in level] for level in levels]
         # The first level is i = 0. A command has no score if one of its runs failed.
         scores = [float(score(each, criteria[0])) for each in criteria]
         best = int(np.nanargmin(scores))
-        known.update(enumerate(levels[best]))
+        known.update(
+            (motion, run)
+            for motion, ground in enumerate(study.grounds)
+            for chosen, run in zip(study.chosen_on, levels[best], strict=True)
+            if ground is chosen
+        )
         return BestConstant(command=float(commands[best]), score=scores[best])
 
     if journal is None:
         best = search()
     else:
-        inputs = digest_of_run(arrangement, *study.motions)
+        inputs = digest_of_run(arrangement, *study.chosen_on)
         best = journal.once("best_constant", inputs, BestConstant, search)
     label = f"{arrangement.row.label}, {best.command:.3g} {study.command_unit}"
     with_command = replace(

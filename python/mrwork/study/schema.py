@@ -16,6 +16,7 @@ from typing import Any, Literal
 from mrwork.closed_loop.hardware import Feedback, Hardware, LoopSignal
 from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.keys import Place, key
+from mrwork.study.study import Use
 
 Synthetic = Literal["kanai_tajimi", "clough_penzien"]
 
@@ -174,6 +175,7 @@ class MotionTable:
     baseline: int | None = key("order of the polynomial of the baseline correction", default=None, least=0)
     resample: float | None = key("step that the motion is resampled to", unit="s", default=None, above=0.0)
     rest: float = key("time at rest appended to the motion", unit="s", default=0.0, least=0.0)
+    use: Use = key("use: controllers are tuned on training motions, judged on test motions", default="test")
     place: Place
 
 

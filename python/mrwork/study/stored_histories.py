@@ -29,9 +29,9 @@ class Histories:
             (
                 row,
                 motion,
-            ): f"{row + 1:02d}-{motion + 1:02d}-{stem_of(each.row.label)}-{stem_of(ground.name)}.npz"
+            ): f"{row + 1:02d}-{motion + 1:02d}-{stem_of(each.row.label)}-{stem_of(of_study.name)}.npz"
             for row, each in enumerate(study.arrangements)
-            for motion, ground in enumerate(study.motions)
+            for motion, of_study in enumerate(study.motions)
         }
 
     def kept(self, row: int, motion: int) -> bool:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import Literal
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +13,7 @@ from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.control.laws import ControlLaw
+from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store import digest_of
 from mrwork.store.fingerprint import package_version
@@ -20,6 +22,24 @@ from mrwork.summary import Summarised, Summary, listed
 Kind = Literal["uncontrolled", "passive_off", "passive", "best_passive", "baseline", "controller", "actuator"]
 """What a row is: the building without dampers, i = 0, a constant command, the best of those, other devices, a control
 law of the dampers, or one of ideal actuators."""
+
+
+Use = Literal["test", "training"]
+"""Use of a motion: a controller is tuned on training motions and judged on test motions."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionOfStudy:
+    """A ground motion of a study as it is simulated, its use, and whether it was generated."""
+
+    ground: GroundMotion
+    use: Use = "test"
+    synthetic: bool = False
+
+    @property
+    def name(self) -> str:
+        """Name of the motion in tables."""
+        return self.ground.name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,15 +72,17 @@ class Arrangement:
 class Study(Summarised):
     """The content of a study file; the first arrangements are the building without dampers and the dampers at i = 0.
 
-    `synthetic` are the indices of the synthetic motions, `histories` those of the motions whose histories are kept.
-    The page shows time histories of the motion `detailed` for the arrangements `drawn`.
+    `motions` are those that are simulated; `chosen_on` those under which the best constant command is chosen: the
+    training motions of the study file, or all motions where none is for training. `histories` are the indices of the
+    motions whose histories are kept. The page shows time histories of the motion `detailed` for the arrangements
+    `drawn`.
     """
 
     title: str
     building: Building
     arrangements: tuple[Arrangement, ...]
-    motions: tuple[GroundMotion, ...]
-    synthetic: tuple[int, ...]
+    motions: tuple[MotionOfStudy, ...]
+    chosen_on: tuple[GroundMotion, ...]
     hardware: Hardware
     devices: tuple[Device, ...]
     command_unit: str
@@ -74,6 +96,40 @@ class Study(Summarised):
         """Names of the dampers at one place each."""
         return tuple(device.name for device in self.devices)
 
+    @property
+    def grounds(self) -> tuple[GroundMotion, ...]:
+        """The ground motions that are simulated, in order."""
+        return tuple(motion.ground for motion in self.motions)
+
+    def of_use(self, use: Use) -> Study:
+        """The study with the motions of one use; the best constant command is chosen on the same motions as before.
+
+        Raises
+        ------
+        SettingError
+            If no motion has this use.
+
+        Examples
+        --------
+        >>> import mrwork as mr
+        >>> study = mr.read_study("study.toml")  # doctest: +SKIP
+        >>> study.of_use("training").grounds  # doctest: +SKIP
+        """
+        kept = [number for number, motion in enumerate(self.motions) if motion.use == use]
+        if not kept:
+            raise SettingError(
+                f"study {self.title!r}: no motion is for {use}; give a [[motion]] the key use = {use!r}"
+            )
+        peaks = [self.motions[number].ground.peak for number in kept]
+        detailed = self.detailed if self.detailed in kept else kept[int(np.argmax(peaks))]
+        stored = {detailed if number == self.detailed else number for number in self.histories}
+        return replace(
+            self,
+            motions=tuple(self.motions[number] for number in kept),
+            detailed=kept.index(detailed),
+            histories=tuple(kept.index(number) for number in sorted(stored) if number in kept),
+        )
+
     def _summary(self) -> Summary:
         return Summary(
             title=f"Study: {self.title}",
@@ -82,10 +138,18 @@ class Study(Summarised):
                 ("dampers", listed(self.device_names)),
                 ("sample time", f"{self.hardware.sample_time:g} s"),
                 ("motions", listed([motion.name for motion in self.motions])),
+                ("uses", uses_in_words([motion.use for motion in self.motions])),
             ),
             columns=("arrangement", "description"),
             rows=[(each.row.label, each.row.description) for each in self.arrangements],
         )
+
+
+def uses_in_words(uses: Sequence[Use]) -> str:
+    """How many motions are for testing and how many for training, as "16 test and 24 training motions"."""
+    counts = {use: uses.count(use) for use in get_args(Use)}
+    found = " and ".join(f"{count} {use}" for use, count in counts.items() if count)
+    return f"{found} motion{'' if len(uses) == 1 else 's'}"
 
 
 def arranged(
@@ -108,7 +172,11 @@ def fingerprint_of(study: Study) -> dict[str, object]:
             {"label": each.row.label, "kind": each.row.kind, "content": digest_of_run(each)}
             for each in study.arrangements
         ],
-        "motion": [{"name": motion.name, "content": _digest_of_motion(motion)} for motion in study.motions],
+        "motion": [
+            {"name": motion.name, "use": motion.use, "content": _digest_of_motion(motion.ground)}
+            for motion in study.motions
+        ],
+        "chosen_on": [_digest_of_motion(ground) for ground in study.chosen_on],
         "hardware": asdict(study.hardware),
         "version": {name: package_version(name) for name in ("mrwork", "numpy", "scipy")},
     }
