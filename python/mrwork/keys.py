@@ -6,9 +6,11 @@ Readers of files, the printed schema and scripts that build the same values all 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from abc import ABCMeta
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, Field, dataclass, field, fields
+from difflib import get_close_matches
 from typing import Any, NoReturn, cast
 
 from mrwork.errors import InvalidSettingError, MrworkError, SettingError
@@ -83,6 +85,12 @@ def shown(value: object) -> str:
     return "a table" if isinstance(value, dict) else "an array" if isinstance(value, list) else repr(value)
 
 
+def suggestion(name: object, known: Sequence[str], *, otherwise: str = "choose one of") -> str:
+    """End of a message on an unknown name: the closest known name, or all known names if none is close."""
+    near = get_close_matches(name, known, n=1) if isinstance(name, str) else []
+    return f", did you mean {near[0]}" if near else f"; {otherwise} {', '.join(known) or 'none'}"
+
+
 def key(
     says: str,
     *,
@@ -124,6 +132,28 @@ def key(
 def keys_of(table: type) -> tuple[Field[Any], ...]:
     """The keys of a table: its fields declared by `key`."""
     return tuple(entry for entry in fields(cast(Any, table)) if "says" in entry.metadata)
+
+
+class DeclaredTable(ABCMeta):
+    """Class of tables that a script builds: keywords that are unknown or missing are refused as in a file.
+
+    Raises
+    ------
+    SettingError
+        If a key is unknown or missing.
+    """
+
+    def __call__(cls, *args: Any, **given: Any) -> Any:
+        """Build the table."""
+        known = {entry.name: entry for entry in keys_of(cls)}
+        for name in given:
+            if name not in known:
+                near = suggestion(name, list(known), otherwise="it has")
+                raise SettingError(f"{cls.__name__} has no setting {name!r}{near}")
+        for name, entry in known.items():
+            if name not in given and is_required(entry):
+                raise SettingError(f"{cls.__name__} has no {name}; give {described(entry)}")
+        return super().__call__(*args, **given)
 
 
 def is_required(entry: Field[Any]) -> bool:

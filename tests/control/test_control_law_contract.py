@@ -326,12 +326,19 @@ def test_gains_of_the_wrong_shape_are_refused(spec: ControlLawSpec) -> None:
         for wrong in (np.asarray(gain)[..., :-1], np.zeros((2, 3, *np.shape(gain)))):
             with pytest.raises(SettingError, match=f"^`{name}` of {spec.name} has shape"):
                 simulate_loop(five_storeys(), loop, replace(law, gains={**law.gains, name: wrong}), [SHORT])
-    with pytest.raises(SettingError, match="give"):
-        simulate_loop(five_storeys(), loop, replace(law, gains={**law.gains, "more": 1.0}), [SHORT])
+    with pytest.raises(SettingError, match="has no gain 'more'"):
+        replace(law, gains={**law.gains, "more": 1.0})
+    for name in law.gains:
+        with pytest.raises(SettingError, match=f"has no gain '{name}s', did you mean {name}"):
+            replace(law, gains={**law.gains, f"{name}s": 1.0})
+        with pytest.raises(SettingError, match=f"{spec.name} lacks the gain '{name}'"):
+            replace(law, gains={key: gain for key, gain in law.gains.items() if key != name})
+        with pytest.raises(SettingError, match=f"'{name}' of {spec.name} is not an array of numbers"):
+            replace(law, gains={**law.gains, name: "large"})
 
 
 @pytest.mark.parametrize("spec", [spec for spec in control_laws() if spec.needs_curve], ids=name_of)
 def test_a_law_without_its_curve_is_refused(spec: ControlLawSpec) -> None:
     loop = devices(rd1005())
     with pytest.raises(SettingError, match="give it a `curve`"):
-        simulate_loop(five_storeys(), loop, replace(law_of(spec, loop), curve=None), [SHORT])
+        replace(law_of(spec, loop), curve=None)

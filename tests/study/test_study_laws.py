@@ -11,7 +11,7 @@ from mrwork.buildings.devices import Device
 from mrwork.buildings.published import building
 from mrwork.control.design_problem import Design, DesignProblem
 from mrwork.control.law_settings import SETTINGS, LawSettings
-from mrwork.control.laws import ControlLaw, control_laws
+from mrwork.control.laws import ControlLaw, control_law, control_laws
 from mrwork.control.lqr import published_regulator, regulator_as_published, regulator_of_outputs
 from mrwork.control.plant import accelerations
 from mrwork.dampers.spec import damper
@@ -88,7 +88,8 @@ def test_every_law_of_the_registry_has_settings() -> None:
 @pytest.mark.parametrize("law", list(SETTINGS))
 def test_a_design_has_the_numbers_that_its_law_takes(law: str) -> None:
     found = design(law, TOLD.get(law, ""))
-    made = ControlLaw(name=law, gains=found.gains, tables=found.tables)
+    curve = design_problem().curve if control_law(law).needs_curve else None
+    made = ControlLaw(name=law, gains=found.gains, tables=found.tables, curve=curve)
     n_gains = sum(1 if gain.shape == "device" else 10 for gain in made.spec.gains)
     assert made.gain_rows(1, 10).shape == (1, n_gains)
     assert len(made.table_rows()) == len(made.spec.tables)

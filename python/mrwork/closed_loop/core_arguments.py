@@ -94,19 +94,14 @@ def matrices_of(building: Building, devices: Sequence[Device]) -> _rust.Building
 
 
 def curve_of(law: ControlLaw) -> tuple[Laws, Floats] | None:
-    """The model of the damper in the law, if the law needs one.
+    """The model of the damper in the law, if it has one.
 
     Raises
     ------
     SettingError
-        If it needs one and none is given, or one that is not static hysteretic with current laws.
+        If it is not static hysteretic with current laws.
     """
     if law.curve is None:
-        if law.spec.needs_curve:
-            raise SettingError(
-                f"{law.name} needs the force as a function of the command; give it a `curve`: a static_hysteretic with "
-                f"current laws, of the damper itself or of its static counterpart"
-            )
         return None
     spec, theta = law.curve
     if not is_curve(spec):

@@ -9,7 +9,7 @@ with its devices. `SETTINGS` names the class of each law.
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
@@ -26,12 +26,12 @@ from mrwork.control.plant import Plant
 from mrwork.control.sliding import SlidingGains, SlidingSurface, optimal_surface, sliding_gains
 from mrwork.control.weights import CostWeights, Weights
 from mrwork.errors import InvalidSettingError
-from mrwork.keys import check_keys, key, plain_values
+from mrwork.keys import DeclaredTable, check_keys, key, plain_values
 
 Floats = NDArray[np.float64]
 
 
-class LawSettings(ABC):
+class LawSettings(metaclass=DeclaredTable):
     """Settings of a control law, declared by `key`, with the design of the law.
 
     `constant` says whether the law sends a constant command, which makes the damper a passive one.

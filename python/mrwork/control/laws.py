@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Literal
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork import _rust
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.keys import suggestion
 from mrwork.summary import Summarised, Summary, rounded
 
 Floats = NDArray[np.float64]
@@ -27,6 +28,15 @@ class GainSpec:
     unit: str
     shape: Shape
     description: str
+
+    @property
+    def dimensions(self) -> int:
+        """Number of axes of the gain of one candidate."""
+        return len(self.shape_for(1, 2))
+
+    def shape_for(self, n_devices: int, n_states: int) -> tuple[int, ...]:
+        """Shape of the gain of one candidate."""
+        return (n_devices,) if self.shape == "device" else (n_devices, n_states)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,12 +72,36 @@ class ControlLaw(Summarised):
         By name, shape (n,).
     curve
         Model of the damper in the law: static hysteretic with current laws, and its parameters.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such law.
+    SettingError
+        If a gain or table is unknown or missing or is not an array of numbers, the law has no `curve` and needs one, or
+        the gains differ in their number of candidates.
     """
 
     name: str
     gains: Mapping[str, ArrayLike] = field(default_factory=dict)
     tables: Mapping[str, ArrayLike] = field(default_factory=dict)
     curve: tuple[DamperSpec, ArrayLike] | None = None
+
+    def __post_init__(self) -> None:
+        spec = self.spec
+        _check_names(spec, "gain", self.gains, [gain.name for gain in spec.gains])
+        _check_names(spec, "table", self.tables, spec.tables)
+        counts = [count for gain in spec.gains if (count := self._candidates(gain)) > 1]
+        if len(set(counts)) > 1:
+            raise SettingError(
+                f"the gains of {spec.name} have {', '.join(map(str, counts))} candidates; give the same number for "
+                "each gain, or one"
+            )
+        if spec.needs_curve and self.curve is None:
+            raise SettingError(
+                f"{spec.name} needs the force as a function of the command; give it a `curve`: a static_hysteretic "
+                "with current laws, of the damper itself or of its static counterpart"
+            )
 
     @property
     def spec(self) -> ControlLawSpec:
@@ -80,13 +114,12 @@ class ControlLaw(Summarised):
         Raises
         ------
         SettingError
-            If a gain is missing, unknown, or of the wrong shape.
+            If a gain is of the wrong shape.
         """
         spec = self.spec
-        _check_names(f"the gains of {spec.name}", self.gains, [gain.name for gain in spec.gains])
         blocks = []
         for gain in spec.gains:
-            shape = (n_devices,) if gain.shape == "device" else (n_devices, n_states)
+            shape = gain.shape_for(n_devices, n_states)
             given = np.asarray(self.gains[gain.name], dtype=np.float64)
             if given.shape[-len(shape) :] != shape or given.ndim > len(shape) + 1:
                 raise SettingError(
@@ -95,27 +128,20 @@ class ControlLaw(Summarised):
                 )
             blocks.append(given.reshape(-1, int(np.prod(shape))))
         n_candidates = max((len(block) for block in blocks), default=1)
-        if any(len(block) not in (1, n_candidates) for block in blocks):
-            counts = ", ".join(str(len(block)) for block in blocks)
-            raise SettingError(
-                f"the gains of {spec.name} have {counts} candidates; give the same number for each gain, or one"
-            )
         wide = [np.broadcast_to(block, (n_candidates, block.shape[1])) for block in blocks]
         return np.ascontiguousarray(np.hstack(wide)) if wide else np.zeros((1, 0))
 
     def table_rows(self) -> list[Floats]:
-        """The tables in order.
-
-        Raises
-        ------
-        SettingError
-            If one is missing or unknown.
-        """
-        _check_names(f"the tables of {self.name}", self.tables, list(self.spec.tables))
+        """The tables in order."""
         return [
             np.ascontiguousarray(np.ravel(np.asarray(self.tables[name], dtype=np.float64)))
             for name in self.spec.tables
         ]
+
+    def _candidates(self, gain: GainSpec) -> int:
+        """Number of candidates of a gain; 1 if it is the same for all."""
+        given = _numbers(self.spec, "gain", gain.name, self.gains[gain.name])
+        return len(given) if given.ndim > gain.dimensions else 1
 
     def _summary(self) -> Summary:
         return Summary(
@@ -156,10 +182,28 @@ def control_law(name: str) -> ControlLawSpec:
     for spec in control_laws():
         if spec.name == name:
             return spec
-    known = ", ".join(spec.name for spec in control_laws())
-    raise UnknownNameError(f"no control law is called {name!r}; there are {known}")
+    raise UnknownNameError(
+        f"no control law is called {name!r}{suggestion(name, [spec.name for spec in control_laws()])}"
+    )
 
 
-def _check_names(what: str, given: Mapping[str, ArrayLike], expected: list[str]) -> None:
-    if set(given) != set(expected):
-        raise SettingError(f"{what} are {', '.join(given) or 'none'}; give {', '.join(expected) or 'none'}")
+def _check_names(
+    spec: ControlLawSpec, kind: str, given: Mapping[str, ArrayLike], expected: Sequence[str]
+) -> None:
+    """Refuse gains or tables that are unknown, missing, or no numbers."""
+    for name, value in given.items():
+        if name not in expected:
+            raise SettingError(
+                f"{spec.name} has no {kind} {name!r}{suggestion(name, expected, otherwise='it has')}"
+            )
+        _numbers(spec, kind, name, value)
+    for name in expected:
+        if name not in given:
+            raise SettingError(f"{spec.name} lacks the {kind} {name!r}; give {', '.join(expected)}")
+
+
+def _numbers(spec: ControlLawSpec, kind: str, name: str, value: ArrayLike) -> Floats:
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise SettingError(f"the {kind} {name!r} of {spec.name} is not an array of numbers") from None

@@ -18,8 +18,8 @@ from mrwork.control.design_problem import DesignProblem
 from mrwork.control.law_design import design_law
 from mrwork.control.law_settings import SETTINGS, LawSettings
 from mrwork.control.laws import ControlLaw, control_laws
-from mrwork.keys import Place, keys_of
-from mrwork.study.declared import located, read_table, suggestion
+from mrwork.keys import Place, keys_of, suggestion
+from mrwork.study.declared import located, read_table
 from mrwork.study.schema import BaselineTable, ControllerTable, DamperTable, StudyTable
 from mrwork.study.study import Arrangement, Kind, Row, arranged
 

@@ -17,10 +17,10 @@ from mrwork.buildings.devices import Device
 from mrwork.dampers.parameters import CommandUnit, LawName, current_laws, polynomial_laws
 from mrwork.dampers.spec import DamperSpec, damper, damper_models
 from mrwork.errors import RecordError
-from mrwork.keys import Place
+from mrwork.keys import Place, suggestion
 from mrwork.records.command import command_level
 from mrwork.records.operating_range import OperatingRange
-from mrwork.study.declared import located, number_in, suggestion
+from mrwork.study.declared import located, number_in
 from mrwork.study.schema import DamperTable
 
 

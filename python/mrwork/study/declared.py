@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import math
 import types
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import Field, field, is_dataclass
-from difflib import get_close_matches
 from typing import Any, Literal, NoReturn, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 from mrwork.errors import InvalidSettingError, MrworkError, SettingError
-from mrwork.keys import Place, described, is_required, keys_of, out_of_range, shown
+from mrwork.keys import Place, described, is_required, keys_of, out_of_range, shown, suggestion
 from mrwork.units import FACTORS, MeasuredQuantity
 
 T = TypeVar("T")
@@ -64,12 +63,6 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
     if "place" in hints:
         values["place"] = place
     return kind(**values)
-
-
-def suggestion(name: object, known: Sequence[str], *, otherwise: str = "choose one of") -> str:
-    """End of a message on an unknown name: the closest known name, or all known names if none is close."""
-    near = get_close_matches(name, known, n=1) if isinstance(name, str) else []
-    return f", did you mean {near[0]}" if near else f"; {otherwise} {', '.join(known) or 'none'}"
 
 
 def _value(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:

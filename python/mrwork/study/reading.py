@@ -13,10 +13,10 @@ from mrwork.buildings.devices import Device
 from mrwork.buildings.from_file import building_from_table
 from mrwork.closed_loop.hardware import Fault, Hardware
 from mrwork.errors import RecordError
-from mrwork.keys import Place
+from mrwork.keys import Place, suggestion
 from mrwork.study.arrangements import arrangements
 from mrwork.study.dampers import ChosenDamper, Identified, equipped, identified_damper
-from mrwork.study.declared import located, read_table, suggestion
+from mrwork.study.declared import located, read_table
 from mrwork.study.lines import parse
 from mrwork.study.motions import motions_of
 from mrwork.study.schema import HardwareTable, ReportTable, StudyTable

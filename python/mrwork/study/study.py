@@ -57,6 +57,11 @@ class Arrangement:
 
     `floors` and `storeys` are the indices of the floors and storeys of the bare building, since an arrangement may add
     a base slab or a storey of isolators. `strokes` are the indices of the added storeys.
+
+    Raises
+    ------
+    SettingError
+        If the gains of the law are not those of a building with these devices.
     """
 
     row: Row
@@ -66,6 +71,10 @@ class Arrangement:
     floors: tuple[int, ...]
     storeys: tuple[int, ...]
     strokes: tuple[int, ...]
+
+    def __post_init__(self) -> None:
+        if self.law is not None and self.devices:
+            self.law.gain_rows(len(self.devices), 2 * self.building.n_coordinates)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
