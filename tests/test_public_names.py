@@ -51,7 +51,16 @@ SMALL_VALUES = {
         "CurrentLaws",
         "Envelope",
     ),
-    *("Estimate", "Fault", "Finding", "KanaiTajimi", "LeftOutCoverage", "Likeness", "Limits"),
+    *(
+        "Estimate",
+        "Fault",
+        "Finding",
+        "GammaEnvelope",
+        "KanaiTajimi",
+        "LeftOutCoverage",
+        "Likeness",
+        "Limits",
+    ),
     *(
         "Lognormal",
         "Measured",

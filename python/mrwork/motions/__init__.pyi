@@ -1,5 +1,6 @@
 from .ground_motion import GroundMotion as GroundMotion
 from .processing import baseline_corrected as baseline_corrected
+from .processing import brought_to_rest as brought_to_rest
 from .processing import resampled as resampled
 from .processing import resampled_band_limited as resampled_band_limited
 from .processing import scaled as scaled
@@ -12,8 +13,11 @@ from .spectral_density import CloughPenzien as CloughPenzien
 from .spectral_density import KanaiTajimi as KanaiTajimi
 from .spectrum import ResponseSpectrum as ResponseSpectrum
 from .spectrum import response_spectrum as response_spectrum
+from .suites import suite as suite
 from .synthetic import Envelope as Envelope
+from .synthetic import GammaEnvelope as GammaEnvelope
 from .synthetic import half_sine as half_sine
+from .synthetic import near_fault_pulse as near_fault_pulse
 from .synthetic import ricker as ricker
 from .synthetic import sine as sine
 from .synthetic import sine_sweep as sine_sweep

@@ -15,7 +15,8 @@ from mrwork.summary import Summarised, Summary
 class GroundMotion(Summarised):
     """Ground acceleration [m/s^2], shape (n_time,), every `dt` [s], linear between samples.
 
-    `source` states its origin; `changes` lists the processing since, in order.
+    `source` states its origin; `changes` lists the processing since, in order. `groups` name what it has in common with
+    others, such as its soil; tables of a study have the score of each group.
 
     Raises
     ------
@@ -28,6 +29,7 @@ class GroundMotion(Summarised):
     acceleration: NDArray[np.float64]
     source: str = ""
     changes: tuple[str, ...] = ()
+    groups: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if self.acceleration.ndim != 1 or self.acceleration.size < 2:

@@ -6,6 +6,7 @@ Each function returns a new motion; its `changes` state what was done.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -174,4 +175,32 @@ def baseline_corrected(motion: GroundMotion, *, order: int) -> GroundMotion:
     place = np.linspace(-1.0, 1.0, motion.n_time)
     drift = np.asarray(Legendre.fit(place, motion.acceleration, order)(place), dtype=np.float64)
     change = f"baseline of order {order} taken from the acceleration, up to {np.abs(drift).max():.3g} m/s2"
+    return changed(motion, motion.acceleration - drift, motion.dt, change)
+
+
+def brought_to_rest(motion: GroundMotion) -> GroundMotion:
+    """Correct a motion so that velocity and displacement of the ground are zero at its end.
+
+    The correction of the acceleration is `sin^2(pi t / T) (a + b t)` over the whole length T, zero at both ends and
+    slower than the motion; a and b follow from the two conditions.
+
+    Raises
+    ------
+    SettingError
+        The motion has fewer than five samples.
+    """
+    if motion.n_time < 5:
+        raise SettingError(
+            f"ground motion {motion.name}: {motion.n_time} samples cannot be brought to rest; give five or more"
+        )
+    place = np.linspace(-1.0, 1.0, motion.n_time)
+    bell = np.cos(0.5 * np.pi * place) ** 2
+    shapes = (bell, bell * place)
+    ends = [replace(motion, acceleration=shape) for shape in shapes]
+    system = np.array(
+        [[float(one.velocity[-1]) for one in ends], [float(one.displacement[-1]) for one in ends]]
+    )
+    weights = np.linalg.solve(system, [motion.velocity[-1], motion.displacement[-1]])
+    drift = weights[0] * shapes[0] + weights[1] * shapes[1]
+    change = f"brought to rest at its end, by up to {np.abs(drift).max():.3g} m/s2"
     return changed(motion, motion.acceleration - drift, motion.dt, change)

@@ -23,7 +23,7 @@ def synthetic_motion(
     rng: np.random.Generator | int = 1940,
     duration: float = 30.0,
     dt: float = 0.01,
-    envelope: Envelope | None = None,
+    envelope: Envelope | GammaEnvelope | None = None,
     peak: float | None = None,
     name: str = "synthetic",
 ) -> GroundMotion:
@@ -119,6 +119,52 @@ class Envelope:
         return rising * np.exp(-self.decay * np.maximum(time - self.plateau_end, 0.0))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GammaEnvelope:
+    """Envelope whose square is a gamma density in time, `t^(shape - 1) exp(-t / scale)`, with a peak of 1.
+
+    G. R. Saragoni and G. C. Hart, Earthq. Eng. Struct. Dyn. 2 (1974) 249-267. The energy of a motion, the integral of
+    its squared acceleration, then grows as the gamma distribution.
+
+    Parameters
+    ----------
+    significant_duration
+        Time from 5 to 95 % of the energy [s].
+    shape
+        Shape of the density, above 1; a larger one makes the rise slower compared with the decay.
+    """
+
+    significant_duration: float
+    shape: float = 5.0
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.significant_duration < np.inf and 1.0 < self.shape < np.inf):
+            raise SettingError(
+                f"envelope of {self.significant_duration} s and shape {self.shape}; give a positive duration and a "
+                "shape above 1"
+            )
+
+    @property
+    def scale(self) -> float:
+        """Scale of the gamma density [s]."""
+        from scipy.special import gammaincinv  # slow to load
+
+        first, last = gammaincinv(self.shape, np.array([0.05, 0.95]))
+        return float(self.significant_duration / (last - first))
+
+    def time_of(self, share: float) -> float:
+        """Time until which a share of the energy has come [s]."""
+        from scipy.special import gammaincinv
+
+        return float(self.scale * gammaincinv(self.shape, share))
+
+    def at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values between 0 and 1 at times [s], in the shape of `time`."""
+        over_peak = time / ((self.shape - 1.0) * self.scale)
+        power = 0.5 * (self.shape - 1.0)
+        return np.asarray(over_peak**power * np.exp(power * (1.0 - over_peak)), dtype=np.float64)
+
+
 def sine(*, amplitude: float, frequency: float, cycles: float, dt: float = 0.001) -> GroundMotion:
     """Sinusoidal acceleration of `amplitude` [m/s^2] and `frequency` [Hz] for a number of cycles, from zero."""
     time = _time(cycles / _positive("frequency", frequency), dt)
@@ -151,6 +197,29 @@ def ricker(*, amplitude: float, frequency: float, dt: float = 0.001) -> GroundMo
     time = _time(2.0 * half, dt)
     u = (np.pi * frequency * (time - half)) ** 2
     return _motion(f"Ricker {frequency:g} Hz", dt, amplitude * (1.0 - 2.0 * u) * np.exp(-u))
+
+
+def near_fault_pulse(
+    *, amplitude: float, period: float, cycles: float = 1.5, phase: float = 0.0, dt: float = 0.01
+) -> GroundMotion:
+    """Near-fault pulse of ground velocity: a cosine of `period` [s] in a cosine bell `cycles` periods long.
+
+    `v = A / 2 (1 + cos(2 pi t / (cycles T))) cos(2 pi t / T + phase)`, t from its middle, with the amplitude A [m/s],
+    more than one cycle and the phase [rad]. The velocity returns to zero, the displacement need not (Mavroeidis and
+    Papageorgiou, Bull. Seismol. Soc. Am. 93, 2003, 1099-1131, equations 2 and 3).
+    """
+    if not cycles > 1.0:
+        raise SettingError(f"near-fault pulse of {cycles} cycles; give more than one")
+    time = _time(cycles * _positive("period", period), dt)
+    w = 2.0 * np.pi / period
+    t = time - 0.5 * time[-1]
+    bell = np.where(np.abs(t) <= 0.5 * cycles * period, 1.0 + np.cos(w * t / cycles), 0.0)
+    slope = np.where(bell > 0.0, np.sin(w * t / cycles) / cycles, 0.0)
+    acceleration = -0.5 * amplitude * w * (slope * np.cos(w * t + phase) + bell * np.sin(w * t + phase))
+    source = f"pulse of {period:.2f} s, {abs(amplitude):.3g} m/s, {cycles:.2f} cycles, phase {phase:.2f}"
+    return GroundMotion(
+        name=f"near-fault pulse {period:g} s", dt=dt, acceleration=acceleration, source=source
+    )
 
 
 def _time(duration: float, dt: float) -> NDArray[np.float64]:
