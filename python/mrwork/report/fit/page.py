@@ -67,6 +67,8 @@ _BANNER = {
     "not the end of the search.",
     "not_converged": "The search stopped before it converged. The parameters below may still improve.",
 }
+# Entries of a setting that are shown.
+_SETTINGS_SHOWN = 12
 _HASH_SHOWN = 12
 
 
@@ -260,8 +262,17 @@ def _plain(value: object) -> str:
         if not given:
             return ", ".join(value)
         nested = any(isinstance(entry, Mapping) for entry in given.values())
+        if nested and len(given) > 1 and len(set(map(_plain, given.values()))) == 1:
+            return f"{_plain(next(iter(given.values())))} for each of {len(given)}"
         parts = [f"{name}{':' if nested else ''} {_plain(entry)}" for name, entry in given.items()]
-        return ("; " if nested else ", ").join(parts)
+        return _shortened(parts, "; " if nested else ", ")
     if isinstance(value, list | tuple):
-        return ", ".join(map(_plain, value))
+        return _shortened(list(map(_plain, value)), ", ")
     return str(value)
+
+
+def _shortened(parts: list[str], separator: str) -> str:
+    """The parts in a row; of many, which `fit.json` has all, the first ones."""
+    if len(parts) <= _SETTINGS_SHOWN:
+        return separator.join(parts)
+    return f"{separator.join(parts[:_SETTINGS_SHOWN])} and {len(parts) - _SETTINGS_SHOWN} more"
