@@ -25,6 +25,7 @@ HOMES = {
     ("pyarrow",): ("records.table",),
     ("matplotlib", "fontTools", "jinja2"): ("report",),
     ("control",): ("buildings.state_space",),
+    ("cvxpy", "clarabel"): ("control.design",),
 }
 
 TESTS = """

@@ -71,6 +71,7 @@ SMALL_VALUES = {
         "ParamSpec",
         "Progress",
     ),
+    *("LoopTiming", "RmsLimits", "SemiActiveCondition"),
     *("RecordedMotion", "Smoothing", "Tuning", "Uniform"),
 }
 # Settings (also all classes called so), tables of what exists, and values that are functions.

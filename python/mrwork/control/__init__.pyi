@@ -1,5 +1,17 @@
 from .counterpart import StaticCounterpart as StaticCounterpart
 from .counterpart import static_counterpart as static_counterpart
+from .design.cases import DesignCase as DesignCase
+from .design.cases import damper_cases as damper_cases
+from .design.cases import soil_cases as soil_cases
+from .design.cases import stiffness_cases as stiffness_cases
+from .design.certificate import CaseCheck as CaseCheck
+from .design.certificate import WeightCertificate as WeightCertificate
+from .design.designed import DesignedWeights as DesignedWeights
+from .design.limits import LoopTiming as LoopTiming
+from .design.limits import RmsLimits as RmsLimits
+from .design.limits import SemiActiveCondition as SemiActiveCondition
+from .design.weights import WeightDesigner as WeightDesigner
+from .design.weights import design_weights as design_weights
 from .design_problem import Design as Design
 from .design_problem import DesignProblem as DesignProblem
 from .fuzzy import FuzzyTable as FuzzyTable

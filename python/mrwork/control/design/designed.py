@@ -1,0 +1,198 @@
+"""Designed weights: what a regulator weighs, how much of the wishes can be reached, and what binds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.control.design.certificate import WeightCertificate
+from mrwork.control.design.law_gain import riccati_law_gain, static_law_gain
+from mrwork.control.design.limits import LimitedOutputs
+from mrwork.control.design.riccati_dual import Rows, regulated
+from mrwork.control.design.system import DesignSystem
+from mrwork.control.plant import Plant
+from mrwork.control.weights import Weights
+from mrwork.errors import SettingError
+from mrwork.summary import Summarised, Summary, rounded
+
+Floats = NDArray[np.float64]
+
+SCAN = (
+    "The weights give the shape of the cost. The size of R is one number more, to be scanned in the true loop: a "
+    "damper saturates, and with R as designed the law is far too timid; try control_scale from 1 down to 1e-4."
+)
+"""Advice wherever designed weights are shown."""
+
+_SETTING = {
+    "rms_drift": "drifts",
+    "rms_acceleration": "accelerations",
+    "rms_displacement": "displacements",
+}
+# Shares of the multipliers below this one belong to limits that do not bind.
+_BINDING = 1e-4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class DesignedWeights(Summarised):
+    """Weights of a regulator from limits on rms responses and a budget of force.
+
+    The cost is `s'Q s + 2 s'N f + f'R f`, with `Q = C'W C`, `N = C'W D` and `R = control_weight + D'W D` of the limited
+    outputs `y = C s + D f`, W the diagonal of `output_weights`; in a design with a semi-active condition, also the
+    terms of `(f - c v)^2 - b^2 f^2`.
+
+    Parameters
+    ----------
+    output_weights
+        Of each limited output, in the inverse square of its unit, shape (n_outputs,).
+    control_weight
+        Multiplier of each budget [1/N^2], shape (n_devices,).
+    Q, N, R
+        Shapes (2n, 2n), (2n, n_devices), (n_devices, n_devices).
+    gain
+        K of the wanted force `f_c = -K s` on the state of the building, shape (n_devices, 2n): the Riccati gain of Q,
+        N, R; in discrete time, the gain on s of least cost in the sampled loop.
+    reachable_ratio
+        t: all limits can be met at once up to this factor with the budget. Above 1 they cannot be reached.
+    certificate
+        Rms values by Lyapunov equations, and the bound.
+    binding
+        What keeps the ratio from being lower, in words.
+    engine
+        What solved it.
+    budget_factor
+        If the limits cannot be reached: the factor of all budgets with which they can, infinite if none up to 100 does.
+    """
+
+    plant: Plant
+    spectrum: str
+    output_weights: Floats
+    control_weight: Floats
+    Q: Floats
+    N: Floats
+    R: Floats
+    gain: Floats
+    reachable_ratio: float
+    certificate: WeightCertificate
+    binding: tuple[str, ...]
+    engine: str
+    budget_factor: float | None
+    outputs: LimitedOutputs
+    multipliers: Floats
+    system: DesignSystem
+    rows: Rows
+
+    def gain_with(self, control_scale: float) -> Floats:
+        """The gain of the law with the control weight times `control_scale`, shape (n_devices, 2n).
+
+        Raises
+        ------
+        SettingError
+            If the factor is not positive.
+        """
+        if not 0.0 < control_scale < np.inf:
+            raise SettingError(f"control_scale is {control_scale}; give a positive number")
+        scaled = self.multipliers.copy()
+        n_limits, m = len(self.outputs.limits), self.plant.n_devices
+        scaled[n_limits : n_limits + m] *= control_scale
+        if self.system.step:
+            return static_law_gain(self.system, self.rows, scaled, self.gain)
+        return riccati_law_gain(self.system, regulated(self.system, self.rows, scaled))
+
+    def settings(self, control_scale: float = 1.0) -> dict[str, Weights]:
+        """Settings of a regulator with these weights, as `RegulatorSettings(**designed.settings(1e-2))`.
+
+        Raises
+        ------
+        SettingError
+            If the weights are not those of outputs alone, as with a semi-active condition or a design in discrete time;
+            use `gain_with`.
+        """
+        if len(self.multipliers) > len(self.output_weights) + len(self.control_weight) or self.system.step:
+            raise SettingError(
+                "these weights are more than weights of outputs: the law has their gain, see `gain_with`, or give the "
+                "settings of the law the key designed"
+            )
+        found: dict[str, Weights] = {}
+        building = self.plant.building
+        for setting, name in _SETTING.items():
+            if setting in self.outputs.settings:
+                places = building.storey_names if setting == "rms_drift" else building.floor_names
+                found[name] = tuple(self._of_places(setting, places))
+        forces = self._of_places("rms_force", self.plant.device_names)
+        found["control_weight"] = tuple((control_scale * self.control_weight + forces).tolist())
+        return found
+
+    def _of_places(self, setting: str, places: tuple[str, ...]) -> Floats:
+        """Weights of all places of a quantity, zero without a limit."""
+        found = np.zeros(len(places))
+        for name, own, weight in zip(
+            self.outputs.names, self.outputs.settings, self.output_weights, strict=True
+        ):
+            if own == setting:
+                found[next(k for k, place in enumerate(places) if name.endswith(f" {place}"))] = weight
+        return found
+
+    @property
+    def in_words(self) -> tuple[str, ...]:
+        """What can be reached and what binds, one sentence each."""
+        ratio = self.reachable_ratio
+        if ratio <= 1.0:
+            first = f"All limits can be met, down to {ratio:.3g} of them with the whole budget."
+        elif self.budget_factor is not None and np.isfinite(self.budget_factor):
+            first = (
+                "The limits cannot be met with this budget: the least factor by which all are met at once is "
+                f"{ratio:.3g}; with {self.budget_factor:.3g} times the budget they can."
+            )
+        else:
+            first = (
+                f"The limits cannot be met: the least factor by which all are met at once is {ratio:.3g}, and 100 "
+                "times the budget does not bring it to 1."
+            )
+        return (first, *self.binding)
+
+    def _summary(self) -> Summary:
+        check = self.certificate
+        return Summary(
+            title=f"Designed weights for {self.plant.building.name}: least ratio {self.reachable_ratio:.4g}",
+            facts=(
+                ("spectrum", self.spectrum),
+                ("engine", self.engine),
+                ("certificate", f"violation {check.violation:.1e}, gap to the bound {check.gap:.1e}"),
+                ("law's gain", f"ratio {check.law_ratio:.4g} with the state of the building only"),
+                ("control weight", f"{', '.join(rounded(each) for each in self.control_weight)} 1/N2"),
+            ),
+            columns=("output", "weight", "rms / limit"),
+            rows=[
+                (name, rounded(weight), rounded(float(rms / limit)))
+                for name, weight, rms, limit in sorted(
+                    zip(self.outputs.names, self.output_weights, check.rms, check.limits, strict=True),
+                    key=lambda each: -each[2] / each[3],
+                )[:8]
+            ],
+            notes=(*self.in_words, SCAN),
+        )
+
+
+def binding_in_words(
+    outputs: LimitedOutputs, multipliers: Floats, ratio: float, budgets: Floats, plant: Plant, value: float
+) -> tuple[str, ...]:
+    """The limits and budgets with a multiplier, the largest first, one sentence each."""
+    n_limits = len(outputs.limits)
+    q = multipliers[:n_limits]
+    sentences = [
+        f"Binds: rms {outputs.names[k]}, {outputs.limits[k] * ratio:.4g} {outputs.units[k]} at the least ratio "
+        f"(limit {outputs.limits[k]:.4g}), with {100.0 * q[k]:.3g} % of the weight."
+        for k in np.argsort(-q)
+        if q[k] > _BINDING
+    ]
+    for name, budget, r in zip(
+        plant.device_names, budgets, multipliers[n_limits : n_limits + len(budgets)], strict=True
+    ):
+        if r > _BINDING * value:
+            # d log t / d log budget = -r / t^2.
+            sentences.append(
+                f"Binds: budget of {name}, {budget:.4g} N rms; 1 % more force lowers the ratio by {r / value:.2g} %."
+            )
+    return tuple(sentences)

@@ -1,0 +1,242 @@
+"""Wishes of a weight design: limits on rms responses, the semi-active condition, and the timing of the loop."""
+
+# `key` is a dataclass field with notes.
+# ruff: noqa: RUF009
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.control.plant import Outputs, Plant, accelerations, displacements, drifts, stacked
+from mrwork.errors import InvalidSettingError, SettingError
+from mrwork.keys import check_keys, key, plain_values
+
+Floats = NDArray[np.float64]
+Limit = float | tuple[float, ...]
+"""One limit for all places, or one for each; infinite for a place without a limit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RmsLimits:
+    """Limits on rms responses, one for all places or one for each; only their ratios to each other matter.
+
+    The design finds the least factor by which all limits can be met at once with the budget of force.
+    """
+
+    rms_drift: Limit | None = key("limit of the rms drift of storeys", unit="m", default=None, above=0.0)
+    rms_acceleration: Limit | None = key(
+        "limit of the rms absolute acceleration of floors", unit="m/s2", default=None, above=0.0
+    )
+    rms_displacement: Limit | None = key(
+        "limit of the rms displacement of floors relative to the ground", unit="m", default=None, above=0.0
+    )
+    rms_force: Limit | None = key(
+        "limit of the rms force of devices, which is scaled with the others; the budget is not",
+        unit="N",
+        default=None,
+        above=0.0,
+    )
+
+    def __post_init__(self) -> None:
+        plain_values(self)
+        check_keys(self)
+
+    @classmethod
+    def of(cls, given: RmsLimits | Mapping[str, Limit]) -> RmsLimits:
+        """The limits from values by name.
+
+        Raises
+        ------
+        SettingError
+            If one has an unknown name.
+        """
+        if isinstance(given, RmsLimits):
+            return given
+        known = [entry.name for entry in fields(cls)]
+        for name in given:
+            if name not in known:
+                hint = (
+                    f"limits are rms values, of which a peak is about three times: give rms_{name[5:]}"
+                    if name.startswith("peak_") and f"rms_{name[5:]}" in known
+                    else f"there are {', '.join(known)}"
+                )
+                raise SettingError(f"no limit is called {name!r}; {hint}")
+        return cls(**given)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitedOutputs:
+    """The outputs with a limit: their names, units, limits in SI, shape (n_outputs,), and the setting of each."""
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    settings: tuple[str, ...]
+    limits: Floats
+
+    @classmethod
+    def of(cls, limits: RmsLimits, plant: Plant) -> LimitedOutputs:
+        """The outputs of a plant that have a limit.
+
+        Raises
+        ------
+        InvalidSettingError
+            If the number of limits is wrong, or there is none.
+        """
+        names: list[str] = []
+        units: list[str] = []
+        settings: list[str] = []
+        found: list[float] = []
+        for setting, (unit, each) in _QUANTITIES.items():
+            given = getattr(limits, setting)
+            if given is None:
+                continue
+            outputs = _outputs(setting, plant)
+            values = np.asarray(given, dtype=np.float64)
+            if values.shape not in ((), (len(outputs.names),)):
+                raise InvalidSettingError(
+                    setting,
+                    f"{setting} has {values.size} limits, and there are {len(outputs.names)} {each}; give one for "
+                    "each, or one for all",
+                )
+            for name, value in zip(outputs.names, np.broadcast_to(values, len(outputs.names)), strict=True):
+                if math.isfinite(value):
+                    names.append(name)
+                    units.append(unit)
+                    settings.append(setting)
+                    found.append(float(value))
+        if all(setting == "rms_force" for setting in settings):
+            raise InvalidSettingError(
+                "rms_drift",
+                "no response is limited, so that no force would be the best; give rms_drift, rms_acceleration or "
+                "rms_displacement",
+            )
+        return cls(names=tuple(names), units=tuple(units), settings=tuple(settings), limits=np.array(found))
+
+    def of_plant(self, plant: Plant) -> Outputs:
+        """These outputs of a plant of the same floors, storeys and devices."""
+        return stacked(*(_outputs(setting, plant) for setting in _QUANTITIES)).select(self.names)
+
+
+def _outputs(setting: str, plant: Plant) -> Outputs:
+    if setting == "rms_drift":
+        n_drifts = len(plant.building.drifts)
+        every = drifts(plant)
+        return every.select(every.names[:n_drifts])
+    if setting == "rms_acceleration":
+        return accelerations(plant)
+    if setting == "rms_displacement":
+        return displacements(plant)
+    m = plant.n_devices
+    return Outputs(
+        names=tuple(f"force {name}" for name in plant.device_names),
+        C=np.zeros((m, len(plant.A))),
+        D=np.eye(m),
+        G=np.zeros(m),
+    )
+
+
+_QUANTITIES: Mapping[str, tuple[str, str]] = {
+    "rms_drift": ("m", "storeys"),
+    "rms_acceleration": ("m/s2", "floors"),
+    "rms_displacement": ("m", "floors"),
+    "rms_force": ("N", "devices"),
+}
+"""Unit of each limit, and what it belongs to."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SemiActiveCondition:
+    """`E[(f - c v)^2] <= b^2 E[f^2]`: the wanted force is that of a damper up to a share b.
+
+    With c = E[f v] / E[v^2] it says that force and rate of elongation have a correlation of sqrt(1 - b^2) at least.
+
+    Parameters
+    ----------
+    share
+        b, between 0 and 1.
+    damping
+        c of each device [N s/m]; by default that of the wanted force itself, found by alternation.
+    """
+
+    share: float
+    damping: float | tuple[float, ...] | None = None
+
+    def __post_init__(self) -> None:
+        plain_values(self)
+        if not 0.0 < self.share < 1.0:
+            raise SettingError(
+                f"the share of a semi-active condition is {self.share}; give one between 0 and 1"
+            )
+        if self.damping is not None and not np.all(np.asarray(self.damping) > 0.0):
+            raise SettingError(
+                f"the damping of a semi-active condition is {self.damping} N s/m; give a positive one"
+            )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopTiming:
+    """Sample time, delay and driver of a loop, for a design in discrete time.
+
+    Parameters
+    ----------
+    sample_time
+        Time between two commands [s].
+    delay
+        From a measurement to its command [s], a whole number of samples.
+    driver_rate
+        Rate of the first-order lag from wanted to actual force [1/s]; `None` for a force that follows at once.
+    """
+
+    sample_time: float = 1e-3
+    delay: float = 0.0
+    driver_rate: float | None = None
+
+    def __post_init__(self) -> None:
+        rate = 1.0 if self.driver_rate is None else self.driver_rate
+        for name, value in (("sample_time", self.sample_time), ("driver_rate", rate)):
+            if not 0.0 < value < math.inf:
+                raise SettingError(f"{name} of the loop is {value}; give a positive number")
+        if not 0.0 <= self.delay < math.inf:
+            raise SettingError(f"delay of the loop is {self.delay} s; give zero or a positive number")
+        if abs(self.delay / self.sample_time - self.delay_samples) > 1e-6:
+            raise SettingError(
+                f"delay of the loop is {self.delay} s, which is not a whole number of samples of {self.sample_time} s"
+            )
+        if self.delay_samples > _MOST_DELAY:
+            raise SettingError(
+                f"delay of the loop is {self.delay_samples} samples; give a longer sample_time, so that it is "
+                f"{_MOST_DELAY} at most"
+            )
+
+    @property
+    def delay_samples(self) -> int:
+        """The delay in samples."""
+        return round(self.delay / self.sample_time)
+
+
+# Each sample of delay is a state of the design.
+_MOST_DELAY = 20
+
+
+def as_forces(budget: float | Sequence[float] | Floats, plant: Plant) -> Floats:
+    """The budget of each device [N], shape (n_devices,).
+
+    Raises
+    ------
+    SettingError
+        If the number of budgets is wrong, or one is not positive.
+    """
+    values = np.asarray(budget, dtype=np.float64)
+    if values.shape not in ((), (plant.n_devices,)):
+        raise SettingError(
+            f"budget has {values.size} forces, and the number of devices is {plant.n_devices}; give one for each, or "
+            "one for all"
+        )
+    if not (np.isfinite(values).all() and (values > 0.0).all()):
+        raise SettingError(f"budget is {budget} N; give a positive rms force")
+    return np.broadcast_to(values, (plant.n_devices,)).copy()

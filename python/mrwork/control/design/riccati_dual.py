@@ -1,0 +1,257 @@
+"""The dual of the worst-ratio design by Riccati and Lyapunov equations alone.
+
+For multipliers w = (q of the limits, r of the budgets, s of the semi-active conditions), `h(w)` is the cost of the
+regulator with these weights; h is concave, and by the envelope theorem its gradient are the mean squares of the rows
+under that regulator. The design maximises `h(w) - sum r` over `sum q = 1, w >= 0`, with limits and budgets scaled to 1.
+Its Hessian follows from the derivatives of the gain, so a primal-dual interior-point method of few variables solves it
+to rounding, however many states the building has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.control.design.lyapunov_equations import LyapunovEquations
+from mrwork.control.design.system import DesignSystem
+from mrwork.control.riccati import solve_discrete, solve_riccati
+from mrwork.errors import SettingError
+
+Floats = NDArray[np.float64]
+
+_STEPS = 80
+_GAP = 1e-10
+_TO_BOUNDARY = 0.99
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rows:
+    """Rows `c x + d u` of one system and the forms that add up their squares, `forms @ squares`.
+
+    The first rows are the limited outputs over their limits, then the wanted forces over their budgets, then
+    `f - c v` of the semi-active conditions over the budgets; the forms are in the same order.
+    """
+
+    C: Floats
+    D: Floats
+    forms: Floats
+
+
+def rows_of(
+    system: DesignSystem,
+    limits: Floats,
+    budgets: Floats,
+    semi_active: tuple[Floats, float] | None = None,
+) -> Rows:
+    """The rows of a system; `semi_active` are c of each device [N s/m] and the share b."""
+    n, m = system.B.shape
+    C = [system.C / limits[:, None], np.zeros((m, n))]
+    D = [system.D / limits[:, None], np.diag(1.0 / budgets)]
+    forms = np.eye(len(limits) + m)
+    if semi_active is not None:
+        damping, share = semi_active
+        scaled = 1.0 / budgets[:, None]
+        C += [scaled * (system.force - damping[:, None] * system.rates), scaled * system.force]
+        D += [scaled * system.direct, scaled * system.direct]
+        added = np.hstack([np.eye(m), -(share**2) * np.eye(m)])
+        forms = np.block([[forms, np.zeros((len(forms), 2 * m))], [np.zeros((m, len(forms))), added]])
+    return Rows(C=np.vstack(C), D=np.vstack(D), forms=forms)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Regulated:
+    """A system under the regulator of given multipliers: its gain, Riccati matrix, covariance and mean squares."""
+
+    gain: Floats
+    riccati: Floats
+    covariance: Floats
+    squares: Floats
+    cost: float
+
+
+def regulated(system: DesignSystem, rows: Rows, multipliers: Floats) -> Regulated:
+    """The regulator of the multipliers, and the mean squares of the forms.
+
+    Raises
+    ------
+    SettingError
+        If the Riccati equation has no stabilising solution.
+    """
+    weights = multipliers @ rows.forms
+    gain, P = _gain(system, rows, weights)
+    return _under(system, rows, gain, P)
+
+
+def _under(system: DesignSystem, rows: Rows, gain: Floats, P: Floats) -> Regulated:
+    X = LyapunovEquations(system.A - system.B @ gain, system.step).covariance(system.noise)
+    closed = rows.C - rows.D @ gain
+    return Regulated(
+        gain=gain,
+        riccati=P,
+        covariance=X,
+        squares=rows.forms @ np.einsum("ij,jk,ik->i", closed, X, closed),
+        cost=float(np.sum(system.noise * P)),
+    )
+
+
+def _gain(system: DesignSystem, rows: Rows, weights: Floats) -> tuple[Floats, Floats]:
+    """Gain and Riccati matrix for weights of the rows, which may be negative."""
+    A, B, step = system.A, system.B, system.step
+    Q, N = (rows.C.T * weights) @ rows.C, (rows.C.T * weights) @ rows.D
+    R = (rows.D.T * weights) @ rows.D
+    if step == 0.0:
+        solution = solve_riccati(A, B, Q, R, N, scaling=np.eye(len(A)))
+        return solution.gain, solution.P
+    one = np.eye(len(A))
+    transition, entry = one + step * A, step * B
+    of_N, of_B = np.linalg.solve(R, N.T), np.linalg.solve(R, entry.T)
+    P = solve_discrete(transition - entry @ of_N, entry @ of_B / step, step * (Q - N @ of_N))
+    gain = np.linalg.solve(R + step * B.T @ P @ B, B.T @ P @ transition + N.T)
+    return np.asarray(gain, dtype=np.float64), P
+
+
+def _curvature(system: DesignSystem, rows: Rows, weights: Floats, at: Regulated) -> Floats:
+    """Hessian of the cost by the multipliers: `-2 tr(R dK_a X dK_b')` with the derivatives dK of the gain."""
+    A, B, step, gain = system.A, system.B, system.step, at.gain
+    closed = LyapunovEquations(A - B @ gain, step)
+    R = (rows.D.T * weights) @ rows.D + step * B.T @ at.riccati @ B
+    forward = np.eye(len(A)) + step * (A - B @ gain)
+    own = rows.C - rows.D @ gain
+    moved = np.array(
+        [
+            B.T @ closed.cost(np.outer(row, row)) @ forward + np.outer(direct, row)
+            for row, direct in zip(own, rows.D, strict=True)
+        ]
+    )
+    slopes = np.linalg.solve(R, np.tensordot(rows.forms, moved, axes=1))
+    weighed = R @ slopes @ at.covariance
+    return np.asarray(-2.0 * np.einsum("aij,bij->ab", slopes, weighed))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DualPoint:
+    """Multipliers with sum q = 1, the least t^2, the gap to it, and the regulated systems."""
+
+    multipliers: Floats
+    value: float
+    gap: float
+    steps: int
+    regulated: tuple[Regulated, ...]
+
+
+def maximise(
+    systems: Sequence[DesignSystem],
+    rows: Sequence[Rows],
+    n_limits: int,
+    *,
+    start: Floats | None = None,
+) -> DualPoint:
+    """Maximise the mean of `h(w)` over the systems minus `sum r`, by a primal-dual interior-point method.
+
+    Parameters
+    ----------
+    start
+        Multipliers to start from; any positive ones.
+
+    Raises
+    ------
+    SettingError
+        If the iteration does not settle.
+    """
+    n_forms = len(rows[0].forms)
+    budgets = slice(n_limits, n_limits + systems[0].B.shape[1])
+    bound = np.zeros(n_forms)
+    bound[budgets] = 1.0
+    in_sum = np.zeros(n_forms)
+    in_sum[:n_limits] = 1.0
+    w = first_multipliers(systems, rows, n_limits) if start is None else _inside(start, n_limits)
+    at = [regulated(system, each, w) for system, each in zip(systems, rows, strict=True)]
+    squares = np.mean([each.squares for each in at], axis=0)
+    level = 1.1 * float(squares[:n_limits].max())
+    slack = np.maximum(level * in_sum + bound - squares, 1e-3 * np.where(in_sum > 0.0, level, 1.0))
+    steps = 0
+    while True:
+        complementarity = float(w @ slack)
+        residual = squares - level * in_sum - bound + slack
+        settled = float(np.abs(residual).max()) <= 1e-9 * max(level, 1.0)
+        if settled and complementarity <= _GAP * level:
+            break
+        if steps == _STEPS:
+            raise SettingError(
+                f"the weights did not settle in {_STEPS} steps: the gap is {complementarity / level:.1e} of the ratio; "
+                "give limits and a budget of less extreme ratio"
+            )
+        steps += 1
+        # Towards the middle of the path while the slacks do not fit, along it afterwards.
+        target = (0.02 if settled else 0.2) * complementarity / n_forms
+        curvature = np.mean(
+            [
+                _curvature(system, each, w @ each.forms, one)
+                for system, each, one in zip(systems, rows, at, strict=True)
+            ],
+            axis=0,
+        )
+        right = -(squares - level * in_sum - bound + target / w)
+        matrix = np.block(
+            [
+                [curvature - np.diag(slack / w), -in_sum[:, None]],
+                [in_sum[None, :], np.zeros((1, 1))],
+            ]
+        )
+        scale = np.append(w, 1.0)
+        move = scale * np.linalg.solve(
+            matrix * np.outer(scale, scale), scale * np.append(right, 1.0 - w @ in_sum)
+        )
+        d_w, d_level = move[:-1], float(move[-1])
+        d_slack = (target - slack * d_w) / w - slack
+        length = min(1.0, _TO_BOUNDARY * _longest(w, d_w), _TO_BOUNDARY * _longest(slack, d_slack))
+        at, length = _moved(systems, rows, w, d_w, length)
+        w, slack, level = w + length * d_w, slack + length * d_slack, level + length * d_level
+        squares = np.mean([each.squares for each in at], axis=0)
+    value = float(np.mean([each.cost for each in at]) - w[budgets].sum())
+    return DualPoint(multipliers=w, value=value, gap=complementarity, steps=steps, regulated=tuple(at))
+
+
+def _longest(point: Floats, move: Floats) -> float:
+    """Largest step along a move that stays positive."""
+    shrinking = move < 0.0
+    return float(np.min(-point[shrinking] / move[shrinking], initial=np.inf))
+
+
+def _moved(
+    systems: Sequence[DesignSystem], rows: Sequence[Rows], w: Floats, d_w: Floats, length: float
+) -> tuple[list[Regulated], float]:
+    """The regulators after a step, which is halved until every Riccati equation has a solution."""
+    for _ in range(30):
+        try:
+            return [
+                regulated(s, each, w + length * d_w) for s, each in zip(systems, rows, strict=True)
+            ], length
+        except SettingError:
+            length *= 0.5
+    raise SettingError("no step of the weights keeps the Riccati equation solvable; give a larger budget")
+
+
+def _inside(start: Floats, n_limits: int) -> Floats:
+    """Multipliers away from zero, with sum q = 1."""
+    w = np.maximum(start, 1e-4 * np.max(start))
+    return np.asarray(w / w[:n_limits].sum())
+
+
+def first_multipliers(systems: Sequence[DesignSystem], rows: Sequence[Rows], n_limits: int) -> Floats:
+    """Equal multipliers of the limits, and r such that the forces are near their budgets."""
+    budgets = slice(n_limits, n_limits + systems[0].B.shape[1])
+    w = np.zeros(len(rows[0].forms))
+    w[:n_limits] = 1.0 / n_limits
+    w[budgets] = 1.0
+    for _ in range(12):
+        at = [regulated(system, each, w) for system, each in zip(systems, rows, strict=True)]
+        squares = np.mean([each.squares for each in at], axis=0)[budgets]
+        if np.all((squares > 0.3) & (squares < 3.0)):
+            break
+        w[budgets] *= np.clip(squares, 1e-3, 1e3)
+    w[budgets.stop :] = 1e-3 * w[budgets].min()
+    return w

@@ -1,0 +1,245 @@
+"""The linear system of a weight design: building, spectrum filter, driver and delay, in scaled coordinates.
+
+`x' = A x + B u + noise`, with u the wanted force of each device; sampled, A and B are difference quotients.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from mrwork.control.design.limits import LimitedOutputs, LoopTiming
+from mrwork.control.design.lyapunov_equations import LyapunovEquations
+from mrwork.control.plant import Plant, deformation_rates
+from mrwork.errors import SettingError
+from mrwork.motions.spectral_density import SpectralDensity
+
+Floats = NDArray[np.float64]
+
+PROCESS_NOISE = 0.02
+"""White noise on every state: what it would add within one natural period, over the rms of the state.
+
+It makes the covariance regular, without which the Riccati matrix of a design is not unique.
+"""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignSystem:
+    """A plant under its spectrum as the design sees it.
+
+    Parameters
+    ----------
+    A, B
+        In scaled coordinates x, shapes (n, n), (n, n_devices); difference quotients if `step` [s] is not zero.
+    noise
+        Intensity of the white noise, shape (n, n).
+    C, D
+        Limited outputs y = C x + D u in SI, shapes (n_outputs, n), (n_outputs, n_devices).
+    rates
+        Rate of elongation of each device [m/s], shape (n_devices, n).
+    force
+        Actual force of each device, `force x + direct u` [N], shapes (n_devices, n), (n_devices, n_devices).
+    state
+        State of the building, s = state @ x, shape (n_building_states, n); of a design on some modes only, their part.
+    uncontrolled
+        Covariance of x without control, shape (n, n).
+    """
+
+    A: Floats
+    B: Floats
+    noise: Floats
+    step: float
+    C: Floats
+    D: Floats
+    rates: Floats
+    force: Floats
+    direct: Floats
+    state: Floats
+    uncontrolled: Floats
+
+    @property
+    def n_states(self) -> int:
+        """States of building, filter, driver and delay."""
+        return len(self.A)
+
+    def rms_without_control(self) -> Floats:
+        """Rms of each limited output without device forces, shape (n_outputs,)."""
+        return np.asarray(np.sqrt(np.einsum("ij,jk,ik->i", self.C, self.uncontrolled, self.C)))
+
+    def in_units(self, units: Floats) -> DesignSystem:
+        """The system with states in other units: x = units * (new x), shape (n,)."""
+        return replace(
+            self,
+            A=self.A / units[:, None] * units,
+            B=self.B / units[:, None],
+            noise=self.noise / np.outer(units, units),
+            C=self.C * units,
+            rates=self.rates * units,
+            force=self.force * units,
+            state=self.state * units,
+            uncontrolled=self.uncontrolled / np.outer(units, units),
+        )
+
+
+def system_of(
+    plant: Plant,
+    outputs: LimitedOutputs,
+    spectrum: SpectralDensity,
+    *,
+    budgets: Floats,
+    timing: LoopTiming | None = None,
+    n_modes: int | None = None,
+) -> DesignSystem:
+    """The system of a design.
+
+    Modes of the building scaled by their uncontrolled rms are the coordinates; forces inside the driver are scaled by
+    the budget.
+
+    Parameters
+    ----------
+    n_modes
+        Number of modes, lowest first; all by default.
+
+    Raises
+    ------
+    SettingError
+        If a mode of the building is not damped.
+    """
+    building, n = plant.building, plant.n_coordinates
+    shapes = building.modes[:, :n_modes]
+    modes = scipy.linalg.block_diag(shapes, shapes)
+    into = scipy.linalg.block_diag(shapes.T @ building.mass, shapes.T @ building.mass)
+    soil = spectrum.filter_matrices()
+    n_soil = len(soil.state)
+    ground = np.zeros((len(modes.T) + n_soil, 1))
+    ground[-n_soil:, 0] = soil.noise
+    A = np.block(
+        [
+            [into @ plant.A @ modes, np.outer(into @ plant.E, soil.output)],
+            [np.zeros((n_soil, len(modes.T))), soil.state],
+        ]
+    )
+    B = np.vstack([into @ plant.B, np.zeros((n_soil, plant.n_devices))])
+    intensity = 2.0 * np.pi * spectrum.intensity * ground @ ground.T
+    try:
+        covariance = LyapunovEquations(A).covariance(intensity)
+    except SettingError as error:
+        raise SettingError(
+            f"{building.name} has a mode without damping, so that its rms values do not exist; give every mode damping"
+        ) from error
+    rms = np.sqrt(np.diag(covariance))
+    # A mode that the ground does not excite still needs a scale.
+    rms = np.maximum(rms, 1e-9 * rms.max())
+    frequency = float(building.frequencies[0])
+    A, B = A / rms[:, None] * rms, B / rms[:, None]
+    noise = intensity / np.outer(rms, rms) + PROCESS_NOISE**2 * frequency * np.eye(len(A))
+    names = outputs.of_plant(plant)
+    C = np.hstack([names.C @ modes, np.outer(names.G, soil.output)]) * rms
+    rates = deformation_rates(plant).C @ modes
+    parts = _Parts(
+        A=A,
+        B=B,
+        noise=noise,
+        C=C,
+        D=names.D,
+        rates=np.hstack([rates, np.zeros((plant.n_devices, n_soil))]) * rms,
+        state=np.hstack([modes, np.zeros((2 * n, n_soil))]) * rms,
+    )
+    return _continuous(parts) if timing is None else _sampled(parts, timing, budgets, frequency)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Parts:
+    """Building and soil in continuous time, with forces that act at once."""
+
+    A: Floats
+    B: Floats
+    noise: Floats
+    C: Floats
+    D: Floats
+    rates: Floats
+    state: Floats
+
+
+def _continuous(parts: _Parts) -> DesignSystem:
+    n_devices = parts.B.shape[1]
+    return DesignSystem(
+        A=parts.A,
+        B=parts.B,
+        noise=parts.noise,
+        step=0.0,
+        C=parts.C,
+        D=parts.D,
+        rates=parts.rates,
+        force=np.zeros((n_devices, len(parts.A))),
+        direct=np.eye(n_devices),
+        state=parts.state,
+        uncontrolled=LyapunovEquations(parts.A).covariance(parts.noise),
+    )
+
+
+def _sampled(parts: _Parts, timing: LoopTiming, budgets: Floats, frequency: float) -> DesignSystem:
+    """Building, soil and driver between samples with the command held, and a chain of past commands for the delay.
+
+    Commands and forces in the chain are in budgets.
+    """
+    n, m = parts.B.shape
+    A, B, noise = parts.A, parts.B, parts.noise
+    own = PROCESS_NOISE**2 * frequency
+    force_states = 0
+    if timing.driver_rate is not None:
+        force_states = m
+        A = np.block([[A, B * budgets], [np.zeros((m, n)), -timing.driver_rate * np.eye(m)]])
+        B = np.vstack([np.zeros((n, m)), timing.driver_rate * np.diag(1.0 / budgets)])
+        noise = scipy.linalg.block_diag(noise, own * np.eye(m))
+    transition, held, added = _held(A, B, noise, timing.sample_time)
+    size, delay = len(A), timing.delay_samples
+    whole = size + delay * m
+    forward = np.zeros((whole, whole))
+    entry = np.zeros((whole, m))
+    covariance = timing.sample_time * own * np.eye(whole)
+    forward[:size, :size], covariance[:size, :size] = transition, added
+    if delay:
+        # The oldest command acts; the newest enters at the end of the chain.
+        forward[:size, size : size + m] = held * budgets
+        forward[size : whole - m, size + m :] = np.eye(whole - m - size)
+        entry[whole - m :] = np.diag(1.0 / budgets)
+    else:
+        entry[:size] = held
+    force, direct = np.zeros((m, whole)), np.zeros((m, m))
+    if force_states:
+        force[:, n:size] = np.diag(budgets)
+    elif delay:
+        force[:, size : size + m] = np.diag(budgets)
+    else:
+        direct = np.eye(m)
+    step = timing.sample_time
+    wide = (0, whole - n)
+    A_step, B_step = (forward - np.eye(whole)) / step, entry / step
+    noise_step = covariance / step
+    return DesignSystem(
+        A=A_step,
+        B=B_step,
+        noise=noise_step,
+        step=step,
+        C=np.pad(parts.C, ((0, 0), wide)) + parts.D @ force,
+        D=parts.D @ direct,
+        rates=np.pad(parts.rates, ((0, 0), wide)),
+        force=force,
+        direct=direct,
+        state=np.pad(parts.state, ((0, 0), wide)),
+        uncontrolled=LyapunovEquations(A_step, step).covariance(noise_step),
+    )
+
+
+def _held(A: Floats, B: Floats, noise: Floats, step: float) -> tuple[Floats, Floats, Floats]:
+    """Transition, effect of a held input, and covariance of the noise of a step (Van Loan, IEEE TAC 23(3), 1978)."""
+    n, m = B.shape
+    inputs = scipy.linalg.expm(step * np.block([[A, B], [np.zeros((m, n + m))]]))
+    pair = scipy.linalg.expm(step * np.block([[-A, noise], [np.zeros((n, n)), A.T]]))
+    transition = pair[n:, n:].T
+    added = transition @ pair[:n, n:]
+    return transition, np.asarray(inputs[:n, n:]), 0.5 * (added + added.T)

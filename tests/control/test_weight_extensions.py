@@ -1,0 +1,180 @@
+"""Designs over several plants, in discrete time, and with the semi-active condition."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.linalg
+
+import mrwork as mr
+from mrwork.control import (
+    DesignCase,
+    DesignedWeights,
+    LoopTiming,
+    SemiActiveCondition,
+    damper_cases,
+    design_weights,
+    soil_cases,
+    stiffness_cases,
+)
+from mrwork.errors import SettingError
+from mrwork.motions import KanaiTajimi
+
+LIMITS = {"rms_drift": 4e-3, "rms_acceleration": 5.2}
+BUDGET = 900.0
+FRAME = mr.building("uts")
+
+
+def design(**given: Any) -> DesignedWeights:
+    return design_weights(FRAME, FRAME.storeys[:1], **{"limits": LIMITS, "budget": BUDGET, **given})
+
+
+def test_cases_share_their_weights_and_means_keep_to_the_ratio() -> None:
+    found = design(cases=stiffness_cases(FRAME))
+    check = found.certificate
+    assert check.violation <= 1e-8
+    assert check.program_ratio == pytest.approx(check.bound, rel=1e-5)
+    forces = np.array([case.forces[0] for case in check.cases])
+    assert np.sqrt(np.mean(forces**2)) == pytest.approx(BUDGET, rel=1e-7)
+    assert forces.std() > 1.0
+    # Each limit is met in the mean square over the cases; which one is largest may differ from case to case.
+    assert check.ratio <= np.sqrt(np.mean([case.ratio**2 for case in check.cases]))
+    assert all(np.isfinite(case.law_ratio) for case in check.cases)
+
+
+def test_equal_cases_are_one() -> None:
+    case = DesignCase(name="once", building=FRAME)
+    twice = design(cases=[case, DesignCase(name="twice", building=FRAME)])
+    assert twice.reachable_ratio == pytest.approx(design().reachable_ratio, rel=1e-8)
+
+
+def test_soils_and_draws_of_dampers_are_cases() -> None:
+    soils = soil_cases(FRAME, [KanaiTajimi(), KanaiTajimi(frequency=25.0, intensity=0.004)])
+    assert design(cases=soils).certificate.violation <= 1e-8
+    preset = mr.damper("static_hysteretic").preset("kwok2006")
+    theta = np.array(preset.theta) * np.array([[0.9], [1.0], [1.1]])
+    device = mr.Device(
+        name="pair",
+        spec=preset.spec,
+        theta=theta,
+        row=FRAME.storeys[0],
+        largest_command=1.88,
+        differential=True,
+    )
+    cases = damper_cases(FRAME, [device], amplitude=4e-3, frequency=3.0)
+    added = [case.building.damping[0, 0] - FRAME.damping[0, 0] for case in cases]
+    # The dashpot of the published set at zero current is 1232 N s/m; tanh adds friction.
+    assert len(cases) == 3
+    assert all(each > 2.0 * 1000.0 for each in added)
+    assert np.all(np.diff(added) > 0.0)
+    assert design(cases=cases).reachable_ratio < design().reachable_ratio
+
+
+def test_a_building_of_other_storeys_is_no_case() -> None:
+    with pytest.raises(SettingError, match="other coordinates, floors or storeys"):
+        design(cases=[DesignCase(name="other", building=mr.building("dyke1996"))])
+
+
+def test_a_short_sample_without_driver_is_the_continuous_design() -> None:
+    found = design(timing=LoopTiming(sample_time=1e-4))
+    assert found.reachable_ratio == pytest.approx(design().reachable_ratio, rel=1e-4)
+
+
+def test_driver_and_delay_cost_and_are_designed_for() -> None:
+    ratios = [
+        design(timing=timing).reachable_ratio
+        for timing in (
+            LoopTiming(),
+            LoopTiming(driver_rate=190.0),
+            LoopTiming(driver_rate=190.0, delay=5e-3),
+            LoopTiming(driver_rate=190.0, delay=0.02, sample_time=5e-3),
+        )
+    ]
+    assert ratios == sorted(ratios)
+    found = design(timing=LoopTiming(driver_rate=190.0, delay=5e-3))
+    assert found.certificate.violation <= 1e-8
+    assert found.certificate.program_ratio == pytest.approx(found.certificate.bound, rel=1e-4)
+    # Fed back without regard to the delay, the gain of the continuous design does worse than the one designed for it.
+    case = found.certificate.cases[0]
+    assert case.law_ratio < 1.1 * found.reachable_ratio
+    with pytest.raises(SettingError, match="gain_with"):
+        found.settings()
+
+
+def test_a_sampled_design_is_a_discrete_riccati_equation() -> None:
+    found = design(timing=LoopTiming(sample_time=2e-3, driver_rate=190.0, delay=4e-3))
+    system, rows, h = found.system, found.rows, 2e-3
+    weights = found.multipliers @ rows.forms
+    Q, N, R = ((a.T * weights) @ b for a, b in ((rows.C, rows.C), (rows.C, rows.D), (rows.D, rows.D)))
+    transition, entry = np.eye(system.n_states) + h * system.A, h * system.B
+    P = scipy.linalg.solve_discrete_are(transition, entry, h * Q, h * R, s=h * N)
+    gain = np.linalg.solve(h * R + entry.T @ P @ entry, entry.T @ P @ transition + h * N.T)
+    X = scipy.linalg.solve_discrete_lyapunov(transition - entry @ gain, h * system.noise)
+    squares = np.einsum("ij,jk,ik->i", rows.C - rows.D @ gain, X, rows.C - rows.D @ gain)
+    n = len(found.outputs.limits)
+    assert np.sqrt(squares[:n].max()) == pytest.approx(found.reachable_ratio, rel=1e-4)
+    assert np.sqrt(squares[n]) == pytest.approx(1.0, rel=1e-4)
+
+
+def test_gain_of_a_sampled_law_is_a_minimum() -> None:
+    found = design(timing=LoopTiming(driver_rate=190.0))
+    again = found.gain_with(1.0)
+    np.testing.assert_allclose(again, found.gain, atol=0.05 * np.abs(found.gain).max())
+
+
+@pytest.mark.parametrize("share", [0.2, 0.1])
+def test_the_semi_active_condition_is_met(share: float) -> None:
+    free = design()
+    found = design(semi_active=SemiActiveCondition(share=share))
+    assert found.reachable_ratio >= free.reachable_ratio
+    assert found.certificate.violation <= 1e-8
+    for each, binds in ((found, True), (free, False)):
+        correlation = force_and_rate(each)
+        assert (correlation >= np.sqrt(1.0 - share**2) - 1e-4) == binds
+    with pytest.raises(SettingError, match="gain_with"):
+        found.settings()
+    P = scipy.linalg.solve_continuous_are(found.plant.A, found.plant.B, found.Q, found.R, s=found.N)
+    gain = np.linalg.solve(found.R, found.plant.B.T @ P + found.N.T)
+    np.testing.assert_allclose(
+        (gain - found.gain) @ found.plant.scaling,
+        0.0,
+        atol=1e-4 * np.linalg.norm(found.gain @ found.plant.scaling),
+    )
+
+
+def force_and_rate(found: DesignedWeights) -> float:
+    """Correlation of wanted force and rate of elongation under the Riccati gain on all states."""
+    from mrwork.control.design.riccati_dual import (
+        regulated,  # the covariance of all states is no public number
+    )
+
+    at = regulated(found.system, found.rows, found.multipliers)
+    force, rate = -at.gain[0], found.system.rates[0]
+    X = at.covariance
+    return float(force @ X @ rate / np.sqrt((force @ X @ force) * (rate @ X @ rate)))
+
+
+def test_a_given_damping_of_the_condition_is_kept() -> None:
+    found = design(semi_active=SemiActiveCondition(share=0.2, damping=8e3))
+    check = found.certificate
+    assert check.program_ratio == pytest.approx(check.bound, rel=1e-4)
+    free = design(semi_active=SemiActiveCondition(share=0.2))
+    assert found.reachable_ratio >= free.reachable_ratio * (1.0 - 1e-6)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: SemiActiveCondition(share=1.5), "between 0 and 1"),
+        (lambda: SemiActiveCondition(share=0.5, damping=-1.0), "give a positive one"),
+        (lambda: LoopTiming(sample_time=0.0), "give a positive number"),
+        (lambda: LoopTiming(delay=1.5e-3), "not a whole number of samples"),
+        (lambda: LoopTiming(delay=0.1), "20 at most"),
+        (lambda: stiffness_cases(FRAME, [0.0]), "positive numbers"),
+    ],
+)
+def test_an_extension_that_cannot_be_is_refused(make: Any, words: str) -> None:
+    with pytest.raises(SettingError, match=words):
+        make()
