@@ -100,6 +100,7 @@ def key(
     above: float = -math.inf,
     may_be_nan: bool = False,
     matrix: bool = False,
+    span: object = None,
 ) -> Any:
     """Declare a key of a table.
 
@@ -117,6 +118,8 @@ def key(
         Whether a number may be NaN, as the value of a broken sensor.
     matrix
         Whether the value may be a matrix, in a file also the name of a text file with it.
+    span
+        Range in which a search looks for it, for those tables that are searched.
     """
     notes = {
         "says": says,
@@ -125,6 +128,7 @@ def key(
         "above": above,
         "may_be_nan": may_be_nan,
         "matrix": matrix,
+        "span": span,
     }
     return field(metadata=notes) if default is MISSING else field(default=default, metadata=notes)
 

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.control.design_problem import DesignProblem
-from mrwork.control.law_settings import SETTINGS, LawSettings
+from mrwork.control.design_problem import Design, DesignProblem
+from mrwork.control.law_settings import SETTINGS
 from mrwork.control.laws import ControlLaw, control_law
+from mrwork.control.setting_base import LawSettings
 from mrwork.errors import SettingError
+from mrwork.summary import Summarised
 
 SettingValue = float | Sequence[float] | Sequence[Sequence[float]] | NDArray[np.float64] | None
 """A value of a setting of a control law; a weight may be an array or a matrix."""
@@ -81,3 +84,58 @@ def design_law(
     design = settings.design(problem)
     curve = problem.curve if spec.needs_curve else None
     return ControlLaw(name=name, gains=design.gains, tables=design.tables, curve=curve)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class DesignedCandidates(Summarised):
+    """One law with a candidate for each of many settings that could be designed.
+
+    `designed` are the indices of these settings, in the order of the candidates; `refusals` has the reason of each
+    other index. `law` is `None` where none could be designed.
+    """
+
+    law: ControlLaw | None
+    designed: tuple[int, ...]
+    refusals: Mapping[int, str]
+
+
+def design_candidates(
+    name: str, problem: DesignProblem, settings: Sequence[LawSettings]
+) -> DesignedCandidates:
+    """Design one law with many settings, for a batch of simulations.
+
+    Settings whose tables differ from those of the first design are refused, because candidates of a batch share them.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such law.
+    SettingError
+        If the law needs a model of the damper that the problem does not give.
+    """
+    spec = control_law(name)
+    curve = problem.curve if spec.needs_curve else None
+    designs: list[Design] = []
+    designed: list[int] = []
+    refusals: dict[int, str] = {}
+    for index, found in enumerate(SETTINGS[name].designs(problem, settings)):
+        if isinstance(found, SettingError):
+            refusals[index] = str(found)
+        elif designs and not _same_tables(found, designs[0]):
+            refusals[index] = f"{name} with these settings has other tables than the first candidate"
+        else:
+            designs.append(found)
+            designed.append(index)
+    if not designs:
+        return DesignedCandidates(law=None, designed=(), refusals=refusals)
+    gains = {
+        gain.name: np.stack([np.asarray(each.gains[gain.name]) for each in designs]) for gain in spec.gains
+    }
+    law = ControlLaw(name=name, gains=gains, tables=designs[0].tables, curve=curve)
+    return DesignedCandidates(law=law, designed=tuple(designed), refusals=refusals)
+
+
+def _same_tables(one: Design, other: Design) -> bool:
+    return one.tables.keys() == other.tables.keys() and all(
+        np.array_equal(one.tables[name], other.tables[name]) for name in one.tables
+    )

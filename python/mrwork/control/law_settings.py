@@ -9,9 +9,9 @@ with its devices. `SETTINGS` names the class of each law.
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -23,30 +23,18 @@ from mrwork.control.inverse_network import InverseNetwork, train_inverse_network
 from mrwork.control.lqr import Regulator, regulator_of_weights
 from mrwork.control.lyapunov import LyapunovFunction, lyapunov_function
 from mrwork.control.plant import Plant
-from mrwork.control.sliding import SlidingGains, SlidingSurface, optimal_surface, sliding_gains
+from mrwork.control.setting_base import LawSettings, Span
+from mrwork.control.surface_settings import (
+    AdaptiveSlidingSettings,
+    SlidingSettings,
+    SuperTwistingSettings,
+)
 from mrwork.control.weights import CostWeights, Weights
+from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import InvalidSettingError
-from mrwork.keys import DeclaredTable, check_keys, key, plain_values
+from mrwork.keys import key
 
 Floats = NDArray[np.float64]
-
-
-class LawSettings(metaclass=DeclaredTable):
-    """Settings of a control law, declared by `key`, with the design of the law.
-
-    `constant` says whether the law sends a constant command, which makes the damper a passive one.
-    """
-
-    __slots__ = ()
-    constant: ClassVar[bool] = False
-
-    def __post_init__(self) -> None:
-        plain_values(self)
-        check_keys(self)
-
-    @abstractmethod
-    def design(self, problem: DesignProblem) -> Design:
-        """The gains of the law for a building with its devices."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +51,12 @@ class PassiveSettings(LawSettings):
     """A constant command."""
 
     constant: ClassVar[bool] = True
-    command: float = key("the command that is held constant, up to the largest", unit="A or V", least=0.0)
+    command: float = key(
+        "the command that is held constant, up to the largest",
+        unit="A or V",
+        least=0.0,
+        span=Span(lower=0.0, upper=1.0, of=(("command", 1.0),), scale="linear"),
+    )
 
     def design(self, problem: DesignProblem) -> Design:
         """The command of each device."""
@@ -80,7 +73,10 @@ class FrictionSettings(LawSettings):
     """Friction in proportion to the last peak elongation."""
 
     slope: float = key(
-        "wanted friction of a device with all its dampers, per elongation", unit="N/m", above=0.0
+        "wanted friction of a device with all its dampers, per elongation",
+        unit="N/m",
+        above=0.0,
+        span=Span(lower=0.03, upper=100.0, of=(("force", 1.0), ("stroke", -1.0))),
     )
 
     def design(self, problem: DesignProblem) -> Design:
@@ -92,8 +88,18 @@ class FrictionSettings(LawSettings):
 class FuzzySettings(LawSettings):
     """Scales of the inputs of the fuzzy controller."""
 
-    deformation: float = key("scale of the elongation", unit="m", above=0.0)
-    rate: float = key("scale of the rate of elongation", unit="m/s", above=0.0)
+    deformation: float = key(
+        "scale of the elongation",
+        unit="m",
+        above=0.0,
+        span=Span(lower=0.1, upper=100.0, of=(("stroke", 1.0),)),
+    )
+    rate: float = key(
+        "scale of the rate of elongation",
+        unit="m/s",
+        above=0.0,
+        span=Span(lower=0.01, upper=10.0, of=(("rate", 1.0),)),
+    )
 
     def design(self, problem: DesignProblem) -> Design:
         """Scales of the inputs and the table of commands."""
@@ -111,8 +117,12 @@ class FuzzySettings(LawSettings):
 class RegulatorSettings(CostWeights, LawSettings):
     """A linear quadratic regulator; without weights of outputs or states it weighs the energy of the building."""
 
+    weighed_by_default: ClassVar[Mapping[str, float]] = {"drifts": 1.0}
     control_weight: Weights = key(
-        "R of the forces [1/N2], each the force of a device with all its dampers", above=0.0, matrix=True
+        "R of the forces [1/N2], each the force of a device with all its dampers",
+        above=0.0,
+        matrix=True,
+        span=Span(lower=1e-6, upper=10.0, of=(("cost", 1.0), ("force", -2.0))),
     )
 
     def design(self, problem: DesignProblem) -> Design:
@@ -124,6 +134,16 @@ class RegulatorSettings(CostWeights, LawSettings):
         plant = problem.plant
         return regulator_of_weights(plant, self.weighed(plant), self.control_weight)
 
+    def certificate(self, problem: DesignProblem) -> str:
+        """Stability of the linear loop of the regulator."""
+        regulator = self.regulator(problem)
+        slowest = float(-regulator.poles.real.max())
+        return (
+            f"with ideal forces the loop is stable, its slowest pole decays at {slowest:.3g} 1/s, and no other gain "
+            f"has a lower cost of these weights (residual of the Riccati equation {regulator.residual:.1e}); the "
+            "damper, which only resists motion and saturates, is not covered"
+        )
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClippedSettings(RegulatorSettings):
@@ -133,6 +153,7 @@ class ClippedSettings(RegulatorSettings):
         "wanted force of a device with all its dampers at which the largest command is sent",
         unit="N",
         above=0.0,
+        span=Span(lower=0.03, upper=10.0, of=(("force", 1.0),)),
     )
 
     def design(self, problem: DesignProblem) -> Design:
@@ -148,27 +169,65 @@ class NetworkSettings(RegulatorSettings):
     The network is that of the first device, with all its dampers; all devices have it.
     """
 
-    amplitude: float = key("expected peak elongation", unit="m", above=0.0)
-    velocity: float = key("expected peak rate of elongation", unit="m/s", above=0.0)
+    amplitude: float = key(
+        "expected peak elongation",
+        unit="m",
+        above=0.0,
+        span=Span(lower=0.3, upper=3.0, start=1.0, of=(("stroke", 1.0),), free=False),
+    )
+    velocity: float = key(
+        "expected peak rate of elongation",
+        unit="m/s",
+        above=0.0,
+        span=Span(lower=0.3, upper=3.0, start=1.0, of=(("rate", 1.0),), free=False),
+    )
     hidden: int = key("units of the hidden layer", default=12, least=1)
     seed: int = key("seed of the training", default=0, least=0)
 
     def design(self, problem: DesignProblem) -> Design:
         """The gain, and the trained network."""
         device = problem.devices[0]
-        network = train_inverse_network(
+        network = _trained(
             device.spec,
-            device.draws[0],
-            largest_command=device.largest_command,
-            amplitude=self.amplitude,
-            velocity=self.velocity,
-            sample_time=problem.sample_time,
-            n_hidden=self.hidden,
-            count=device.count,
-            differential=device.differential,
-            rng=self.seed,
+            tuple(device.draws[0].tolist()),
+            device.largest_command,
+            self.amplitude,
+            self.velocity,
+            problem.sample_time,
+            self.hidden,
+            device.count,
+            device.differential,
+            self.seed,
         )
         return Design(gains={"gain": self.regulator(problem).gain}, tables=_network_tables(network))
+
+
+@lru_cache(maxsize=32)
+def _trained(
+    spec: DamperSpec,
+    theta: tuple[float, ...],
+    largest_command: float,
+    amplitude: float,
+    velocity: float,
+    sample_time: float,
+    hidden: int,
+    count: float,
+    differential: bool,
+    seed: int,
+) -> InverseNetwork:
+    """The network of a device; it does not depend on the regulator, of which a search tries many."""
+    return train_inverse_network(
+        spec,
+        np.array(theta),
+        largest_command=largest_command,
+        amplitude=amplitude,
+        velocity=velocity,
+        sample_time=sample_time,
+        n_hidden=hidden,
+        count=count,
+        differential=differential,
+        rng=seed,
+    )
 
 
 def _network_tables(network: InverseNetwork) -> dict[str, Floats]:
@@ -189,6 +248,8 @@ class LyapunovSettings(CostWeights, LawSettings):
     any Q_P of the state alone.
     """
 
+    weighed_by_default: ClassVar[Mapping[str, float]] = {"drifts": 1.0}
+
     def design(self, problem: DesignProblem) -> Design:
         """Weight of the state."""
         return Design(gains={"weight": self.function(problem.plant).vectors})
@@ -196,6 +257,13 @@ class LyapunovSettings(CostWeights, LawSettings):
     def function(self, plant: Plant) -> LyapunovFunction:
         """The Lyapunov function with these weights."""
         return lyapunov_function(plant, self.weighed(plant).Q)
+
+    def certificate(self, problem: DesignProblem) -> str:
+        """The Lyapunov function of the building."""
+        return (
+            "V = s'P s / 2 is a Lyapunov function of the building without device forces, and the command minimises its "
+            "rate; a damper that resists motion keeps the energy of the building bounded"
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -205,12 +273,14 @@ class ProportionalSettings(LyapunovSettings):
     slope: float = key(
         "kappa [A or V, per unit of sigma G]; G is the slope of the force of a device with all its dampers",
         above=0.0,
+        span=Span(lower=1e-3, upper=1e4, of=(("command", 2.0), ("force", -1.0), ("rate", -1.0))),
     )
     control_weight: Weights | None = key(
         "R of that regulator [1/N2]; of the forces of devices with all their dampers",
         default=None,
         above=0.0,
         matrix=True,
+        span=Span(lower=1e-6, upper=10.0, of=(("cost", 1.0), ("force", -2.0)), free=False),
     )
 
     def design(self, problem: DesignProblem) -> Design:
@@ -221,80 +291,6 @@ class ProportionalSettings(LyapunovSettings):
         else:
             weight = regulator_of_weights(plant, self.weighed(plant), self.control_weight).vectors
         return Design(gains={"weight": weight, "slope": problem.each(self.slope)})
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _SurfaceSettings(LawSettings):
-    """A sliding surface of least energy of the building, with gains for ground motions of a given peak."""
-
-    peak_acceleration: float = key("peak acceleration of the ground motions", unit="m/s2", above=0.0)
-    largest_force: float = key("largest force of each device with all its dampers", unit="N", above=0.0)
-    frequency: float = key(
-        "highest frequency at which the ground reaches its peak acceleration",
-        unit="Hz",
-        default=5.0,
-        above=0.0,
-    )
-    margin: float = key("switching force over the disturbance", default=1.2, above=1.0)
-    bandwidth: float = key(
-        "bandwidth inside the boundary layer; below that of the driver", unit="1/s", default=100.0, above=0.0
-    )
-
-    def _surface(self, problem: DesignProblem) -> tuple[SlidingSurface, SlidingGains]:
-        surface = optimal_surface(problem.plant)
-        gains = sliding_gains(
-            surface,
-            peak_acceleration=self.peak_acceleration,
-            largest_force=self.largest_force,
-            frequency=self.frequency,
-            margin=self.margin,
-            bandwidth=self.bandwidth,
-        )
-        return surface, gains
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SlidingSettings(_SurfaceSettings):
-    """A sliding mode with a boundary layer."""
-
-    def design(self, problem: DesignProblem) -> Design:
-        """Surface and gains."""
-        surface, gains = self._surface(problem)
-        return Design(gains={**_pushed_down(surface, gains), "switching": gains.switching})
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AdaptiveSlidingSettings(_SurfaceSettings):
-    """A sliding mode whose gain adapts."""
-
-    def design(self, problem: DesignProblem) -> Design:
-        """Surface and gains."""
-        surface, gains = self._surface(problem)
-        adapted = {"adaptation": gains.adaptation, "floor": gains.floor, "ceiling": gains.ceiling}
-        return Design(gains={**_pushed_down(surface, gains), **adapted})
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SuperTwistingSettings(_SurfaceSettings):
-    """A second-order sliding mode."""
-
-    def design(self, problem: DesignProblem) -> Design:
-        """Surface and gains."""
-        surface, gains = self._surface(problem)
-        return Design(
-            gains={
-                "surface": surface.S,
-                "drift": surface.drift,
-                "push": problem.each(1.0),
-                "root_gain": gains.proportional,
-                "integral_gain": gains.integral,
-            }
-        )
-
-
-def _pushed_down(surface: SlidingSurface, gains: SlidingGains) -> dict[str, Floats]:
-    # In the loop the force decreases sigma, hence the sign.
-    return {"gain": surface.drift, "surface": -surface.S, "boundary": gains.boundary}
 
 
 SETTINGS: Mapping[str, type[LawSettings]] = {

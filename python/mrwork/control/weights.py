@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +23,7 @@ from mrwork.control.plant import (
     stacked,
     velocities,
 )
+from mrwork.control.setting_base import Magnitude, Magnitudes, Span
 from mrwork.errors import InvalidSettingError
 from mrwork.keys import key
 
@@ -122,9 +123,14 @@ def weighed_state(plant: Plant, weights: Floats) -> Weighed:
     return Weighed(Q=weights, N=np.zeros((len(weights), n_devices)), S=np.zeros((n_devices, n_devices)))
 
 
-def each_weight(says: str) -> Any:
-    """Declare the key of a weight: one number, one for each, or a matrix."""
-    return key(says, default=None, least=0.0, matrix=True)
+def each_weight(says: str, of: Magnitude | None = None, *, free: bool = False) -> Any:
+    """Declare the key of a weight: one number, one for each, or a matrix.
+
+    A search looks for the weight of a quantity of magnitude `of` where its cost is comparable to that of the weights
+    that are held.
+    """
+    span = None if of is None else Span(lower=1e-4, upper=1e2, of=(("cost", 1.0), (of, -2.0)), free=free)
+    return key(says, default=None, least=0.0, matrix=True, span=span)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,12 +141,14 @@ class CostWeights:
     energy of the building is weighed.
     """
 
-    accelerations: Weights | None = each_weight("weights of absolute floor accelerations [(s2/m)2]")
-    drifts: Weights | None = each_weight("weights of drifts [1/m2]")
-    displacements: Weights | None = each_weight("weights of floor displacements [1/m2]")
-    velocities: Weights | None = each_weight("weights of floor velocities [(s/m)2]")
+    accelerations: Weights | None = each_weight(
+        "weights of absolute floor accelerations [(s2/m)2]", "acceleration", free=True
+    )
+    drifts: Weights | None = each_weight("weights of drifts [1/m2]", "drift")
+    displacements: Weights | None = each_weight("weights of floor displacements [1/m2]", "displacement")
+    velocities: Weights | None = each_weight("weights of floor velocities [(s/m)2]", "velocity", free=True)
     relative_velocities: Weights | None = each_weight(
-        "weights of the rates of drifts, velocities of storeys between their ends [(s/m)2]"
+        "weights of the rates of drifts, velocities of storeys between their ends [(s/m)2]", "rate"
     )
     state_weight: Weights | None = each_weight(
         "weights of the state: displacements, then velocities of the coordinates; Q, or Q_P of a Lyapunov function"
@@ -181,6 +189,18 @@ class CostWeights:
             S=_sum([part.S for part in parts]),
         )
 
+    @classmethod
+    def cost(cls, held: Mapping[str, float], magnitudes: Magnitudes) -> float:
+        """What weights that are held add up to at these magnitudes; those of single floors are averaged."""
+        costs = 0.0
+        for name, value in (held or {"energy": 1.0}).items():
+            if name in _MAGNITUDES:
+                entries = np.asarray(value, dtype=np.float64)
+                weight = float(np.trace(entries) / len(entries) if entries.ndim == 2 else entries.mean())
+                size = float(getattr(magnitudes, _MAGNITUDES[name]))
+                costs += weight * (size if name == "energy" else size**2)
+        return costs or magnitudes.energy
+
     def _names(self) -> tuple[str, ...]:
         return (*(name for name, _, _ in _OUTPUTS), "state_weight")
 
@@ -197,3 +217,12 @@ _OUTPUTS = (
     ("relative_velocities", relative_velocities, "storeys"),
 )
 """Settings of outputs, the outputs, and what they belong to."""
+_MAGNITUDES: Mapping[str, Magnitude] = {
+    "accelerations": "acceleration",
+    "drifts": "drift",
+    "displacements": "displacement",
+    "velocities": "velocity",
+    "relative_velocities": "rate",
+    "energy": "energy",
+}
+"""Magnitude of what each weight belongs to."""
