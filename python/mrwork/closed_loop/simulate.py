@@ -41,6 +41,7 @@ def simulate_loop(
     *,
     histories: bool = False,
     step_factor: int = 1,
+    nominal: Building | None = None,
     threads: int = 0,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> Responses:
@@ -57,6 +58,8 @@ def simulate_loop(
         Whether to keep the history of every run.
     step_factor
         Multiplies the number of steps of every run: 2 halves the step, to check convergence.
+    nominal
+        The building for which the observer is designed; by default the building itself.
     threads
         Threads to use, 0 for all.
     on_progress
@@ -119,7 +122,7 @@ def simulate_loop(
         "command_rate": hardware.command_rate,
         "sensors": hardware.sensors,
         "faults": hardware.fault_rows(),
-        "observer": observer_arrays(building, devices, hardware),
+        "observer": observer_arrays(nominal or building, devices, hardware),
         "histories": histories,
         "step_factor": step_factor,
         "threads": threads,

@@ -16,8 +16,9 @@ from mrwork.buildings.from_file import building_from_table
 from mrwork.buildings.matrix_files import read_matrix
 from mrwork.control.design_problem import DesignProblem
 from mrwork.control.law_design import design_law
-from mrwork.control.law_settings import SETTINGS, LawSettings
+from mrwork.control.law_settings import SETTINGS
 from mrwork.control.laws import ControlLaw, control_laws
+from mrwork.control.setting_base import LawSettings
 from mrwork.keys import Place, keys_of, suggestion
 from mrwork.study.declared import located, read_table
 from mrwork.study.schema import BaselineTable, ControllerTable, DamperTable, StudyTable
@@ -48,10 +49,8 @@ CONSTANT_LAWS: Mapping[str, ConstantLaw] = {
 def arrangements(
     table: StudyTable,
     bare: Building,
-    building: Building,
-    devices: tuple[Device, ...],
+    problem: DesignProblem,
     folder: Path,
-    sample_time: float,
 ) -> tuple[Arrangement, ...]:
     """The building without dampers, with them at i = 0, the baselines, and every control law.
 
@@ -60,6 +59,7 @@ def arrangements(
     SettingError
         If a law or a baseline is wrong, or a law has no dampers or passive ones.
     """
+    building, devices = problem.building, tuple(problem.devices)
     none = Row(label="uncontrolled", kind="uncontrolled", description="the building without dampers")
     found = [arranged(bare, none, bare, (), constant_command((), 0.0))]
     controllable = any(device.spec.follows_command for device in devices)
@@ -69,20 +69,13 @@ def arrangements(
             off = Row(label="passive", kind="passive_off", description="the dampers, which follow no command")
         found.append(arranged(bare, off, building, devices, constant_command(devices, 0.0)))
     found += [_baseline(baseline, table, bare, folder) for baseline in table.baseline]
-    first = table.damper[0] if devices else None
-    problem = DesignProblem(
-        building=building,
-        devices=devices,
-        sample_time=sample_time,
-        amplitude=None if first is None else _range(first, "amplitude", first.amplitude),
-        velocity=None if first is None else _range(first, "velocity", first.velocity),
-    )
     for controller in table.controller:
         if not devices:
             controller.place.refuse("a control law needs dampers, and the study has none; give a [[damper]]")
         if not controllable:
             _refuse_command(controller)
-        title, law = chosen_law(controller, problem, folder)
+        limited = _limited(controller, problem)
+        title, law = chosen_law(controller, limited, folder)
         constant = CONSTANT_LAWS.get(controller.law)
         if constant is not None and constant.share == 0.0:
             # This arrangement exists already; only its label may differ.
@@ -91,8 +84,43 @@ def arrangements(
             )
             continue
         row = Row(label=controller.label or title, kind=_kind(law), description=controller.law)
-        found.append(arranged(bare, row, building, devices, law))
+        found.append(arranged(bare, row, building, tuple(limited.devices), law))
     return tuple(found)
+
+
+def problem_of(
+    table: StudyTable, building: Building, devices: tuple[Device, ...], sample_time: float
+) -> DesignProblem:
+    """The building with its dampers, for which the laws of a study are designed.
+
+    Raises
+    ------
+    SettingError
+        If an expected range of motions is wrong.
+    """
+    first = table.damper[0] if devices else None
+    return DesignProblem(
+        building=building,
+        devices=devices,
+        sample_time=sample_time,
+        amplitude=None if first is None else _range(first, "amplitude", first.amplitude),
+        velocity=None if first is None else _range(first, "velocity", first.velocity),
+    )
+
+
+def _limited(controller: ControllerTable, problem: DesignProblem) -> DesignProblem:
+    """The problem of a law that may send a part of the command only."""
+    largest = controller.largest_command
+    if largest is None:
+        return problem
+    available = min(device.largest_command for device in problem.devices)
+    if largest > available:
+        controller.place.within("largest_command").refuse(
+            f"largest_command is {largest:g}, and the driver of the dampers gives {available:g} at most"
+        )
+    return replace(
+        problem, devices=tuple(replace(device, largest_command=largest) for device in problem.devices)
+    )
 
 
 def _refuse_command(controller: ControllerTable) -> None:

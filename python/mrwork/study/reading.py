@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
@@ -14,12 +15,13 @@ from mrwork.buildings.from_file import building_from_table
 from mrwork.closed_loop.hardware import Fault, Hardware
 from mrwork.errors import RecordError
 from mrwork.keys import Place, suggestion
-from mrwork.study.arrangements import arrangements
-from mrwork.study.dampers import ChosenDamper, Identified, equipped, identified_damper
+from mrwork.study.arrangements import arrangements, problem_of
+from mrwork.study.dampers import ChosenDamper, Identified, chosen_damper, equipped, identified_damper
 from mrwork.study.declared import located, read_table
 from mrwork.study.lines import parse
 from mrwork.study.motions import motions_of
-from mrwork.study.schema import HardwareTable, ReportTable, StudyTable
+from mrwork.study.realisations import Realisations, posterior_draws, realisations_of
+from mrwork.study.schema import DamperTable, HardwareTable, ReportTable, StudyTable
 from mrwork.study.study import MotionOfStudy, Study
 
 
@@ -44,13 +46,14 @@ def read_study(path: str | Path, identified: Identified = identified_damper, *, 
     """
     path = Path(path)
     table, place = _tables(path)
+    folder = path.parent / table.folder
     with located(place.within("building")):
-        bare = building_from_table(table.building, place.within("building"), folder=path.parent)
-    building, devices, chosen = equipped(bare, table.damper, path.parent, identified)
+        bare = building_from_table(table.building, place.within("building"), folder=folder)
+    building, devices, chosen = equipped(bare, table.damper, folder, identified)
     motions = tuple(
         MotionOfStudy(ground=ground, use=each.use, synthetic=each.synthetic is not None)
         for each in table.motion
-        for ground in motions_of(each, path.parent, seed)
+        for ground in motions_of(each, folder, seed)
     )
     if not motions:
         place.refuse("the study has no motion; give a [[motion]]")
@@ -61,7 +64,8 @@ def read_study(path: str | Path, identified: Identified = identified_damper, *, 
         )
     _refuse_same([motion.name for motion in motions], place.within("motion"), "motions", "name")
     hardware = hardware_of(table.hardware, place.within("hardware"), seed)
-    compared = arrangements(table, bare, building, devices, path.parent, hardware.sample_time)
+    problem = problem_of(table, building, devices, hardware.sample_time)
+    compared = arrangements(table, bare, problem, folder)
     labels = [each.row.label for each in compared]
     _refuse_same(labels, place.within("controller"), "arrangements", "label")
     first = chosen[0].spec.current if chosen else None
@@ -81,7 +85,40 @@ def read_study(path: str | Path, identified: Identified = identified_damper, *, 
         histories={"detailed": (detailed,), "all": tuple(range(len(motions))), "none": ()}[
             table.report.histories
         ],
+        problem=problem,
+        tunes=table.tune,
+        realisations=_realisations(table, place, devices, folder, identified),
     )
+
+
+def _realisations(
+    table: StudyTable, place: Place, devices: Sequence[Device], folder: Path, identified: Identified
+) -> Realisations | None:
+    """The realisations of [uncertainty], if the study has that table."""
+    given = table.uncertainty
+    if given is None:
+        return None
+    where = place.within("uncertainty")
+    drawn: list[NDArray[np.float64] | None] = []
+    for each in table.damper:
+        rows = posterior_draws(each, folder) if given.damper else None
+        if rows is not None:
+            rows = np.stack([_with_parameters(each, row, folder, identified) for row in rows])
+        drawn.append(rows)
+    if not any((given.stiffness, given.damping, given.delay, *(rows is not None for rows in drawn))):
+        where.refuse(
+            "nothing in [uncertainty] is uncertain; give it a stiffness, a damping or a delay, or a [[damper]] with a "
+            "run that has posterior draws"
+        )
+    with located(where):
+        return realisations_of(given, devices, drawn)
+
+
+def _with_parameters(
+    table: DamperTable, theta: NDArray[np.float64], folder: Path, identified: Identified
+) -> NDArray[np.float64]:
+    """Parameters of the damper of a table whose fit has the parameters `theta`."""
+    return chosen_damper(table, folder, lambda run: replace(identified(run), theta=tuple(theta))).theta
 
 
 def _tables(path: Path) -> tuple[StudyTable, Place]:

@@ -117,7 +117,7 @@ def result_of(responses: Responses, run: int, arrangement: Arrangement) -> RunRe
     kept: dict[str, Any] = {}
     for quantity in run_quantities():
         if quantity.name in _KEPT:
-            values = getattr(responses, quantity.name)[(run, *_selected(quantity, arrangement))]
+            values = getattr(responses, quantity.name)[(run, *selected_columns(quantity, arrangement))]
             kept[quantity.name] = float(values) if _KEPT[quantity.name] is float else np.asarray(values)
     if not arrangement.devices:
         # Added storeys without devices, such as isolators, have a stroke, too.
@@ -133,7 +133,7 @@ def result_of(responses: Responses, run: int, arrangement: Arrangement) -> RunRe
     )
 
 
-def _selected(quantity: Quantity, arrangement: Arrangement) -> tuple[list[int] | slice, ...]:
+def selected_columns(quantity: Quantity, arrangement: Arrangement) -> tuple[list[int] | slice, ...]:
     """Index of the columns of the bare building and of the devices of the arrangement."""
     match quantity.axis:
         case "floor":
@@ -156,7 +156,7 @@ def history_of(history: History, arrangement: Arrangement) -> RunHistory:
         history.device_energy[:, : len(arrangement.devices)].sum(axis=1),
     )
     kept = {
-        signal.name: getattr(history, signal.name)[(slice(None), *_selected(signal, arrangement))]
+        signal.name: getattr(history, signal.name)[(slice(None), *selected_columns(signal, arrangement))]
         for signal in history_signals()
         if signal.name in _HISTORY
     }

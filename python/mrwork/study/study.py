@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,12 +12,17 @@ from numpy.typing import ArrayLike
 from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
 from mrwork.closed_loop.hardware import Hardware
+from mrwork.control.design_problem import DesignProblem
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.store import digest_of
 from mrwork.store.fingerprint import package_version
+from mrwork.study.realisations import Realisations
 from mrwork.summary import Summarised, Summary, listed
+
+if TYPE_CHECKING:
+    from mrwork.study.schema import TuneTable
 
 Kind = Literal["uncontrolled", "passive_off", "passive", "best_passive", "baseline", "controller", "actuator"]
 """What a row is: the building without dampers, i = 0, a constant command, the best of those, other devices, a control
@@ -84,7 +89,8 @@ class Study(Summarised):
     `motions` are those that are simulated; `chosen_on` those under which the best constant command is chosen: the
     training motions of the study file, or all motions where none is for training. `histories` are the indices of the
     motions whose histories are kept. The page shows time histories of the motion `detailed` for the arrangements
-    `drawn`.
+    `drawn`. `problem` is the building with its dampers for which laws are designed, `tunes` the laws to be tuned,
+    `realisations` those of what is not known exactly.
     """
 
     title: str
@@ -99,6 +105,9 @@ class Study(Summarised):
     detailed: int
     drawn: tuple[int, ...]
     histories: tuple[int, ...]
+    problem: DesignProblem | None = None
+    tunes: tuple[TuneTable, ...] = ()
+    realisations: Realisations | None = None
 
     @property
     def device_names(self) -> tuple[str, ...]:

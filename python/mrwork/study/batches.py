@@ -1,0 +1,158 @@
+"""Criteria of many candidates of a law under motions and realisations, simulated in batches.
+
+Realisations that share building, delay and noise are one batch, with a row of damper parameters for each.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.buildings import Building
+from mrwork.closed_loop.evaluation import criteria, values
+from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.responses import Responses, run_quantities
+from mrwork.closed_loop.simulate import simulate_loop
+from mrwork.control.laws import ControlLaw
+from mrwork.errors import SettingError
+from mrwork.motions import GroundMotion
+from mrwork.study.realisations import Realisations
+from mrwork.study.run_result import selected_columns
+from mrwork.study.study import Arrangement
+from mrwork.summary import Summarised
+from mrwork.units import STANDARD_GRAVITY
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class RunCriteria(Summarised):
+    """Criteria of candidates under motions and realisations.
+
+    `numbers` has the shape (n_criteria, n_candidates, n_motions, n_realisations), criteria in the order of
+    `closed_loop.criteria`; infinite where a run did not finish. `energy_error` (n_candidates, n_motions,
+    n_realisations) is that of each run. `seconds` is the time inside the simulation.
+    """
+
+    numbers: Floats
+    energy_error: Floats
+    seconds: float
+
+    def of(self, name: str) -> Floats:
+        """A criterion by its name, shape (n_candidates, n_motions, n_realisations)."""
+        names = [entry.name for entry in criteria()]
+        return np.asarray(self.numbers[names.index(name)])
+
+
+def simulated_criteria(
+    arrangement: Arrangement,
+    law: ControlLaw,
+    motions: Sequence[GroundMotion],
+    hardware: Hardware,
+    realisations: Realisations,
+    *,
+    bare: Building,
+    threads: int = 0,
+) -> RunCriteria:
+    """Simulate candidates of a law under motions, with realisations, in as few calls of the core as possible.
+
+    The arrangement has building and devices; the law may have one or many candidates. The observer, if there is one,
+    is that of the nominal building.
+    """
+    weight = bare.total_mass * STANDARD_GRAVITY
+    noisy = any(noise for noise, _ in hardware.sensors)
+    keys = [
+        (
+            float(realisations.stiffness[n]),
+            float(realisations.damping[n]),
+            float(realisations.delay[n]),
+            int(realisations.seed[n]) if noisy else 0,
+        )
+        for n in range(len(realisations))
+    ]
+    found: dict[int, tuple[Floats, Floats]] = {}
+    seconds = 0.0
+    for key in dict.fromkeys(keys):
+        members = [n for n, each in enumerate(keys) if each == key]
+        stiffness, damping, delay, seed = key
+        devices = tuple(
+            replace(device, theta=rows[members] if len(rows) > 1 else rows)
+            for device, rows in zip(arrangement.devices, realisations.theta, strict=True)
+        )
+        began = time.perf_counter()
+        responses = simulate_loop(
+            varied_building(arrangement, bare, stiffness=stiffness, damping=damping),
+            devices,
+            law,
+            motions,
+            _varied_hardware(hardware, delay, seed),
+            nominal=arrangement.building,
+            threads=threads,
+        )
+        seconds += time.perf_counter() - began
+        own = values(_own(responses, arrangement), weight=weight)
+        numbers = np.stack([own[entry.name] for entry in criteria()]).reshape(-1, *responses.shape)
+        numbers = np.where(np.isfinite(numbers), numbers, np.inf)
+        error = responses.energy_error.reshape(responses.shape)
+        for place, member in enumerate(members):
+            draw = place if responses.shape[2] > 1 else 0
+            found[member] = (numbers[..., draw], error[..., draw])
+    order = range(len(realisations))
+    return RunCriteria(
+        numbers=np.stack([found[n][0] for n in order], axis=-1),
+        energy_error=np.stack([found[n][1] for n in order], axis=-1),
+        seconds=seconds,
+    )
+
+
+def varied_building(
+    arrangement: Arrangement, bare: Building, *, stiffness: float, damping: float
+) -> Building:
+    """The building of an arrangement with factors of stiffness and damping of the bare building.
+
+    What is built into it stays, such as the spring of a tuned mass, so that it is no longer tuned.
+
+    Raises
+    ------
+    SettingError
+        If the drifts of the storeys do not determine the displacements of the bare building.
+    """
+    if stiffness == 1.0 and damping == 1.0:
+        return arrangement.building
+    building = arrangement.building
+    drifts = bare.drifts
+    if building.n_coordinates == bare.n_coordinates:
+        back: Floats = np.eye(bare.n_coordinates)
+    elif drifts.shape[0] == bare.n_coordinates and np.linalg.matrix_rank(drifts) == bare.n_coordinates:
+        # Displacements of the bare building relative to its base, from its drifts within the arrangement.
+        back = np.asarray(np.linalg.solve(drifts, building.storeys[list(arrangement.storeys)]))
+    else:
+        raise SettingError(
+            f"{building.name}: stiffness and damping of the building cannot be told from those of what was added to "
+            "it, because its storeys do not determine its coordinates; leave stiffness and damping out of [uncertainty]"
+        )
+    return replace(
+        building,
+        stiffness=building.stiffness + (stiffness - 1.0) * back.T @ bare.stiffness @ back,
+        damping=building.damping + (damping - 1.0) * back.T @ bare.damping @ back,
+    )
+
+
+def _varied_hardware(hardware: Hardware, delay: float, seed: int) -> Hardware:
+    step = hardware.sample_time / hardware.steps
+    total = (hardware.delay_steps + round(delay / step)) * step
+    return replace(hardware, delay=total, seed=hardware.seed + seed)
+
+
+def _own(responses: Responses, arrangement: Arrangement) -> Responses:
+    """Responses with the floors and storeys of the bare building alone."""
+    kept = {}
+    for quantity in run_quantities():
+        columns = selected_columns(quantity, arrangement)
+        if columns:
+            kept[quantity.name] = getattr(responses, quantity.name)[(slice(None), *columns)]
+    return replace(responses, **kept)
