@@ -9,6 +9,7 @@ from . import records as records
 from . import report as report
 from . import search as search
 from . import study as study
+from . import tuning as tuning
 from . import uncertainty as uncertainty
 from ._rust import __version__ as __version__
 from .buildings.devices import Device as Device
@@ -44,6 +45,8 @@ from .study.results import StudyResults as StudyResults
 from .study.run import run_study as run_study
 from .study.study import Study as Study
 from .synthetic import synthetic_test as synthetic_test
+from .tuning.results import TuningResults as TuningResults
+from .tuning.tune import tune as tune
 from .uncertainty.bands.conformal import Calibration as Calibration
 from .uncertainty.bands.conformal import calibrate as calibrate
 from .uncertainty.bands.prediction import Prediction as Prediction

@@ -27,6 +27,7 @@ _VERBS = {
     "report": "draw the page of a run again, and its figures as files",
     "plan": "rank possible next tests by the variance reduction of a band",
     "respond": "simulate a building with MR dampers under earthquakes",
+    "tune": "tune control laws on training motions and judge them on test motions",
     "convert": "convert Bouc-Wen parameters between conventions",
 }
 

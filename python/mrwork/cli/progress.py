@@ -13,6 +13,7 @@ from mrwork.identification.progress import Progress
 if TYPE_CHECKING:
     from mrwork.report.progress import PageProgress
     from mrwork.study.run import StudyProgress
+    from mrwork.tuning.law_tuning import TuningProgress
     from mrwork.uncertainty.choice.choose import ChoiceProgress
     from mrwork.uncertainty.choice.laws import LawProgress
     from mrwork.uncertainty.identifiability.profile_likelihood import ProfileProgress
@@ -121,6 +122,14 @@ def laws_described(progress: LawProgress) -> str:
     if progress.within is not None:
         parts.append(f"{progress.within.stage} {progress.within.fit_percent:.2f} %")
     return ", ".join([*parts, _duration(progress.seconds)])
+
+
+def tuning_described(progress: TuningProgress) -> str:
+    """Progress in one line: the present law, its candidates, its least objective, laws done."""
+    return (
+        f"{progress.label}: {progress.candidates} candidates, least objective {progress.least:.4f}, "
+        f"{progress.done} of {progress.total} laws done, {_duration(progress.seconds)}"
+    )
 
 
 def sampling_described(progress: SamplingProgress) -> str:

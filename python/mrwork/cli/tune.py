@@ -1,0 +1,204 @@
+"""`mrwork tune`: settings of control laws, tuned on the training motions of a study and judged on its test motions."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import shlex
+import sys
+import time
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mrwork import __version__
+from mrwork.cli.options import add_json, add_quiet, add_threads, cannot_be_resumed, check_not_negative
+from mrwork.cli.output import note, table_lines
+from mrwork.cli.progress import PATIENCE, ProgressLine, tuning_described
+from mrwork.errors import Interrupted, MrworkError
+from mrwork.store import digest_of
+from mrwork.summary import with_decimals
+
+if TYPE_CHECKING:
+    from mrwork.store import Journal
+    from mrwork.study.schema import TuneTable
+    from mrwork.study.study import Study
+    from mrwork.tuning.results import LawResult, TuningResults
+
+_QUICK = (48, 12)
+
+
+def add_parser(verbs: Any) -> None:
+    """Declare the verb."""
+    parser = verbs.add_parser(
+        "tune",
+        description="Tune the settings of the laws in the [[tune]] tables of a study file on its training motions, and "
+        "judge them on its test motions, beside i = 0, the best constant and the largest command and equal drift "
+        "weights. The folder has the chosen settings as a study file for mrwork respond. mrwork respond --schema "
+        "prints the keys of [[tune]].",
+    )
+    parser.add_argument("study", type=Path, metavar="STUDY.toml", help="study file")
+    parser.add_argument(
+        "--law",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="tune this law with all keys of [[tune]] at their defaults, instead of the tables of the study; repeat "
+        "for more",
+    )
+    parser.add_argument(
+        "--quick",
+        action="store_true",
+        help=f"at most {_QUICK[0]} candidates of each law in generations of {_QUICK[1]}: a first look, not a result",
+    )
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=0,
+        metavar="N",
+        help="seed of the searches, of noise and synthetic motions, default 0",
+    )
+    add_threads(parser)
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="folder of the results, default out/STUDY-tuned"
+    )
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="resume a tuning that was killed or interrupted; all other options but --threads as in that tuning",
+    )
+    add_quiet(parser)
+    add_json(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Tune, write the folder, print the result."""
+    check_not_negative(options)
+    # SciPy and the simulation are slow to load.
+    from mrwork.store.run_folder import check_destination
+    from mrwork.store.unfinished import begin_journal, discard_journal, is_copy, resume_journal
+    from mrwork.study.reading import read_study
+    from mrwork.tuning.tune import tune
+
+    began = time.perf_counter()
+    study = read_study(options.study, seed=options.seed)
+    tables = _tables(study, options)
+    place = options.out or Path("out") / f"{options.study.stem}-tuned"
+    check_destination(place)
+    journal = resume_journal(place, note=note) if options.resume else begin_journal(place)
+    line = ProgressLine(tuning_described, quiet=options.quiet or options.json, patience=PATIENCE)
+    status = 0
+    try:
+        results = tune(
+            study, tables, rng=options.seed, journal=journal, threads=options.threads, on_progress=line
+        )
+    except Interrupted as interrupt:
+        results, status = interrupt.result, 130
+    except MrworkError as error:
+        if cannot_be_resumed(error, options) or is_copy(place, journal):
+            discard_journal(journal)
+        raise
+    finally:
+        line.close()
+        journal.close()
+    _write(place, options, results, journal, time.perf_counter() - began)
+    if status == 0:
+        discard_journal(journal)
+    if options.json:
+        from mrwork.tuning.folder import tuning_document
+
+        document = tuning_document(results) | {"out": str(place)}
+        print(json.dumps(document, allow_nan=False, ensure_ascii=False))
+    else:
+        print(_text(results, place))
+    if status == 130:
+        note(f"interrupted; what was found is in {place}; run the same command with --resume to continue")
+    return status
+
+
+def _tables(study: Study, options: argparse.Namespace) -> tuple[TuneTable, ...]:
+    """The tables of the command line or of the study; smaller ones for a quick look."""
+    from mrwork.study.schema import TuneTable
+
+    tables = (TuneTable(laws=tuple(options.law)),) if options.law else study.tunes
+    if not options.quick:
+        return tables
+    budget, population = _QUICK
+    return tuple(
+        replace(each, budget=min(each.budget, budget), population=min(each.population, population))
+        for each in tables
+    )
+
+
+def _write(
+    place: Path, options: argparse.Namespace, results: TuningResults, journal: Journal, seconds: float
+) -> None:
+    from mrwork.tuning.folder import write_tuning
+
+    command = shlex.join(["mrwork", *sys.argv[1:]])
+    manifest = {
+        "kind": "tuning",
+        "title": results.title,
+        "status": results.status,
+        "command": command,
+        "seed": options.seed,
+        "study": {
+            "path": str(options.study),
+            "content": digest_of(options.study.read_text(encoding="utf-8")),
+        },
+        "versions": {"mrwork": __version__, "python": platform.python_version()},
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "seconds": seconds,
+    }
+    page = None
+    # After Ctrl-C nothing that takes long: the figures are drawn when the tuning is resumed.
+    if results.status == "finished":
+        from mrwork.report.tuning.page import tuning_page
+
+        page = tuning_page(results, command=command)
+    write_tuning(place, results, study_file=options.study, page=page, manifest=manifest, journal=journal.path)
+
+
+def _text(results: TuningResults, place: Path) -> str:
+    """Scores on training and test motions, the settings, warnings, and where everything is."""
+    from mrwork.tuning.folder import CHOSEN
+    from mrwork.tuning.results import settings_in_words
+
+    head = ("", "training", "test", "drift", "acc.", "better", "settings")
+    rows = [_row(each, settings_in_words(each.settings, results.command_unit)) for each in results.ranked]
+    lines = [
+        results.title,
+        "",
+        f"Scores over i = 0 on {len(results.training)} training and {len(results.testing)} test motions, lowest first;",
+        "drift, acc.: mean ratios of the peaks; better: motions with both peaks below the best constant command",
+        *table_lines([head, *rows]),
+        "",
+    ]
+    lines += [f"{each.label}: {each.certificate or 'no certificate'}" for each in results.laws]
+    lines += ["", *(f"warning: {each}" for each in results.warnings)]
+    lines.append(
+        f"{results.candidates_per_second:.3g} candidates/s, "
+        f"{results.share_outside:.0%} of the time outside the simulation"
+    )
+    lines.append(f"Settings for mrwork respond: {place / CHOSEN}")
+    if results.status == "finished":
+        lines.append(f"Report: {place / 'report.html'}")
+    return "\n".join(lines)
+
+
+def _row(law: LawResult, settings: str) -> tuple[str, ...]:
+    found = law.train if law.test is None else law.test
+    better = "" if law.better is None else f"{law.better.both} of {law.better.motions}"
+    nan = float("nan")
+    return (
+        law.label,
+        with_decimals(law.train.score, 3),
+        "-" if law.test is None else with_decimals(law.test.score, 3),
+        with_decimals(found.criteria.get("peak_drift", nan), 3),
+        with_decimals(found.criteria.get("peak_acceleration", nan), 3),
+        better,
+        settings,
+    )

@@ -1,0 +1,318 @@
+"""The page of a tuning: scores on training and test motions, settings with certificates, searches, every motion."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
+from mrwork.report.html import filled_in
+from mrwork.report.numbers import fixed, shortest, significant
+from mrwork.report.section import NOTHING, Group, Section, Table, panel
+from mrwork.report.tuning.figures import course_figure, front_figure, score_figure
+from mrwork.tuning.results import BAND, Front, Judgement, LawResult, TuningResults
+
+_DECIMALS = 3
+_IN_UNITS = {"m": ("mm", 1e3), "N": ("kN", 1e-3), "J": ("J", 1.0)}
+
+
+def tuning_page(results: TuningResults, *, command: str = "") -> str:
+    """The page of a tuning: HTML with embedded styles and figures."""
+    sections = [
+        _score_section(results),
+        _settings_section(results),
+        _band_section(results),
+        *(_front_section(number, front) for number, front in enumerate(results.fronts)),
+        _demand_section(results),
+        _motion_section(results),
+        _search_section(results),
+    ]
+    on = f"{len(results.training)} training and {len(results.testing)} test motions"
+    return filled_in(
+        "tuning.html.j2",
+        title=results.title,
+        subject=f"{len(results.laws)} laws on {on if results.testing else 'the motions that they are judged by'}",
+        banner="" if results.status == "finished" else "The tuning was interrupted; resume it with --resume.",
+        leading=_leading(results),
+        headline=[],
+        status=(
+            "Candidates",
+            fixed(sum(each.candidates for each in results.laws), 0),
+            f"{results.candidates_per_second:.3g} a second, {results.share_outside:.0%} of the time not simulating",
+        ),
+        warnings=list(results.warnings),
+        advice="",
+        sections=[section for section in sections if section is not None],
+        facts=(*results.facts, *([("Command", f"`{command}`")] if command else [])),
+    )
+
+
+def _judged(law: LawResult) -> Judgement:
+    return law.train if law.test is None else law.test
+
+
+def _leading(results: TuningResults) -> str:
+    """The law with the lowest score, beside the reference with the lowest."""
+    laws = [each for each in results.ranked if each in results.laws]
+    references = [each for each in results.ranked if each in results.references]
+    if not laws or not references:
+        return ""
+    law, reference = laws[0], references[0]
+    on = "test" if results.testing else "training"
+    text = (
+        f"On the {on} motions {law.label} has the score {_judged(law).score:.3f}, and {reference.label}, the best "
+        f"reference, {_judged(reference).score:.3f}."
+    )
+    if law.better is not None:
+        text += (
+            f" Both its peak drift and its peak acceleration are below those of the best constant command under "
+            f"{law.better.both} of {law.better.motions} motions."
+        )
+    return text
+
+
+def _score_section(results: TuningResults) -> Section:
+    ranked = results.ranked
+    rows = []
+    for each in ranked:
+        found = _judged(each)
+        spread = found.spread.get("score")
+        rows.append(
+            (
+                each.label,
+                fixed(each.train.score, _DECIMALS),
+                NOTHING if each.test is None else fixed(each.test.score, _DECIMALS),
+                NOTHING if spread is None else fixed(spread.median, _DECIMALS),
+                NOTHING if spread is None else f"{fixed(spread.least, 2)} to {fixed(spread.most, 2)}",
+                *(fixed(found.criteria.get(name, math.nan), _DECIMALS) for name in SCORE),
+                NOTHING if each.better is None else f"{each.better.both} of {each.better.motions}",
+            )
+        )
+    on = "test" if results.testing else "training"
+    table = Table(
+        label="Scores",
+        columns=(
+            "",
+            "Training",
+            "Test",
+            "Median",
+            "Range",
+            *(criterion(name).short for name in SCORE),
+            "Better",
+        ),
+        rows=tuple(rows),
+        over=(
+            ("", 1),
+            ("Score", 2),
+            (f"Score of one {on} motion", 2),
+            (f"Mean ratio, {on} motions", 4),
+            ("", 1),
+        ),
+        note="The score is the mean of the criteria over those at i = 0, then over the motions; the lowest is above. "
+        "Better: under how many motions both peak drift and peak acceleration are below those of the best constant "
+        "command, which is chosen on the training motions.",
+    )
+    figure = panel(
+        "scores",
+        "Scores with their spread over motions",
+        score_figure(ranked),
+        "Score of each law on the training and the test motions, with the middle half and the range over the motions",
+    )
+    return Section(
+        anchor="scores",
+        title="Scores",
+        summary=f"{ranked[0].label} has the lowest score on the {on} motions." if ranked else "",
+        groups=(Group(table=table), Group(panels=(figure,))),
+    )
+
+
+def _settings_section(results: TuningResults) -> Section | None:
+    if not results.laws:
+        return None
+    groups = []
+    for each in results.laws:
+        ranges = {free.name: f"{shortest(free.lower)} to {shortest(free.upper)}" for free in each.free}
+        rows = tuple((name, _shown(value), ranges.get(name, "held")) for name, value in each.settings.items())
+        groups.append(
+            Group(
+                title=each.label,
+                prose=(
+                    f"Minimised: {each.objective}.",
+                    f"Settings from: {each.origin}; {each.candidates} candidates in {each.seconds:.3g} s"
+                    + (
+                        f", of which {each.refused} of the first could not be simulated."
+                        if each.refused
+                        else "."
+                    ),
+                    f"Certificate: {each.certificate}." if each.certificate else "Certificate: none.",
+                ),
+                table=Table(
+                    label=f"Settings of {each.label}",
+                    columns=("Setting", "Value", "Searched"),
+                    rows=rows,
+                    words=(2,),
+                ),
+            )
+        )
+    return Section(anchor="settings", title="Settings", summary="", groups=tuple(groups))
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, int | float):
+        return significant(float(value), 4)
+    return f"{len(value)} numbers"
+
+
+def _band_section(results: TuningResults) -> Section | None:
+    laws = [each for each in results.ranked if _judged(each).bands]
+    if not laws:
+        return None
+    names = ("score", *SCORE)
+    rows = tuple((each.label, *(_band(_judged(each), name) for name in names)) for each in laws)
+    return Section(
+        anchor="bands",
+        title="Under uncertainty",
+        summary=f"{results.realisations} realisations of what is not known exactly.",
+        groups=(
+            Group(
+                table=Table(
+                    label="Bands over realisations",
+                    columns=("", "Score", *(criterion(name).short for name in SCORE)),
+                    rows=rows,
+                    note=f"Median, and the ends between which {BAND:.0%} of the {results.realisations} realisations "
+                    "lie; each number is a mean over the motions, over i = 0 in the same realisation. All laws have "
+                    "the same realisations.",
+                )
+            ),
+        ),
+    )
+
+
+def _band(found: Judgement, name: str) -> str:
+    band = found.bands.get(name)
+    return (
+        NOTHING
+        if band is None
+        else f"{fixed(band.median, 3)} ({fixed(band.lower, 3)}–{fixed(band.upper, 3)})"
+    )
+
+
+def _front_section(number: int, front: Front) -> Section:
+    heads = [criterion(name).title for name in front.objectives]
+    tested = any(each.test is not None for each in front.points)
+    rows = tuple(
+        (
+            str(place),
+            *(fixed(each.train[name], _DECIMALS) for name in front.objectives),
+            *(fixed((each.test or {}).get(name), _DECIMALS) for name in front.objectives if tested),
+            _in_line(each.settings),
+            each.certificate,
+        )
+        for place, each in enumerate(front.points, start=1)
+    )
+    table = Table(
+        label=f"Pareto front of {front.label}",
+        columns=("Point", *heads, *(heads if tested else ()), "Settings", "Certificate"),
+        rows=rows,
+        over=(
+            ("", 1),
+            ("Training", len(heads)),
+            *((("Test", len(heads)),) if tested else ()),
+            ("", 2),
+        ),
+        words=(1 + len(heads) * (2 if tested else 1), 2 + len(heads) * (2 if tested else 1)),
+        note="Points of which no other is lower in every objective on the training motions.",
+    )
+    figure = panel(f"front-{number}", "Front", front_figure(front), f"Pareto front of {front.label}")
+    return Section(
+        anchor=f"front-{number}",
+        title=f"Pareto front of {front.label}",
+        summary=f"{len(front.points)} points of {front.candidates} candidates.",
+        groups=(Group(panels=(figure,)), Group(table=table)),
+    )
+
+
+def _in_line(settings: Mapping[str, Any]) -> str:
+    return ", ".join(f"{name} {_shown(value)}" for name, value in settings.items())
+
+
+def _demand_section(results: TuningResults) -> Section | None:
+    entries = [entry for entry in criteria() if not entry.ratio]
+    rows = tuple(
+        (each.label, *(_demand(_judged(each), entry.name, entry.unit) for entry in entries))
+        for each in results.ranked
+    )
+    heads = [
+        f"{entry.short} ({_IN_UNITS.get(entry.unit, (_unit(entry.unit, results.command_unit), 1.0))[0]})"
+        for entry in entries
+    ]
+    on = "test" if results.testing else "training"
+    return Section(
+        anchor="demand",
+        title="Demand on the dampers",
+        summary="",
+        groups=(
+            Group(
+                table=Table(
+                    label="Demand on the dampers",
+                    columns=("", *heads),
+                    rows=rows,
+                    note=f"The largest over the {on} motions; a force is that of all dampers of a group.",
+                )
+            ),
+        ),
+    )
+
+
+def _unit(unit: str, command_unit: str) -> str:
+    return command_unit if unit == "A or V" else unit
+
+
+def _demand(found: Judgement, name: str, unit: str) -> str:
+    _, factor = _IN_UNITS.get(unit, ("", 1.0))
+    value = found.largest.get(name)
+    return NOTHING if value is None else significant(factor * value, 3)
+
+
+def _motion_section(results: TuningResults) -> Section | None:
+    groups = []
+    for use, chosen in (("Test", True), ("Training", False)):
+        found = [(each, each.test if chosen else each.train) for each in results.ranked]
+        laws: Sequence[tuple[LawResult, Judgement]] = [
+            (law, judgement) for law, judgement in found if judgement is not None and judgement.motions
+        ]
+        if not laws:
+            continue
+        names = [motion.motion for motion in laws[0][1].motions]
+        rows = tuple(
+            (name, *(fixed(judgement.motions[place].score, _DECIMALS) for _, judgement in laws))
+            for place, name in enumerate(names)
+        )
+        groups.append(
+            Group(
+                title=f"{use} motions",
+                table=Table(
+                    label=f"Scores under each {use.lower()} motion",
+                    columns=("Motion", *(law.label for law, _ in laws)),
+                    rows=rows,
+                ),
+            )
+        )
+    return (
+        Section(anchor="motions", title="Every motion", summary="", groups=tuple(groups)) if groups else None
+    )
+
+
+def _search_section(results: TuningResults) -> Section | None:
+    laws = [each for each in results.laws if len(each.trace) > 1]
+    if not laws:
+        return None
+    figure = panel(
+        "searches",
+        "Course of the searches",
+        course_figure(laws),
+        "Least objective of each law over the number of candidates",
+        "First candidates, then generations of the search. A candidate that exceeds a limit has a higher objective.",
+    )
+    return Section(anchor="searches", title="Searches", summary="", groups=(Group(panels=(figure,)),))

@@ -1,0 +1,5 @@
+"""Laws of a study tuned on its training motions and judged on its test motions."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

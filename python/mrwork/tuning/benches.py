@@ -1,0 +1,125 @@
+"""The benches of a tuning, training and test motions, nominal and with realisations; judgements of candidates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+from mrwork.motions import GroundMotion
+from mrwork.store import Journal, digest_of
+from mrwork.study.batches import RunCriteria, simulated_criteria
+from mrwork.study.realisations import Realisations, nominal
+from mrwork.study.study import Study
+from mrwork.summary import Summarised
+from mrwork.tuning.objective import Objective
+from mrwork.tuning.problem import Bench, Clock, check_controllable
+from mrwork.tuning.results import Judgement, Varied, judged
+from mrwork.tuning.space import Candidate
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Benches(Summarised):
+    """Benches with the training and the test motions; the varied ones have the realisations of the study, if any."""
+
+    training: Bench
+    testing: Bench | None
+    training_varied: Bench | None
+    testing_varied: Bench | None
+    journal: Journal | None
+
+    def searched(self, *, robust: bool) -> Bench:
+        """The bench on which candidates are scored."""
+        return self.training_varied if robust and self.training_varied is not None else self.training
+
+    def judgements(
+        self, law: str, candidate: Candidate, objective: Objective, *, robust: bool
+    ) -> tuple[Judgement, Judgement | None]:
+        """A candidate on the training and on the test motions."""
+        train = self._judged(self.training, self.training_varied, law, candidate, objective, robust)
+        if self.testing is None:
+            return train, None
+        return train, self._judged(self.testing, self.testing_varied, law, candidate, objective, robust)
+
+    def _judged(
+        self,
+        bench: Bench,
+        wide: Bench | None,
+        law: str,
+        candidate: Candidate,
+        objective: Objective,
+        robust: bool,
+    ) -> Judgement:
+        def on(each: Bench) -> RunCriteria:
+            inputs = digest_of(
+                law, candidate, [motion.name for motion in each.motions], len(each.realisations)
+            )
+            return recorded(
+                self.journal, "judgement", inputs, RunCriteria, lambda: each.run(law, [candidate])
+            )
+
+        found = on(bench)
+        varied = None if wide is None else Varied(bench=wide, found=on(wide))
+        return judged(bench, objective, found, varied, robust=robust)
+
+
+def recorded(journal: Journal | None, step: str, inputs: str, kind: type[T], compute: Callable[[], T]) -> T:
+    """A step from the journal, or computed; without a journal always computed."""
+    return compute() if journal is None else journal.once(step, inputs, kind, compute)
+
+
+def benches_of(study: Study, *, journal: Journal | None, threads: int, clock: Clock) -> Benches:
+    """The benches of a study; the dampers at i = 0 are simulated on each.
+
+    Raises
+    ------
+    SettingError
+        If the study has no dampers that follow a command.
+    """
+    check_controllable(study)
+    problem = study.problem
+    assert problem is not None
+    training = study.chosen_on
+    testing = tuple(each.ground for each in study.motions if each.use == "test")
+    separate = any(each.use == "training" for each in study.motions)
+    one = nominal(study.devices)
+
+    def bench(motions: Sequence[GroundMotion], realisations: Realisations) -> Bench:
+        arrangement = next(each for each in study.arrangements if each.row.kind == "passive_off")
+
+        def passive() -> RunCriteria:
+            assert arrangement.law is not None
+            found = simulated_criteria(
+                arrangement,
+                arrangement.law,
+                motions,
+                study.hardware,
+                realisations,
+                bare=study.building,
+                threads=threads,
+            )
+            clock.simulating += found.seconds
+            return found
+
+        inputs = digest_of([motion.name for motion in motions], len(realisations))
+        return Bench(
+            study=study,
+            arrangement=arrangement,
+            problem=problem,
+            motions=tuple(motions),
+            realisations=realisations,
+            passive=recorded(journal, "passive", inputs, RunCriteria, passive),
+            threads=threads,
+            clock=clock,
+        )
+
+    wide = study.realisations
+    return Benches(
+        training=bench(training, one),
+        testing=bench(testing, one) if separate else None,
+        training_varied=None if wide is None else bench(training, wide),
+        testing_varied=bench(testing, wide) if separate and wide is not None else None,
+        journal=journal,
+    )

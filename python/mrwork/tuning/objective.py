@@ -1,0 +1,168 @@
+"""The objective of a tuning: criteria over those at i = 0, as one number by a named risk."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.closed_loop.evaluation import criteria, criterion
+from mrwork.errors import SettingError
+from mrwork.keys import Place, suggestion
+from mrwork.study.batches import RunCriteria
+from mrwork.study.declared import number_in
+from mrwork.study.schema import Risk, TuneTable
+from mrwork.summary import Summarised
+
+Floats = NDArray[np.float64]
+
+PENALTY = 10.0
+"""What is added to the objective for a constraint that is exceeded by its own limit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Limit:
+    """The largest admissible value of a criterion, in SI."""
+
+    criterion: str
+    limit: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Objective(Summarised):
+    """What a tuning minimises.
+
+    The score of a run is the mean of its criteria over those at i = 0 under the same motion and realisation, with
+    `weights`. `risk` takes one number of the scores of all motions and realisations: their mean, the largest, or the
+    mean of the worst share `tail` (conditional value at risk; Rockafellar & Uryasev, J. Risk 2, 2000, 21-41).
+    """
+
+    weights: Mapping[str, float]
+    risk: Risk = "mean"
+    tail: float = 0.2
+    limits: tuple[Limit, ...] = ()
+
+    def run_scores(self, found: RunCriteria, passive: RunCriteria) -> Floats:
+        """Score of each run, shape (n_candidates, n_motions, n_realisations); infinite where a run has none."""
+        total = sum(self.weights.values())
+        parts = [
+            weight / total * over_passive(found.of(name), passive.of(name))
+            for name, weight in self.weights.items()
+        ]
+        return np.asarray(np.sum(parts, axis=0))
+
+    def value(self, scores: Floats) -> Floats:
+        """The risk of the scores of runs, shape (n_candidates,)."""
+        return risk_of(scores.reshape(len(scores), -1), self.risk, self.tail)
+
+    def violation(self, found: RunCriteria) -> Floats:
+        """By how much each candidate exceeds its limits, relative to these and summed, shape (n_candidates,)."""
+        violation = np.zeros(found.numbers.shape[1])
+        for each in self.limits:
+            largest = found.of(each.criterion).max(axis=(1, 2))
+            violation += np.maximum(largest / each.limit - 1.0, 0.0)
+        return violation
+
+    @property
+    def in_words(self) -> str:
+        """What is minimised, as the end of a sentence."""
+        names = " and ".join(_weighted(name, weight) for name, weight in self.weights.items())
+        over = {
+            "mean": "mean over all motions and realisations",
+            "max": "largest over all motions and realisations",
+            "cvar": f"mean of the worst {self.tail:.0%} of all motions and realisations",
+        }[self.risk]
+        return f"{over} of the mean of {names}, each over its value at i = 0"
+
+
+def _weighted(name: str, weight: float) -> str:
+    text = criterion(name).title.lower().replace("rms", "RMS")
+    return text if weight == 1.0 else f"{weight:g} x {text}"
+
+
+def over_passive(numbers: Floats, passive: Floats) -> Floats:
+    """Ratios to the values at i = 0; infinite where a run has no value, 1 where both are zero."""
+    below = np.broadcast_to(passive, numbers.shape)
+    ratios = np.full(numbers.shape, math.inf)
+    np.divide(numbers, below, out=ratios, where=np.isfinite(numbers) & (below > 0.0) & np.isfinite(below))
+    return np.where((numbers == 0.0) & (below == 0.0), 1.0, ratios)
+
+
+def risk_of(scores: Floats, risk: Risk, tail: float) -> Floats:
+    """The risk of each row of scores, shape (n_candidates,).
+
+    The worst share is weighted exactly: of 10 scores, a tail of 0.25 is the mean of the two largest and half the third.
+    """
+    if risk == "max":
+        return np.asarray(scores.max(axis=1))
+    if risk == "mean":
+        return np.asarray(scores.mean(axis=1))
+    n = scores.shape[1]
+    weights = np.clip(tail * n - np.arange(n), 0.0, 1.0)
+    worst = -np.sort(-scores, axis=1)
+    # Infinity times a weight of zero is no number.
+    parts = np.where(weights > 0.0, worst, 0.0) * weights
+    return np.asarray(parts.sum(axis=1) / weights.sum())
+
+
+def objective_of(table: TuneTable, command_unit: str) -> Objective:
+    """The objective of a table.
+
+    Raises
+    ------
+    SettingError
+        If a criterion is unknown or has no ratio to i = 0, a weight or limit is not positive, or its unit is wrong.
+    """
+    given = table.criteria
+    weights = dict(given) if isinstance(given, Mapping) else dict.fromkeys(given, 1.0)
+    if not weights:
+        _refuse(table, "criteria", "criteria is empty; leave it out for the score, or name some")
+    for name, weight in weights.items():
+        known_criterion(table, "criteria", name)
+        if not (weight > 0.0 and math.isfinite(weight)):
+            _refuse(table, "criteria", f"the weight of {name} is {weight:g}; give a positive number")
+    if table.tail > 1.0:
+        _refuse(
+            table, "tail", f"tail is {table.tail:g}; give a share of the motions and realisations, up to 1"
+        )
+    limits = tuple(
+        Limit(criterion=name, limit=_limit(table, name, value, command_unit))
+        for name, value in (table.constraints or {}).items()
+    )
+    return Objective(weights=weights, risk=table.risk, tail=table.tail, limits=limits)
+
+
+def known_criterion(table: TuneTable, key: str, name: str) -> None:
+    """Refuse a name that is no criterion."""
+    known = [entry.name for entry in criteria()]
+    if name not in known:
+        _refuse(table, key, f"no criterion is called {name!r}{suggestion(name, known)}")
+
+
+def _limit(table: TuneTable, name: str, value: float | str, command_unit: str) -> float:
+    known_criterion(table, "constraints", name)
+    unit = criterion(name).unit
+    if isinstance(value, str):
+        number = number_in(value, command_unit if unit == "A or V" else unit)
+        if isinstance(number, str):
+            _refuse(table, "constraints", f"{name} {number}")
+        value = number
+    if not (value > 0.0 and math.isfinite(value)):
+        _refuse(table, "constraints", f"{name} is {value:g}; give a positive limit [{unit}]")
+    return value
+
+
+def _refuse(table: TuneTable, key: str, sentence: str) -> NoReturn:
+    refuse_within(table, sentence, key)
+
+
+def refuse_within(table: TuneTable, sentence: str, *keys: str) -> NoReturn:
+    """Raise a SettingError with the place in the study file, where the table has one."""
+    place: Place | None = table.place
+    if place is None:
+        raise SettingError(sentence)
+    place.within(*keys).refuse(sentence)

@@ -1,0 +1,99 @@
+"""References of a tuning: i = 0, the best constant and the largest command, equal drift weights with R scanned."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrwork.control.setting_base import Magnitudes
+from mrwork.store import digest_of
+from mrwork.study.run import LEVELS
+from mrwork.study.schema import TuneTable
+from mrwork.tuning.benches import Benches, recorded
+from mrwork.tuning.first_candidates import first_candidates
+from mrwork.tuning.objective import Objective
+from mrwork.tuning.problem import Scores, described, scored
+from mrwork.tuning.results import LawResult
+from mrwork.tuning.space import Candidate, space_of
+
+BEST_CONSTANT = "Best constant command"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Reference:
+    label: str
+    law: str
+    candidates: tuple[Candidate, ...]
+    origin: str
+
+
+def references_of(benches: Benches, objective: Objective, magnitudes: Magnitudes) -> Iterator[LawResult]:
+    """The references, each the best of its candidates on the training motions, in the nominal study."""
+    for each in _declared(benches, magnitudes):
+        began = time.perf_counter()
+        best = each.candidates[0]
+        if len(each.candidates) > 1:
+            scores = recorded(
+                benches.journal,
+                "reference",
+                digest_of(each.law, each.candidates),
+                Scores,
+                lambda each=each: scored(benches.training, objective, each.law, each.candidates),  # type: ignore[misc]
+            )
+            best = each.candidates[scores.best]
+        train, test = benches.judgements(each.law, best, objective, robust=False)
+        yield LawResult(
+            law=each.law,
+            label=each.label,
+            settings=dict(described(best)),
+            origin=each.origin,
+            train=train,
+            test=test,
+            candidates=len(each.candidates),
+            seconds=time.perf_counter() - began,
+            certificate=benches.training.certificate(each.law, best),
+        )
+
+
+def _declared(benches: Benches, magnitudes: Magnitudes) -> Iterator[_Reference]:
+    largest = magnitudes.command
+
+    def constant(share: float) -> Candidate:
+        return Candidate(settings={"command": float(f"{share * largest:.4g}")}, largest_command=largest)
+
+    yield _Reference(label="i = 0", law="passive", candidates=(constant(0.0),), origin="no command")
+    yield _Reference(
+        label=BEST_CONSTANT,
+        law="passive",
+        candidates=tuple(constant(share) for share in np.linspace(0.0, 1.0, LEVELS)),
+        origin=f"best of {LEVELS} on the training motions",
+    )
+    yield _Reference(
+        label="Largest command", law="passive", candidates=(constant(1.0),), origin="largest command"
+    )
+    space = space_of(TuneTable(laws=("clipped_optimal",)), "clipped_optimal", magnitudes)
+    shapes: dict[str, list[Candidate]] = {}
+    for first in first_candidates(space, benches.training, magnitudes):
+        shapes.setdefault(first.origin, []).append(first.candidate)
+    for origin in _SCANNED:
+        if origin in shapes:
+            yield _Reference(
+                label=f"{origin[:1].upper()}{origin[1:]}, R scanned",
+                law="clipped_optimal",
+                candidates=_distinct(shapes[origin]),
+                origin=f"{origin}, best of {len(shapes[origin])} sizes of R on the training motions",
+            )
+
+
+_SCANNED = ("equal drift weights", "convex weights")
+
+
+def _distinct(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:
+    kept: list[Candidate] = []
+    for each in candidates:
+        if each not in kept:
+            kept.append(each)
+    return tuple(kept)

@@ -1,0 +1,347 @@
+"""Results of a tuning: settings of each law and its scores on training and test motions; references alike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.closed_loop.evaluation import Spread, criteria
+from mrwork.study.batches import RunCriteria
+from mrwork.summary import Summarised, Summary, listed, rounded, with_decimals
+from mrwork.tuning.objective import Objective, over_passive
+from mrwork.tuning.problem import Bench
+from mrwork.tuning.space import LARGEST, FreeSetting
+
+Floats = NDArray[np.float64]
+
+BAND = 0.9
+"""Share of the realisations within a band."""
+_MARGIN = 0.01
+TRAINING_ONLY = (
+    "No motion of the study is for testing only: every score is of the motions that the settings were tuned on, and "
+    'says nothing about others. Give some motions use = "training" and others use = "test".'
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Band:
+    """A number over realisations: median, and the ends between which 90 % of them lie."""
+
+    lower: float
+    median: float
+    upper: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionScore:
+    """Score and criteria of a law under one motion, over those at i = 0."""
+
+    motion: str
+    score: float
+    criteria: dict[str, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judgement:
+    """A law on some motions, in the nominal study.
+
+    `score` is the mean over motions of the weighted criteria over those at i = 0, `criteria` the mean ratio of each
+    criterion that has one, `largest` the largest value of the others. `objective` and `violation` are those of the
+    tuning, with its risk, and with the realisations where they belong to it. `spread` is that of the score and the
+    ratios over motions. `bands` are those of score and ratios, each the mean over motions, over realisations.
+    """
+
+    score: float
+    objective: float
+    violation: float
+    criteria: dict[str, float]
+    largest: dict[str, float]
+    spread: dict[str, Spread]
+    motions: tuple[MotionScore, ...]
+    energy_error: float
+    bands: dict[str, Band] = field(default_factory=dict)
+
+
+def unjudged(objective: float) -> Judgement:
+    """The judgement of an interrupted tuning, of which only the objective is known."""
+    return Judgement(
+        score=math.nan,
+        objective=objective,
+        violation=0.0,
+        criteria={},
+        largest={},
+        spread={},
+        motions=(),
+        energy_error=math.nan,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Better:
+    """Under how many motions a law is better than the best constant command, in each criterion and in both."""
+
+    peak_drift: int
+    peak_acceleration: int
+    both: int
+    motions: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TracePoint:
+    """The least penalised objective after a number of candidates."""
+
+    candidates: int
+    least: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LawResult:
+    """A law with the settings that were chosen for it, or a reference.
+
+    `settings` include the largest command. `origin` says where the settings are from. `test` is `None` where the study
+    has no test motions or the tuning was interrupted before. `free` are the free settings with their ranges.
+    `certificate` says what is proved of the law, `limited` whether the largest command is one of its settings.
+    """
+
+    law: str
+    label: str
+    settings: dict[str, Any]
+    origin: str
+    train: Judgement
+    test: Judgement | None
+    candidates: int
+    seconds: float
+    certificate: str
+    limited: bool = False
+    refused: int = 0
+    objective: str = ""
+    better: Better | None = None
+    free: tuple[FreeSetting, ...] = ()
+    trace: tuple[TracePoint, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrontPoint:
+    """A point of a Pareto front: its objectives on the training and on the test motions, settings and certificate."""
+
+    settings: dict[str, Any]
+    train: dict[str, float]
+    test: dict[str, float] | None
+    certificate: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Front:
+    """The Pareto front of a law over several objectives."""
+
+    law: str
+    label: str
+    objectives: tuple[str, ...]
+    points: tuple[FrontPoint, ...]
+    candidates: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class TuningResults(Summarised):
+    """What `tune` found.
+
+    `share_outside` is the share of the time outside the simulation: design of gains, search, scores.
+    """
+
+    title: str
+    status: Literal["finished", "interrupted"]
+    laws: tuple[LawResult, ...]
+    references: tuple[LawResult, ...]
+    training: tuple[str, ...]
+    testing: tuple[str, ...]
+    command_unit: str
+    realisations: int
+    fronts: tuple[Front, ...] = ()
+    seconds: float = 0.0
+    candidates_per_second: float = 0.0
+    share_outside: float = 0.0
+    facts: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def ranked(self) -> tuple[LawResult, ...]:
+        """Laws and references, the lowest score on the test motions first, else on the training motions."""
+        return tuple(sorted((*self.laws, *self.references), key=lambda each: _judged(each).score))
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on what the scores cannot say, and on limits that are exceeded."""
+        found = [] if self.testing else [TRAINING_ONLY]
+        for each in self.laws:
+            if each.train.violation > 0.0:
+                found.append(
+                    f"{each.label}: no candidate keeps all limits; the chosen one exceeds them by "
+                    f"{each.train.violation:.0%} of the limits in all, on the training motions."
+                )
+            elif each.test is not None and each.test.violation > 0.0:
+                found.append(
+                    f"{each.label} keeps its limits on the training motions and exceeds them by "
+                    f"{each.test.violation:.0%} of the limits in all on the test motions."
+                )
+            found += self._overtaken(each)
+            found += [
+                f"{each.label}: {name} is at {place} end of its range; widen it with free."
+                for name, place in _at_ends(each)
+            ]
+        return tuple(found)
+
+    def _overtaken(self, law: LawResult) -> list[str]:
+        best = min((each for each in self.references), key=lambda each: _judged(each).score, default=None)
+        if best is None or not math.isfinite(_judged(law).score) or _judged(best).score >= _judged(law).score:
+            return []
+        on = "test" if law.test is not None else "training"
+        return [
+            f"{law.label} does not reach the score of {best.label} on the {on} motions "
+            f"({_judged(law).score:.3f} against {_judged(best).score:.3f})."
+        ]
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"Tuning of {self.title}: {self.status}",
+            facts=(
+                ("training motions", listed(self.training)),
+                ("test motions", listed(self.testing) or "none"),
+                ("candidates", f"{self.candidates_per_second:.3g} a second"),
+            ),
+            columns=("law", "training", "test", "settings"),
+            rows=[
+                (
+                    each.label,
+                    with_decimals(each.train.score, 4),
+                    "-" if each.test is None else with_decimals(each.test.score, 4),
+                    settings_in_words(each.settings, self.command_unit),
+                )
+                for each in self.ranked
+            ],
+            notes=[f"warning: {each}" for each in self.warnings],
+        )
+
+
+def _judged(law: LawResult) -> Judgement:
+    return law.train if law.test is None else law.test
+
+
+def _at_ends(law: LawResult) -> list[tuple[str, str]]:
+    """Free settings, other than the largest command, at an end of their range."""
+    found = []
+    for each in law.free:
+        value = law.settings.get(each.name)
+        if each.name == LARGEST or not isinstance(value, int | float):
+            continue
+        place = each.unit(value)
+        if place is not None and not _MARGIN < place < 1.0 - _MARGIN:
+            found.append((each.name, "the lower" if place <= _MARGIN else "the upper"))
+    return found
+
+
+def settings_in_words(settings: Mapping[str, Any], command_unit: str) -> str:
+    """Settings in one line, the largest command last."""
+    parts = [f"{name} {_value(value)}" for name, value in settings.items() if name != LARGEST]
+    if LARGEST in settings:
+        parts.append(f"at most {rounded(settings[LARGEST])} {command_unit}")
+    return ", ".join(parts)
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, int | float):
+        return rounded(float(value))
+    return f"[{', '.join(_value(each) for each in value)}]"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Varied:
+    """A bench with realisations, and the criteria of a candidate on it."""
+
+    bench: Bench
+    found: RunCriteria
+
+
+def judged(
+    bench: Bench, objective: Objective, found: RunCriteria, varied: Varied | None, *, robust: bool
+) -> Judgement:
+    """The judgement of one candidate.
+
+    Parameters
+    ----------
+    found
+        Its criteria on the bench, of one realisation: the nominal study.
+    varied
+        The same with realisations, if the study has any.
+    robust
+        Whether the objective takes the realisations.
+    """
+    ratios = _ratios(objective, found, bench.passive)
+    names = [motion.name for motion in bench.motions]
+    per_motion = {name: values[0, :, 0] for name, values in ratios.items()}
+    value_of, on = found, bench.passive
+    if varied is not None and robust:
+        value_of, on = varied.found, varied.bench.passive
+    scores = objective.run_scores(value_of, on)
+    numbers = {name: float(values.mean()) for name, values in per_motion.items()}
+    return Judgement(
+        score=numbers.pop("score"),
+        objective=float(objective.value(scores)[0]),
+        violation=_finite(float(objective.violation(value_of)[0])),
+        criteria=numbers,
+        largest={entry.name: float(found.of(entry.name)[0].max()) for entry in criteria() if not entry.ratio},
+        spread={name: Spread.of(values.tolist()) for name, values in per_motion.items()},
+        motions=tuple(
+            MotionScore(
+                motion=name,
+                score=float(per_motion["score"][number]),
+                criteria={each: float(v[number]) for each, v in per_motion.items() if each != "score"},
+            )
+            for number, name in enumerate(names)
+        ),
+        energy_error=float(found.energy_error.max()),
+        bands={} if varied is None else _bands(_ratios(objective, varied.found, varied.bench.passive)),
+    )
+
+
+def _finite(value: float) -> float:
+    return value if math.isfinite(value) else math.inf
+
+
+def _ratios(objective: Objective, found: RunCriteria, passive: RunCriteria) -> dict[str, Floats]:
+    """Score and ratios to i = 0 of each run, shape (n_candidates, n_motions, n_realisations)."""
+    ratios = {"score": objective.run_scores(found, passive)}
+    return ratios | {
+        entry.name: over_passive(found.of(entry.name), passive.of(entry.name))
+        for entry in criteria()
+        if entry.ratio
+    }
+
+
+def _bands(ratios: Mapping[str, Floats]) -> dict[str, Band]:
+    found = {}
+    for name, values in ratios.items():
+        means = values[0].mean(axis=0)
+        if not np.isfinite(means).all():
+            found[name] = Band(lower=math.nan, median=math.nan, upper=math.inf)
+            continue
+        lower, median, upper = np.quantile(means, (0.5 * (1.0 - BAND), 0.5, 0.5 * (1.0 + BAND))).tolist()
+        found[name] = Band(lower=lower, median=median, upper=upper)
+    return found
+
+
+def compared_to(law: Judgement, constant: Judgement) -> Better:
+    """How often a law is better than a constant command, motion by motion."""
+    pairs: Sequence[tuple[MotionScore, MotionScore]] = list(zip(law.motions, constant.motions, strict=True))
+
+    def lower(name: str) -> list[bool]:
+        return [one.criteria[name] < other.criteria[name] for one, other in pairs]
+
+    drift, acceleration = lower("peak_drift"), lower("peak_acceleration")
+    both = [one and other for one, other in zip(drift, acceleration, strict=True)]
+    return Better(
+        peak_drift=sum(drift), peak_acceleration=sum(acceleration), both=sum(both), motions=len(pairs)
+    )

@@ -1,0 +1,278 @@
+"""The settings of a law that a search changes, as a unit cube; candidates; magnitudes of the response."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, NoReturn
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.control.law_settings import SETTINGS
+from mrwork.control.laws import control_law, control_laws
+from mrwork.control.setting_base import LawSettings, Magnitudes, Span
+from mrwork.control.weights import CostWeights
+from mrwork.keys import is_required, keys_of, suggestion
+from mrwork.study.declared import read_table
+from mrwork.study.schema import TuneTable
+from mrwork.summary import Summarised, of_unit
+from mrwork.tuning.objective import refuse_within
+
+Floats = NDArray[np.float64]
+
+LARGEST = "largest_command"
+"""Name of the largest command of a law among its settings."""
+_SHARES = 10
+# What a study file states of a setting.
+_DIGITS = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """Settings of a law, in SI, and the largest command that it sends [A or V]."""
+
+    settings: Mapping[str, Any]
+    largest_command: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FreeSetting:
+    """A setting with the ends of its range; a search is uniform in it or its logarithm.
+
+    `levels` is the number of equal steps that it takes, 0 for all numbers.
+    """
+
+    name: str
+    lower: float
+    upper: float
+    scale: str = "log"
+    levels: int = 0
+
+    def value(self, unit: float) -> float:
+        """The value at a coordinate of the unit cube, with the digits that a study file states."""
+        last = self.levels - 1
+        share = min(int(unit * self.levels), last) / last if self.levels else unit
+        if self.scale == "log":
+            value = math.exp(math.log(self.lower) + share * math.log(self.upper / self.lower))
+        else:
+            value = self.lower + share * (self.upper - self.lower)
+        return float(f"{value:.{_DIGITS}g}")
+
+    def unit(self, value: float) -> float | None:
+        """The coordinate of a value; `None` outside the range."""
+        if not self.lower * (1.0 - 1e-3) <= value <= self.upper * (1.0 + 1e-3):
+            return None
+        if self.scale == "log":
+            share = math.log(value / self.lower) / math.log(self.upper / self.lower)
+        else:
+            share = (value - self.lower) / (self.upper - self.lower)
+        share = min(max(share, 0.0), 1.0)
+        # The middle of the step of a level.
+        return (round(share * (self.levels - 1)) + 0.5) / self.levels if self.levels else share
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class SettingSpace(Summarised):
+    """The free settings of a law, and those that are held."""
+
+    law: str
+    held: Mapping[str, Any]
+    free: tuple[FreeSetting, ...]
+    largest_command: float
+
+    @property
+    def continuous(self) -> bool:
+        """Whether a free setting takes all numbers of its range."""
+        return any(not each.levels for each in self.free)
+
+    def candidate(self, unit: Floats) -> Candidate:
+        """The candidate at a point of the unit cube, shape (n_free,)."""
+        found = {each.name: each.value(float(place)) for each, place in zip(self.free, unit, strict=True)}
+        largest = found.pop(LARGEST, self.largest_command)
+        return Candidate(settings={**self.held, **found}, largest_command=largest)
+
+    def unit(self, candidate: Candidate) -> Floats | None:
+        """The point of a candidate, shape (n_free,); `None` where it is outside of the space.
+
+        A weight that is free and that the candidate does not have is taken for the least of its range.
+        """
+        held = {name: value for name, value in candidate.settings.items() if name not in self._names}
+        if held != {name: value for name, value in self.held.items() if name not in self._names}:
+            return None
+        given = {**candidate.settings, LARGEST: candidate.largest_command}
+        places = []
+        for each in self.free:
+            value = given.get(each.name, each.lower)
+            place = each.unit(value) if isinstance(value, int | float) else None
+            if place is None:
+                return None
+            places.append(place)
+        return np.array(places)
+
+    def every(self) -> list[Candidate]:
+        """All candidates of a space without continuous settings."""
+        grid = [np.empty(0)]
+        for each in self.free:
+            levels = (np.arange(each.levels) + 0.5) / each.levels
+            grid = [np.append(start, level) for start in grid for level in levels]
+        return [self.candidate(unit) for unit in grid]
+
+    @property
+    def _names(self) -> frozenset[str]:
+        return frozenset(each.name for each in self.free)
+
+    @property
+    def in_words(self) -> tuple[str, ...]:
+        """Each free setting with its range."""
+        return tuple(f"{each.name} from {each.lower:g} to {each.upper:g}" for each in self.free)
+
+
+def settings_from(table: TuneTable, law: str, given: Mapping[str, Any]) -> LawSettings:
+    """The settings of a law from values by name, as a study file gives them.
+
+    Raises
+    ------
+    SettingError
+        If one is unknown, missing or out of range.
+    """
+    if table.place is not None:
+        return read_table(SETTINGS[law], given, table.place.within("settings"))
+    from mrwork.control.law_design import settings_of
+
+    return settings_of(law, given)
+
+
+def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace:
+    """The free settings of a law with their ranges, from a table and from what the law declares.
+
+    Raises
+    ------
+    SettingError
+        If there is no such law, a setting does not exist or has no range, or none is free.
+    """
+    _check_law(table, law)
+    kind = SETTINGS[law]
+    spans: dict[str, Span] = {
+        entry.name: entry.metadata["span"] for entry in keys_of(kind) if entry.metadata["span"] is not None
+    }
+    held = _held(table, law, kind, spans)
+    if issubclass(kind, CostWeights):
+        names = {entry.name for entry in fields(CostWeights)}
+        weights = {name: value for name, value in held.items() if name in names}
+        magnitudes = replace(magnitudes, cost=kind.cost(weights, magnitudes))
+    free = []
+    for name in _free_names(table, law, kind, spans, held):
+        given = (table.free or {}).get(name, ())
+        free.append(_free(table, law, name, given, spans.get(name), magnitudes))
+        held.pop(name, None)
+    chosen = {each.name for each in free}
+    for name, span in spans.items():
+        if name not in chosen and name not in held and span.start is not None:
+            held[name] = float(f"{span.start * span.unit(magnitudes):.{_DIGITS}g}")
+    missing = [
+        entry.name for entry in keys_of(kind) if is_required(entry) and entry.name not in {*held, *chosen}
+    ]
+    if missing:
+        refuse_within(
+            table,
+            f"{law} has no {missing[0]}; give it among the settings, or as free with its range",
+            "settings",
+        )
+    if not free:
+        refuse_within(table, f"no setting of {law} is free; leave some out of its settings", "free")
+    return SettingSpace(law=law, held=held, free=tuple(free), largest_command=magnitudes.command)
+
+
+def _check_law(table: TuneTable, law: str) -> None:
+    known = [spec.name for spec in control_laws()]
+    if law not in known:
+        refuse_within(table, f"no control law is called {law!r}{suggestion(law, known)}", "laws")
+
+
+def _held(table: TuneTable, law: str, kind: type[LawSettings], spans: Mapping[str, Span]) -> dict[str, Any]:
+    known = [entry.name for entry in keys_of(kind)]
+    held: dict[str, Any] = dict(table.settings or {})
+    for name in held:
+        if name not in known:
+            refuse_within(
+                table,
+                f"{law} has no setting {name!r}{suggestion(name, known, otherwise='it has')}",
+                "settings",
+                name,
+            )
+    if issubclass(kind, CostWeights):
+        names = {entry.name for entry in fields(CostWeights)}
+        if not names & {*held, *(table.free or {})}:
+            held |= kind.weighed_by_default
+    return held
+
+
+def _free_names(
+    table: TuneTable,
+    law: str,
+    kind: type[LawSettings],
+    spans: Mapping[str, Span],
+    held: Mapping[str, Any],
+) -> list[str]:
+    """Names of the free settings: those of the table, or those that the law frees by itself."""
+    commands = not control_law(law).commands_force and not kind.constant
+    if table.free is not None:
+        known = [*spans, *([LARGEST] if commands else [])]
+        for name in table.free:
+            if name not in known:
+                refuse_within(
+                    table,
+                    f"{law} has no setting {name!r} that can be searched{suggestion(name, known, otherwise='it has')}",
+                    "free",
+                    name,
+                )
+            if name in (table.settings or {}):
+                refuse_within(table, f"{name} is held among the settings and free; keep one", "free", name)
+        return list(table.free)
+    # A weight of the energy excludes other weights.
+    alone = "energy" in held
+    names = [
+        name
+        for name, span in spans.items()
+        if span.free and name not in (table.settings or {}) and not (alone and _is_weight(name))
+    ]
+    return [*names, *([LARGEST] if commands else [])]
+
+
+def _is_weight(name: str) -> bool:
+    return name in {entry.name for entry in fields(CostWeights)}
+
+
+def _free(
+    table: TuneTable, law: str, name: str, given: Sequence[float], span: Span | None, magnitudes: Magnitudes
+) -> FreeSetting:
+    scale = "linear" if span is None else span.scale
+    if given:
+        if len(given) != 2 or not given[0] < given[1] or (scale == "log" and given[0] <= 0.0):
+            _refuse_range(table, name, scale)
+        lower, upper = given
+    elif span is None:
+        lower, upper = magnitudes.command / _SHARES, magnitudes.command
+    else:
+        lower, upper = (end * span.unit(magnitudes) for end in (span.lower, span.upper))
+    if name == LARGEST and not 0.0 < lower <= upper <= magnitudes.command * (1.0 + 1e-9):
+        refuse_within(
+            table,
+            f"{LARGEST} may be from above 0 to {of_unit(magnitudes.command, '', 4)}, the largest of the dampers",
+            "free",
+            name,
+        )
+    levels = _SHARES if name == LARGEST else 0
+    return FreeSetting(name=name, lower=float(lower), upper=float(upper), scale=scale, levels=levels)
+
+
+def _refuse_range(table: TuneTable, name: str, scale: str) -> NoReturn:
+    positive = " of positive numbers" if scale == "log" else ""
+    refuse_within(
+        table,
+        f"the range of {name} takes its lower and its upper end{positive}, as [1e-14, 1e-9]",
+        "free",
+        name,
+    )

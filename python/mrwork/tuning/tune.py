@@ -1,0 +1,240 @@
+"""Tune the laws of a study: first candidates, a search, the chosen settings judged on the test motions."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
+from typing import Literal
+
+from mrwork.control.laws import control_law, control_laws
+from mrwork.control.setting_base import Magnitudes
+from mrwork.errors import Interrupted, SettingError
+from mrwork.keys import suggestion
+from mrwork.search.registry import OPTIMISERS, PEERS
+from mrwork.store import Journal, digest_of
+from mrwork.study.schema import Risk, TuneTable
+from mrwork.study.study import Study, fingerprint_of
+from mrwork.tuning.benches import benches_of
+from mrwork.tuning.law_tuning import Plan, TuningProgress, tuned_law
+from mrwork.tuning.objective import Objective, objective_of, refuse_within
+from mrwork.tuning.problem import Clock, check_controllable, magnitudes_of
+from mrwork.tuning.references import BEST_CONSTANT, references_of
+from mrwork.tuning.results import LawResult, TuningResults, compared_to
+from mrwork.tuning.space import space_of
+
+OnTuning = Callable[[TuningProgress], None]
+
+
+def tune(
+    study: Study,
+    tables: Sequence[TuneTable] = (),
+    *,
+    laws: Sequence[str] = (),
+    risk: Risk = "mean",
+    budget: int | None = None,
+    rng: int = 0,
+    journal: Journal | None = None,
+    threads: int = 0,
+    on_progress: OnTuning = lambda progress: None,
+) -> TuningResults:
+    """Tune the settings of control laws on the training motions of a study and judge them on its test motions.
+
+    First candidates (equal and published weights, the energy) and a search on the free settings are scored by the
+    objective of the table; the best is chosen and judged, beside references that no search has touched.
+
+    Parameters
+    ----------
+    tables
+        What to tune; by default the [[tune]] tables of the study file.
+    laws, risk, budget
+        Instead of tables: names of laws with all other keys at their defaults, the risk, and the candidates of each
+        law.
+    rng
+        Seed, added to that of each table.
+    journal
+        Records every generation, and recalls those of a tuning that was interrupted.
+    threads
+        Threads to use, 0 for all; they change no bit of the result.
+
+    Raises
+    ------
+    SettingError
+        If nothing is to be tuned, the study has no damper that follows a command, or a table is wrong.
+    Interrupted
+        On Ctrl-C, with the `TuningResults` so far.
+    JournalError
+        If the journal belongs to another tuning.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> study = mr.read_study("study.toml")  # doctest: +SKIP
+    >>> found = mr.tune(study, laws=["clipped_optimal"], rng=1)  # doctest: +SKIP
+    >>> found.laws[0].test.score  # doctest: +SKIP
+    0.655
+    """
+    check_controllable(study)
+    tables = _tables(study, tables, laws, risk, budget)
+    objectives = [_checked(table, study) for table in tables]
+    clock = Clock()
+    if journal is not None:
+        journal.agree("tuning", _fingerprint(study, tables, rng))
+    found: list[LawResult] = []
+    references: list[LawResult] = []
+
+    def results(status: Literal["finished", "interrupted"]) -> TuningResults:
+        return _results(study, tuple(found), tuple(references), status, clock)
+
+    try:
+        benches = benches_of(study, journal=journal, threads=threads, clock=clock)
+        magnitudes = magnitudes_of(benches.training)
+        plans = _plans(tables, objectives, magnitudes)
+        references.extend(references_of(benches, objectives[0], magnitudes))
+        for number, plan in enumerate(plans):
+
+            def report(candidates: int, least: float, plan: Plan = plan, done: int = number) -> None:
+                on_progress(
+                    TuningProgress(
+                        label=plan.label,
+                        candidates=candidates,
+                        budget=plan.table.budget,
+                        least=least,
+                        done=done,
+                        total=len(plans),
+                        seconds=time.perf_counter() - clock.began,
+                    )
+                )
+
+            found.append(tuned_law(plan, benches, magnitudes, rng=rng, report=report))
+    except Interrupted as interrupt:
+        found.append(interrupt.result)
+        raise Interrupted(results("interrupted"), "tuning") from None
+    except KeyboardInterrupt:
+        raise Interrupted(results("interrupted"), "tuning") from None
+    return results("finished")
+
+
+def _results(
+    study: Study,
+    laws: tuple[LawResult, ...],
+    references: tuple[LawResult, ...],
+    status: Literal["finished", "interrupted"],
+    clock: Clock,
+) -> TuningResults:
+    seconds = time.perf_counter() - clock.began
+    separate = any(each.use == "training" for each in study.motions)
+    constant = next((each for each in references if each.label == BEST_CONSTANT), None)
+    return TuningResults(
+        title=study.title,
+        status=status,
+        laws=tuple(_beside(each, constant) for each in laws),
+        references=tuple(_beside(each, constant) for each in references),
+        training=tuple(motion.name for motion in study.chosen_on),
+        testing=tuple(each.name for each in study.motions if separate and each.use == "test"),
+        command_unit=study.command_unit,
+        realisations=0 if study.realisations is None else len(study.realisations),
+        seconds=seconds,
+        candidates_per_second=clock.candidates / seconds,
+        share_outside=clock.share_outside,
+        facts=study.facts,
+    )
+
+
+def _beside(law: LawResult, constant: LawResult | None) -> LawResult:
+    """With the number of motions under which it is better than the best constant command."""
+    if constant is None or law is constant:
+        return law
+    one, other = (law.train, constant.train) if law.test is None else (law.test, constant.test)
+    if other is None or not one.motions:
+        return law
+    return replace(law, better=compared_to(one, other))
+
+
+def _plans(
+    tables: Sequence[TuneTable], objectives: Sequence[Objective], magnitudes: Magnitudes
+) -> list[Plan]:
+    plans = [
+        Plan(
+            table=table,
+            law=law,
+            objective=objective,
+            space=space_of(table, law, magnitudes),
+            label=_label(table, law),
+        )
+        for table, objective in zip(tables, objectives, strict=True)
+        for law in table.laws
+    ]
+    _check_labels(plans)
+    return plans
+
+
+def _tables(
+    study: Study, tables: Sequence[TuneTable], laws: Sequence[str], risk: Risk, budget: int | None
+) -> tuple[TuneTable, ...]:
+    if laws and tables:
+        raise SettingError("`laws` are given besides `tables`; give the laws in the tables")
+    if laws:
+        made = TuneTable(laws=tuple(laws), risk=risk)
+        return (made if budget is None else replace(made, budget=budget),)
+    found = tuple(tables) or study.tunes
+    if not found:
+        raise SettingError(
+            f'study {study.title!r} has nothing to tune; give it a [[tune]] with laws = ["clipped_optimal"]'
+        )
+    return found
+
+
+def _checked(table: TuneTable, study: Study) -> Objective:
+    """The objective of a table whose names exist."""
+    if not table.laws:
+        refuse_within(table, "laws is empty; name the laws to be tuned", "laws")
+    for law in table.laws:
+        if law not in (known := [spec.name for spec in control_laws()]):
+            refuse_within(table, f"no control law is called {law!r}{suggestion(law, known)}", "laws")
+    known = [*OPTIMISERS, *PEERS]
+    if table.search not in known:
+        refuse_within(
+            table, f"no search is called {table.search!r}{suggestion(table.search, known)}", "search"
+        )
+    if table.budget < table.population:
+        refuse_within(
+            table,
+            f"budget is {table.budget}, and one generation takes {table.population} candidates; allow more",
+            "budget",
+        )
+    if table.robust and study.realisations is None:
+        refuse_within(
+            table, "robust needs an [uncertainty] in the study; give one, or leave robust out", "robust"
+        )
+    return objective_of(table, study.command_unit)
+
+
+def _label(table: TuneTable, law: str) -> str:
+    title = control_law(law).title
+    return f"{title}, {table.label or 'tuned'}"
+
+
+def _check_labels(plans: Sequence[Plan]) -> None:
+    seen: set[str] = set()
+    for plan in plans:
+        if plan.label in seen:
+            refuse_within(
+                plan.table, f"two results would be called {plan.label!r}; give a table another label", "label"
+            )
+        seen.add(plan.label)
+
+
+def _fingerprint(study: Study, tables: Sequence[TuneTable], rng: int) -> dict[str, object]:
+    varied = study.realisations
+    return {
+        **fingerprint_of(study),
+        "tune": [
+            {each.name: getattr(table, each.name) for each in fields(table) if each.name != "place"}
+            for table in tables
+        ],
+        "realisations": None
+        if varied is None
+        else digest_of(varied.stiffness, varied.damping, varied.delay, varied.seed, *varied.theta),
+        "rng": rng,
+    }

@@ -1,0 +1,71 @@
+"""`mrwork tune`: one JSON object, exit statuses, a killed tuning resumed."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import tuning_samples
+from command_line import COMMAND, PATIENCE, mrwork
+
+import mrwork as mr
+
+TIMES = {"seconds", "candidates_per_second", "share_outside", "out"}
+
+
+def still(document: object) -> object:
+    """A document without the numbers that depend on the machine."""
+    if isinstance(document, dict):
+        return {name: still(value) for name, value in document.items() if name not in TIMES}
+    return [still(each) for each in document] if isinstance(document, list) else document
+
+
+def test_json_has_laws_and_references_in_one_form(tmp_path: Path) -> None:
+    study = tuning_samples.study_file(tmp_path)
+    ended = mrwork("tune", study, "--out", tmp_path / "out", "--threads", 1, "--json")
+    assert ended.returncode == 0
+    document = json.loads(ended.stdout)
+    for law in (*document["laws"], *document["references"]):
+        assert {"law", "settings", "train", "test", "candidates", "seconds", "certificate"} <= set(law)
+        assert {"score", "criteria", "spread"} <= set(law["test"])
+    assert [each["label"] for each in document["references"]] == [
+        "i = 0",
+        "Best constant command",
+        "Largest command",
+        "Equal drift weights, R scanned",
+    ]
+    assert "html" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    read = mr.tuning.read_tuning(tmp_path / "out")
+    assert read.laws[0].settings == document["laws"][0]["settings"]
+    assert mrwork("respond", tmp_path / "out" / "chosen.toml", "--out", tmp_path / "r", "--json").returncode == 0
+
+
+def test_a_killed_tuning_resumes_to_the_same_document(tmp_path: Path) -> None:
+    study = tuning_samples.study_file(tmp_path)
+    whole = mrwork("tune", study, "--out", tmp_path / "whole", "--threads", 1, "--json")
+    command = [*COMMAND, "tune", str(study), "--out", str(tmp_path / "cut"), "--threads", "1", "--json"]
+    journal = tmp_path / "cut.part" / "journal.jsonl"
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    deadline = time.monotonic() + PATIENCE
+    while time.monotonic() < deadline and not (journal.is_file() and len(journal.read_bytes().splitlines()) > 6):
+        time.sleep(0.02)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    resumed = mrwork("tune", study, "--out", tmp_path / "cut", "--threads", 1, "--json", "--resume")
+    assert resumed.returncode == 0, resumed.stderr
+    assert still(json.loads(resumed.stdout)) == still(json.loads(whole.stdout))
+
+
+def test_bad_input_is_one_line_and_status_two(tmp_path: Path) -> None:
+    study = tuning_samples.study_file(tmp_path, tune="")
+    ended = mrwork("tune", study, "--out", tmp_path / "out")
+    assert ended.returncode == 2
+    assert "nothing to tune" in ended.stderr
+    assert not (tmp_path / "out").exists()
+    ended = mrwork("tune", study, "--law", "clipped_optimall", "--out", tmp_path / "out")
+    assert ended.returncode == 2
+    assert "did you mean clipped_optimal" in ended.stderr

@@ -1,0 +1,149 @@
+"""A tuning: chosen on training motions, judged on test motions, the same bits again after an interruption."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tuning_samples
+
+import mrwork as mr
+from mrwork.errors import Interrupted, SettingError
+from mrwork.store.codec import plain
+from mrwork.tuning.folder import chosen_study, tuning_document
+from mrwork.tuning.results import TuningResults
+from mrwork.tuning.tune import tune
+
+
+def without_times(results: TuningResults) -> Any:
+    still = replace(results, seconds=0.0, candidates_per_second=0.0, share_outside=0.0)
+    laws = tuple(replace(each, seconds=0.0) for each in still.laws)
+    references = tuple(replace(each, seconds=0.0) for each in still.references)
+    return plain(tuning_document(replace(still, laws=laws, references=references)))
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> mr.Study:
+    return mr.read_study(tuning_samples.study_file(tmp_path_factory.mktemp("tuning")))
+
+
+@pytest.fixture(scope="module")
+def results(study: mr.Study) -> TuningResults:
+    return tune(study, threads=1)
+
+
+def test_tuned_settings_are_no_worse_than_equal_weights_on_the_training_motions(
+    results: TuningResults,
+) -> None:
+    law = results.laws[0]
+    equal = next(each for each in results.references if each.label.startswith("Equal drift weights"))
+    assert law.train.objective <= equal.train.objective
+    assert law.train.score == law.train.objective
+    assert law.trace[-1].least == pytest.approx(law.train.objective)
+
+
+def test_test_motions_are_not_those_of_the_training(results: TuningResults) -> None:
+    assert results.training == ("A",)
+    assert results.testing == ("B", "C")
+    assert [each.motion for each in results.laws[0].test.motions] == ["B", "C"]  # type: ignore[union-attr] # judged
+    assert not any("training" in each and "only" in each for each in results.warnings)
+
+
+def test_the_references_begin_with_the_dampers_at_zero_command(results: TuningResults) -> None:
+    off, best, largest = results.references[:3]
+    assert off.train.score == off.test.score == 1.0  # type: ignore[union-attr] # judged
+    assert best.train.score <= min(off.train.score, largest.train.score)
+    assert largest.settings["command"] == 1.88
+
+
+def test_threads_change_no_bit(study: mr.Study, results: TuningResults) -> None:
+    assert without_times(tune(study, threads=2)) == without_times(results)
+
+
+@pytest.mark.parametrize("share", [0.05, 0.3, 0.6, 0.8, 0.95, 1.0])
+def test_a_journal_that_was_cut_resumes_to_the_same_bits(
+    study: mr.Study, results: TuningResults, share: float, tmp_path: Path
+) -> None:
+    journal = mr.Journal(tmp_path / "journal.jsonl")
+    tune(study, threads=1, journal=journal)
+    journal.close()
+    content = (tmp_path / "journal.jsonl").read_bytes()
+    (tmp_path / "journal.jsonl").write_bytes(content[: int(share * len(content))])
+    resumed = mr.Journal(tmp_path / "journal.jsonl", resume=True)
+    again = tune(study, threads=1, journal=resumed)
+    resumed.close()
+    assert without_times(again) == without_times(results)
+    if share == 1.0:
+        assert (tmp_path / "journal.jsonl").read_bytes() == content
+
+
+def test_the_chosen_study_has_the_scores_of_the_tuning(results: TuningResults, tmp_path: Path) -> None:
+    source = tuning_samples.study_file(tmp_path)
+    (tmp_path / "out").mkdir()
+    chosen = tmp_path / "out" / "chosen.toml"
+    chosen.write_text(chosen_study(results, source), encoding="utf-8")
+    found = mr.run_study(mr.read_study(chosen), threads=1)
+    row = [each.label for each in found.rows].index(results.laws[0].label)
+    assert results.laws[0].test is not None
+    assert found.score(row) == pytest.approx(results.laws[0].test.score, rel=1e-12)
+
+
+def test_an_interrupted_tuning_keeps_the_laws_so_far(study: mr.Study) -> None:
+    def interrupt(progress: object) -> None:
+        calls.append(progress)
+        if len(calls) == 3:
+            raise KeyboardInterrupt
+
+    calls: list[object] = []
+    with pytest.raises(Interrupted) as caught:
+        tune(study, threads=1, on_progress=interrupt)
+    found: TuningResults = caught.value.result
+    assert found.status == "interrupted"
+    assert len(found.references) == 4
+    assert found.laws[0].train.objective > 0.0
+    assert found.laws[0].test is None
+
+
+def test_without_training_motions_the_score_is_said_to_be_of_the_motions_tuned_on(tmp_path: Path) -> None:
+    motions = tuning_samples.motion("A", 1)
+    found = tune(mr.read_study(tuning_samples.study_file(tmp_path, motions=motions)), threads=1)
+    assert found.testing == ()
+    assert found.laws[0].test is None
+    assert "says nothing about others" in found.warnings[0]
+
+
+def test_a_limit_that_holds_is_kept(tmp_path: Path, results: TuningResults) -> None:
+    limit = 0.5 * results.laws[0].train.largest["rms_current"]
+    text = tuning_samples.TUNE + f"constraints = {{ rms_current = {limit} }}\n"
+    found = tune(mr.read_study(tuning_samples.study_file(tmp_path, tune=text)), threads=1)
+    assert found.laws[0].train.violation == 0.0
+    assert found.laws[0].train.largest["rms_current"] <= limit
+
+
+def test_realisations_widen_the_judgement_and_belong_to_a_robust_objective(tmp_path: Path) -> None:
+    more = "[uncertainty]\nrealisations = 3\nstiffness = 0.1\ndelay = '2 ms'\n"
+    text = tuning_samples.TUNE + 'robust = true\nrisk = "max"\n'
+    study = mr.read_study(tuning_samples.study_file(tmp_path, tune=text, more=more))
+    found = tune(study, threads=1).laws[0]
+    band = found.train.bands["score"]
+    assert band.lower < band.median < band.upper
+    # The largest of three realisations under one motion; the band lies within them.
+    assert found.train.objective >= band.upper
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        ("", "has nothing to tune"),
+        ('[[tune]]\nlaws = ["clipped_optima"]', "did you mean clipped_optimal"),
+        ('[[tune]]\nlaws = ["lyapunov"]\nsearch = "genetics"', "did you mean genetic"),
+        ('[[tune]]\nlaws = ["lyapunov"]\nrobust = true', "needs an .uncertainty."),
+        ('[[tune]]\nlaws = ["lyapunov", "lyapunov"]', "give a table another label"),
+        ('[[tune]]\nlaws = ["lyapunov"]\nbudget = 4\npopulation = 8', "one generation takes 8"),
+    ],
+)
+def test_what_cannot_be_tuned_is_refused(tmp_path: Path, text: str, sentence: str) -> None:
+    with pytest.raises(SettingError, match=sentence):
+        tune(mr.read_study(tuning_samples.study_file(tmp_path, tune=text)), threads=1)

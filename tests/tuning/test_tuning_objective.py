@@ -1,0 +1,82 @@
+"""The objective of a tuning: risk over motions and realisations, limits, runs that did not finish."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mrwork.closed_loop.evaluation import SCORE, criteria
+from mrwork.errors import SettingError
+from mrwork.study.batches import RunCriteria
+from mrwork.study.schema import TuneTable
+from mrwork.tuning.objective import objective_of, over_passive, risk_of
+from mrwork.tuning.problem import Scores
+
+SCORES = np.array([[0.1, 0.5, 0.3, 0.9, 0.2, 0.4, 0.6, 0.8, 0.7, 1.0]])
+
+
+def found(numbers: float, n_candidates: int = 1) -> RunCriteria:
+    shape = (len(criteria()), n_candidates, 2, 3)
+    return RunCriteria(numbers=np.full(shape, numbers), energy_error=np.zeros(shape[1:]), seconds=0.0)
+
+
+def test_conditional_value_at_risk_lies_between_mean_and_largest() -> None:
+    assert risk_of(SCORES, "cvar", 1.0)[0] == pytest.approx(risk_of(SCORES, "mean", 1.0)[0])
+    assert risk_of(SCORES, "cvar", 0.1)[0] == risk_of(SCORES, "max", 0.1)[0] == 1.0
+    # The two largest and half the third.
+    assert risk_of(SCORES, "cvar", 0.25)[0] == pytest.approx((1.0 + 0.9 + 0.4) / 2.5)
+
+
+def test_risk_does_not_depend_on_the_order_of_the_scores() -> None:
+    mixed = np.random.default_rng(0).permutation(SCORES[0])[None]
+    for tail in (0.05, 0.3, 0.77):
+        assert risk_of(mixed, "cvar", tail) == pytest.approx(risk_of(SCORES, "cvar", tail))
+
+
+@pytest.mark.parametrize("risk", ["mean", "max", "cvar"])
+def test_a_run_that_did_not_finish_makes_every_risk_infinite(risk: str) -> None:
+    scores = SCORES.copy()
+    scores[0, 3] = np.inf
+    assert risk_of(scores, risk, 0.2)[0] == np.inf  # type: ignore[arg-type] # the parameters are its names
+
+
+def test_dampers_at_zero_command_have_score_one() -> None:
+    objective = objective_of(TuneTable(laws=("lyapunov",)), "A")
+    assert tuple(objective.weights) == SCORE
+    assert (objective.run_scores(found(2.0), found(2.0)) == 1.0).all()
+    assert (
+        over_passive(np.array([np.inf, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])) == [np.inf, np.inf, 1.0]
+    ).all()
+
+
+def test_weights_of_criteria_are_relative() -> None:
+    table = TuneTable(laws=("lyapunov",), criteria={"peak_drift": 3.0, "rms_drift": 1.0})
+    runs = found(1.0)
+    numbers = runs.numbers.copy()
+    numbers[[entry.name for entry in criteria()].index("peak_drift")] = 0.5
+    lower = RunCriteria(numbers=numbers, energy_error=runs.energy_error, seconds=0.0)
+    assert objective_of(table, "A").run_scores(lower, runs) == pytest.approx(0.75 * 0.5 + 0.25)
+
+
+def test_an_exceeded_limit_costs_more_than_any_gain_of_the_score() -> None:
+    table = TuneTable(laws=("lyapunov",), constraints={"peak_stroke": "10 mm"})
+    violation = objective_of(table, "A").violation(found(0.015))
+    assert violation == pytest.approx(0.5)
+    scores = Scores(objective=np.array([0.4, 0.9]), violation=np.array([violation[0], 0.0]))
+    assert scores.best == 1
+
+
+@pytest.mark.parametrize(
+    ("keys", "sentence"),
+    [
+        ({"criteria": ("peak_drifft",)}, "did you mean peak_drift"),
+        ({"criteria": ()}, "criteria is empty"),
+        ({"criteria": {"peak_drift": -1.0}}, "positive number"),
+        ({"constraints": {"peak_stroke": "10 kN"}}, "where a number"),
+        ({"constraints": {"peak_stroke": 0.0}}, "positive limit"),
+        ({"tail": 1.5}, "up to 1"),
+    ],
+)
+def test_an_objective_that_means_nothing_is_refused(keys: dict[str, object], sentence: str) -> None:
+    with pytest.raises(SettingError, match=sentence):
+        objective_of(TuneTable(laws=("lyapunov",), **keys), "A")  # type: ignore[arg-type] # of several keys

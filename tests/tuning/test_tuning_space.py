@@ -1,0 +1,111 @@
+"""Free settings of every law: a tuning of a law needs nothing but its name."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import mrwork as mr
+from mrwork.buildings.devices import Device
+from mrwork.control.design_problem import DesignProblem
+from mrwork.control.law_design import design_candidates, settings_of
+from mrwork.control.law_settings import SETTINGS
+from mrwork.control.setting_base import Magnitudes
+from mrwork.errors import SettingError
+from mrwork.study.schema import TuneTable
+from mrwork.tuning.space import LARGEST, space_of
+
+MAGNITUDES = Magnitudes(
+    drift=5e-3,
+    displacement=0.02,
+    velocity=0.4,
+    acceleration=3.0,
+    energy=300.0,
+    force=2000.0,
+    stroke=5e-3,
+    rate=0.1,
+    ground=1.0,
+    command=1.88,
+)
+
+
+def _problem() -> DesignProblem:
+    frame = mr.building("uts")
+    preset = mr.damper("static_hysteretic").preset("kwok2006")
+    device = Device(
+        name="pair",
+        spec=preset.spec,
+        theta=preset.theta,
+        row=frame.storeys[0],
+        largest_command=1.88,
+        differential=True,
+    )
+    return DesignProblem(building=frame, devices=[device], sample_time=1e-3)
+
+
+# The network is trained for a second.
+@pytest.mark.parametrize("law", [law for law in SETTINGS if law != "inverse_network"])
+def test_every_law_can_be_tuned_by_its_name_alone(law: str) -> None:
+    space = space_of(TuneTable(laws=(law,)), law, MAGNITUDES)
+    candidates = [space.candidate(np.full(len(space.free), place)) for place in (0.2, 0.5, 0.8)]
+    settings = [settings_of(law, each.settings) for each in candidates]
+    designed = design_candidates(law, _problem(), settings)
+    assert designed.law is not None
+    assert len(designed.designed) == 3, designed.refusals
+
+
+@pytest.mark.parametrize("law", list(SETTINGS))
+def test_candidate_and_point_of_the_cube_are_inverse(law: str) -> None:
+    space = space_of(TuneTable(laws=(law,)), law, MAGNITUDES)
+    for unit in np.random.default_rng(0).uniform(size=(20, len(space.free))):
+        candidate = space.candidate(unit)
+        back = space.unit(candidate)
+        assert back is not None
+        assert space.candidate(back) == candidate
+
+
+def test_batch_designs_are_those_of_single_settings() -> None:
+    settings = [settings_of("clipped_optimal", {"drifts": 1.0, "control_weight": R}) for R in (1e-14, 1e-12)]
+    designed = design_candidates("clipped_optimal", _problem(), settings)
+    assert designed.law is not None
+    for place, each in enumerate(settings):
+        gain = np.asarray(designed.law.gains["gain"])[place]
+        assert np.array_equal(gain, each.design(_problem()).gains["gain"])
+
+
+def test_settings_that_make_no_law_are_refused_by_their_index() -> None:
+    settings = [
+        settings_of("clipped_optimal", {"drifts": w, "control_weight": 1e-13}) for w in (1.0, (1.0, 2.0))
+    ]
+    designed = design_candidates("clipped_optimal", _problem(), settings)
+    assert designed.designed == (0,)
+    assert "5 storeys" in designed.refusals[1]
+
+
+def test_held_settings_are_not_searched_and_ranges_of_the_table_are() -> None:
+    table = TuneTable(
+        laws=("clipped_optimal",),
+        settings={"drifts": 2.0},
+        free={"control_weight": (1e-14, 1e-12), LARGEST: ()},
+    )
+    space = space_of(table, "clipped_optimal", MAGNITUDES)
+    assert [each.name for each in space.free] == ["control_weight", LARGEST]
+    assert space.candidate(np.zeros(2)).settings == {"drifts": 2.0, "control_weight": 1e-14}
+    assert space.candidate(np.ones(2)).largest_command == 1.88
+
+
+@pytest.mark.parametrize(
+    ("keys", "sentence"),
+    [
+        ({"free": {"controll_weight": (1.0, 2.0)}}, "did you mean control_weight"),
+        ({"free": {"control_weight": (2.0, 1.0)}}, "its lower and its upper end"),
+        ({"free": {"control_weight": (0.0, 1.0)}}, "of positive numbers"),
+        ({"free": {LARGEST: (0.5, 3.0)}}, "the largest of the dampers"),
+        ({"free": {"drifts": ()}}, "has no control_weight"),
+        ({"settings": {"drift": 1.0}}, "did you mean drifts"),
+        ({"settings": {"drifts": 1.0}, "free": {"drifts": ()}}, "keep one"),
+    ],
+)
+def test_a_space_that_cannot_be_searched_is_refused(keys: dict[str, object], sentence: str) -> None:
+    with pytest.raises(SettingError, match=sentence):
+        space_of(TuneTable(laws=("clipped_optimal",), **keys), "clipped_optimal", MAGNITUDES)  # type: ignore[arg-type] # of several keys
