@@ -7,6 +7,8 @@ from .design.cases import stiffness_cases as stiffness_cases
 from .design.certificate import CaseCheck as CaseCheck
 from .design.certificate import WeightCertificate as WeightCertificate
 from .design.designed import DesignedWeights as DesignedWeights
+from .design.inverse import InverseWeights as InverseWeights
+from .design.inverse import inverse_weights as inverse_weights
 from .design.limits import LoopTiming as LoopTiming
 from .design.limits import RmsLimits as RmsLimits
 from .design.limits import SemiActiveCondition as SemiActiveCondition

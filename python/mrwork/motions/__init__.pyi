@@ -13,6 +13,7 @@ from .spectral_density import CloughPenzien as CloughPenzien
 from .spectral_density import KanaiTajimi as KanaiTajimi
 from .spectrum import ResponseSpectrum as ResponseSpectrum
 from .spectrum import response_spectrum as response_spectrum
+from .spectrum_fit import fitted_spectrum as fitted_spectrum
 from .suites import suite as suite
 from .synthetic import Envelope as Envelope
 from .synthetic import GammaEnvelope as GammaEnvelope

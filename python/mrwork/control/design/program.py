@@ -91,18 +91,38 @@ class DualProgram:
         level = float(np.max(self._without_control / limits))
         self._of_limits.value = (level * limits / self._limits) ** -2
         self._of_budgets.value = (budgets / self._budgets) ** 2
-        try:
-            with warnings.catch_warnings():
-                # The accuracy is judged by Riccati and Lyapunov equations, whatever the solver says of itself.
-                warnings.simplefilter("ignore")
-                self._problem.solve(solver=cp.CLARABEL)
-        except cp.SolverError:
+        found = _solution(self._problem, self._multipliers)
+        if found is None:
             return None
-        found = self._multipliers.value
-        if self._problem.status not in ("optimal", "optimal_inaccurate") or found is None:
-            return None
-        multipliers = np.maximum(np.asarray(found, dtype=np.float64), 0.0)
+        multipliers = np.maximum(found, 0.0)
         # Those of the budgets, and of the semi-active conditions, in the scale of limits and budgets of 1.
         rest = multipliers[len(limits) :].reshape(-1, len(budgets))
         multipliers[len(limits) :] = (rest * (level * budgets / self._budgets) ** 2).ravel()
         return ProgramSolution(multipliers=multipliers, value=level**2 * float(self._problem.value))
+
+
+def nearest_riccati(A: Floats, B: Floats, gain: Floats, root: Floats, at: Floats) -> Floats | None:
+    """P >= 0 with the least `|(B'P - gain) root|` and `at'B'P + P B at - at'at - A'P - P A >= 0`; `None` if it fails.
+
+    The condition is the tangent at the gain `at` of `P B B'P - A'P - P A >= 0`, and implies it.
+    """
+    P = cp.Variable(A.shape, PSD=True)
+    cross = P @ (B @ at - A)
+    problem = cp.Problem(
+        cp.Minimize(cp.norm((B.T @ P - gain) @ root, "fro")), [cross + cross.T - at.T @ at >> 0]
+    )
+    return _solution(problem, P)
+
+
+def _solution(problem: cp.Problem, variable: cp.Variable) -> Floats | None:
+    """The value of a variable where the problem is solved by Clarabel; `None` where the solver fails."""
+    try:
+        with warnings.catch_warnings():
+            # The accuracy is judged by Riccati and Lyapunov equations, whatever the solver says of itself.
+            warnings.simplefilter("ignore")
+            problem.solve(solver=cp.CLARABEL)
+    except cp.SolverError:
+        return None
+    if problem.status not in ("optimal", "optimal_inaccurate") or variable.value is None:
+        return None
+    return np.asarray(variable.value, dtype=np.float64)

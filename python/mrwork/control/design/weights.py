@@ -69,7 +69,8 @@ def design_weights(
     budget
         Largest rms wanted force of each device, of all its dampers together [N]: one for all, or one for each.
     spectrum
-        `KanaiTajimi` or `CloughPenzien`; Kanai-Tajimi on firm soil by default.
+        `KanaiTajimi` or `CloughPenzien`, as given or by `mr.motions.fitted_spectrum` of a record; Kanai-Tajimi on firm
+        soil by default.
     cases
         Plants that share the weights: mean squares are averaged over them; the gain is that of `building`. Without any,
         `building` under `spectrum`.

@@ -1,0 +1,103 @@
+"""Weights of a given gain: exact where the gain is optimal, of the nearest gain where it is not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+import mrwork as mr
+from mrwork.control import (
+    Plant,
+    RegulatorSettings,
+    accelerations,
+    drifts,
+    inverse_weights,
+    plant_of,
+    regulator_of_outputs,
+    regulator_of_state,
+)
+from mrwork.errors import SettingError
+
+FRAME = mr.building("uts")
+
+
+def plant(n_devices: int = 1) -> Plant:
+    return plant_of(FRAME, FRAME.storeys[:n_devices])
+
+
+@pytest.mark.parametrize("control_weight", [1e-7, 1e-10, 1e-13])
+def test_the_gain_of_a_regulator_is_optimal_for_weights_that_are_found(control_weight: float) -> None:
+    gain = regulator_of_outputs(plant(), drifts(plant()), 1.0, control_weight).gain
+    found = inverse_weights(plant(), gain)
+    assert found.optimal
+    assert found.distance <= 1e-5
+    again = regulator_of_state(plant(), found.state_weight, found.control_weight).gain
+    np.testing.assert_allclose(again, found.gain, rtol=1e-6, atol=1e-6 * np.abs(gain).max())
+    settings = RegulatorSettings(
+        state_weight=found.state_weight,  # type: ignore[arg-type] # arrays become tuples
+        control_weight=found.control_weight,  # type: ignore[arg-type]
+    )
+    assert settings.state_weight is not None
+
+
+def test_two_devices_of_different_weight() -> None:
+    R = np.array([1e-10, 3e-10])
+    gain = regulator_of_outputs(plant(2), drifts(plant(2)), 1.0, R).gain
+    found = inverse_weights(plant(2), gain, control_weight=R)  # type: ignore[arg-type]
+    assert found.distance <= 1e-5
+    np.testing.assert_array_equal(found.control_weight, R)
+
+
+def test_a_dashpot_is_optimal_and_a_spring_beside_it_is_not() -> None:
+    """Feedback of the rate at the device satisfies the circle criterion; a softening spring does not."""
+    gain = np.zeros((1, 10))
+    gain[0, 5] = -1e4
+    assert inverse_weights(plant(), gain).optimal
+    gain[0, 0] = -1e5
+    found = inverse_weights(plant(), gain)
+    assert not found.optimal
+    assert 1e-3 < found.distance < 0.1
+
+
+def test_the_nearest_gain_is_no_further_than_any_tried() -> None:
+    """A gain with a cross term of accelerations, against regulators of drifts, energy and both."""
+    gain = regulator_of_outputs(plant(), accelerations(plant()), 1.0, 1e-5).gain
+    found = inverse_weights(plant(), gain)
+    assert not found.optimal
+    rng = np.random.default_rng(2)
+    tried = []
+    for _ in range(200):
+        Q = sum(
+            10.0 ** rng.uniform(-3.0, 3.0) * part
+            for part in (plant().energy, 1e6 * drifts(plant()).C.T @ drifts(plant()).C)
+        )
+        tried.append(regulator_of_state(plant(), Q, 10.0 ** rng.uniform(-4.0, 2.0)).gain)
+    assert found.distance < min(apart(each, gain) for each in tried)
+
+
+def apart(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    """Distance in the covariance of a white ground acceleration, near that of the default spectrum."""
+    import scipy.linalg
+
+    system = plant()
+    X = scipy.linalg.solve_continuous_lyapunov(
+        system.A - system.B @ other, -np.outer(system.E, system.E) - 1e-6 * np.eye(10)
+    )
+    difference = one - other
+    return float(np.sqrt((difference @ X @ difference.T)[0, 0] / (other @ X @ other.T)[0, 0]))
+
+
+@pytest.mark.parametrize(
+    ("gain", "words"),
+    [
+        (np.zeros((1, 10)), "not all zero"),
+        (np.ones((1, 4)), "give finite numbers of shape"),
+        (np.eye(10)[5:6] * 1e5, "is not stable"),
+    ],
+)
+def test_a_gain_that_cannot_be_is_refused(gain: NDArray[np.float64], words: str) -> None:
+    with pytest.raises(SettingError, match=words):
+        inverse_weights(plant(), gain)
+    with pytest.raises(SettingError, match="positive numbers"):
+        inverse_weights(plant(), np.eye(10)[5:6] * -1e4, control_weight=-1.0)
