@@ -72,7 +72,7 @@ SMALL_VALUES = {
         "Progress",
     ),
     *("LoopTiming", "RmsLimits", "SemiActiveCondition"),
-    *("RecordedMotion", "Smoothing", "Tuning", "Uniform"),
+    *("ClairvoyantProgress", "RecordedMotion", "Smoothing", "Tuning", "Uniform"),
 }
 # Settings (also all classes called so), tables of what exists, and values that are functions.
 SETTINGS = {

@@ -41,7 +41,9 @@ def test_json_has_laws_and_references_in_one_form(tmp_path: Path) -> None:
     assert "html" in (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
     read = mr.tuning.read_tuning(tmp_path / "out")
     assert read.laws[0].settings == document["laws"][0]["settings"]
-    assert mrwork("respond", tmp_path / "out" / "chosen.toml", "--out", tmp_path / "r", "--json").returncode == 0
+    assert (
+        mrwork("respond", tmp_path / "out" / "chosen.toml", "--out", tmp_path / "r", "--json").returncode == 0
+    )
 
 
 def test_a_killed_tuning_resumes_to_the_same_document(tmp_path: Path) -> None:
@@ -51,7 +53,9 @@ def test_a_killed_tuning_resumes_to_the_same_document(tmp_path: Path) -> None:
     journal = tmp_path / "cut.part" / "journal.jsonl"
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + PATIENCE
-    while time.monotonic() < deadline and not (journal.is_file() and len(journal.read_bytes().splitlines()) > 6):
+    while time.monotonic() < deadline and not (
+        journal.is_file() and len(journal.read_bytes().splitlines()) > 6
+    ):
         time.sleep(0.02)
     os.kill(process.pid, signal.SIGKILL)
     process.wait()

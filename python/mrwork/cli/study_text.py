@@ -104,7 +104,8 @@ def _score_lines(comparison: Comparison) -> list[str]:
         table.append((rank.title, ""))
         table += [(f"  {results.rows[row].label}", with_decimals(results.score(row), 3)) for row in rows]
     heading = f"Score, the mean of these ratios over {len(results.motions)} motions, lowest first:"
-    return [heading, *table_lines(table)]
+    notes = [rank.note for rank, _ in comparison.ranks if rank.note]
+    return [heading, *table_lines(table), *(line for note in notes for line in wrap(note, width=_WIDTH))]
 
 
 def _step_lines(results: StudyResults) -> list[str]:

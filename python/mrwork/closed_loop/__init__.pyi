@@ -1,3 +1,8 @@
+from .clairvoyant import Clairvoyant as Clairvoyant
+from .clairvoyant import ClairvoyantProgress as ClairvoyantProgress
+from .clairvoyant import ClairvoyantSettings as ClairvoyantSettings
+from .clairvoyant import ClairvoyantStart as ClairvoyantStart
+from .clairvoyant import clairvoyant as clairvoyant
 from .core_arguments import loop_observer as loop_observer
 from .evaluation import SCORE as SCORE
 from .evaluation import STANDARD_GRAVITY as STANDARD_GRAVITY
@@ -9,6 +14,8 @@ from .evaluation import score as score
 from .evaluation import values as values
 from .hardware import Fault as Fault
 from .hardware import Hardware as Hardware
+from .prescribed import PrescribedCommands as PrescribedCommands
+from .prescribed import simulate_prescribed as simulate_prescribed
 from .responses import History as History
 from .responses import Responses as Responses
 from .simulate import Device as Device

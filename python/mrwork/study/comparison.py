@@ -18,11 +18,12 @@ from mrwork.summary import Summarised, Summary
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rank:
-    """Rows that are compared with each other: their name in files, a heading of tables, and their kinds."""
+    """Rows that are compared with each other: their name in files, a heading of tables, their kinds, and a note."""
 
     name: str
     title: str
     kinds: tuple[Kind, ...]
+    note: str = ""
 
 
 LAWS = Rank(name="law", title="Control laws", kinds=("controller",))
@@ -30,6 +31,13 @@ PASSIVE = Rank(name="passive", title="Passive dampers", kinds=("passive_off", "p
 RANKS = (
     LAWS,
     PASSIVE,
+    Rank(
+        name="clairvoyant",
+        title="Non-causal, not certified",
+        kinds=("clairvoyant",),
+        note="The non-causal row is the best command history found for each motion, known in advance: a local optimum "
+        "of several starts, not certified. It shows what is left for a law at least, and is no law.",
+    ),
     Rank(name="actuator", title="Ideal actuators", kinds=("actuator",)),
     Rank(name="other_device", title="Other devices", kinds=("baseline",)),
     Rank(name="uncontrolled", title="No dampers", kinds=("uncontrolled",)),

@@ -20,6 +20,7 @@ from mrwork.study.demand import largest_demand, names_outside, worst_by_quantity
 from mrwork.study.results import Key, MotionFacts, StudyCriteria, StudyResults
 from mrwork.study.run_result import RunEnd
 from mrwork.study.stored_changes import StoredChanges, stored_changes
+from mrwork.study.stored_clairvoyant import StoredClairvoyant, stored_clairvoyant
 from mrwork.study.stored_histories import Histories
 from mrwork.study.study import Kind, Row
 
@@ -84,6 +85,7 @@ class _Document:
     results: tuple[StoredStudyRun, ...]
     best_passive: str | None = None
     changes: tuple[StoredChanges, ...] = ()
+    clairvoyant: tuple[StoredClairvoyant, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -211,6 +213,7 @@ def study_document(results: StudyResults) -> dict[str, Any]:
         results=tuple(_stored_run(results, *key, passive) for key in sorted(results.runs)),
         best_passive=None if passive is None else results.rows[passive].label,
         changes=tuple(stored_changes(comparison)),
+        clairvoyant=tuple(stored_clairvoyant(each) for _, each in sorted(results.clairvoyants.items())),
     )
     found: dict[str, Any] = finite(asdict(document))
     return found

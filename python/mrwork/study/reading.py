@@ -16,6 +16,7 @@ from mrwork.closed_loop.hardware import Fault, Hardware
 from mrwork.errors import RecordError
 from mrwork.keys import Place, suggestion
 from mrwork.study.arrangements import arrangements, problem_of
+from mrwork.study.clairvoyant_row import clairvoyant_row
 from mrwork.study.dampers import ChosenDamper, Identified, chosen_damper, equipped, identified_damper
 from mrwork.study.declared import located, read_table
 from mrwork.study.lines import parse
@@ -66,7 +67,10 @@ def read_study(path: str | Path, identified: Identified = identified_damper, *, 
     hardware = hardware_of(table.hardware, place.within("hardware"), seed)
     problem = problem_of(table, building, devices, hardware.sample_time)
     compared = arrangements(table, bare, problem, folder)
-    labels = [each.row.label for each in compared]
+    clairvoyant = (
+        None if table.clairvoyant is None else clairvoyant_row(table.clairvoyant, devices, hardware, seed)
+    )
+    labels = [each.row.label for each in compared] + ([clairvoyant.row.label] if clairvoyant else [])
     _refuse_same(labels, place.within("controller"), "arrangements", "label")
     first = chosen[0].spec.current if chosen else None
     detailed, drawn = _drawn(table.report, motions, labels, place)
@@ -88,6 +92,7 @@ def read_study(path: str | Path, identified: Identified = identified_damper, *, 
         problem=problem,
         tunes=table.tune,
         realisations=_realisations(table, place, devices, folder, identified),
+        clairvoyant=clairvoyant,
     )
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from mrwork.buildings.devices import Device
+from mrwork.closed_loop.clairvoyant import Clairvoyant
 from mrwork.closed_loop.evaluation import Spread, criteria, criterion, ratio, score, values
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.study.demand import DeviceDemand, damper_warnings, demands_of
@@ -214,7 +215,7 @@ class StudyResults(StudyCriteria):
     """Runs of a study by (row, motion), as far as they are done.
 
     `mass` is that of the building [kg], `facts` are further lines of the page on building, dampers and loop. `devices`
-    are the dampers, with their tested ranges.
+    are the dampers, with their tested ranges; `clairvoyants` the non-causal optima by the index of their motion.
     """
 
     title: str
@@ -229,6 +230,7 @@ class StudyResults(StudyCriteria):
     facts: tuple[tuple[str, str], ...] = ()
     halved: Mapping[Key, RunResult] | None = None
     devices: tuple[Device, ...] = ()
+    clairvoyants: Mapping[int, Clairvoyant] = field(default_factory=dict)
 
     def demands(self, row: int, motion: int) -> tuple[DeviceDemand, ...]:
         """Demand of a run on each device; none for a run without dampers or that did not finish."""

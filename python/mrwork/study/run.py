@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.buildings.devices import Device
+from mrwork.closed_loop.clairvoyant import Clairvoyant
 from mrwork.closed_loop.evaluation import score, values
 from mrwork.closed_loop.responses import Responses, history_signals
 from mrwork.closed_loop.simulate import simulate_loop
@@ -21,6 +22,7 @@ from mrwork.motions import GroundMotion
 from mrwork.store import Journal
 from mrwork.store.codec import plain, rebuilt
 from mrwork.study.arrangements import constant_command, constant_commands
+from mrwork.study.played_commands import PlayedCommands
 from mrwork.study.results import Key, MotionFacts, StudyResults
 from mrwork.study.run_result import RunHistory, RunResult, history_of, result_of
 from mrwork.study.study import Arrangement, Row, Study, digest_of_run, fingerprint_of
@@ -94,9 +96,12 @@ def run_study(
     arrangements = list(study.arrangements)
     runs: dict[Key, RunResult] = {}
     halved: dict[Key, RunResult] | None = {} if check_step else None
+    clairvoyants: dict[int, Clairvoyant] = {}
+    played = PlayedCommands(study=study, threads=threads)
 
     def results() -> StudyResults:
-        return _results_of(study, tuple(each.row for each in arrangements), runs, halved)
+        rows = (*(each.row for each in arrangements), *study.rows[len(arrangements) :])
+        return replace(_results_of(study, rows, runs, halved), clairvoyants=dict(clairvoyants))
 
     def report(label: str) -> None:
         so_far, seconds = results(), time.perf_counter() - began
@@ -118,12 +123,25 @@ def run_study(
                 if motion in fresh or not kept(row, motion):
                     history = fresh.get(motion) or _history(study, arrangements[row], motion, threads)
                     keep(row, motion, history)
+        if study.clairvoyant is not None:
+            row = len(arrangements)
+            for motion in range(len(study.motions)):
+                # The searches start from the commands of the best law, too.
+                found = played.searched(motion, arrangements, results(), journal, report)
+                clairvoyants[motion] = found
+                runs[row, motion], _ = played.run(motion, found)
+                if motion in study.histories and runs[row, motion].finished and not kept(row, motion):
+                    _, drawn = played.run(motion, found, histories=True)
+                    assert drawn is not None
+                    keep(row, motion, drawn)
         # After all other runs, so that a study without this check can be resumed with it.
         if halved is not None:
             for row, arrangement in enumerate(arrangements):
                 report(f"{arrangement.row.label}, half the step")
                 for motion, result in _runs(study, arrangement, journal, {}, threads, step_factor=2):
                     halved[row, motion] = result
+            for motion, found in clairvoyants.items():
+                halved[len(arrangements), motion], _ = played.run(motion, found, step_factor=2)
     except KeyboardInterrupt:
         raise Interrupted(results(), "study") from None
     return results()

@@ -17,6 +17,7 @@ from mrwork.closed_loop.evaluation import SCORE
 from mrwork.closed_loop.hardware import Feedback, Hardware, LoopSignal
 from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.keys import Place, key
+from mrwork.study.clairvoyant_row import ClairvoyantTable
 from mrwork.study.study import Use
 
 Synthetic = Literal["kanai_tajimi", "clough_penzien"]
@@ -330,3 +331,4 @@ class StudyTable:
     report: ReportTable = key("figures on the page", default=ReportTable())
     uncertainty: UncertaintyTable | None = key("what is not known exactly", default=None)
     tune: tuple[TuneTable, ...] = key("laws to be tuned, by mrwork tune", default=())
+    clairvoyant: ClairvoyantTable | None = key("the non-causal optimum of each motion", default=None)

@@ -29,8 +29,8 @@ class Histories:
             (
                 row,
                 motion,
-            ): f"{row + 1:02d}-{motion + 1:02d}-{stem_of(each.row.label)}-{stem_of(of_study.name)}.npz"
-            for row, each in enumerate(study.arrangements)
+            ): f"{row + 1:02d}-{motion + 1:02d}-{stem_of(each.label)}-{stem_of(of_study.name)}.npz"
+            for row, each in enumerate(study.rows)
             for motion, of_study in enumerate(study.motions)
         }
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
+from mrwork.closed_loop.clairvoyant import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.control.design_problem import DesignProblem
 from mrwork.control.laws import ControlLaw
@@ -24,9 +25,18 @@ from mrwork.summary import Summarised, Summary, listed
 if TYPE_CHECKING:
     from mrwork.study.schema import TuneTable
 
-Kind = Literal["uncontrolled", "passive_off", "passive", "best_passive", "baseline", "controller", "actuator"]
+Kind = Literal[
+    "uncontrolled",
+    "passive_off",
+    "passive",
+    "best_passive",
+    "baseline",
+    "controller",
+    "actuator",
+    "clairvoyant",
+]
 """What a row is: the building without dampers, i = 0, a constant command, the best of those, other devices, a control
-law of the dampers, or one of ideal actuators."""
+law of the dampers, or one of ideal actuators, or the non-causal optimum of each motion."""
 
 
 Use = Literal["test", "training"]
@@ -54,6 +64,14 @@ class Row:
     label: str
     kind: Kind
     description: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClairvoyantRow:
+    """The row of the non-causal optimum of each motion, and the settings of its search."""
+
+    row: Row
+    settings: ClairvoyantSettings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +108,8 @@ class Study(Summarised):
     training motions of the study file, or all motions where none is for training. `histories` are the indices of the
     motions whose histories are kept. The page shows time histories of the motion `detailed` for the arrangements
     `drawn`. `problem` is the building with its dampers for which laws are designed, `tunes` the laws to be tuned,
-    `realisations` those of what is not known exactly.
+    `realisations` those of what is not known exactly. With `clairvoyant`, the
+    non-causal optimum is searched for under every motion.
     """
 
     title: str
@@ -108,6 +127,13 @@ class Study(Summarised):
     problem: DesignProblem | None = None
     tunes: tuple[TuneTable, ...] = ()
     realisations: Realisations | None = None
+    clairvoyant: ClairvoyantRow | None = None
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """The rows of tables: every arrangement, and the non-causal optimum if the study asks for it."""
+        last = () if self.clairvoyant is None else (self.clairvoyant.row,)
+        return (*(each.row for each in self.arrangements), *last)
 
     @property
     def device_names(self) -> tuple[str, ...]:
@@ -159,7 +185,7 @@ class Study(Summarised):
                 ("uses", uses_in_words([motion.use for motion in self.motions])),
             ),
             columns=("arrangement", "description"),
-            rows=[(each.row.label, each.row.description) for each in self.arrangements],
+            rows=[(row.label, row.description) for row in self.rows],
         )
 
 
@@ -197,6 +223,7 @@ def fingerprint_of(study: Study) -> dict[str, object]:
         "chosen_on": [_digest_of_motion(ground) for ground in study.chosen_on],
         "hardware": asdict(study.hardware),
         "version": {name: package_version(name) for name in ("mrwork", "numpy", "scipy")},
+        **({} if study.clairvoyant is None else {"clairvoyant": asdict(study.clairvoyant)}),
     }
 
 

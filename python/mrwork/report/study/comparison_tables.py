@@ -94,7 +94,8 @@ def change_table(comparison: Comparison, reference: int) -> Table:
         alarming=frozenset(alarming),
         headings=headings,
         note=f"Change in per cent{f', mean over {len(results.motions)} motions' if several else ''}; increases are "
-        "coloured, and the best of each kind is bold. Peaks unless stated otherwise.",
+        "coloured, and the best of each kind is bold. Peaks unless stated otherwise."
+        + "".join(f" {rank.note}" for rank, _ in comparison.ranks if rank.note),
     )
 
 

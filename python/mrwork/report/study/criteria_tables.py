@@ -55,7 +55,8 @@ def overview_table(results: StudyResults) -> Table:
         note="The score is our own: the mean over the motions of peak and RMS drift and acceleration, each over "
         "its value with the dampers without a command. A low score may hide a quantity that became worse: see the "
         "changes. Ratios are means over the motions. Control laws, passive dampers and other devices are ranked apart, "
-        "and the best of each column is bold in each.",
+        "and the best of each column is bold in each."
+        + "".join(f" {rank.note}" for rank, _ in comparison.ranks if rank.note),
     )
 
 

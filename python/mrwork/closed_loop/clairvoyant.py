@@ -1,0 +1,343 @@
+"""Non-causal optimum of the command history under one ground motion: how much is left for any control law.
+
+The commands are those of the lowest score for a motion that is known in advance. Gradients run through the twin of the
+loop, on a smooth form of the score; every score that is reported belongs to a run of the loop itself. The search is
+that of L-BFGS-B within the range of the command, from several starts.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.buildings.devices import Device
+from mrwork.buildings.matrices import Building
+from mrwork.closed_loop.clairvoyant_problem import ClairvoyantProblem
+from mrwork.closed_loop.evaluation import SCORE
+from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.prescribed import PrescribedCommands
+from mrwork.errors import Interrupted, SettingError
+from mrwork.motions.ground_motion import GroundMotion
+from mrwork.summary import Summarised, Summary, rounded
+
+Floats = NDArray[np.float64]
+
+# Constant commands that are tried, from zero to the largest.
+_LEVELS = 9
+# Random commands are held this long [s]: shorter ones have no effect on a building.
+_RANDOM_HOLD = 0.25
+# Exponents of the norm in place of a maximum: a smooth one to explore, a sharp one to finish.
+_EXPLORING, _FINISHING = 16.0, 64.0
+# Pairs of differences that L-BFGS-B keeps.
+_MEMORY = 20
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClairvoyantSettings:
+    """Settings of the search for the non-causal optimum.
+
+    Attributes
+    ----------
+    interval
+        Interval over which a command is held [s], a whole number of control samples.
+    explore
+        Iterations from every start.
+    finish
+        Iterations from the best of them.
+    random_starts
+        Number of random starts, besides the best constant command and half of the largest one.
+    seed
+        Seed of the random starts.
+
+    Raises
+    ------
+    SettingError
+        If a number is out of range.
+    """
+
+    interval: float = 0.01
+    explore: int = 25
+    finish: int = 75
+    random_starts: int = 1
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.interval) and self.interval > 0.0):
+            raise SettingError(f"`interval` is {self.interval} s; give a positive number")
+        for name, least in (("explore", 1), ("finish", 0), ("random_starts", 0), ("seed", 0)):
+            if getattr(self, name) < least:
+                raise SettingError(f"`{name}` is {getattr(self, name)}; it can be no less than {least}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class ClairvoyantStart(Summarised):
+    """A start of the search: its score, and the commands and score that were reached from it.
+
+    `evaluations` counts the gradients, `step_time` is the integration step of the twin [s], `seconds` the elapsed time.
+    Scores are those of the loop, not of the twin.
+    """
+
+    _units: ClassVar[Mapping[str, str]] = {"commands": "A or V", "step_time": "s", "seconds": "s"}
+
+    name: str
+    start_score: float
+    score: float
+    commands: Floats
+    evaluations: int
+    step_time: float
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClairvoyantProgress:
+    """Progress of a search: start, iteration and their number, smooth score, elapsed time [s]."""
+
+    start: str
+    iteration: int
+    iterations: int
+    smooth_score: float
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Clairvoyant(Summarised):
+    """Non-causal optimum of the command history under one motion: local, of several starts, not certified.
+
+    Attributes
+    ----------
+    motion
+        Name of the motion.
+    commands
+        The command history.
+    score
+        Mean of `ratios`.
+    criteria
+        Criteria of the score by name, of the run of the loop with these commands.
+    ratios
+        The same over their values at i = 0.
+    starts
+        Every start, with the score reached from it; the last one finishes the best of them.
+    """
+
+    motion: str
+    commands: PrescribedCommands
+    score: float
+    criteria: Mapping[str, float]
+    ratios: Mapping[str, float]
+    starts: tuple[ClairvoyantStart, ...]
+
+    @property
+    def statement(self) -> str:
+        """What the result is, and what it is not."""
+        count = len({start.name for start in self.starts if start.name != FINISH})
+        starts = "one start" if count == 1 else f"{count} starts"
+        return (
+            f"local optimum of the command history found with {starts}, not certified: a lower score may exist, and "
+            "no causal law is known to reach this one"
+        )
+
+    @property
+    def seconds(self) -> float:
+        """Elapsed time of the search [s]."""
+        return math.fsum(start.seconds for start in self.starts)
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"Non-causal optimum under {self.motion}, score {self.score:.3f}",
+            facts=(
+                *(
+                    (name.replace("_", " "), f"{rounded(each)} of i = 0")
+                    for name, each in self.ratios.items()
+                ),
+                ("commands", f"{len(self.commands.command)} of {self.commands.interval:g} s"),
+                ("time", f"{self.seconds:.0f} s"),
+            ),
+            columns=("start", "its score", "reached", "gradients"),
+            rows=[
+                (each.name, rounded(each.start_score), rounded(each.score), str(each.evaluations))
+                for each in self.starts
+            ],
+            notes=[self.statement],
+        )
+
+
+FINISH = "best of these, finished"
+"""Name of the last search, from the best of the others."""
+
+Recall = Callable[[str, Floats, Callable[[], ClairvoyantStart]], ClairvoyantStart]
+"""Does a search, given its name and the commands it starts from, or recalls it from a journal."""
+
+
+def _done(name: str, start: Floats, search: Callable[[], ClairvoyantStart]) -> ClairvoyantStart:
+    return search()
+
+
+def clairvoyant(
+    building: Building,
+    devices: Sequence[Device],
+    motion: GroundMotion,
+    hardware: Hardware | None = None,
+    *,
+    settings: ClairvoyantSettings | None = None,
+    starts: Mapping[str, PrescribedCommands] = MappingProxyType({}),
+    floors: tuple[int, ...] | None = None,
+    storeys: tuple[int, ...] | None = None,
+    on_progress: Callable[[ClairvoyantProgress], None] = lambda progress: None,
+    recall: Recall = _done,
+    threads: int = 0,
+) -> Clairvoyant:
+    """Find commands with a low score for a motion that is known in advance.
+
+    The score is the mean of peak drift, peak absolute acceleration, rms drift and rms absolute acceleration over their
+    values at i = 0, as in a study. The result is a local optimum; it shows what the devices can do at least, if their
+    commands are chosen well, and bounds nothing.
+
+    Parameters
+    ----------
+    hardware
+        Sampling, delay and step; sensors do not matter, since nothing is measured.
+    starts
+        Further starts by name, as the commands of the best law: `PrescribedCommands.of_history`.
+    floors, storeys
+        Indices of the floors and storeys that count in the score; all by default.
+    recall
+        Does each search, or recalls it from a journal.
+
+    Raises
+    ------
+    SettingError
+        If the devices follow no command, have several draws, or the hardware limits the rate of the command.
+    Interrupted
+        On Ctrl-C, with the `Clairvoyant` of the searches that are done, `None` before the first.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> found = mr.closed_loop.clairvoyant(frame, [damper], motion)  # doctest: +SKIP
+    >>> found.score, found.statement  # doctest: +SKIP
+    """
+    settings = ClairvoyantSettings() if settings is None else settings
+    problem = ClairvoyantProblem(
+        building=building,
+        devices=tuple(devices),
+        motion=motion,
+        hardware=Hardware() if hardware is None else hardware,
+        interval=settings.interval,
+        floors=floors,
+        storeys=storeys,
+        threads=threads,
+    )
+    done: list[ClairvoyantStart] = []
+    try:
+        for name, start in _starts(problem, settings, starts):
+            search = _Search(problem, name, start, _EXPLORING, settings.explore, on_progress)
+            done.append(recall(name, start, search.run))
+        best = min(done, key=lambda each: each.score)
+        if settings.finish:
+            search = _Search(problem, FINISH, best.commands, _FINISHING, settings.finish, on_progress)
+            done.append(recall(FINISH, best.commands, search.run))
+    except KeyboardInterrupt:
+        raise Interrupted(_result(problem, done) if done else None, "clairvoyant") from None
+    return _result(problem, done)
+
+
+def _result(problem: ClairvoyantProblem, done: Sequence[ClairvoyantStart]) -> Clairvoyant:
+    best = min(done, key=lambda each: each.score)
+    commands = PrescribedCommands(interval=problem.interval, command=best.commands)
+    run = problem.simulate(best.commands)
+    return Clairvoyant(
+        motion=problem.motion.name,
+        commands=commands,
+        score=best.score,
+        criteria=dict(zip(SCORE, map(float, problem.criteria_of(run)), strict=True)),
+        ratios=dict(zip(SCORE, map(float, problem.ratios_of(run)), strict=True)),
+        starts=tuple(done),
+    )
+
+
+def _starts(
+    problem: ClairvoyantProblem, settings: ClairvoyantSettings, given: Mapping[str, PrescribedCommands]
+) -> Iterator[tuple[str, Floats]]:
+    """Name and commands of every start: constant, given, random."""
+    shares = np.linspace(0.0, 1.0, _LEVELS)
+    scores = problem.constant_scores(shares)
+    best = float(shares[int(np.nanargmin(scores))])
+    yield f"best constant command, {best:g} of the largest", problem.constant(best)
+    if best != 0.5:
+        yield "half of the largest command", problem.constant(0.5)
+    for name, commands in given.items():
+        yield name, problem.fitted(commands)
+    rng = np.random.default_rng(settings.seed)
+    held = max(1, round(_RANDOM_HOLD / settings.interval))
+    for number in range(settings.random_starts):
+        levels = rng.uniform(size=(-(-problem.n_intervals // held), len(problem.devices)))
+        shares = np.repeat(levels, held, axis=0)[: problem.n_intervals]
+        yield f"random commands {number + 1}", shares * problem.largest
+
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    """L-BFGS-B from one start."""
+
+    problem: ClairvoyantProblem
+    name: str
+    start: Floats
+    power: float
+    iterations: int
+    on_progress: Callable[[ClairvoyantProgress], None]
+
+    def run(self) -> ClairvoyantStart:
+        """Search; the result is never worse than its start."""
+        from scipy.optimize import OptimizeResult, minimize
+
+        began = time.perf_counter()
+        largest = self.problem.largest
+        shape = self.start.shape
+        count = 0
+
+        def objective(shares: Floats) -> tuple[float, Floats]:
+            commands = shares.reshape(shape) * largest
+            score, gradient = self.problem.twin.score_and_gradient(commands, self.power)
+            return score, (gradient * largest).ravel()
+
+        def report(intermediate_result: OptimizeResult) -> None:
+            nonlocal count
+            count += 1
+            self.on_progress(
+                ClairvoyantProgress(
+                    start=self.name,
+                    iteration=count,
+                    iterations=self.iterations,
+                    smooth_score=float(intermediate_result.fun),
+                    seconds=time.perf_counter() - began,
+                )
+            )
+
+        found = minimize(
+            objective,
+            (self.start / largest).ravel(),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=[(0.0, 1.0)] * self.start.size,
+            callback=report,
+            options={"maxiter": self.iterations, "maxcor": _MEMORY},
+        )
+        reached = np.clip(found.x, 0.0, 1.0).reshape(shape) * largest
+        start_score, score = self.problem.score(self.start), self.problem.score(reached)
+        better = score < start_score
+        return ClairvoyantStart(
+            name=self.name,
+            start_score=start_score,
+            score=score if better else start_score,
+            commands=reached if better else self.start,
+            evaluations=int(found.nfev),
+            step_time=self.problem.twin.step_time,
+            seconds=time.perf_counter() - began,
+        )

@@ -1,0 +1,286 @@
+"""Loop under prescribed commands: a smooth score, differentiable in every command.
+
+The score is the mean of the ratios of peak drift, peak absolute acceleration, rms drift and rms absolute acceleration
+to their values at i = 0. Peaks and the largest of several places are replaced by a norm of exponent `power`, which is
+smooth and tends to the maximum from above as the exponent grows.
+
+The run is a chain of stretches of equal length, the last one padded with steps of weight zero. The state at the start
+of each stretch is kept, and the steps inside are computed again for the derivatives: the memory is that of one stretch,
+and functions are compiled once for motions of any length.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array, lax
+from numpy.typing import NDArray
+
+from mrwork.dampers.spec import DamperSpec
+from mrwork.twins.loop.plant import Devices, LoopDevice, LoopPlant, pulls_of
+from mrwork.twins.loop.run import half_steps
+from mrwork.twins.loop.step import LoopState, StepGround, at_rest, step
+from mrwork.twins.models import keep_compiled
+
+Floats = NDArray[np.float64]
+
+# Steps of a stretch.
+_STRETCH = 256
+
+
+class CriteriaAtRest(NamedTuple):
+    """Criteria at i = 0, by which those of a run are divided: drifts [m] and absolute accelerations [m/s^2]."""
+
+    peak_drift: float
+    peak_acceleration: float
+    rms_drift: float
+    rms_acceleration: float
+
+
+class _Sums(NamedTuple):
+    """Sums over the steps, in units of the criteria at i = 0: powers over all places, squares and peaks of each."""
+
+    drift_power: Array
+    acceleration_power: Array
+    drift_square: Array
+    acceleration_square: Array
+    drift_peak: Array
+    acceleration_peak: Array
+
+
+class _Carry(NamedTuple):
+    motion: LoopState
+    received: Array
+    sums: _Sums
+
+
+class _Fixed(NamedTuple):
+    """Equal for all steps."""
+
+    plant: LoopPlant
+    devices: Devices
+    step_time: float
+    scales: CriteriaAtRest
+    power: float
+
+
+class _Inputs(NamedTuple):
+    """Inputs of each step: commands of the devices, ground acceleration, and 1, or 0 for padding."""
+
+    command: Array
+    ground: StepGround
+    weight: Array
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PrescribedLoop:
+    """A building with devices under one ground motion, for commands that are constant over intervals.
+
+    Attributes
+    ----------
+    ground
+        Ground acceleration every half step [m/s^2], shape (2 n_steps + 1,), see `half_steps`.
+    step_time
+        Integration step [s].
+    places
+        Interval of each step, shape (n_steps,), in ascending order.
+    scales
+        Criteria at i = 0.
+    """
+
+    plant: LoopPlant
+    devices: Devices
+    ground: Floats
+    step_time: float
+    places: NDArray[np.intp]
+    scales: CriteriaAtRest
+    _stretches: tuple[tuple[StepGround, Array], ...] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        keep_compiled()
+        ground = [self.ground[:-1:2], self.ground[1::2], self.ground[2::2]]
+        stretches = []
+        for start in range(0, self.places.size, _STRETCH):
+            here = [jnp.asarray(_padded(each[start : start + _STRETCH])) for each in ground]
+            weight = jnp.asarray(_padded(np.ones(min(_STRETCH, self.places.size - start))))
+            stretches.append((StepGround(*here), weight))
+        object.__setattr__(self, "_stretches", tuple(stretches))
+
+    def ratios(self, commands: Floats) -> Floats:
+        """Criteria of a run over those at i = 0, in the order of `CriteriaAtRest`.
+
+        Parameters
+        ----------
+        commands
+            Command of each interval, shape (n_intervals, n_devices); the coils start settled at the first.
+        """
+        sums = self._carries(self._fixed(2.0), commands)[-1].sums
+        squares = (sums.drift_square, sums.acceleration_square)
+        rms = [float(np.sqrt(np.max(np.asarray(each)) / self.places.size)) for each in squares]
+        return np.array([float(sums.drift_peak), float(sums.acceleration_peak), *rms])
+
+    def score_and_gradient(self, commands: Floats, power: float) -> tuple[float, Floats]:
+        """Smooth score, and its derivatives with respect to the commands, in their shape."""
+        fixed = self._fixed(power)
+        carries = self._carries(fixed, commands)
+        score, rate = _score_and_rate(carries[-1].sums, float(self.places.size), power)
+        pull = jax.tree.map(jnp.zeros_like, carries[-1])._replace(sums=rate)
+        gradients = []
+        for carry, inputs in zip(reversed(carries[:-1]), reversed(self._inputs(commands)), strict=True):
+            pull, gradient = _pulled_back(fixed, carry, inputs, pull)
+            gradients.append(np.asarray(gradient))
+        by_step = np.concatenate(gradients[::-1])[: self.places.size]
+        # The coils start at the first command.
+        found: Floats = np.stack(
+            [np.bincount(self.places, weights=column, minlength=len(commands)) for column in by_step.T],
+            axis=1,
+        )
+        found[0] += np.asarray(pull.received)
+        return float(score), found
+
+    def _fixed(self, power: float) -> _Fixed:
+        return _Fixed(self.plant, self.devices, self.step_time, self.scales, power)
+
+    def _inputs(self, commands: Floats) -> list[_Inputs]:
+        by_step = np.asarray(commands, dtype=np.float64)[self.places]
+        return [
+            _Inputs(jnp.asarray(_padded(by_step[start : start + _STRETCH])), ground, weight)
+            for start, (ground, weight) in zip(
+                range(0, self.places.size, _STRETCH), self._stretches, strict=True
+            )
+        ]
+
+    def _carries(self, fixed: _Fixed, commands: Floats) -> list[_Carry]:
+        """State and sums at the start of each stretch, and at the end of the run."""
+        n_floors, n_storeys = self.plant.floors.shape[0], self.plant.storeys.shape[0]
+        zero = jnp.float64(0.0)
+        sums = _Sums(zero, zero, jnp.zeros(n_storeys), jnp.zeros(n_floors), zero, zero)
+        carries = [_Carry(at_rest(self.plant, self.devices), jnp.asarray(commands[0]), sums)]
+        for inputs in self._inputs(commands):
+            carries.append(_advanced(fixed, carries[-1], inputs))
+        return carries
+
+
+def prescribed_loop(
+    *,
+    matrices: Mapping[str, Floats],
+    devices: Sequence[tuple[DamperSpec, Floats, Floats, float, bool]],
+    acceleration: Floats,
+    dt: float,
+    duration: float,
+    step_time: float,
+    interval: float,
+    delay: float,
+    scales: CriteriaAtRest,
+) -> PrescribedLoop:
+    """The loop of a building with devices under a ground motion, from NumPy arrays.
+
+    Parameters
+    ----------
+    matrices
+        Arguments of `LoopPlant.of` by name.
+    devices
+        Model, parameters, row, number in parallel and whether differential, of each device.
+    acceleration, dt, duration
+        Ground acceleration [m/s^2] every `dt` [s], and the length of the run [s].
+    step_time, interval, delay
+        Integration step, interval of a command, and its delay [s]; the first command has none.
+    """
+    n_steps = max(1, math.floor(duration / step_time * (1.0 + 1e-12)))
+    times = np.maximum(np.arange(n_steps) * step_time - delay, 0.0)
+    return PrescribedLoop(
+        plant=LoopPlant.of(**matrices),
+        devices=tuple(
+            LoopDevice(
+                spec=spec,
+                theta=jnp.asarray(theta),
+                row=jnp.asarray(row),
+                count=count,
+                differential=differential,
+            )
+            for spec, theta, row, count, differential in devices
+        ),
+        ground=half_steps(acceleration, dt, step_time, n_steps),
+        step_time=step_time,
+        places=np.floor(times / interval + 1e-9).astype(np.intp),
+        scales=scales,
+    )
+
+
+def _padded(values: Floats) -> Floats:
+    """Values of a stretch, with zeros after the last step."""
+    missing = _STRETCH - len(values)
+    return np.concatenate([values, np.zeros((missing, *values.shape[1:]))]) if missing else values
+
+
+def _stretch(fixed: _Fixed, carry: _Carry, inputs: _Inputs) -> _Carry:
+    plant, devices, step_time, scales, power = fixed
+    pulls = pulls_of(plant, devices)
+    lagged = jnp.array([device.lagged for device in devices])
+
+    def advance(carry: _Carry, at: _Inputs) -> tuple[_Carry, None]:
+        current = jnp.where(lagged, carry.received, at.command)
+        after, received, start = step(
+            plant, devices, pulls, carry.motion, current, at.command, at.ground, step_time
+        )
+        drift = plant.storeys @ carry.motion.q
+        acceleration = plant.floors @ start.rate.v + at.ground.start
+        sums, weight = carry.sums, at.weight
+        drift_share, acceleration_share = drift / scales.peak_drift, acceleration / scales.peak_acceleration
+        return _Carry(
+            after,
+            received,
+            _Sums(
+                sums.drift_power + weight * _power_sum(drift_share, power),
+                sums.acceleration_power + weight * _power_sum(acceleration_share, power),
+                sums.drift_square + weight * jnp.square(drift / scales.rms_drift),
+                sums.acceleration_square + weight * jnp.square(acceleration / scales.rms_acceleration),
+                jnp.maximum(sums.drift_peak, weight * jnp.abs(drift_share).max()),
+                jnp.maximum(sums.acceleration_peak, weight * jnp.abs(acceleration_share).max()),
+            ),
+        ), None
+
+    last, _ = lax.scan(advance, carry, inputs)
+    return last
+
+
+def _power_sum(shares: Array, power: float) -> Array:
+    """Sum of |share|^power, with finite derivatives at zero."""
+    square = jnp.square(shares)
+    large = square > 1e-12
+    return jnp.sum(jnp.where(large, jnp.where(large, square, 1.0) ** (0.5 * power), 0.0))
+
+
+_advanced = jax.jit(_stretch)
+
+
+@jax.jit
+def _pulled_back(fixed: _Fixed, carry: _Carry, inputs: _Inputs, pull: _Carry) -> tuple[_Carry, Array]:
+    """Derivatives with respect to the state at the start of a stretch and its commands, from those at its end."""
+    _, back = jax.vjp(
+        lambda start, command: _stretch(fixed, start, inputs._replace(command=command)), carry, inputs.command
+    )
+    found: tuple[_Carry, Array] = back(pull)
+    return found
+
+
+@jax.jit
+@jax.value_and_grad
+def _score_and_rate(sums: _Sums, n_steps: float, power: float) -> Array:
+    def norm(values: Array) -> Array:
+        return jnp.sum(values**power) ** (1.0 / power)
+
+    ratios = (
+        sums.drift_power ** (1.0 / power),
+        sums.acceleration_power ** (1.0 / power),
+        norm(jnp.sqrt(sums.drift_square / n_steps)),
+        norm(jnp.sqrt(sums.acceleration_square / n_steps)),
+    )
+    score: Array = sum(ratios, start=jnp.float64(0.0)) / len(ratios)
+    return score
