@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
+
 import measured_data
 import numpy as np
 import pytest
 
 from mrwork.errors import RecordError
-from mrwork.motions import read_motion, read_motions
+from mrwork.motions import is_copy, read_motion, read_motions
 from mrwork.units import STANDARD_GRAVITY
 
 DATA = measured_data.DATA / "records"
@@ -30,6 +32,33 @@ def test_benchmark_records_have_their_published_peaks(name: str, peak: float, dt
     motion = read_motion(DATA / f"{name}.csv")
     assert round(motion.peak, 3) == peak
     assert motion.dt == pytest.approx(dt, rel=1e-4)
+
+
+@pytest.mark.skipif(not (DATA / "real").is_dir(), reason=f"no folder {DATA / 'real'}")
+def test_every_record_of_the_folder_is_read_with_its_event_and_station() -> None:
+    motions = {motion.name: motion for motion in read_motions(DATA / "real")}
+    assert len(motions) == 16
+    # Peaks [g] and steps [s] as their headers and the listing of the folder state them.
+    for name, peak, dt in (
+        ("CPM000", 1.497, 0.02),
+        ("CHY028-N", 0.821, 0.005),
+        ("CHY034-N", 0.310, 0.004),
+        ("A-ELC180", 0.130, 0.01),
+        ("PFT135", 0.131, 0.005),
+    ):
+        assert motions[name].peak / STANDARD_GRAVITY == pytest.approx(peak, abs=6e-4)
+        assert motions[name].dt == dt
+    assert motions["A-ELC180"].source.startswith("BORREGO MOUNTAIN 04/09/68 0230, EL CENTRO ARRAY #9, 180")
+    assert all(motion.changes == () for motion in motions.values())
+
+
+@pytest.mark.skipif(not (DATA / "real").is_dir(), reason=f"no folder {DATA / 'real'}")
+def test_no_two_measured_records_are_copies_of_one() -> None:
+    motions = (*read_motions(DATA / "real"), *read_motions(str(DATA / "*.csv")))
+    assert not any(is_copy(one, other) for one, other in itertools.combinations(motions, 2))
+    assert is_copy(
+        read_motion(DATA / "el_centro_1940_ns.csv"), read_motion(DATA / "el_centro_1940_ns.mat", unit="m/s2")
+    )
 
 
 @pytest.mark.parametrize("name", ["kobe_1995_jma_ns", "northridge_1994_sylmar_ns"])

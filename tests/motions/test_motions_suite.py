@@ -11,10 +11,16 @@ from mrwork.errors import SettingError, UnknownNameError
 from mrwork.motions import (
     GammaEnvelope,
     GroundMotion,
+    baseline_corrected,
     brought_to_rest,
+    is_copy,
     near_fault_pulse,
+    resampled_band_limited,
+    scaled,
     sine,
     suite,
+    time_scaled,
+    trimmed,
 )
 
 WHOLE = suite(n=24, rng=3)
@@ -133,3 +139,22 @@ def test_a_motion_is_brought_to_rest_by_a_slow_correction() -> None:
     correction = moved.acceleration - rest.acceleration
     assert np.abs(correction).max() < 0.1
     assert (correction[0], correction[-1]) == pytest.approx((0.0, 0.0), abs=1e-15)
+
+
+def test_a_copy_is_found_whatever_was_done_to_it() -> None:
+    for motion in (WHOLE[0], WHOLE[13], WHOLE[23]):
+        for copy in (
+            scaled(motion, -0.2),
+            trimmed(motion, start=2.0, end=0.8 * motion.duration),
+            baseline_corrected(motion, order=3),
+            resampled_band_limited(motion, 0.02),
+            resampled_band_limited(motion, 0.005),
+            time_scaled(motion, 0.2),
+        ):
+            assert is_copy(motion, copy), copy.changes
+            assert is_copy(copy, motion), copy.changes
+
+
+def test_different_motions_of_a_suite_are_no_copies() -> None:
+    others = suite(n=24, rng=4)
+    assert not any(is_copy(one, other) for one in WHOLE[::3] for other in others)

@@ -9,11 +9,12 @@ import pytest
 
 from mrwork.errors import SettingError
 from mrwork.keys import Place
-from mrwork.motions import GroundMotion
+from mrwork.motions import GroundMotion, suite, synthetic_motion
 from mrwork.study.declared import read_table
 from mrwork.study.lines import parse
-from mrwork.study.motions import motions_of
+from mrwork.study.motions import motions_of_study
 from mrwork.study.schema import MotionTable
+from mrwork.study.study import MotionOfStudy
 
 
 @pytest.fixture
@@ -24,11 +25,17 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def tables(*texts: str, folder: Path = Path(), seed: int = 0) -> tuple[MotionOfStudy, ...]:
+    """The motions of tables, each with lines of its own."""
+    read = []
+    for text in texts:
+        document, lines = parse(text, "study.toml")
+        read.append(read_table(MotionTable, document, Place(origin="study.toml", lines=lines)))
+    return motions_of_study(read, folder, seed)
+
+
 def motions(text: str, folder: Path = Path(), seed: int = 0) -> tuple[GroundMotion, ...]:
-    document, lines = parse(text, "study.toml")
-    return motions_of(
-        read_table(MotionTable, document, Place(origin="study.toml", lines=lines)), folder, seed
-    )
+    return tuple(motion.ground for motion in tables(text, folder=folder, seed=seed))
 
 
 def test_each_peak_gives_a_motion_of_its_own(folder: Path) -> None:
@@ -68,15 +75,18 @@ def test_the_intensity_of_the_soil_scales_the_motion() -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("factor = 1", "the study needs either a file or a synthetic motion"),
+        ("factor = 1", "the study needs either a file, a synthetic motion or a suite"),
         (
             'synthetic = "kanai_tajimi"\nfile = "swing.csv"',
-            "needs either a file or a synthetic motion",
+            "needs either a file, a synthetic motion or a suite",
         ),
         (
             'file = "swing.csv"\nfactor = 1\npga = 1',
             r"line 3: a motion is scaled by factor or to a pga; keep one",
         ),
+        ("suite = { motions = 2 }\nduration = 5", r"line 2: duration is for a single synthetic motion"),
+        ('suite = { soils = ["hard"] }', r"line 1: soils\[0\] is 'hard'; choose one of firm, medium, soft"),
+        ('file = "*.AT2"', r"line 1: no file matches '.*\*\.AT2'"),
         ('synthetic = "kanai_tajimi"\nunit = "g"', r"line 2: unit is for files"),
         (
             'synthetic = "kanai_tajimi"\nsoil = { high_pass_damping = 1 }',
@@ -91,3 +101,69 @@ def test_a_mistake_is_one_sentence_with_its_line(folder: Path, text: str, messag
         motions(text, folder)
     assert str(refused.value).startswith("study.toml")
     assert "\n" not in str(refused.value)
+
+
+def test_every_record_of_a_folder_or_pattern_is_a_motion(folder: Path) -> None:
+    records = folder / "records"
+    records.mkdir()
+    for name in ("b.csv", "a.csv"):
+        (records / name).write_text((folder / "swing.csv").read_text())
+    (records / "README.md").write_text("Where these are from.")
+    (records / ".listing").write_text("b a")
+    (records / "others").mkdir()
+    whole = motions('file = "records"\npga = [1.0, 2.0]', folder)
+    assert [motion.name for motion in whole] == ["a, 0.102 g", "a, 0.204 g", "b, 0.102 g", "b, 0.204 g"]
+    assert [motion.source for motion in whole[::2]] == ["a.csv", "b.csv"]
+    named = motions('file = "records/*.csv"\nname = "Rig"\ngroup = "measured"', folder)
+    assert [motion.name for motion in named] == ["Rig, a", "Rig, b"]
+    assert {motion.groups for motion in named} == {("measured",)}
+    (records / "c.csv").write_text("not a record")
+    with pytest.raises(SettingError, match=r"line 1: .*c\.csv"):
+        motions('file = "records"', folder)
+
+
+def test_an_empty_folder_is_refused(folder: Path) -> None:
+    (folder / "empty").mkdir()
+    with pytest.raises(SettingError, match=r"line 1: .*empty: the folder has no file of a ground motion"):
+        motions('file = "empty"', folder)
+
+
+def test_a_suite_is_that_of_its_seed() -> None:
+    found = motions(
+        'suite = { motions = 4, soils = ["firm"] }\nseed = 2\npga = "0.1 g"\nname = "Trial"', seed=3
+    )
+    drawn = suite("firm", 4, rng=5, name="Trial")
+    for one, other in zip(found, drawn, strict=True):
+        assert one.name == other.name
+        assert one.acceleration == pytest.approx(other.acceleration * (0.980665 / other.peak), rel=1e-12)
+        assert one.groups == (*other.groups, "0.1 g")
+
+
+TRAINING = 'file = "swing.csv"\nname = "one"\nuse = "training"'
+
+
+@pytest.mark.parametrize(
+    ("test", "said"),
+    [
+        ('file = "swing.csv"\nname = "other"\nstart = 6', "are of one file, swing.csv"),
+        ('file = "copy.csv"\nfactor = -2', "are one record: .* correlation 1.000"),
+        ('file = "copy.csv"\nstart = 1\nend = 8\npga = [1, 2]', "are one record"),
+        ('file = "copy.csv"\ntime_scale = 0.2', "are one record"),
+    ],
+)
+def test_a_record_is_not_for_training_and_for_testing(folder: Path, test: str, said: str) -> None:
+    noise = synthetic_motion(duration=9.99, rng=1).acceleration
+    for name in ("swing.csv", "copy.csv"):
+        rows = "\n".join(f"{0.01 * k:.2f},{a:.9g}" for k, a in enumerate(noise))
+        (folder / name).write_text(f"t_s,acceleration_mps2\n{rows}\n")
+    with pytest.raises(SettingError, match=f"training motion 'one' and test motion '.*' {said}"):
+        tables(TRAINING, test, folder=folder)
+
+
+def test_suites_of_other_seeds_may_be_for_training(folder: Path) -> None:
+    text = 'suite = { motions = 12 }\nname = "%s"\nseed = %d\nuse = "%s"'
+    found = tables(text % ("Training", 1, "training"), text % ("Test", 2, "test"), folder=folder)
+    assert [motion.use for motion in found] == ["training"] * 12 + ["test"] * 12
+    assert all(motion.synthetic for motion in found)
+    with pytest.raises(SettingError, match="are one record"):
+        tables(text % ("Training", 1, "training"), text % ("Test", 1, "test"), folder=folder)

@@ -1,4 +1,5 @@
 from .ground_motion import GroundMotion as GroundMotion
+from .likeness import is_copy as is_copy
 from .processing import baseline_corrected as baseline_corrected
 from .processing import brought_to_rest as brought_to_rest
 from .processing import resampled as resampled

@@ -22,6 +22,8 @@ from mrwork.records.table import check_is_file, listed_files
 # Each format recognises its content; a table is the fallback and comes last.
 FORMATS: Final[tuple[Format, ...]] = (PEER_AT2, K_NET, COSMOS, ESM, TABLE)
 
+# Files of a folder that are no records.
+_DOCUMENTS: Final = frozenset({".md", ".pdf", ".html", ".json", ".toml", ".py", ".zip"})
 _MATLAB_5: Final = b"MATLAB 5.0"
 
 
@@ -87,17 +89,44 @@ def read_motion(
 def read_motions(
     paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]], *, unit: str | None = None
 ) -> tuple[GroundMotion, ...]:
-    """Read several motions: a sequence of paths in its order, or a glob pattern in name order.
+    """Read several motions: a sequence of paths in its order, or a folder or glob pattern in name order.
 
     Raises
     ------
     RecordError
-        No file matches the pattern, there is no path, or a file cannot be read as a ground motion.
+        No file matches the pattern, the folder has no files, there is no path, or a file cannot be read as a ground
+        motion.
     UnitError, SettingError
         As from `read_motion`.
     """
+    return tuple(read_motion(file, unit=unit) for file in motion_files(paths))
+
+
+def motion_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]]) -> tuple[Path, ...]:
+    """Files of motions: a sequence of paths in its order, the files of a folder, or those that match a pattern.
+
+    Of a folder, hidden files and documents such as README.md are left out, and folders in it are not entered.
+
+    Raises
+    ------
+    RecordError
+        No file matches the pattern, the folder has no files, or there is no path.
+    """
+    if isinstance(paths, str | os.PathLike) and Path(paths).is_dir():
+        found = [path for path in sorted(Path(paths).iterdir()) if path.is_file() and not _is_document(path)]
+        if not found:
+            raise RecordError(f"{paths}: the folder has no file of a ground motion; check the path")
+        return tuple(found)
     files = listed_files(paths, none="no ground motion given; name at least one file")
-    return tuple(read_motion(file, unit=unit) for file in files)
+    return tuple(Path(file) for file in files if len(files) == 1 or not Path(file).is_dir())
+
+
+def _is_document(path: Path) -> bool:
+    return (
+        path.name.startswith(".")
+        or path.suffix.lower() in _DOCUMENTS
+        or path.stem.casefold() in ("readme", "license", "licence")
+    )
 
 
 def _read(path: Path, stated: Stated) -> GroundMotion:

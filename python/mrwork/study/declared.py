@@ -77,7 +77,7 @@ def _value(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
         return read_table(cast(type, kind), value, place)
     if origin is Literal:
         if value not in arguments:
-            place.refuse(f"{place.path[-1]} is {value!r}{suggestion(value, arguments)}")
+            place.refuse(f"{_name(place)} is {value!r}{suggestion(value, arguments)}")
         return value
     if origin is tuple:
         if not isinstance(value, list):

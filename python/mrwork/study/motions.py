@@ -1,15 +1,19 @@
-"""Ground motions of a study: read or synthetic, then cut, corrected, stretched and scaled in that order."""
+"""Ground motions of a study: read or synthetic, then cut, corrected, stretched and scaled in that order.
+
+Controllers are tuned on training motions and judged on test motions; no record may be both.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from mrwork.motions import GroundMotion
+from mrwork.motions.likeness import is_copy, likeness
 from mrwork.motions.processing import (
     baseline_corrected,
     resampled,
@@ -18,56 +22,128 @@ from mrwork.motions.processing import (
     time_scaled,
     trimmed,
 )
-from mrwork.motions.read import read_motion
+from mrwork.motions.read import motion_files, read_motion
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
+from mrwork.motions.suites import suite
 from mrwork.motions.synthetic import synthetic_motion
 from mrwork.study.declared import located
-from mrwork.study.schema import MotionTable
+from mrwork.study.schema import MotionTable, SuiteTable
+from mrwork.study.study import MotionOfStudy
 from mrwork.units import STANDARD_GRAVITY
 
-_SYNTHETIC_STEP = 0.01
+_SYNTHETIC_STEP, _SYNTHETIC_DURATION = 0.01, 30.0
 
 
-def motions_of(table: MotionTable, folder: Path, seed: int) -> tuple[GroundMotion, ...]:
-    """One motion for each factor or peak of a table; paths of files are relative to `folder`.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Bare:
+    """A motion of a table before it is scaled, and the file that it was read from."""
+
+    ground: GroundMotion
+    table: MotionTable
+    file: Path | None
+
+
+def motions_of_study(tables: Sequence[MotionTable], folder: Path, seed: int) -> tuple[MotionOfStudy, ...]:
+    """The motions of all tables, one for each factor or peak of each record; files are relative to `folder`.
 
     Raises
     ------
     SettingError
-        If the table contradicts itself or its file cannot be read; the message has the line.
+        If a table contradicts itself, its file cannot be read, or a motion is for training and for testing; the message
+        has the line.
     """
+    bare = [each for table in tables for each in _bare_motions(table, folder, seed)]
+    _refuse_both_uses(bare)
+    return tuple(
+        MotionOfStudy(ground=ground, use=each.table.use, synthetic=each.file is None)
+        for each in bare
+        for ground in _scaled(each.ground, each.table)
+    )
+
+
+def _bare_motions(table: MotionTable, folder: Path, seed: int) -> Iterator[_Bare]:
     place = table.place
-    if (table.file is None) == (table.synthetic is None):
-        place.refuse(f"{place.table} needs either a file or a synthetic motion")
+    if sum(each is not None for each in (table.file, table.synthetic, table.suite)) != 1:
+        place.refuse(f"{place.table} needs either a file, a synthetic motion or a suite")
     if table.factor is not None and table.pga is not None:
         place.within("pga").refuse("a motion is scaled by factor or to a pga; keep one")
-    bare = _synthetic(table, seed) if table.file is None else _read(table, table.file, folder)
-    with located(place):
-        whole = _processed(bare, table)
-        return tuple(_scaled(whole, table))
+    if table.file is not None:
+        found = _read(table, table.file, folder)
+    else:
+        _refuse_keys(table, ("unit", "column", "channel"), "is for files, and this motion is synthetic")
+        found = _suite(table, table.suite, seed) if table.suite else _synthetic(table, seed)
+    for ground, file in found:
+        with located(place):
+            yield _Bare(ground=_processed(ground, table), table=table, file=file)
 
 
-def _read(table: MotionTable, file: str, folder: Path) -> GroundMotion:
-    with located(table.place.within("file")):
-        return read_motion(
-            folder / file, unit=table.unit, dt=table.dt, column=table.column, channel=table.channel
-        )
-
-
-def _synthetic(table: MotionTable, seed: int) -> GroundMotion:
-    for name in ("unit", "column", "channel"):
+def _refuse_keys(table: MotionTable, names: Sequence[str], reason: str) -> None:
+    for name in names:
         if getattr(table, name) is not None:
-            table.place.within(name).refuse(
-                f"{name} is for files, and this motion is synthetic; leave it out"
+            table.place.within(name).refuse(f"{name} {reason}; leave it out")
+
+
+_Found = list[tuple[GroundMotion, Path | None]]
+
+
+def _read(table: MotionTable, file: str, folder: Path) -> _Found:
+    with located(table.place.within("file")):
+        files = motion_files(folder / file)
+        found: _Found = []
+        for path in files:
+            motion = read_motion(
+                path, unit=table.unit, dt=table.dt, column=table.column, channel=table.channel
             )
+            if table.name:
+                name = table.name if len(files) == 1 else f"{table.name}, {motion.name}"
+                motion = replace(motion, name=name)
+            found.append((motion, path.resolve()))
+    return found
+
+
+def _suite(table: MotionTable, suite_table: SuiteTable, seed: int) -> _Found:
+    _refuse_keys(table, ("duration", "soil"), "is for a single synthetic motion, and this is a suite")
+    with located(suite_table.place):
+        drawn = suite(
+            suite_table.soils,
+            suite_table.motions,
+            rng=seed + table.seed,
+            pulses=suite_table.pulses,
+            dt=table.dt or _SYNTHETIC_STEP,
+            name=table.name,
+        )
+    return [(motion, None) for motion in drawn]
+
+
+def _synthetic(table: MotionTable, seed: int) -> _Found:
     with located(table.place):
-        return synthetic_motion(
+        motion = synthetic_motion(
             _spectrum(table),
             rng=seed + table.seed,
-            duration=table.duration,
+            duration=table.duration or _SYNTHETIC_DURATION,
             dt=table.dt or _SYNTHETIC_STEP,
             name=table.name or (table.synthetic or "").replace("_", "-").title(),
         )
+    return [(motion, None)]
+
+
+def _refuse_both_uses(bare: Sequence[_Bare]) -> None:
+    """Refuse a training motion that is a test motion, or a copy of one under another name."""
+    training = [each for each in bare if each.table.use == "training"]
+    for test in bare if training else ():
+        if test.table.use == "training":
+            continue
+        for other in training:
+            names = f"training motion {other.ground.name!r} and test motion {test.ground.name!r}"
+            remedy = "controllers must be judged on motions that they were not tuned on; leave one out"
+            channels = [(each.file, each.table.column, each.table.channel) for each in (test, other)]
+            if test.file is not None and channels[0] == channels[1]:
+                test.table.place.refuse(f"{names} are of one file, {test.file.name}; {remedy}")
+            if is_copy(test.ground, other.ground):
+                test.table.place.refuse(
+                    f"{names} are one record: their accelerations agree after a shift and a factor, correlation "
+                    f"{likeness(test.ground, other.ground):.3f}; {remedy}"
+                )
 
 
 def _spectrum(table: MotionTable) -> SpectralDensity:
@@ -93,8 +169,8 @@ def _spectrum(table: MotionTable) -> SpectralDensity:
 
 
 def _processed(motion: GroundMotion, table: MotionTable) -> GroundMotion:
-    if table.name:
-        motion = replace(motion, name=table.name)
+    if table.group:
+        motion = replace(motion, groups=(table.group, *motion.groups))
     if table.start > 0.0 or table.end is not None:
         motion = trimmed(motion, start=table.start, end=math.inf if table.end is None else table.end)
     if table.baseline is not None:
@@ -121,8 +197,9 @@ def _scaled(motion: GroundMotion, table: MotionTable) -> Iterator[GroundMotion]:
         name = motion.name if len(factors) == 1 else f"{motion.name} x {factor:g}"
         yield replace(scaled(motion, factor), name=name)
     for peak in peaks:
-        name = motion.name if len(peaks) == 1 else f"{motion.name}, {peak / STANDARD_GRAVITY:.3g} g"
-        yield replace(scaled_to_peak(motion, peak), name=name)
+        level = f"{peak / STANDARD_GRAVITY:.3g} g"
+        name = motion.name if len(peaks) == 1 else f"{motion.name}, {level}"
+        yield replace(scaled_to_peak(motion, peak), name=name, groups=(*motion.groups, level))
 
 
 def _several(given: float | tuple[float, ...] | None) -> tuple[float, ...]:

@@ -20,7 +20,7 @@ from mrwork.study.clairvoyant_row import clairvoyant_row
 from mrwork.study.dampers import ChosenDamper, Identified, chosen_damper, equipped, identified_damper
 from mrwork.study.declared import located, read_table
 from mrwork.study.lines import parse
-from mrwork.study.motions import motions_of
+from mrwork.study.motions import motions_of_study
 from mrwork.study.realisations import Realisations, posterior_draws, realisations_of
 from mrwork.study.schema import DamperTable, HardwareTable, ReportTable, StudyTable
 from mrwork.study.study import MotionOfStudy, Study
@@ -51,11 +51,7 @@ def read_study(path: str | Path, identified: Identified = identified_damper, *, 
     with located(place.within("building")):
         bare = building_from_table(table.building, place.within("building"), folder=folder)
     building, devices, chosen = equipped(bare, table.damper, folder, identified)
-    motions = tuple(
-        MotionOfStudy(ground=ground, use=each.use, synthetic=each.synthetic is not None)
-        for each in table.motion
-        for ground in motions_of(each, folder, seed)
-    )
+    motions = motions_of_study(table.motion, folder, seed)
     if not motions:
         place.refuse("the study has no motion; give a [[motion]]")
     training = tuple(motion.ground for motion in motions if motion.use == "training")

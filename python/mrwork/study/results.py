@@ -40,7 +40,7 @@ ON_OFF = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionFacts:
-    """A ground motion in tables: peak [m/s^2], duration [s], source, how it was processed, and its use."""
+    """A ground motion in tables: peak [m/s^2], duration [s], source, processing, use and groups."""
 
     name: str
     peak: float
@@ -49,6 +49,7 @@ class MotionFacts:
     changes: tuple[str, ...] = ()
     synthetic: bool = False
     use: Use = "test"
+    groups: tuple[str, ...] = ()
 
 
 class StudyCriteria(Summarised, ABC):

@@ -167,6 +167,7 @@ def _results_of(
                 changes=motion.ground.changes,
                 synthetic=motion.synthetic,
                 use=motion.use,
+                groups=motion.ground.groups,
             )
             for motion in study.motions
         ),

@@ -11,12 +11,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from mrwork.closed_loop.evaluation import SCORE
 from mrwork.closed_loop.hardware import Feedback, Hardware, LoopSignal
 from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.keys import Place, key
+from mrwork.motions.suites import Pulses, Soil
 from mrwork.study.clairvoyant_row import ClairvoyantTable
 from mrwork.study.study import Use
 
@@ -150,25 +151,48 @@ class SoilTable:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MotionTable:
-    """A ground motion from a file, or synthetic; each factor and each peak gives a motion."""
+class SuiteTable:
+    """Synthetic motions drawn from distributions, equally many of each soil, with and without a near-fault pulse."""
 
-    file: str | None = key("record: .AT2, .csv, .mat and others, relative to the study file", default=None)
+    motions: int = key("number of motions", default=24, least=1)
+    soils: tuple[Soil, ...] = key("soils; all by default", default=get_args(Soil))
+    pulses: Pulses = key("whether half of the motions have a near-fault pulse, all or none", default="both")
+    place: Place
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionTable:
+    """Ground motions from files, synthetic, or a suite of synthetic ones; each factor and each peak gives a motion.
+
+    Training and test motions must be different records: files and accelerations are compared.
+    """
+
+    file: str | None = key(
+        "record: .AT2, .csv, .mat and others, relative to the study file; of a folder, or a pattern as records/*.AT2, "
+        "every record is a motion",
+        default=None,
+    )
     synthetic: Synthetic | None = key("filtered noise instead of a file", default=None)
-    name: str = key("name in tables", default="")
+    suite: SuiteTable | None = key("many synthetic motions instead of a file", default=None)
+    name: str = key("name in tables; of several records or a suite, the beginning of their names", default="")
+    group: str = key("group of the motions, of which tables have the score", default="")
     unit: str | None = key(
         "unit of the acceleration in the file, as g; needed if the file does not state it", default=None
     )
     column: str | None = key("column or variable of the acceleration, if there are several", default=None)
     channel: int | None = key("channel of a file with several, from 1", default=None, least=1)
     dt: float | None = key(
-        "step of a synthetic motion, 0.01 s by default, or of a table without times",
+        "step of synthetic motions, 0.01 s by default, or of a table without times",
         unit="s",
         default=None,
         above=0.0,
     )
-    duration: float = key("length of a synthetic motion", unit="s", default=30.0, above=0.0)
-    seed: int = key("seed of a synthetic motion, added to that of the command line", default=0, least=0)
+    duration: float | None = key(
+        "length of a synthetic motion, 30 s by default", unit="s", default=None, above=0.0
+    )
+    seed: int = key(
+        "seed of a synthetic motion or a suite, added to that of the command line", default=0, least=0
+    )
     soil: SoilTable | None = key("soil of a synthetic motion", default=None)
     factor: float | tuple[float, ...] | None = key("factor of the amplitude", default=None)
     pga: float | tuple[float, ...] | None = key(
