@@ -22,13 +22,25 @@ UTFSM = measured_data.DATA / "dampers" / "utfsm"
 TEST = synthetic_test("spencer1997")
 
 
-@pytest.mark.skipif(not UTFSM.is_dir(), reason=f"measured records are not at {UTFSM} (set MRWORK_DATA)")
+measured = pytest.mark.skipif(
+    not UTFSM.is_dir(), reason=f"measured records are not at {UTFSM} (set MRWORK_DATA)"
+)
+
+
+@measured
 @pytest.mark.parametrize(("current", "at_least"), [("0x5", 92.2), ("0", 97.0), ("0x75", 92.0)])
 def test_records_where_the_search_once_stopped_in_a_false_minimum(current: str, at_least: float) -> None:
     test = cut(read_damper_test(UTFSM / f"10mm1Hz{current}A.csv"), start=0.5, end=8.5, every=4)
     fit = identify("normalised_modified_bouc_wen", test, rng=0)
     assert fit.fit_percent > at_least
     assert not fit.warnings
+
+
+@measured
+def test_a_minimum_on_which_most_of_a_round_agree_may_be_false() -> None:
+    # Six of the eight minimisations of the first round end at 93.8 %, of which none has sigma on its bound.
+    test = cut(read_damper_test(UTFSM / "10mm1Hz1A.csv"), start=2.0, end=6.25, every=4)
+    assert identify("normalised_bouc_wen", test, rng=1, observe="none").fit_percent > 93.95
 
 
 def linear(test: DamperTest) -> DamperTest:

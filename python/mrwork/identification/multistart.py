@@ -32,8 +32,6 @@ _TOLERANCE = 1e-5
 # Local minimisations are given up after this number of iterations above this multiple of the least misfit.
 _HOPELESS_AFTER = 12
 _HOPELESS = 4.0
-# Share of the first round that must reach the least misfit for one round to be sufficient.
-_AGREEMENT = 0.75
 # In later rounds, starts from the best minimum, and the share of its parameters that are replaced.
 _CROSSED = 3
 _REPLACED = 0.3
@@ -50,7 +48,7 @@ class Multistart:
     starts
         Local minimisations of a round, which run in one batch.
     least_rounds, most_rounds
-        Least number of rounds, unless three quarters of the first agree, and largest number.
+        Least number of rounds, unless all of the first agree, and largest number.
     found
         Number of minimisations that must have reached the least misfit before the search may end early.
     closeness
@@ -112,7 +110,7 @@ def search_starts(
     The best samples often lie in one basin, which need not be that of the least misfit. Only half of them therefore
     start minimisations, the others are samples in random order; later rounds also start from the best minimum with some
     of its parameters replaced. The search ends early only if a round has not lowered the least misfit, that misfit is
-    not `suspicious`, and it has been found again. One round is sufficient where three quarters of it agree; a minimum
+    not `suspicious`, and it has been found again. One round is sufficient where all of it agree; a minimum
     on a bound takes one more round than others.
 
     Parameters
@@ -180,7 +178,7 @@ def search_starts(
             if least_rounds > 1:
                 least_rounds += rounds.is_on_bound(box)
             if (
-                (number >= least_rounds or (number == 1 and again >= _AGREEMENT * len(starts)))
+                (number >= least_rounds or (number == 1 and again == len(starts)))
                 and (number == 1 or rounds.least >= (1.0 - settings.closeness) * before)
                 and rounds.least <= (1.0 + settings.closeness) * suspicious
                 and again >= settings.found
