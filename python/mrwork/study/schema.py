@@ -319,7 +319,7 @@ class TuneTable:
         "criteria of the score, an array or a table with their weights", default=SCORE
     )
     objectives: tuple[str, ...] = key(
-        "criteria to be reduced together instead of the score: a Pareto front, by NSGA-II", default=()
+        "criteria of a Pareto front beside the best of the score, by NSGA-II, which takes pymoo", default=()
     )
     risk: Risk = key(
         "number of all motions and realisations: their mean, the largest, or the mean of the worst share `tail`",

@@ -34,6 +34,10 @@ class Benches(Summarised):
         """The bench on which candidates are scored."""
         return self.training_varied if robust and self.training_varied is not None else self.training
 
+    def tested(self, *, robust: bool) -> Bench | None:
+        """The bench with the test motions on which points of a front are judged."""
+        return self.testing_varied if robust and self.testing_varied is not None else self.testing
+
     def judgements(
         self, law: str, candidate: Candidate, objective: Objective, *, robust: bool
     ) -> tuple[Judgement, Judgement | None]:

@@ -11,16 +11,18 @@ from mrwork.control.laws import control_law, control_laws
 from mrwork.control.setting_base import Magnitudes
 from mrwork.errors import Interrupted, SettingError
 from mrwork.keys import suggestion
+from mrwork.search.peers import library
 from mrwork.search.registry import OPTIMISERS, PEERS
 from mrwork.store import Journal, digest_of
 from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
 from mrwork.tuning.benches import benches_of
+from mrwork.tuning.front import front_of
 from mrwork.tuning.law_tuning import Plan, TuningProgress, tuned_law
-from mrwork.tuning.objective import Objective, objective_of, refuse_within
+from mrwork.tuning.objective import Objective, known_criterion, objective_of, refuse_within
 from mrwork.tuning.problem import Clock, check_controllable, magnitudes_of
 from mrwork.tuning.references import BEST_CONSTANT, references_of
-from mrwork.tuning.results import LawResult, TuningResults, compared_to
+from mrwork.tuning.results import Front, LawResult, TuningResults, compared_to
 from mrwork.tuning.space import space_of
 
 OnTuning = Callable[[TuningProgress], None]
@@ -81,10 +83,11 @@ def tune(
     if journal is not None:
         journal.agree("tuning", _fingerprint(study, tables, rng))
     found: list[LawResult] = []
+    fronts: list[Front] = []
     references: list[LawResult] = []
 
     def results(status: Literal["finished", "interrupted"]) -> TuningResults:
-        return _results(study, tuple(found), tuple(references), status, clock)
+        return _results(study, tuple(found), tuple(references), tuple(fronts), status, clock)
 
     try:
         benches = benches_of(study, journal=journal, threads=threads, clock=clock)
@@ -107,6 +110,8 @@ def tune(
                 )
 
             found.append(tuned_law(plan, benches, magnitudes, rng=rng, report=report))
+            if plan.table.objectives:
+                fronts.append(front_of(plan, benches, magnitudes, rng=rng, report=report))
     except Interrupted as interrupt:
         found.append(interrupt.result)
         raise Interrupted(results("interrupted"), "tuning") from None
@@ -119,6 +124,7 @@ def _results(
     study: Study,
     laws: tuple[LawResult, ...],
     references: tuple[LawResult, ...],
+    fronts: tuple[Front, ...],
     status: Literal["finished", "interrupted"],
     clock: Clock,
 ) -> TuningResults:
@@ -138,6 +144,7 @@ def _results(
         candidates_per_second=clock.candidates / seconds,
         share_outside=clock.share_outside,
         facts=study.facts,
+        fronts=fronts,
     )
 
 
@@ -207,7 +214,26 @@ def _checked(table: TuneTable, study: Study) -> Objective:
         refuse_within(
             table, "robust needs an [uncertainty] in the study; give one, or leave robust out", "robust"
         )
+    _check_objectives(table)
     return objective_of(table, study.command_unit)
+
+
+def _check_objectives(table: TuneTable) -> None:
+    """Refuse a front of one objective, of one twice, or without the library for it, before anything is simulated."""
+    if not table.objectives:
+        return
+    for name in table.objectives:
+        known_criterion(table, "objectives", name)
+    if len(set(table.objectives)) < max(2, len(table.objectives)):
+        refuse_within(
+            table,
+            "objectives takes two criteria or more, each once; leave it out for a score",
+            "objectives",
+        )
+    try:
+        library("pymoo.algorithms.moo.nsga2")
+    except SettingError as reason:
+        refuse_within(table, f"a front over several objectives takes NSGA-II: {reason}", "objectives")
 
 
 def _label(table: TuneTable, law: str) -> str:

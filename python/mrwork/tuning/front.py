@@ -1,0 +1,95 @@
+"""The Pareto front of a law over several criteria, each point with its settings and certificate."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.control.setting_base import Magnitudes
+from mrwork.search.nondominated import FrontResult, run_front
+from mrwork.store import digest_of
+from mrwork.study.batches import RunCriteria
+from mrwork.tuning.benches import Benches, recorded
+from mrwork.tuning.first_candidates import first_candidates
+from mrwork.tuning.law_tuning import Plan, Report
+from mrwork.tuning.objective import PENALTY, Objective
+from mrwork.tuning.problem import Bench, described
+from mrwork.tuning.results import Front, FrontPoint
+from mrwork.tuning.space import Candidate
+
+Floats = NDArray[np.float64]
+
+
+def front_of(plan: Plan, benches: Benches, magnitudes: Magnitudes, *, rng: int, report: Report) -> Front:
+    """Search the front of a law on the training motions, and evaluate its points on the test motions.
+
+    Raises
+    ------
+    SettingError
+        Where pymoo is not installed.
+    """
+    table, space = plan.table, plan.space
+    bench = benches.searched(robust=table.robust)
+    parts = [replace(plan.objective, weights={name: 1.0}) for name in table.objectives]
+
+    def objectives(units: Floats) -> Floats:
+        candidates = [space.candidate(unit) for unit in units]
+        return _values(bench, bench.run(plan.law, candidates), parts)
+
+    firsts = [each.candidate for each in first_candidates(space, benches.training, magnitudes)]
+    starts = [unit for each in firsts if (unit := space.unit(each)) is not None]
+    found: FrontResult = run_front(
+        objectives,
+        n_params=len(space.free),
+        n_objectives=len(parts),
+        population=table.population,
+        budget=table.budget,
+        rng=rng + table.seed,
+        starts=np.array(starts).reshape(-1, len(space.free)),
+        journal=benches.journal,
+        on_generation=lambda evaluations: report(evaluations, float("nan")),
+    )
+    candidates = _distinct([space.candidate(unit) for unit in found.units])
+    train = _ratios(benches, bench, plan, parts, candidates)
+    testing = benches.tested(robust=table.robust)
+    test = None if testing is None else _ratios(benches, testing, plan, parts, candidates)
+    points = [
+        FrontPoint(
+            settings=dict(described(candidate)),
+            train=dict(zip(table.objectives, train[place].tolist(), strict=True)),
+            test=None if test is None else dict(zip(table.objectives, test[place].tolist(), strict=True)),
+            certificate=bench.certificate(plan.law, candidate),
+        )
+        for place, candidate in enumerate(candidates)
+    ]
+    return Front(
+        law=plan.law,
+        label=plan.label,
+        objectives=table.objectives,
+        points=tuple(points),
+        candidates=found.evaluations,
+    )
+
+
+def _values(bench: Bench, found: RunCriteria, parts: list[Objective]) -> Floats:
+    violation = parts[0].violation(found)
+    columns = [part.value(part.run_scores(found, bench.passive)) for part in parts]
+    return np.asarray(np.column_stack(columns) + PENALTY * violation[:, None])
+
+
+def _ratios(
+    benches: Benches, bench: Bench, plan: Plan, parts: list[Objective], candidates: list[Candidate]
+) -> Floats:
+    inputs = digest_of(plan.label, candidates, [motion.name for motion in bench.motions])
+    found = recorded(benches.journal, "front", inputs, RunCriteria, lambda: bench.run(plan.law, candidates))
+    return _values(bench, found, parts)
+
+
+def _distinct(candidates: list[Candidate]) -> list[Candidate]:
+    kept: list[Candidate] = []
+    for each in candidates:
+        if each not in kept:
+            kept.append(each)
+    return kept
