@@ -31,6 +31,7 @@ NAMESPACES = (
     "identification",
     "uncertainty",
     "study",
+    "tuning",
     "report",
 )
 # Modules of one public purpose; `twins` needs JAX.
@@ -72,12 +73,13 @@ SMALL_VALUES = {
         "Progress",
     ),
     *("LoopTiming", "RmsLimits", "SemiActiveCondition"),
-    *("ClairvoyantProgress", "RecordedMotion", "Smoothing", "Tuning", "Uniform"),
+    *("ClairvoyantProgress", "RecordedMotion", "Smoothing", "Span", "Tuning"),
+    *("TuningProgress", "Uniform"),
 }
 # Settings (also all classes called so), tables of what exists, and values that are functions.
 SETTINGS = {
     *("ControlLawSpec", "DifferentialEvolution", "EfficientGA", "EliteRule", "Multistart"),
-    *("ParticleSwarm", "StandardGA", "StopRules"),
+    *("ParticleSwarm", "StandardGA", "StopRules", "TuneTable"),
     "AbortableObjective",
 }
 

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from mrwork.control.design.weights import design_weights
 from mrwork.control.law_settings import SETTINGS, RegulatorSettings
-from mrwork.control.lqr import PUBLISHED_REGULATORS
+from mrwork.control.lqr import PUBLISHED_REGULATORS, PublishedRegulator
 from mrwork.control.setting_base import Magnitudes
 from mrwork.control.weights import CostWeights
+from mrwork.errors import SettingError
+from mrwork.motions.spectral_density import KanaiTajimi
+from mrwork.summary import Summarised
 from mrwork.tuning.problem import Bench
 from mrwork.tuning.space import LARGEST, Candidate, FreeSetting, SettingSpace
 
 _STEPS = 12
 _WEIGHT = "control_weight"
+_PEAK = 3.0
+EQUAL, CONVEX = "equal drift weights", "convex weights"
+"""Origins of weights whose size of R is scanned."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -27,7 +36,56 @@ class FirstCandidate:
     origin: str
 
 
-def first_candidates(space: SettingSpace, bench: Bench, magnitudes: Magnitudes) -> list[FirstCandidate]:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Basis(Summarised):
+    """What first candidates follow from: magnitudes of the response, convex and published weights of the building."""
+
+    magnitudes: Magnitudes
+    convex: tuple[Mapping[str, Any], ...]
+    published: tuple[PublishedRegulator, ...]
+
+
+def basis_of(bench: Bench, magnitudes: Magnitudes) -> Basis:
+    """The basis of the first candidates of a study.
+
+    Convex weights reduce rms drifts, or rms drifts and accelerations in proportion to their peaks at i = 0, under firm
+    soil with the peak of the motions, a peak counting as three times the rms, with the damper's force as budget.
+    """
+    floors = len(bench.study.building.floor_names)
+    return Basis(
+        magnitudes=magnitudes,
+        convex=tuple(_convex(bench, magnitudes)),
+        published=tuple(each for each in PUBLISHED_REGULATORS if each.n_floors == floors),
+    )
+
+
+def _convex(bench: Bench, magnitudes: Magnitudes) -> Iterator[Mapping[str, Any]]:
+    soil = KanaiTajimi()
+    # The variance of the spectrum is pi S_0 omega (1 + 4 zeta^2) / (2 zeta).
+    shape = math.pi * soil.frequency * (1.0 + 4.0 * soil.damping**2) / (2.0 * soil.damping)
+    spectrum = replace(soil, intensity=(magnitudes.ground / _PEAK) ** 2 / shape)
+    drift = {"rms_drift": magnitudes.drift / _PEAK}
+    for limits in (drift, {**drift, "rms_acceleration": magnitudes.acceleration / _PEAK}):
+        try:
+            designed = design_weights(
+                bench.problem.building,
+                bench.problem.devices,
+                limits=limits,
+                budget=magnitudes.force / _PEAK,
+                spectrum=spectrum,
+            )
+            yield {name: _digits(value) for name, value in designed.settings().items()}
+        except SettingError:
+            # A building with an undamped mode has no such weights.
+            continue
+
+
+def _digits(value: Any) -> Any:
+    """The digits that a study file states, which do not depend on the last bits of a solver."""
+    return tuple(_digits(each) for each in value) if isinstance(value, tuple) else _rounded(float(value))
+
+
+def first_candidates(space: SettingSpace, basis: Basis) -> list[FirstCandidate]:
     """Candidates of a law that are tried before the search, at the largest command of the dampers.
 
     Weights are only given to laws whose weights the table does not hold. The size of R is scanned for each shape of
@@ -47,36 +105,37 @@ def first_candidates(space: SettingSpace, bench: Bench, magnitudes: Magnitudes) 
             found.append(FirstCandidate(candidate=candidate, origin=origin))
 
     scanned = next((each for each in space.free if each.name == _WEIGHT), None)
-    for shape, origin in _shapes(space, bench):
-        for R in _sizes(scanned, shape, space, magnitudes):
+    for shape, origin in _shapes(space, basis):
+        for R in _sizes(scanned, shape, space, basis.magnitudes):
             add({**shape, **middle, **R}, origin)
     if not issubclass(kind, CostWeights):
         add({**space.held, **middle}, "middle of the ranges")
     return found
 
 
-def _shapes(space: SettingSpace, bench: Bench) -> Iterator[tuple[dict[str, Any], str]]:
+def _shapes(space: SettingSpace, basis: Basis) -> Iterator[tuple[dict[str, Any], str]]:
     """Weights by name, and where they are from; the first are those that the table holds."""
     kind = SETTINGS[space.law]
     if not issubclass(kind, CostWeights):
         return
     equal = space.held == kind.weighed_by_default
-    yield dict(space.held), "equal drift weights" if equal else "weights of the study"
+    yield dict(space.held), EQUAL if equal else "weights of the study"
     if not equal:
         return
     others = {name: value for name, value in space.held.items() if not _is_weight(name)}
     yield others, "energy of the building"
-    n_floors = len(bench.study.building.floor_names)
-    if issubclass(kind, RegulatorSettings):
-        for published in PUBLISHED_REGULATORS:
-            if published.n_floors == n_floors:
-                weights = [0.0] * n_floors
-                for floor, weight in published.weighed:
-                    weights[floor - 1] = weight
-                yield (
-                    {**others, "accelerations": tuple(weights), _WEIGHT: published.control_weight},
-                    f"published weights {published.name}",
-                )
+    if not issubclass(kind, RegulatorSettings):
+        return
+    for convex in basis.convex:
+        yield {**others, **convex}, CONVEX
+    for published in basis.published:
+        weights = [0.0] * published.n_floors
+        for floor, weight in published.weighed:
+            weights[floor - 1] = weight
+        yield (
+            {**others, "accelerations": tuple(weights), _WEIGHT: published.control_weight},
+            f"published weights {published.name}",
+        )
 
 
 def _sizes(
@@ -87,10 +146,15 @@ def _sizes(
     if scanned is None or not issubclass(kind, CostWeights):
         return [{}]
     if _WEIGHT in shape:
-        return [{_WEIGHT: _rounded(shape[_WEIGHT] * factor)} for factor in np.geomspace(1e-2, 1e2, 5)]
+        given = np.asarray(shape[_WEIGHT], dtype=np.float64)
+        return [{_WEIGHT: _digits(_plain(factor * given))} for factor in np.geomspace(1e-5, 10.0, _STEPS + 1)]
     # The range of R is that of the weights that are held; another shape costs more or less.
     factor = kind.cost(_weights(shape), magnitudes) / kind.cost(_weights(space.held), magnitudes)
     return [{_WEIGHT: _rounded(factor * scanned.value(step))} for step in np.linspace(0.0, 1.0, _STEPS + 1)]
+
+
+def _plain(numbers: NDArray[np.float64]) -> Any:
+    return tuple(numbers.tolist()) if numbers.ndim else float(numbers)
 
 
 def _weights(settings: Mapping[str, Any]) -> dict[str, Any]:

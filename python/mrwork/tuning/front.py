@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.control.setting_base import Magnitudes
 from mrwork.search.nondominated import FrontResult, run_front
 from mrwork.store import digest_of
 from mrwork.study.batches import RunCriteria
 from mrwork.tuning.benches import Benches, recorded
-from mrwork.tuning.first_candidates import first_candidates
+from mrwork.tuning.first_candidates import Basis, first_candidates
 from mrwork.tuning.law_tuning import Plan, Report
 from mrwork.tuning.objective import PENALTY, Objective
 from mrwork.tuning.problem import Bench, described
@@ -22,7 +21,7 @@ from mrwork.tuning.space import Candidate
 Floats = NDArray[np.float64]
 
 
-def front_of(plan: Plan, benches: Benches, magnitudes: Magnitudes, *, rng: int, report: Report) -> Front:
+def front_of(plan: Plan, benches: Benches, basis: Basis, *, rng: int, report: Report) -> Front:
     """Search the front of a law on the training motions, and evaluate its points on the test motions.
 
     Raises
@@ -38,7 +37,7 @@ def front_of(plan: Plan, benches: Benches, magnitudes: Magnitudes, *, rng: int, 
         candidates = [space.candidate(unit) for unit in units]
         return _values(bench, bench.run(plan.law, candidates), parts)
 
-    firsts = [each.candidate for each in first_candidates(space, benches.training, magnitudes)]
+    firsts = [each.candidate for each in first_candidates(space, basis)]
     starts = [unit for each in firsts if (unit := space.unit(each)) is not None]
     found: FrontResult = run_front(
         objectives,

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from mrwork.control.law_settings import SETTINGS
 from mrwork.control.laws import control_law
-from mrwork.control.setting_base import Magnitudes
 from mrwork.errors import Interrupted
 from mrwork.search.loop import GenerationEvent, Optimiser, run_search
 from mrwork.search.registry import OPTIMISERS, PEERS
@@ -21,7 +20,7 @@ from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store import digest_of
 from mrwork.study.schema import TuneTable
 from mrwork.tuning.benches import Benches, recorded
-from mrwork.tuning.first_candidates import FirstCandidate, first_candidates
+from mrwork.tuning.first_candidates import Basis, FirstCandidate, first_candidates
 from mrwork.tuning.objective import Objective
 from mrwork.tuning.problem import Bench, Scores, described, scored
 from mrwork.tuning.results import Judgement, LawResult, TracePoint, unjudged
@@ -59,7 +58,7 @@ class Plan:
     label: str
 
 
-def tuned_law(plan: Plan, benches: Benches, magnitudes: Magnitudes, *, rng: int, report: Report) -> LawResult:
+def tuned_law(plan: Plan, benches: Benches, basis: Basis, *, rng: int, report: Report) -> LawResult:
     """Tune a law and judge it.
 
     Raises
@@ -70,7 +69,7 @@ def tuned_law(plan: Plan, benches: Benches, magnitudes: Magnitudes, *, rng: int,
     began = time.perf_counter()
     table = plan.table
     bench = benches.searched(robust=table.robust)
-    firsts = first_candidates(plan.space, benches.training, magnitudes)
+    firsts = first_candidates(plan.space, basis)
     if not plan.space.continuous:
         firsts = [FirstCandidate(candidate=each, origin="all levels") for each in plan.space.every()]
     candidates = tuple(each.candidate for each in firsts)

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mrwork.control.setting_base import Magnitudes
 from mrwork.store import digest_of
 from mrwork.study.run import LEVELS
 from mrwork.study.schema import TuneTable
 from mrwork.tuning.benches import Benches, recorded
-from mrwork.tuning.first_candidates import first_candidates
+from mrwork.tuning.first_candidates import CONVEX, EQUAL, Basis, first_candidates
 from mrwork.tuning.objective import Objective
 from mrwork.tuning.problem import Scores, described, scored
 from mrwork.tuning.results import LawResult
@@ -30,9 +29,9 @@ class _Reference:
     origin: str
 
 
-def references_of(benches: Benches, objective: Objective, magnitudes: Magnitudes) -> Iterator[LawResult]:
+def references_of(benches: Benches, objective: Objective, basis: Basis) -> Iterator[LawResult]:
     """The references, each the best of its candidates on the training motions, in the nominal study."""
-    for each in _declared(benches, magnitudes):
+    for each in _declared(basis):
         began = time.perf_counter()
         best = each.candidates[0]
         if len(each.candidates) > 1:
@@ -58,8 +57,8 @@ def references_of(benches: Benches, objective: Objective, magnitudes: Magnitudes
         )
 
 
-def _declared(benches: Benches, magnitudes: Magnitudes) -> Iterator[_Reference]:
-    largest = magnitudes.command
+def _declared(basis: Basis) -> Iterator[_Reference]:
+    largest = basis.magnitudes.command
 
     def constant(share: float) -> Candidate:
         return Candidate(settings={"command": float(f"{share * largest:.4g}")}, largest_command=largest)
@@ -74,11 +73,11 @@ def _declared(benches: Benches, magnitudes: Magnitudes) -> Iterator[_Reference]:
     yield _Reference(
         label="Largest command", law="passive", candidates=(constant(1.0),), origin="largest command"
     )
-    space = space_of(TuneTable(laws=("clipped_optimal",)), "clipped_optimal", magnitudes)
+    space = space_of(TuneTable(laws=("clipped_optimal",)), "clipped_optimal", basis.magnitudes)
     shapes: dict[str, list[Candidate]] = {}
-    for first in first_candidates(space, benches.training, magnitudes):
+    for first in first_candidates(space, basis):
         shapes.setdefault(first.origin, []).append(first.candidate)
-    for origin in _SCANNED:
+    for origin in (EQUAL, CONVEX):
         if origin in shapes:
             yield _Reference(
                 label=f"{origin[:1].upper()}{origin[1:]}, R scanned",
@@ -86,9 +85,6 @@ def _declared(benches: Benches, magnitudes: Magnitudes) -> Iterator[_Reference]:
                 candidates=_distinct(shapes[origin]),
                 origin=f"{origin}, best of {len(shapes[origin])} sizes of R on the training motions",
             )
-
-
-_SCANNED = ("equal drift weights", "convex weights")
 
 
 def _distinct(candidates: Sequence[Candidate]) -> tuple[Candidate, ...]:

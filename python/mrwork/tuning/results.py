@@ -46,8 +46,8 @@ class MotionScore:
     criteria: dict[str, float]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Judgement:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Judgement(Summarised):
     """A law on some motions, in the nominal study.
 
     `score` is the mean over motions of the weighted criteria over those at i = 0, `criteria` the mean ratio of each
@@ -99,8 +99,8 @@ class TracePoint:
     least: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LawResult:
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class LawResult(Summarised):
     """A law with the settings that were chosen for it, or a reference.
 
     `settings` include the largest command. `origin` says where the settings are from. `test` is `None` where the study

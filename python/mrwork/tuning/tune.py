@@ -17,6 +17,7 @@ from mrwork.store import Journal, digest_of
 from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
 from mrwork.tuning.benches import benches_of
+from mrwork.tuning.first_candidates import basis_of
 from mrwork.tuning.front import front_of
 from mrwork.tuning.law_tuning import Plan, TuningProgress, tuned_law
 from mrwork.tuning.objective import Objective, known_criterion, objective_of, refuse_within
@@ -91,9 +92,9 @@ def tune(
 
     try:
         benches = benches_of(study, journal=journal, threads=threads, clock=clock)
-        magnitudes = magnitudes_of(benches.training)
-        plans = _plans(tables, objectives, magnitudes)
-        references.extend(references_of(benches, objectives[0], magnitudes))
+        basis = basis_of(benches.training, magnitudes_of(benches.training))
+        plans = _plans(tables, objectives, basis.magnitudes)
+        references.extend(references_of(benches, objectives[0], basis))
         for number, plan in enumerate(plans):
 
             def report(candidates: int, least: float, plan: Plan = plan, done: int = number) -> None:
@@ -109,9 +110,9 @@ def tune(
                     )
                 )
 
-            found.append(tuned_law(plan, benches, magnitudes, rng=rng, report=report))
+            found.append(tuned_law(plan, benches, basis, rng=rng, report=report))
             if plan.table.objectives:
-                fronts.append(front_of(plan, benches, magnitudes, rng=rng, report=report))
+                fronts.append(front_of(plan, benches, basis, rng=rng, report=report))
     except Interrupted as interrupt:
         found.append(interrupt.result)
         raise Interrupted(results("interrupted"), "tuning") from None
