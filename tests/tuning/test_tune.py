@@ -101,7 +101,7 @@ def test_an_interrupted_tuning_keeps_the_laws_so_far(study: mr.Study) -> None:
         tune(study, threads=1, on_progress=interrupt)
     found: TuningResults = caught.value.result
     assert found.status == "interrupted"
-    assert len(found.references) == 4
+    assert len(found.references) == 5
     assert found.laws[0].train.objective > 0.0
     assert found.laws[0].test is None
 

@@ -33,7 +33,7 @@ def study_text(results: StudyResults, folder: Path) -> str:
         lines += [*_change_lines(comparison, reference), ""]
     for motion in range(len(results.motions)):
         lines += [*_motion_lines(results, motion), ""]
-    for block in (_score_lines(comparison), _step_lines(results)):
+    for block in (_score_lines(comparison), _band_lines(results), _step_lines(results)):
         lines += [*block, ""] if block else []
     lines += [f"warning: {warning}" for warning in results.warnings()]
     lines += [] if results.balanced else [OFF_BALANCE]
@@ -106,6 +106,29 @@ def _score_lines(comparison: Comparison) -> list[str]:
     heading = f"Score, the mean of these ratios over {len(results.motions)} motions, lowest first:"
     notes = [rank.note for rank, _ in comparison.ranks if rank.note]
     return [heading, *table_lines(table), *(line for note in notes for line in wrap(note, width=_WIDTH))]
+
+
+def _band_lines(results: StudyResults) -> list[str]:
+    """Bands of the scores over realisations, and of the peak drift."""
+    varied = results.varied
+    if varied is None or not varied.rows:
+        return []
+    off = results.row_of("passive_off")
+    table: list[tuple[str, ...]] = [("", "score", "peak drift")]
+    for number, row in enumerate(results.rows):
+        bands = (
+            varied.score_band(number, off, results.judged),
+            varied.ratio_band(number, off, results.judged, "peak_drift"),
+        )
+        cells = [
+            "-" if each is None else f"{each.median:.3f} ({each.lower:.3f} to {each.upper:.3f})"
+            for each in bands
+        ]
+        table.append((row.label, *cells))
+    heading = (
+        f"Over {varied.count} realisations: median and 90 % band of the score, and of peak drift over i = 0"
+    )
+    return [heading, *table_lines(table)]
 
 
 def _step_lines(results: StudyResults) -> list[str]:

@@ -5,6 +5,7 @@ Realisations that share building, delay and noise are one batch, with a row of d
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -13,11 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.buildings import Building
+from mrwork.buildings.devices import Device
 from mrwork.closed_loop.evaluation import criteria, values
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import Responses, run_quantities
 from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws import ControlLaw
+from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.study.realisations import Realisations
@@ -48,6 +51,27 @@ class RunCriteria(Summarised):
         return np.asarray(self.numbers[names.index(name)])
 
 
+BAND = 0.9
+"""Share of the realisations within a band."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Band:
+    """A number over realisations: median, and the ends between which 90 % of them lie; infinite where a run failed."""
+
+    lower: float
+    median: float
+    upper: float
+
+    @staticmethod
+    def of(values: Floats) -> Band:
+        """The band of one value for each realisation, shape (n,)."""
+        if not np.isfinite(values).all():
+            return Band(lower=math.nan, median=math.nan, upper=math.inf)
+        lower, median, upper = np.quantile(values, (0.5 * (1.0 - BAND), 0.5, 0.5 * (1.0 + BAND))).tolist()
+        return Band(lower=lower, median=median, upper=upper)
+
+
 def simulated_criteria(
     arrangement: Arrangement,
     law: ControlLaw,
@@ -76,12 +100,15 @@ def simulated_criteria(
     ]
     found: dict[int, tuple[Floats, Floats]] = {}
     seconds = 0.0
+    fitted, law = with_devices(arrangement, law)
+    # Without dampers of its own an arrangement has a device without parameters to vary.
+    theta = realisations.theta if arrangement.devices else tuple(device.draws for device in fitted)
     for key in dict.fromkeys(keys):
         members = [n for n, each in enumerate(keys) if each == key]
         stiffness, damping, delay, seed = key
         devices = tuple(
             replace(device, theta=rows[members] if len(rows) > 1 else rows)
-            for device, rows in zip(arrangement.devices, realisations.theta, strict=True)
+            for device, rows in zip(fitted, theta, strict=True)
         )
         began = time.perf_counter()
         responses = simulate_loop(
@@ -94,7 +121,7 @@ def simulated_criteria(
             threads=threads,
         )
         seconds += time.perf_counter() - began
-        own = values(_own(responses, arrangement), weight=weight)
+        own = values(_own(responses, arrangement, law), weight=weight)
         numbers = np.stack([own[entry.name] for entry in criteria()]).reshape(-1, *responses.shape)
         numbers = np.where(np.isfinite(numbers), numbers, np.inf)
         error = responses.energy_error.reshape(responses.shape)
@@ -107,6 +134,16 @@ def simulated_criteria(
         energy_error=np.stack([found[n][1] for n in order], axis=-1),
         seconds=seconds,
     )
+
+
+def with_devices(arrangement: Arrangement, law: ControlLaw) -> tuple[tuple[Device, ...], ControlLaw]:
+    """Devices and law of an arrangement; without devices it gets an actuator of zero force."""
+    if arrangement.devices:
+        return arrangement.devices, law
+    building, spec = arrangement.building, damper("dahl")
+    device = Device(name="none", spec=spec, theta=spec.nominal, row=building.storeys[0], largest_command=1.0)
+    still = ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * building.n_coordinates))})
+    return (device,), still
 
 
 def varied_building(
@@ -148,11 +185,16 @@ def _varied_hardware(hardware: Hardware, delay: float, seed: int) -> Hardware:
     return replace(hardware, delay=total, seed=hardware.seed + seed)
 
 
-def _own(responses: Responses, arrangement: Arrangement) -> Responses:
+def _own(responses: Responses, arrangement: Arrangement, law: ControlLaw) -> Responses:
     """Responses with the floors and storeys of the bare building alone."""
     kept = {}
     for quantity in run_quantities():
         columns = selected_columns(quantity, arrangement)
         if columns:
             kept[quantity.name] = getattr(responses, quantity.name)[(slice(None), *columns)]
+    if not arrangement.devices:
+        kept["peak_stroke"] = responses.peak_drift[:, list(arrangement.strokes)]
+    if law.spec.commands_force:
+        # The command of an ideal actuator is a force, not a current.
+        kept |= {name: kept[name][:, :0] for name in ("mean_current", "rms_current")}
     return replace(responses, **kept)

@@ -15,6 +15,7 @@ from mrwork.errors import RecordError
 from mrwork.records.operating_range import Exceedance, OperatingRange
 from mrwork.store.codec import finite, json_document, read_document
 from mrwork.store.run_folder import HISTORIES, JOURNAL, MANIFEST, REPORT, RESULTS, STUDY, write_folder
+from mrwork.study.batches import Band
 from mrwork.study.comparison import compared
 from mrwork.study.demand import largest_demand, names_outside, worst_by_quantity
 from mrwork.study.results import Key, MotionFacts, StudyCriteria, StudyResults
@@ -49,7 +50,8 @@ class StoredStudyRun(RunEnd):
     older files.
 
     `outside_tested_range` are the quantities in which the demand on a damper lies outside its tested ranges, `None` if
-    these are unknown; `exceedances` are the worst of each. `demand` is the largest on one damper.
+    these are unknown; `exceedances` are the worst of each. `demand` is the largest on one damper. `bands` are those of
+    the criteria over the realisations of [uncertainty].
     """
 
     controller: str
@@ -66,6 +68,7 @@ class StoredStudyRun(RunEnd):
     outside_tested_range: tuple[str, ...] | None = None
     exceedances: tuple[Exceedance, ...] = ()
     demand: OperatingRange | None = None
+    bands: dict[str, Band] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,6 +89,8 @@ class _Document:
     best_passive: str | None = None
     changes: tuple[StoredChanges, ...] = ()
     clairvoyant: tuple[StoredClairvoyant, ...] = ()
+    realisations: int = 0
+    score_bands: dict[str, Band] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -214,6 +219,12 @@ def study_document(results: StudyResults) -> dict[str, Any]:
         best_passive=None if passive is None else results.rows[passive].label,
         changes=tuple(stored_changes(comparison)),
         clairvoyant=tuple(stored_clairvoyant(each) for _, each in sorted(results.clairvoyants.items())),
+        realisations=0 if results.varied is None else results.varied.count,
+        score_bands={}
+        if results.varied is None
+        else results.varied.scores(
+            [row.label for row in results.rows], results.row_of("passive_off"), results.judged
+        ),
     )
     found: dict[str, Any] = finite(asdict(document))
     return found
@@ -267,6 +278,7 @@ def _stored_run(results: StudyResults, row: int, motion: int, passive: int | Non
         outside_tested_range=names_outside(demands),
         exceedances=worst_by_quantity(demands),
         demand=largest_demand(demands),
+        bands={} if results.varied is None else results.varied.bands(row, motion),
     )
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mrwork.buildings.devices import Device
 from mrwork.errors import SettingError
 from mrwork.search.unit_cube import Streams, latin_hypercube
+from mrwork.store import digest_of
 from mrwork.summary import Summarised
 
 if TYPE_CHECKING:
@@ -41,9 +42,9 @@ class Realisations(Summarised):
         return len(self.stiffness)
 
     @property
-    def drawn_dampers(self) -> bool:
-        """Whether damper parameters differ between realisations."""
-        return any(len(rows) > 1 for rows in self.theta)
+    def digest(self) -> str:
+        """Digest of all numbers."""
+        return digest_of(self.stiffness, self.damping, self.delay, self.seed, *self.theta)
 
 
 def nominal(devices: Sequence[Device]) -> Realisations:

@@ -16,6 +16,7 @@ from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.study.demand import DeviceDemand, damper_warnings, demands_of
 from mrwork.study.run_result import RunEnd, RunResult
 from mrwork.study.study import Kind, Row, Use
+from mrwork.study.varied import VariedResults
 from mrwork.summary import Summarised, Summary, listed, rounded
 from mrwork.units import STANDARD_GRAVITY
 
@@ -216,7 +217,8 @@ class StudyResults(StudyCriteria):
     """Runs of a study by (row, motion), as far as they are done.
 
     `mass` is that of the building [kg], `facts` are further lines of the page on building, dampers and loop. `devices`
-    are the dampers, with their tested ranges; `clairvoyants` the non-causal optima by the index of their motion.
+    are the dampers, with their tested ranges; `clairvoyants` the non-causal optima by the index of their motion,
+    `varied` the results over realisations, if the study has any.
     """
 
     title: str
@@ -232,6 +234,7 @@ class StudyResults(StudyCriteria):
     halved: Mapping[Key, RunResult] | None = None
     devices: tuple[Device, ...] = ()
     clairvoyants: Mapping[int, Clairvoyant] = field(default_factory=dict)
+    varied: VariedResults | None = None
 
     def demands(self, row: int, motion: int) -> tuple[DeviceDemand, ...]:
         """Demand of a run on each device; none for a run without dampers or that did not finish."""

@@ -10,22 +10,21 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.buildings.devices import Device
 from mrwork.closed_loop.clairvoyant import Clairvoyant
 from mrwork.closed_loop.evaluation import score, values
 from mrwork.closed_loop.responses import Responses, history_signals
 from mrwork.closed_loop.simulate import simulate_loop
-from mrwork.control.laws import ControlLaw
-from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted
 from mrwork.motions import GroundMotion
 from mrwork.store import Journal
 from mrwork.store.codec import plain, rebuilt
 from mrwork.study.arrangements import constant_command, constant_commands
+from mrwork.study.batches import RunCriteria, with_devices
 from mrwork.study.played_commands import PlayedCommands
 from mrwork.study.results import Key, MotionFacts, StudyResults
 from mrwork.study.run_result import RunHistory, RunResult, history_of, result_of
 from mrwork.study.study import Arrangement, Row, Study, digest_of_run, fingerprint_of
+from mrwork.study.varied import VariedResults, varied_criteria
 from mrwork.units import STANDARD_GRAVITY
 
 # Histories that need more memory than this are simulated one at a time.
@@ -97,11 +96,12 @@ def run_study(
     runs: dict[Key, RunResult] = {}
     halved: dict[Key, RunResult] | None = {} if check_step else None
     clairvoyants: dict[int, Clairvoyant] = {}
+    varied: dict[int, RunCriteria] = {}
     played = PlayedCommands(study=study, threads=threads)
 
     def results() -> StudyResults:
         rows = (*(each.row for each in arrangements), *study.rows[len(arrangements) :])
-        return replace(_results_of(study, rows, runs, halved), clairvoyants=dict(clairvoyants))
+        return replace(_results_of(study, rows, runs, halved, varied), clairvoyants=dict(clairvoyants))
 
     def report(label: str) -> None:
         so_far, seconds = results(), time.perf_counter() - began
@@ -142,6 +142,12 @@ def run_study(
                     halved[row, motion] = result
             for motion, found in clairvoyants.items():
                 halved[len(arrangements), motion], _ = played.run(motion, found, step_factor=2)
+        if study.realisations is not None:
+            for row, arrangement in enumerate(arrangements):
+                report(f"{arrangement.row.label}, realisations")
+                varied[row] = varied_criteria(
+                    study, arrangement, study.realisations, journal, threads=threads
+                )
     except KeyboardInterrupt:
         raise Interrupted(results(), "study") from None
     return results()
@@ -152,8 +158,9 @@ def _results_of(
     rows: tuple[Row, ...],
     runs: Mapping[Key, RunResult],
     halved: Mapping[Key, RunResult] | None,
+    varied: Mapping[int, RunCriteria],
 ) -> StudyResults:
-    """The results of the runs so far; `halved` are those with half the step, if requested."""
+    """The results of the runs so far; `halved` are those with half the step, `varied` those of realisations by row."""
     bare = study.building
     return StudyResults(
         title=study.title,
@@ -180,6 +187,9 @@ def _results_of(
         mass=bare.total_mass,
         facts=study.facts,
         halved=None if halved is None else dict(halved),
+        varied=None
+        if study.realisations is None
+        else VariedResults(count=len(study.realisations), rows=dict(varied)),
     )
 
 
@@ -262,15 +272,10 @@ def simulated_by(
     threads: int = 0,
 ) -> Responses:
     """Simulate an arrangement under these motions; without devices it gets an actuator of zero force."""
-    building, devices, law = arrangement.building, arrangement.devices, arrangement.law
-    assert law is not None
-    if not devices:
-        spec = damper("dahl")
-        row = building.storeys[0]
-        devices = (Device(name="none", spec=spec, theta=spec.nominal, row=row, largest_command=1.0),)
-        law = ControlLaw(name="active", gains={"gain": np.zeros((1, 2 * building.n_coordinates))})
+    assert arrangement.law is not None
+    devices, law = with_devices(arrangement, arrangement.law)
     return simulate_loop(
-        building,
+        arrangement.building,
         devices,
         law,
         motions,

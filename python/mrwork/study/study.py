@@ -222,6 +222,7 @@ def fingerprint_of(study: Study) -> dict[str, object]:
         ],
         "chosen_on": [_digest_of_motion(ground) for ground in study.chosen_on],
         "hardware": asdict(study.hardware),
+        "realisations": None if study.realisations is None else study.realisations.digest,
         "version": {name: package_version(name) for name in ("mrwork", "numpy", "scipy")},
         **({} if study.clairvoyant is None else {"clairvoyant": asdict(study.clairvoyant)}),
     }

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.closed_loop.evaluation import Spread, criteria
-from mrwork.study.batches import RunCriteria
+from mrwork.study.batches import Band, RunCriteria
 from mrwork.summary import Summarised, Summary, listed, rounded, with_decimals
 from mrwork.tuning.objective import Objective, over_passive
 from mrwork.tuning.problem import Bench
@@ -19,22 +19,11 @@ from mrwork.tuning.space import LARGEST, FreeSetting
 
 Floats = NDArray[np.float64]
 
-BAND = 0.9
-"""Share of the realisations within a band."""
 _MARGIN = 0.01
 TRAINING_ONLY = (
     "No motion of the study is for testing only: every score is of the motions that the settings were tuned on, and "
     'says nothing about others. Give some motions use = "training" and others use = "test".'
 )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Band:
-    """A number over realisations: median, and the ends between which 90 % of them lie."""
-
-    lower: float
-    median: float
-    upper: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -322,15 +311,8 @@ def _ratios(objective: Objective, found: RunCriteria, passive: RunCriteria) -> d
 
 
 def _bands(ratios: Mapping[str, Floats]) -> dict[str, Band]:
-    found = {}
-    for name, values in ratios.items():
-        means = values[0].mean(axis=0)
-        if not np.isfinite(means).all():
-            found[name] = Band(lower=math.nan, median=math.nan, upper=math.inf)
-            continue
-        lower, median, upper = np.quantile(means, (0.5 * (1.0 - BAND), 0.5, 0.5 * (1.0 + BAND))).tolist()
-        found[name] = Band(lower=lower, median=median, upper=upper)
-    return found
+    """Bands of the means over motions."""
+    return {name: Band.of(values[0].mean(axis=0)) for name, values in ratios.items()}
 
 
 def compared_to(law: Judgement, constant: Judgement) -> Better:

@@ -13,7 +13,7 @@ from mrwork.errors import Interrupted, SettingError
 from mrwork.keys import suggestion
 from mrwork.search.peers import library
 from mrwork.search.registry import OPTIMISERS, PEERS
-from mrwork.store import Journal, digest_of
+from mrwork.store import Journal
 from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
 from mrwork.tuning.benches import benches_of
@@ -253,15 +253,11 @@ def _check_labels(plans: Sequence[Plan]) -> None:
 
 
 def _fingerprint(study: Study, tables: Sequence[TuneTable], rng: int) -> dict[str, object]:
-    varied = study.realisations
     return {
         **fingerprint_of(study),
         "tune": [
             {each.name: getattr(table, each.name) for each in fields(table) if each.name != "place"}
             for table in tables
         ],
-        "realisations": None
-        if varied is None
-        else digest_of(varied.stiffness, varied.damping, varied.delay, varied.seed, *varied.theta),
         "rng": rng,
     }

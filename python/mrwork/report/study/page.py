@@ -18,6 +18,7 @@ from mrwork.report.study.sections import (
     motion_section,
     profile_section,
     step_section,
+    uncertainty_section,
 )
 from mrwork.study.comparison import ADD_BEST_PASSIVE, Comparison, compared
 from mrwork.study.results import OFF_BALANCE, StudyResults
@@ -60,6 +61,7 @@ def study_page(
         profile_section(results, motion),
         history_section(results, histories, motion, drawn),
         device_section(results, histories, motion, drawn),
+        uncertainty_section(results),
         demand_section(results),
         energy_section(results, motion),
         step_section(results),

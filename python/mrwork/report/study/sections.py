@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.records.operating_range import OperatingRange, covering
 from mrwork.report.numbers import fixed, significant
 from mrwork.report.section import NOTHING, Group, Section, Table, panel
 from mrwork.report.study.figures import energy_figure, profile_figure
+from mrwork.study.batches import BAND, Band
 from mrwork.study.results import ON_OFF, StudyResults, largest_step_changes
 
 _QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceleration"))
@@ -204,4 +206,35 @@ def step_section(results: StudyResults) -> Section | None:
                 )
             ),
         ),
+    )
+
+
+def uncertainty_section(results: StudyResults) -> Section | None:
+    """Bands of score and ratios over the realisations of the study, if it has any."""
+    varied = results.varied
+    if varied is None or not varied.rows:
+        return None
+    off = results.row_of("passive_off")
+    rows = []
+    for number, row in enumerate(results.rows):
+        bands = [varied.score_band(number, off, results.judged)]
+        bands += [varied.ratio_band(number, off, results.judged, name) for name in SCORE]
+        rows.append((row.label, *map(_band, bands)))
+    table = Table(
+        label="Bands over realisations",
+        columns=("", "Score", *(criterion(name).short for name in SCORE)),
+        rows=tuple(rows),
+        note=f"Median, and the ends between which {BAND:.0%} of the {varied.count} realisations lie; each number is a "
+        "mean over the motions, over i = 0 in the same realisation. All rows have the same realisations; the laws are "
+        "those of the nominal study.",
+    )
+    summary = f"{varied.count} realisations of what is not known exactly."
+    return Section(anchor="bands", title="Under uncertainty", summary=summary, groups=(Group(table=table),))
+
+
+def _band(band: Band | None) -> str:
+    return (
+        NOTHING
+        if band is None
+        else f"{fixed(band.median, 3)} ({fixed(band.lower, 3)}–{fixed(band.upper, 3)})"
     )

@@ -11,7 +11,8 @@ from mrwork.report.html import filled_in
 from mrwork.report.numbers import fixed, shortest, significant
 from mrwork.report.section import NOTHING, Group, Section, Table, panel
 from mrwork.report.tuning.figures import course_figure, front_figure, score_figure
-from mrwork.tuning.results import BAND, Front, Judgement, LawResult, TuningResults
+from mrwork.study.batches import BAND
+from mrwork.tuning.results import Front, Judgement, LawResult, TuningResults
 
 _DECIMALS = 3
 _IN_UNITS = {"m": ("mm", 1e3), "N": ("kN", 1e-3), "J": ("J", 1.0)}

@@ -1,0 +1,140 @@
+"""Realisations of a study: bands of every criterion, one axis of the batch, the same for every law."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tuning_samples
+
+import mrwork as mr
+from mrwork.buildings.tuned_mass import with_tuned_mass
+from mrwork.closed_loop.evaluation import criterion
+from mrwork.errors import SettingError
+from mrwork.study.batches import Band, simulated_criteria, varied_building
+from mrwork.study.folder import study_document
+from mrwork.study.realisations import nominal
+from mrwork.study.study import Arrangement, Row, arranged
+
+CONTROLLER = """
+[[controller]]
+law = "clipped_optimal"
+settings = { drifts = 1, control_weight = 1e-13 }
+largest_command = 1.2
+"""
+UNCERTAIN = "[uncertainty]\nrealisations = 4\nstiffness = 0.1\ndamping = 0.2\ndelay = '2 ms'\n"
+
+
+def study(folder: Path, more: str = UNCERTAIN) -> mr.Study:
+    return mr.read_study(tuning_samples.study_file(folder, tune=CONTROLLER, more=more))
+
+
+def test_every_row_has_bands_about_its_nominal_values(tmp_path: Path) -> None:
+    results = mr.run_study(study(tmp_path), threads=1)
+    document = study_document(results)
+    for run in document["results"]:
+        band = run["bands"]["peak_drift"]
+        assert band["lower"] < band["median"] < band["upper"]
+        assert 0.5 * run["criteria"]["peak_drift"] < band["median"] < 2.0 * run["criteria"]["peak_drift"]
+    assert document["score_bands"]["i = 0"] == {"lower": 1.0, "median": 1.0, "upper": 1.0}
+    assert document["realisations"] == 4
+
+
+def test_the_nominal_realisation_gives_the_bits_of_the_study(tmp_path: Path) -> None:
+    given = study(tmp_path)
+    results = mr.run_study(given, threads=1)
+    row = next(number for number, each in enumerate(given.arrangements) if each.row.kind == "controller")
+    arrangement = given.arrangements[row]
+    assert arrangement.law is not None
+    found = simulated_criteria(
+        arrangement,
+        arrangement.law,
+        given.grounds,
+        given.hardware,
+        nominal(given.devices),
+        bare=given.building,
+    )
+    for motion in range(len(given.motions)):
+        for name, value in (results.criteria(row, motion) or {}).items():
+            assert found.of(name)[0, motion, 0] == value
+
+
+def test_draws_of_dampers_are_one_batch_with_the_bits_of_single_ones(tmp_path: Path) -> None:
+    given = study(tmp_path)
+    arrangement = next(each for each in given.arrangements if each.row.kind == "controller")
+    assert arrangement.law is not None
+    rows = given.devices[0].draws * np.array([[0.9], [1.0], [1.1]])
+    one = nominal(given.devices)
+    three = replace(
+        one,
+        stiffness=np.ones(3),
+        damping=np.ones(3),
+        delay=np.zeros(3),
+        seed=np.arange(3),
+        theta=(rows,),
+    )
+    batch = simulated_criteria(
+        arrangement, arrangement.law, given.grounds, given.hardware, three, bare=given.building, threads=1
+    )
+    for place in range(3):
+        single = replace(one, theta=(rows[place : place + 1],))
+        alone = simulated_criteria(
+            arrangement,
+            arrangement.law,
+            given.grounds,
+            given.hardware,
+            single,
+            bare=given.building,
+            threads=1,
+        )
+        assert np.array_equal(batch.numbers[..., place], alone.numbers[..., 0])
+
+
+def test_the_spring_of_a_tuned_mass_does_not_vary_with_the_building() -> None:
+    bare = mr.building("uts")
+    tuned = with_tuned_mass(bare, floor=5, mass=30.0, frequency=3.0, ratio=0.1)
+    row = Row(label="TMD", kind="baseline")
+    arrangement: Arrangement = arranged(bare, row, tuned, (), None)
+    varied = varied_building(arrangement, bare, stiffness=1.1, damping=1.0)
+    n = bare.n_coordinates
+    difference = varied.stiffness - tuned.stiffness
+    assert np.allclose(difference[:n, :n], 0.1 * bare.stiffness)
+    assert not difference[n:].any()
+
+
+def test_an_isolated_building_varies_above_its_isolators() -> None:
+    bare = mr.building("uts")
+    isolated = mr.buildings.with_base_isolation_of_period(bare, mass=330.0, period=2.0, ratio=0.1)
+    arrangement = arranged(bare, Row(label="isolated", kind="baseline"), isolated, (), None)
+    varied = varied_building(arrangement, bare, stiffness=1.2, damping=1.0)
+    # A rigid motion of the building on its isolators has the strain energy of these alone.
+    rigid = np.linalg.lstsq(
+        isolated.storeys, np.eye(len(isolated.storeys))[arrangement.strokes[0]], rcond=None
+    )[0]
+    assert rigid @ varied.stiffness @ rigid == pytest.approx(rigid @ isolated.stiffness @ rigid)
+
+
+def test_a_band_of_a_run_that_failed_is_open() -> None:
+    assert Band.of(np.array([1.0, np.inf])).upper == np.inf
+    assert criterion("peak_drift").ratio
+
+
+@pytest.mark.parametrize(
+    ("more", "sentence"),
+    [
+        ("[uncertainty]\n", "nothing in .uncertainty. is uncertain"),
+        ("[uncertainty]\nstiffness = 1.5\n", "below 1"),
+        ("[uncertainty]\nstifness = 0.1\n", "did you mean stiffness"),
+    ],
+)
+def test_an_uncertainty_that_cannot_be_is_refused(tmp_path: Path, more: str, sentence: str) -> None:
+    with pytest.raises(SettingError, match=sentence):
+        study(tmp_path, more)
+
+
+def test_a_law_may_not_send_more_than_its_dampers_take(tmp_path: Path) -> None:
+    text = CONTROLLER.replace("1.2", "3.0")
+    with pytest.raises(SettingError, match=r"1\.88 at most"):
+        mr.read_study(tuning_samples.study_file(tmp_path, tune=text))
