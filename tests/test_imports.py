@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from study_texts import study_text
 
 import mrwork
 
@@ -105,6 +106,18 @@ def fit(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.parametrize("verb", VERBS)
 def test_no_verb_loads_jax(verb: str, fit: Path) -> None:
     in_fresh_process(f"{LOAD}{VERBS[verb]}{NO_JAX}", fit)
+
+
+def test_only_a_design_of_weights_loads_cvxpy(tmp_path: Path) -> None:
+    study = tmp_path / "study.toml"
+    study.write_text(study_text("drifts = 1.0\ncontrol_weight = 1e-13"))
+    in_fresh_process(
+        "import sys, mrwork as mr\n"
+        "mr.control.WeightWishes, mr.control.design_weights, mr.control.RegulatorSettings(control_weight=1.0)\n"
+        "mr.read_study(sys.argv[1])\n"
+        "assert not {'cvxpy', 'clarabel'} & set(sys.modules)",
+        study,
+    )
 
 
 def test_a_plain_model_is_identified_without_scipy() -> None:

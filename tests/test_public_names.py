@@ -72,7 +72,7 @@ SMALL_VALUES = {
         "ParamSpec",
         "Progress",
     ),
-    *("LoopTiming", "RmsLimits", "SemiActiveCondition"),
+    *("LoopTiming", "RmsLimits", "SemiActiveCondition", "WeightWishes"),
     *("ClairvoyantProgress", "RecordedMotion", "Smoothing", "Span", "Tuning"),
     *("TuningProgress", "Uniform"),
 }

@@ -96,6 +96,34 @@ _WORDS: Final = {
 }  # fmt: skip
 
 
+# Quantities of a number by its SI unit; that of a command depends on the damper.
+_MEASURES: Final[Mapping[str, tuple[MeasuredQuantity, ...]]] = {
+    **{next(iter(units)): (quantity,) for quantity, units in FACTORS.items()},
+    "A or V": ("current", "voltage"),
+    "A/s or V/s": ("current rate", "voltage rate"),
+}
+
+
+def number_in(text: str, unit: str) -> float | str:
+    """A number in SI from a text such as "1 ms", or the reason why it is not one, as the rest of a sentence."""
+    factors = {name: factor for quantity in _MEASURES[unit] for name, factor in FACTORS[quantity].items()}
+    known, example = ", ".join(factors), f'"1 {list(factors)[:2][-1]}"'
+    number, _, given = text.strip().partition(" ")
+    try:
+        value = float(number)
+    except ValueError:
+        return f"is {text!r}; give a number [{unit}], or one with its unit as in {example}"
+    if given.strip() in factors:
+        return value * factors[given.strip()]
+    if not given:
+        return (
+            f"is the text {text!r}; give the number without quotes [{unit}], or with its unit as in {example}"
+        )
+    if any(given.strip() in units for units in FACTORS.values()):
+        return f"is {text!r}, where a number [{unit}] is expected; its unit may be {known}"
+    return f"is {text!r}, whose unit is not known; its unit may be {known}"
+
+
 def factor_of(unit: str, quantity: MeasuredQuantity) -> float | None:
     """Factor to SI of a unit in any case and common spelling; `None` where it is no unit of the quantity."""
     symbol = unit.strip().strip("'\"")

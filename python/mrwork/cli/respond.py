@@ -116,11 +116,14 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         from mrwork.study.folder import study_document
 
-        document = study_document(results) | {"out": str(place)}
+        notes = [{"controller": label, "notes": list(each)} for label, each in study.design_notes]
+        document = study_document(results) | ({"weights": notes} if notes else {}) | {"out": str(place)}
         print(json.dumps(document, allow_nan=False, ensure_ascii=False))
     else:
         from mrwork.cli.study_text import study_text
 
+        for label, each in study.design_notes:
+            print("\n".join([f"Weights of {label}", *(f"  {sentence}" for sentence in each), ""]))
         print(study_text(results, place))
     if status == 130:
         note(

@@ -14,6 +14,7 @@ from .design.limits import RmsLimits as RmsLimits
 from .design.limits import SemiActiveCondition as SemiActiveCondition
 from .design.weights import WeightDesigner as WeightDesigner
 from .design.weights import design_weights as design_weights
+from .design.wishes import WeightWishes as WeightWishes
 from .design_problem import Design as Design
 from .design_problem import DesignProblem as DesignProblem
 from .fuzzy import FuzzyTable as FuzzyTable

@@ -83,7 +83,9 @@ def design_law(
         )
     design = settings.design(problem)
     curve = problem.curve if spec.needs_curve else None
-    return ControlLaw(name=name, gains=design.gains, tables=design.tables, curve=curve)
+    return ControlLaw(
+        name=name, gains=design.gains, tables=design.tables, curve=curve, notes=settings.notes(problem)
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

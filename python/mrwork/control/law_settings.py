@@ -119,7 +119,8 @@ class RegulatorSettings(CostWeights, LawSettings):
 
     weighed_by_default: ClassVar[Mapping[str, float]] = {"drifts": 1.0}
     control_weight: Weights = key(
-        "R of the forces [1/N2], each the force of a device with all its dampers",
+        "R of the forces [1/N2], each the force of a device with all its dampers; with designed weights, 1 is R as "
+        "designed",
         above=0.0,
         matrix=True,
         span=Span(lower=1e-6, upper=10.0, of=(("cost", 1.0), ("force", -2.0))),
@@ -132,7 +133,13 @@ class RegulatorSettings(CostWeights, LawSettings):
     def regulator(self, problem: DesignProblem) -> Regulator:
         """The regulator with these weights."""
         plant = problem.plant
-        return regulator_of_weights(plant, self.weighed(plant), self.control_weight)
+        return regulator_of_weights(plant, self.weighed(plant), self.control_weight_of(plant))
+
+    def control_weight_of(self, plant: Plant) -> Weights:
+        """R of the devices; one number with designed weights keeps the ratios of the design."""
+        if self.designed is None or not isinstance(self.control_weight, float | int):
+            return self.control_weight
+        return tuple(self.control_weight * each for each in self.designed.relative_control_weight(plant))
 
     def certificate(self, problem: DesignProblem) -> str:
         """Stability of the linear loop of the regulator."""

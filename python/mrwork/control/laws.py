@@ -86,6 +86,7 @@ class ControlLaw(Summarised):
     gains: Mapping[str, ArrayLike] = field(default_factory=dict)
     tables: Mapping[str, ArrayLike] = field(default_factory=dict)
     curve: tuple[DamperSpec, ArrayLike] | None = None
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         spec = self.spec
@@ -156,6 +157,7 @@ class ControlLaw(Summarised):
                 )
                 for name, value in (*self.gains.items(), *self.tables.items())
             ],
+            notes=self.notes,
         )
 
 

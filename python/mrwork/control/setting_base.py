@@ -116,6 +116,10 @@ class LawSettings(metaclass=DeclaredTable):
                 found.append(reason)
         return found
 
+    def notes(self, problem: DesignProblem) -> tuple[str, ...]:
+        """Sentences on the design that a user should read; none for most laws."""
+        return ()
+
     def certificate(self, problem: DesignProblem) -> str:
         """What is proved of the law on this building, in words; `NO_CERTIFICATE` where nothing is."""
         return NO_CERTIFICATE

@@ -13,6 +13,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from mrwork.control.design.wishes import WeightWishes
+from mrwork.control.design_problem import DesignProblem
 from mrwork.control.plant import (
     Outputs,
     Plant,
@@ -154,6 +156,10 @@ class CostWeights:
         "weights of the state: displacements, then velocities of the coordinates; Q, or Q_P of a Lyapunov function"
     )
     energy: float | None = key("weight of twice the energy of the building [1/J]", default=None, above=0.0)
+    designed: WeightWishes | None = key(
+        "weights designed from limits on rms responses and a budget of force, instead of any others",
+        default=None,
+    )
 
     def weighed(self, plant: Plant) -> Weighed:
         """The sum of what the weights add to the cost.
@@ -163,6 +169,8 @@ class CostWeights:
         InvalidSettingError
             If a weight does not fit the building, or the energy is weighed besides others.
         """
+        if self.designed is not None:
+            return self._designed(self.designed, plant)
         given: list[tuple[Outputs, Floats]] = []
         for name, make, each in _OUTPUTS:
             weights = getattr(self, name)
@@ -189,9 +197,26 @@ class CostWeights:
             S=_sum([part.S for part in parts]),
         )
 
+    def _designed(self, wishes: WeightWishes, plant: Plant) -> Weighed:
+        """What designed weights add, scaled such that the mean control weight is 1 as designed."""
+        for name in (*self._names(), "energy"):
+            if getattr(self, name) is not None:
+                raise InvalidSettingError("designed", f"the law has designed weights, and {name}; keep one")
+        found = wishes.design(plant)
+        scale = 1.0 / float(found.control_weight.mean())
+        S = found.R - np.diag(found.control_weight)
+        return Weighed(Q=scale * found.Q, N=scale * found.N, S=scale * S)
+
+    def notes(self, problem: DesignProblem) -> tuple[str, ...]:
+        """What designed weights reach, and how they are to be used."""
+        return () if self.designed is None else self.designed.in_words(problem.plant)
+
     @classmethod
     def cost(cls, held: Mapping[str, float], magnitudes: Magnitudes) -> float:
         """What weights that are held add up to at these magnitudes; those of single floors are averaged."""
+        if "designed" in held:
+            # Of these weights R is 1 as designed.
+            return magnitudes.force**2
         costs = 0.0
         for name, value in (held or {"energy": 1.0}).items():
             if name in _MAGNITUDES:

@@ -195,8 +195,8 @@ def chosen_law(
         place.within("law").refuse(f"no control law is called {table.law!r}{near}")
     kind = SETTINGS[table.law]
     given = _with_matrices(kind, table.settings or {}, place.within("settings"), folder)
-    settings: LawSettings = read_table(kind, given, place.within("settings"))
     with located(place.within("settings")):
+        settings: LawSettings = read_table(kind, given, place.within("settings"))
         return specs[table.law].title, design_law(table.law, problem, settings)
 
 
@@ -211,6 +211,9 @@ def _with_matrices(
             with located(place.within(entry.name)):
                 matrix = read_matrix(folder / name)
             found[entry.name] = (matrix.ravel() if 1 in matrix.shape else matrix).tolist()
+    wishes = found.get("designed")
+    if isinstance(wishes, dict) and isinstance(wishes.get("record"), str):
+        found["designed"] = {**wishes, "record": str(folder / wishes["record"])}
     return found
 
 

@@ -20,8 +20,9 @@ from mrwork.errors import RecordError
 from mrwork.keys import Place, suggestion
 from mrwork.records.command import command_level
 from mrwork.records.operating_range import OperatingRange
-from mrwork.study.declared import located, number_in
+from mrwork.study.declared import located
 from mrwork.study.schema import DamperTable
+from mrwork.units import number_in
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

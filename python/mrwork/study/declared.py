@@ -15,16 +15,9 @@ from typing import Any, Literal, NoReturn, TypeVar, Union, cast, get_args, get_o
 
 from mrwork.errors import InvalidSettingError, MrworkError, SettingError
 from mrwork.keys import Place, described, is_required, keys_of, out_of_range, shown, suggestion
-from mrwork.units import FACTORS, MeasuredQuantity
+from mrwork.units import number_in
 
 T = TypeVar("T")
-
-# Quantities of a key by its SI unit; that of a command depends on the damper.
-_MEASURES: Mapping[str, tuple[MeasuredQuantity, ...]] = {
-    **{next(iter(units)): (quantity,) for quantity, units in FACTORS.items()},
-    "A or V": ("current", "voltage"),
-    "A/s or V/s": ("current rate", "voltage rate"),
-}
 
 
 @contextmanager
@@ -113,26 +106,6 @@ def _plain(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
     if not isinstance(value, kind):
         _refuse(place, value, {str: "a text in quotes", bool: "true or false"}[kind])
     return value
-
-
-def number_in(text: str, unit: str) -> float | str:
-    """A number in SI from a text such as "1 ms", or the reason why it is not one, as the rest of a sentence."""
-    factors = {name: factor for quantity in _MEASURES[unit] for name, factor in FACTORS[quantity].items()}
-    known, example = ", ".join(factors), f'"1 {list(factors)[:2][-1]}"'
-    number, _, given = text.strip().partition(" ")
-    try:
-        value = float(number)
-    except ValueError:
-        return f"is {text!r}; give a number [{unit}], or one with its unit as in {example}"
-    if given.strip() in factors:
-        return value * factors[given.strip()]
-    if not given:
-        return (
-            f"is the text {text!r}; give the number without quotes [{unit}], or with its unit as in {example}"
-        )
-    if any(given.strip() in units for units in FACTORS.values()):
-        return f"is {text!r}, where a number [{unit}] is expected; its unit may be {known}"
-    return f"is {text!r}, whose unit is not known; its unit may be {known}"
 
 
 def _ranged(value: float, place: Place, entry: Field[Any]) -> float:

@@ -11,6 +11,7 @@ from dataclasses import Field, is_dataclass
 from typing import Any, Literal, Union, cast, get_args, get_origin, get_type_hints
 
 from mrwork.buildings import from_file
+from mrwork.control.design.wishes import WeightWishes
 from mrwork.control.law_settings import SETTINGS
 from mrwork.control.laws import control_laws
 from mrwork.keys import is_required, keys_of
@@ -46,6 +47,11 @@ def laws_text() -> str:
         lines = [f"{spec.name}: {spec.title}", *(f"  {line}" for line in spec.equation.splitlines()), *prose]
         settings = [f"  {line}" for line in key_lines(SETTINGS[spec.name])]
         blocks.append("\n".join([*lines, *(["  settings", *settings] if settings else [])]))
+    prose = textwrap.wrap(
+        " ".join((WeightWishes.__doc__ or "").split()), _WIDTH, initial_indent="  ", subsequent_indent="  "
+    )
+    lines = [f"  {line}" for line in key_lines(WeightWishes)]
+    blocks.append("\n".join(["designed: table among the settings of a law with weights", *prose, *lines]))
     blocks += [f"{name}: {law.description}; no settings" for name, law in CONSTANT_LAWS.items()]
     return "\n\n".join(blocks)
 

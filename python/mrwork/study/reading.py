@@ -79,7 +79,14 @@ def read_study(path: str | Path, identified: Identified = identified_damper, *, 
         hardware=hardware,
         devices=devices,
         command_unit="A" if first is None else first.unit,
-        facts=_facts(bare, devices, chosen, table.hardware),
+        facts=(
+            *_facts(bare, devices, chosen, table.hardware),
+            *(
+                (f"Weights of {each.row.label}", " ".join(each.law.notes))
+                for each in compared
+                if each.law is not None and each.law.notes
+            ),
+        ),
         detailed=detailed,
         drawn=drawn,
         histories={"detailed": (detailed,), "all": tuple(range(len(motions))), "none": ()}[

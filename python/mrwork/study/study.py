@@ -174,6 +174,15 @@ class Study(Summarised):
             histories=tuple(kept.index(number) for number in sorted(stored) if number in kept),
         )
 
+    @property
+    def design_notes(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
+        """Label of each row whose weights were designed, and what the design says."""
+        return tuple(
+            (each.row.label, each.law.notes)
+            for each in self.arrangements
+            if each.law is not None and each.law.notes
+        )
+
     def _summary(self) -> Summary:
         return Summary(
             title=f"Study: {self.title}",

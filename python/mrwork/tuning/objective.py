@@ -14,9 +14,9 @@ from mrwork.closed_loop.evaluation import criteria, criterion
 from mrwork.errors import SettingError
 from mrwork.keys import Place, suggestion
 from mrwork.study.batches import RunCriteria
-from mrwork.study.declared import number_in
 from mrwork.study.schema import Risk, TuneTable
 from mrwork.summary import Summarised
+from mrwork.units import number_in
 
 Floats = NDArray[np.float64]
 

@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 
 SCAN = (
     "The weights give the shape of the cost. The size of R is one number more, to be scanned in the true loop: a "
-    "damper saturates, and with R as designed the law is far too timid; try control_scale from 1 down to 1e-4."
+    "damper saturates, and with R as designed the law is far too timid; try 1 to 1e-4 of it."
 )
 """Advice wherever designed weights are shown."""
 

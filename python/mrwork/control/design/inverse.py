@@ -82,8 +82,8 @@ def inverse_weights(
     A gain K' = R^-1 B'P is optimal if `Q = P B R^-1 B'P - A'P - P A >= 0` with P >= 0 (R. E. Kalman, J. Basic Eng. 86,
     1964, 51-60). The distance to K is convex in P and the condition is not; each round replaces the product by its
     tangent at the last gain, which is a semidefinite program whose solution satisfies the condition, so that the
-    distance falls from round to round to a local minimum. Compare M. C. Priess et al., IEEE Trans. Control Systems Technology
-    23(2), 2015, 770-777.
+    distance falls from round to round to a local minimum. Compare M. C. Priess et al., IEEE Trans. Control Systems
+    Technology 23(2), 2015, 770-777.
 
     Parameters
     ----------

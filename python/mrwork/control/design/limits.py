@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from mrwork.control.plant import Outputs, Plant, accelerations, displacements, drifts, stacked
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.keys import check_keys, key, plain_values
+from mrwork.units import number_in
 
 Floats = NDArray[np.float64]
 Limit = float | tuple[float, ...]
-"""One limit for all places, or one for each; infinite for a place without a limit."""
+"""One limit for all places, or one for each."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -223,14 +224,19 @@ class LoopTiming:
 _MOST_DELAY = 20
 
 
-def as_forces(budget: float | Sequence[float] | Floats, plant: Plant) -> Floats:
-    """The budget of each device [N], shape (n_devices,).
+def as_forces(budget: float | str | Sequence[float] | Floats, plant: Plant) -> Floats:
+    """The budget of each device [N], shape (n_devices,); a text has a unit, as "1.5 kN".
 
     Raises
     ------
     SettingError
         If the number of budgets is wrong, or one is not positive.
     """
+    if isinstance(budget, str):
+        number = number_in(budget, "N")
+        if isinstance(number, str):
+            raise SettingError(f"budget {number}")
+        budget = number
     values = np.asarray(budget, dtype=np.float64)
     if values.shape not in ((), (plant.n_devices,)):
         raise SettingError(

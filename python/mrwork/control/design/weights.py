@@ -47,7 +47,7 @@ def design_weights(
     devices: Sequence[Device] | ArrayLike,
     *,
     limits: RmsLimits | Mapping[str, Limit],
-    budget: float | Sequence[float],
+    budget: float | str | Sequence[float],
     spectrum: SpectralDensity | None = None,
     cases: Sequence[DesignCase] = (),
     timing: LoopTiming | None = None,
@@ -67,7 +67,8 @@ def design_weights(
     limits
         Limits on rms drift [m], absolute acceleration [m/s^2], displacement [m] and force [N]; see `RmsLimits`.
     budget
-        Largest rms wanted force of each device, of all its dampers together [N]: one for all, or one for each.
+        Largest rms wanted force of each device, of all its dampers together: one for all [N], or as "1.5 kN", or one
+        for each.
     spectrum
         `KanaiTajimi` or `CloughPenzien`, as given or by `mr.motions.fitted_spectrum` of a record; Kanai-Tajimi on firm
         soil by default.
@@ -118,7 +119,7 @@ class WeightDesigner:
         devices: Sequence[Device] | ArrayLike,
         *,
         limits: RmsLimits | Mapping[str, Limit],
-        budget: float | Sequence[float],
+        budget: float | str | Sequence[float],
         spectrum: SpectralDensity | None = None,
         cases: Sequence[DesignCase] = (),
         timing: LoopTiming | None = None,
@@ -140,7 +141,7 @@ class WeightDesigner:
     def design(
         self,
         limits: RmsLimits | Mapping[str, Limit] | None = None,
-        budget: float | Sequence[float] | None = None,
+        budget: float | str | Sequence[float] | None = None,
     ) -> DesignedWeights:
         """The weights for these limits and this budget, those of the designer by default.
 
