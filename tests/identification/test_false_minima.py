@@ -67,7 +67,8 @@ def test_tests_at_two_commands_share_the_linear_model_unless_the_model_follows_t
 def test_a_fit_no_better_than_a_linear_one_is_named() -> None:
     # Without a dashpot the model of Dahl cannot follow this force.
     fit = identify("dahl", linear(TEST))
-    assert any("linear spring and dashpot" in each for each in fit.warnings)
+    (warning,) = fit.warnings
+    assert "linear spring and dashpot" in warning
     assert not identify("viscous_dahl", TEST).warnings
 
 

@@ -137,6 +137,9 @@ def _doubts(found: MultistartResult, nested: NestedFit | None, settings: Multist
         )
     if found.stop_reason == "max_rounds":
         again = int(np.count_nonzero(found.misfit <= (1.0 + settings.closeness) * least))
+        if again >= max(settings.found, len(found.misfit) / 2):
+            # The search went on only because a simpler description is as good, which has a warning of its own.
+            return ()
         return (
             f"the search is not sure of its minimum: {again} of {len(found.misfit)} local minimisations reached it; "
             "compare the fit of another seed",
