@@ -46,7 +46,7 @@ from .study.run import run_study as run_study
 from .study.study import Study as Study
 from .synthetic import synthetic_test as synthetic_test
 from .tuning.results import TuningResults as TuningResults
-from .tuning.tune import tune as tune
+from .tuning.run import tune as tune
 from .uncertainty.bands.conformal import Calibration as Calibration
 from .uncertainty.bands.conformal import calibrate as calibrate
 from .uncertainty.bands.prediction import Prediction as Prediction

@@ -14,7 +14,7 @@ from mrwork.errors import Interrupted, SettingError
 from mrwork.store.codec import plain
 from mrwork.tuning.folder import chosen_study, tuning_document
 from mrwork.tuning.results import TuningResults
-from mrwork.tuning.tune import tune
+from mrwork.tuning.run import tune
 
 
 def without_times(results: TuningResults) -> Any:

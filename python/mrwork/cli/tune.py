@@ -81,7 +81,7 @@ def run(options: argparse.Namespace) -> int:
     from mrwork.store.run_folder import check_destination
     from mrwork.store.unfinished import begin_journal, discard_journal, is_copy, resume_journal
     from mrwork.study.reading import read_study
-    from mrwork.tuning.tune import tune
+    from mrwork.tuning.run import tune
 
     began = time.perf_counter()
     study = read_study(options.study, seed=options.seed)

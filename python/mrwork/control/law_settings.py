@@ -280,7 +280,11 @@ class ProportionalSettings(LyapunovSettings):
     slope: float = key(
         "kappa [A or V, per unit of sigma G]; G is the slope of the force of a device with all its dampers",
         above=0.0,
-        span=Span(lower=1e-3, upper=1e4, of=(("command", 2.0), ("force", -1.0), ("rate", -1.0))),
+        span=Span(
+            lower=1e-3,
+            upper=1e4,
+            of=(("command", 2.0), ("force", -1.0), ("rate", -1.0), ("energy", 1.0), ("cost", -1.0)),
+        ),
     )
     control_weight: Weights | None = key(
         "R of that regulator [1/N2]; of the forces of devices with all their dampers",

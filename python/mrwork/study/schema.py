@@ -334,6 +334,11 @@ class TuneTable:
     search: str = key("search algorithm", default="differential_evolution")
     population: int = key("candidates of a generation", default=24, least=4)
     budget: int = key("candidates of each law, apart from the first ones", default=384, least=4)
+    gradient_steps: int = key(
+        "steps of L-BFGS-B on the twin after the search, for laws that are smooth: proportional_direct",
+        default=0,
+        least=0,
+    )
     seed: int = key("seed of the search, added to that of the command line", default=0, least=0)
     place: Place | None = None
 

@@ -5,6 +5,6 @@ from .objective import Objective as Objective
 from .results import Judgement as Judgement
 from .results import LawResult as LawResult
 from .results import TuningResults as TuningResults
+from .run import tune as tune
 from .space import Candidate as Candidate
 from .space import SettingSpace as SettingSpace
-from .tune import tune as tune

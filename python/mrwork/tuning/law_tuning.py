@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -21,6 +22,7 @@ from mrwork.store import digest_of
 from mrwork.study.schema import TuneTable
 from mrwork.tuning.benches import Benches, recorded
 from mrwork.tuning.first_candidates import Basis, FirstCandidate, first_candidates
+from mrwork.tuning.gradient_finish import Finish, gradient_finish
 from mrwork.tuning.objective import Objective
 from mrwork.tuning.problem import Bench, Scores, described, scored
 from mrwork.tuning.results import Judgement, LawResult, TracePoint, unjudged
@@ -32,6 +34,12 @@ Report = Callable[[int, float], None]
 
 # A search ends where its least objective has not fallen by the tolerance within this number of generations.
 _STALL, _TOLERANCE = 12, 1e-4
+_ENDS = {
+    "max_evaluations": "search, until its candidates were used up",
+    "max_generations": "search, until its candidates were used up",
+    "stall": "search, until it no longer improved",
+    "spread": "search, until its candidates were alike",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,9 +129,48 @@ def tuned_law(plan: Plan, benches: Benches, basis: Basis, *, rng: int, report: R
                 chosen, origin = plan.space.candidate(interrupt.result.best_unit), "search, interrupted"
             raise Interrupted(result(unjudged(trace[-1].least), None, ""), "tuning") from interrupt
         if found.best_misfit < least:
-            chosen, origin = plan.space.candidate(found.best_unit), f"search, ended by {found.stop_reason}"
+            chosen, origin = plan.space.candidate(found.best_unit), _ENDS.get(found.stop_reason, "search")
+        if table.gradient_steps:
+            last = _finished(plan, bench, benches, chosen)
+            trace.append(
+                TracePoint(candidates=trace[-1].candidates + 1, least=min(trace[-1].least, last.misfit))
+            )
+            if last.misfit < min(least, found.best_misfit):
+                chosen, origin = last.candidate, f"search, then {last.gradients} gradients on the twin"
     train, test = benches.judgements(plan.law, chosen, plan.objective, robust=table.robust)
     return result(train, test, bench.certificate(plan.law, chosen))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Finished:
+    candidate: Candidate
+    misfit: float
+    gradients: int
+
+
+def _finished(plan: Plan, bench: Bench, benches: Benches, chosen: Candidate) -> _Finished:
+    """The candidate that gradients reach from the chosen one, with its misfit in the loop."""
+    start = plan.space.unit(chosen)
+    if start is None:
+        return _Finished(candidate=chosen, misfit=math.inf, gradients=0)
+    point = recorded(
+        benches.journal,
+        "gradients",
+        digest_of(plan.label, chosen),
+        Finish,
+        lambda: gradient_finish(
+            plan.space, benches.training, plan.objective, start, plan.table.gradient_steps
+        ),
+    )
+    candidate = plan.space.candidate(point.unit)
+    scores = recorded(
+        benches.journal,
+        "finish",
+        digest_of(plan.label, candidate),
+        Scores,
+        lambda: scored(bench, plan.objective, plan.law, [candidate]),
+    )
+    return _Finished(candidate=candidate, misfit=float(scores.penalised[0]), gradients=point.gradients)
 
 
 def _searched(

@@ -19,6 +19,7 @@ from mrwork.study.study import Study, fingerprint_of
 from mrwork.tuning.benches import benches_of
 from mrwork.tuning.first_candidates import basis_of
 from mrwork.tuning.front import front_of
+from mrwork.tuning.gradient_finish import check_finish
 from mrwork.tuning.law_tuning import Plan, TuningProgress, tuned_law
 from mrwork.tuning.objective import Objective, known_criterion, objective_of, refuse_within
 from mrwork.tuning.problem import Clock, check_controllable, magnitudes_of
@@ -216,6 +217,7 @@ def _checked(table: TuneTable, study: Study) -> Objective:
             table, "robust needs an [uncertainty] in the study; give one, or leave robust out", "robust"
         )
     _check_objectives(table)
+    check_finish(table, study)
     return objective_of(table, study.command_unit)
 
 

@@ -1,0 +1,54 @@
+"""Gradients of a smooth law: the twin has the scores of the loop, and their derivatives in the free settings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tuning_samples
+
+import mrwork as mr
+from mrwork.errors import SettingError
+from mrwork.study.schema import TuneTable
+from mrwork.tuning.benches import benches_of
+from mrwork.tuning.gradient_finish import check_finish, gradient_finish, risk_weights
+from mrwork.tuning.objective import Objective, objective_of, risk_of
+from mrwork.tuning.problem import Clock, magnitudes_of, scored
+from mrwork.tuning.space import space_of
+
+LAW = "proportional_direct"
+
+
+def test_gradients_lower_the_objective_of_the_loop(tmp_path: Path) -> None:
+    study = mr.read_study(
+        tuning_samples.study_file(tmp_path, motions=tuning_samples.motion("A", 1).replace("3\n", "1\n", 1))
+    )
+    table = TuneTable(laws=(LAW,), free={"slope": (), "largest_command": ()})
+    benches = benches_of(study, journal=None, threads=1, clock=Clock())
+    space = space_of(table, LAW, magnitudes_of(benches.training))
+    objective = objective_of(table, "A")
+    start = np.array([0.4, 0.99])
+    found = gradient_finish(space, benches.training, objective, start, 3)
+    candidates = [space.candidate(start), space.candidate(found.unit)]
+    before, after = scored(benches.training, objective, LAW, candidates).objective
+    assert after < before
+    assert found.unit[1] == start[1]
+
+
+@pytest.mark.parametrize(("risk", "tail"), [("mean", 1.0), ("max", 1.0), ("cvar", 0.3)])
+def test_weights_of_scores_are_the_derivative_of_the_risk(risk: str, tail: float) -> None:
+    objective = Objective(weights={"peak_drift": 1.0}, risk=risk, tail=tail)  # type: ignore[arg-type] # a parameter
+    scores = np.random.default_rng(0).uniform(size=7)
+    weights = risk_weights(scores, objective)
+    for place in range(7):
+        moved = scores.copy()
+        moved[place] += 1e-6
+        ends = [risk_of(each[None], objective.risk, tail)[0] for each in (scores, moved)]
+        assert weights[place] == pytest.approx((ends[1] - ends[0]) / 1e-6, abs=1e-6)
+
+
+def test_gradients_of_a_law_that_switches_are_refused(tmp_path: Path) -> None:
+    study = mr.read_study(tuning_samples.study_file(tmp_path))
+    with pytest.raises(SettingError, match="clipped_optimal has no gradients"):
+        check_finish(TuneTable(laws=("clipped_optimal",), gradient_steps=5), study)
