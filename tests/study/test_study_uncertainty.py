@@ -14,6 +14,7 @@ from mrwork.buildings.tuned_mass import with_tuned_mass
 from mrwork.closed_loop.evaluation import criterion
 from mrwork.errors import SettingError
 from mrwork.study.batches import Band, simulated_criteria, varied_building
+from mrwork.study.dampers import IdentifiedDamper
 from mrwork.study.folder import study_document
 from mrwork.study.realisations import nominal
 from mrwork.study.study import Arrangement, Row, arranged
@@ -90,6 +91,22 @@ def test_draws_of_dampers_are_one_batch_with_the_bits_of_single_ones(tmp_path: P
             threads=1,
         )
         assert np.array_equal(batch.numbers[..., place], alone.numbers[..., 0])
+
+
+def test_posterior_draws_of_a_run_are_spread_over_the_realisations(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    preset = mr.damper("static_hysteretic").preset("kwok2006")
+    fit = IdentifiedDamper(spec=preset.spec, theta=tuple(preset.theta))
+    chain = np.asarray(preset.theta) * np.linspace(0.9, 1.1, 1001)[:, None]
+    monkeypatch.setattr("mrwork.study.reading.posterior_draws", lambda table, folder: chain)
+    path = tuning_samples.study_file(tmp_path, tune="", more="[uncertainty]\nrealisations = 5\n")
+    text = path.read_text().replace('preset = "kwok2006"', 'run = "run"\nlargest_command = 1.88')
+    path.write_text(text.replace("lag = 190\n", ""))
+    realisations = mr.read_study(path, lambda run: fit).realisations
+    assert realisations is not None
+    found = np.sort(realisations.theta[0][:, 0] / preset.theta[0])
+    assert found == pytest.approx([0.9, 0.95, 1.0, 1.05, 1.1])
 
 
 def test_the_spring_of_a_tuned_mass_does_not_vary_with_the_building() -> None:

@@ -81,6 +81,7 @@ def run(options: argparse.Namespace) -> int:
     from mrwork.store.run_folder import check_destination
     from mrwork.store.unfinished import begin_journal, discard_journal, is_copy, resume_journal
     from mrwork.study.reading import read_study
+    from mrwork.tuning.folder import tuning_document
     from mrwork.tuning.run import tune
 
     began = time.perf_counter()
@@ -108,8 +109,6 @@ def run(options: argparse.Namespace) -> int:
     if status == 0:
         discard_journal(journal)
     if options.json:
-        from mrwork.tuning.folder import tuning_document
-
         document = tuning_document(results) | {"out": str(place)}
         print(json.dumps(document, allow_nan=False, ensure_ascii=False))
     else:

@@ -17,7 +17,14 @@ from mrwork.errors import RecordError
 from mrwork.keys import Place, suggestion
 from mrwork.study.arrangements import arrangements, problem_of
 from mrwork.study.clairvoyant_row import clairvoyant_row
-from mrwork.study.dampers import ChosenDamper, Identified, chosen_damper, equipped, identified_damper
+from mrwork.study.dampers import (
+    ChosenDamper,
+    Identified,
+    IdentifiedDamper,
+    chosen_damper,
+    equipped,
+    identified_damper,
+)
 from mrwork.study.declared import located, read_table
 from mrwork.study.lines import parse
 from mrwork.study.motions import motions_of_study
@@ -111,7 +118,10 @@ def _realisations(
     for each in table.damper:
         rows = posterior_draws(each, folder) if given.damper else None
         if rows is not None:
-            rows = np.stack([_with_parameters(each, row, folder, identified) for row in rows])
+            # One draw for each realisation, equally spread over the chains.
+            places = np.linspace(0, len(rows) - 1, given.realisations).round().astype(np.int64)
+            fit = identified(folder / str(each.run))
+            rows = np.stack([_with_parameters(each, fit, row, folder) for row in rows[places]])
         drawn.append(rows)
     if not any((given.stiffness, given.damping, given.delay, *(rows is not None for rows in drawn))):
         where.refuse(
@@ -123,10 +133,11 @@ def _realisations(
 
 
 def _with_parameters(
-    table: DamperTable, theta: NDArray[np.float64], folder: Path, identified: Identified
+    table: DamperTable, fit: IdentifiedDamper, theta: NDArray[np.float64], folder: Path
 ) -> NDArray[np.float64]:
     """Parameters of the damper of a table whose fit has the parameters `theta`."""
-    return chosen_damper(table, folder, lambda run: replace(identified(run), theta=tuple(theta))).theta
+    drawn = replace(fit, theta=tuple(theta.tolist()))
+    return chosen_damper(table, folder, lambda run: drawn).theta
 
 
 def _tables(path: Path) -> tuple[StudyTable, Place]:
