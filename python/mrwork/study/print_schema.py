@@ -99,7 +99,7 @@ def key_lines(kind: type) -> list[str]:
     for entry, hint in keys:
         unit = entry.metadata["unit"]
         form = f"{in_words(hint)}{' or name of a text file' if entry.metadata['matrix'] else ''}"
-        meaning = f"{entry.metadata['says']} ({form}{f' [{unit}]' if unit else ''})"
+        meaning = f"{entry.metadata['says']} ({form}{f' [{unit}]' if unit else ''}){_searched(entry)}"
         head = f"  {entry.name:<{names}}  {_default(entry):<{defaults}}  "
         lines += textwrap.wrap(
             meaning,
@@ -109,6 +109,18 @@ def key_lines(kind: type) -> list[str]:
             break_long_words=False,
         )
     return lines
+
+
+def _searched(entry: Field[Any]) -> str:
+    """Whether a search of settings changes the key by itself, or where it is asked to."""
+    span = entry.metadata["span"]
+    return (
+        ""
+        if span is None
+        else "; searched by mrwork tune"
+        if span.free
+        else "; can be searched by mrwork tune"
+    )
 
 
 def _default(entry: Field[Any]) -> str:
