@@ -12,7 +12,7 @@ from mrwork.control.law_design import design_candidates, settings_of
 from mrwork.control.law_settings import SETTINGS
 from mrwork.control.setting_base import Magnitudes
 from mrwork.errors import SettingError
-from mrwork.study.schema import TuneTable
+from mrwork.study.tuning_schema import TuneTable
 from mrwork.tuning.space import LARGEST, space_of
 
 MAGNITUDES = Magnitudes(

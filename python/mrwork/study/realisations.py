@@ -18,7 +18,8 @@ from mrwork.summary import Summarised
 
 if TYPE_CHECKING:
     # The tables of a study file stand above the study that they are read into.
-    from mrwork.study.schema import DamperTable, UncertaintyTable
+    from mrwork.study.schema import DamperTable
+    from mrwork.study.tuning_schema import UncertaintyTable
 
 Floats = NDArray[np.float64]
 

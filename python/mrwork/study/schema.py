@@ -13,16 +13,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
-from mrwork.closed_loop.evaluation import SCORE
 from mrwork.closed_loop.hardware import Feedback, Hardware, LoopSignal
 from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.keys import Place, key
 from mrwork.motions.suites import Pulses, Soil
 from mrwork.study.clairvoyant_row import ClairvoyantTable
 from mrwork.study.study import Use
+from mrwork.study.tuning_schema import TuneTable, UncertaintyTable
 
 Synthetic = Literal["kanai_tajimi", "clough_penzien"]
-Risk = Literal["mean", "max", "cvar"]
 
 # A study takes the defaults of the loop from the class that it builds.
 _LOOP = Hardware()
@@ -272,74 +271,6 @@ class ReportTable:
     histories: Literal["detailed", "all", "none"] = key(
         "histories to be stored: of the motion drawn in detail, of all motions, or none", default="detailed"
     )
-    place: Place | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class UncertaintyTable:
-    """What is not known exactly, as realisations: each law is simulated with all of them, beside the nominal study.
-
-    The laws are designed for the nominal study. All laws and candidates are simulated with the same realisations.
-    """
-
-    realisations: int = key("number of realisations", default=16, least=1)
-    damper: bool = key(
-        "whether the parameters of identified dampers are drawn from the posterior of their run, of mrwork sample",
-        default=True,
-    )
-    stiffness: float = key(
-        "half the range of a factor of the stiffness of the building, as 0.1 for +-10 %",
-        default=0.0,
-        least=0.0,
-    )
-    damping: float = key("half the range of a factor of the damping of the building", default=0.0, least=0.0)
-    delay: float = key("largest additional delay of the command", unit="s", default=0.0, least=0.0)
-    seed: int = key("seed of the realisations", default=0, least=0)
-    place: Place | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TuneTable:
-    """Laws whose settings `mrwork tune` searches, each for itself, on the training motions of the study.
-
-    A candidate is scored by the mean of its criteria over those at i = 0, under each motion and realisation; the risk
-    takes one number of all these. Without `free`, each law has its own free settings with their ranges, see
-    `mrwork respond --laws`, and the largest command of the law is one of them.
-    """
-
-    laws: tuple[str, ...] = key("names of the laws")
-    label: str = key("appended to the titles of the laws in tables, by default tuned", default="")
-    settings: Mapping[str, Any] | None = key("settings that are held", default=None)
-    free: Mapping[str, tuple[float, ...]] | None = key(
-        "settings to be searched, with the ends of their ranges, as { control_weight = [1e-15, 1e-9] }; an empty array "
-        "for the range of the law",
-        default=None,
-    )
-    criteria: tuple[str, ...] | Mapping[str, float] = key(
-        "criteria of the score, an array or a table with their weights", default=SCORE
-    )
-    objectives: tuple[str, ...] = key(
-        "criteria of a Pareto front beside the best of the score, by NSGA-II, which takes pymoo", default=()
-    )
-    risk: Risk = key(
-        "number of all motions and realisations: their mean, the largest, or the mean of the worst share `tail`",
-        default="mean",
-    )
-    tail: float = key("share of the worst for cvar, up to 1", default=0.2, above=0.0)
-    constraints: Mapping[str, float | str] | None = key(
-        'upper limits of criteria under every motion, as { peak_stroke = "20 mm", rms_current = 0.5 }',
-        default=None,
-    )
-    robust: bool = key("whether the realisations of [uncertainty] belong to the score", default=False)
-    search: str = key("search algorithm", default="differential_evolution")
-    population: int = key("candidates of a generation", default=24, least=4)
-    budget: int = key("candidates of each law, apart from the first ones", default=384, least=4)
-    gradient_steps: int = key(
-        "steps of L-BFGS-B on the twin after the search, for laws that are smooth: proportional_direct",
-        default=0,
-        least=0,
-    )
-    seed: int = key("seed of the search, added to that of the command line", default=0, least=0)
     place: Place | None = None
 
 

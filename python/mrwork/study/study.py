@@ -23,7 +23,7 @@ from mrwork.study.realisations import Realisations
 from mrwork.summary import Summarised, Summary, listed
 
 if TYPE_CHECKING:
-    from mrwork.study.schema import TuneTable
+    from mrwork.study.tuning_schema import TuneTable
 
 Kind = Literal[
     "uncontrolled",

@@ -10,11 +10,11 @@ from typing import NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.closed_loop.evaluation import criteria, criterion
+from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
 from mrwork.errors import SettingError
 from mrwork.keys import Place, suggestion
 from mrwork.study.batches import RunCriteria
-from mrwork.study.schema import Risk, TuneTable
+from mrwork.study.tuning_schema import Risk, TuneTable
 from mrwork.summary import Summarised
 from mrwork.units import number_in
 
@@ -117,10 +117,8 @@ def objective_of(table: TuneTable, command_unit: str) -> Objective:
     SettingError
         If a criterion is unknown or has no ratio to i = 0, a weight or limit is not positive, or its unit is wrong.
     """
-    given = table.criteria
+    given = table.criteria or SCORE
     weights = dict(given) if isinstance(given, Mapping) else dict.fromkeys(given, 1.0)
-    if not weights:
-        _refuse(table, "criteria", "criteria is empty; leave it out for the score, or name some")
     for name, weight in weights.items():
         known_criterion(table, "criteria", name)
         if not (weight > 0.0 and math.isfinite(weight)):

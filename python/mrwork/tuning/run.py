@@ -14,8 +14,8 @@ from mrwork.keys import suggestion
 from mrwork.search.peers import library
 from mrwork.search.registry import OPTIMISERS, PEERS
 from mrwork.store import Journal
-from mrwork.study.schema import Risk, TuneTable
 from mrwork.study.study import Study, fingerprint_of
+from mrwork.study.tuning_schema import Risk, TuneTable
 from mrwork.tuning.benches import benches_of
 from mrwork.tuning.first_candidates import basis_of
 from mrwork.tuning.front import front_of

@@ -16,7 +16,7 @@ from mrwork.control.setting_base import LawSettings, Magnitudes, Span
 from mrwork.control.weights import CostWeights
 from mrwork.keys import is_required, keys_of, suggestion
 from mrwork.study.declared import read_table
-from mrwork.study.schema import TuneTable
+from mrwork.study.tuning_schema import TuneTable
 from mrwork.summary import Summarised, of_unit
 from mrwork.tuning.objective import refuse_within
 
