@@ -178,7 +178,7 @@ def test_limits_out_of_reach_are_explained_with_a_budget_that_reaches_them() -> 
     assert found.budget_factor is not None
     assert "cannot be met with this budget" in found.in_words[0]
     enough = design(frame(), limits={"rms_drift": 4e-3}, budget=100.0 * found.budget_factor)
-    assert enough.reachable_ratio == pytest.approx(1.0, abs=3e-3)
+    assert 0.985 < enough.reachable_ratio <= 1.0 + 1e-6
     never = design(frame(), limits={"rms_acceleration": 1e-3}, budget=100.0)
     assert never.budget_factor == np.inf
     assert "100 times the budget" in never.in_words[0]

@@ -7,12 +7,12 @@ from .design.cases import stiffness_cases as stiffness_cases
 from .design.certificate import CaseCheck as CaseCheck
 from .design.certificate import WeightCertificate as WeightCertificate
 from .design.designed import DesignedWeights as DesignedWeights
+from .design.designer import WeightDesigner as WeightDesigner
 from .design.inverse import InverseWeights as InverseWeights
 from .design.inverse import inverse_weights as inverse_weights
 from .design.limits import LoopTiming as LoopTiming
 from .design.limits import RmsLimits as RmsLimits
 from .design.limits import SemiActiveCondition as SemiActiveCondition
-from .design.weights import WeightDesigner as WeightDesigner
 from .design.weights import design_weights as design_weights
 from .design.wishes import WeightWishes as WeightWishes
 from .design_problem import Design as Design

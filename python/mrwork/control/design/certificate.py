@@ -78,6 +78,17 @@ class WeightCertificate(Summarised):
         """The ratio under the gain of the law alone: root of the mean square over the cases."""
         return float(np.sqrt(np.mean([each.law_ratio**2 for each in self.cases])))
 
+    @property
+    def law_force(self) -> float:
+        """The largest rms force over its budget under the gain of the law alone, likewise."""
+        forces = np.sqrt(np.mean([each.law_forces**2 for each in self.cases], axis=0))
+        return float(np.max(forces / self.budgets))
+
+    @property
+    def law_in_words(self) -> str:
+        """What the gain of the law alone reaches, and with how much of the budget."""
+        return f"ratio {self.law_ratio:.4g} with {self.law_force:.4g} of the budget, from the building's state only"
+
     def _summary(self) -> Summary:
         program = "" if self.program_ratio is None else f", {self.program_ratio:.6g} by the program"
         return Summary(
@@ -85,7 +96,7 @@ class WeightCertificate(Summarised):
             facts=(
                 ("ratio", f"{self.ratio:.6g}, at least {self.bound:.6g}{program}"),
                 ("violation", f"{self.violation:.1e}"),
-                ("law's gain", f"{self.law_ratio:.6g} with the state of the building only"),
+                ("law's gain", self.law_in_words),
             ),
             columns=("output", "unit", "rms", "limit", "rms / limit"),
             rows=[

@@ -20,8 +20,9 @@ from mrwork.summary import Summarised, Summary, rounded
 Floats = NDArray[np.float64]
 
 SCAN = (
-    "The weights give the shape of the cost. The size of R is one number more, to be scanned in the true loop: a "
-    "damper saturates, and with R as designed the law is far too timid; try 1 to 1e-4 of it."
+    "The weights give the shape of the cost. The size of R is one number more, to be scanned in the true loop (from 10 "
+    "to 1e-4 times R as designed), because a damper saturates and only resists motion; least-force weights as "
+    "designed are far too timid. With a semi-active condition the law hardly depends on it."
 )
 """Advice wherever designed weights are shown."""
 
@@ -160,7 +161,7 @@ class DesignedWeights(Summarised):
                 ("spectrum", self.spectrum),
                 ("engine", self.engine),
                 ("certificate", f"violation {check.violation:.1e}, gap to the bound {check.gap:.1e}"),
-                ("law's gain", f"ratio {check.law_ratio:.4g} with the state of the building only"),
+                ("law's gain", check.law_in_words),
                 ("control weight", f"{', '.join(rounded(each) for each in self.control_weight)} 1/N2"),
             ),
             columns=("output", "weight", "rms / limit"),
