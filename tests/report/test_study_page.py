@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import study_samples
 
+from mrwork.cli.study_text import study_text
 from mrwork.report.study.criteria_tables import overview_table, ratio_table, value_table
 from mrwork.report.study.figures import strokes
 from mrwork.report.study.history_figures import envelope
@@ -57,7 +58,7 @@ def test_the_best_law_of_each_column_is_bold_and_the_reference_never_is() -> Non
 
 
 def test_a_building_without_dampers_shows_no_force() -> None:
-    table = value_table(study_samples.results(), 0)
+    table = value_table(study_samples.results(), (0,))
     assert table.rows[0][table.columns.index("Force (kN)")] == "–"
     assert table.rows[1][table.columns.index("Force (kN)")] != "–"
     # Isolators are no dampers with a command.
@@ -118,5 +119,27 @@ def test_the_page_fits_its_window_without_complaint(
 
 def test_headings_of_tables_are_capitalised() -> None:
     results = study_samples.results()
-    for table in (overview_table(results), ratio_table(results, 0), value_table(results, 0)):
+    for table in (overview_table(results), ratio_table(results, 0), value_table(results, (0,))):
         assert all(heading[0].isupper() for heading in table.columns if heading)
+
+
+def test_of_many_motions_the_page_shows_the_spread_and_no_table_of_each() -> None:
+    results = study_samples.many_motions()
+    page = study_page(results, study_samples.histories, motion=0, drawn=range(5))
+    assert "Ratios under motion 3" not in page
+    assert "Criteria, median of 10 motions" in page
+    assert "Spread over motions" in page
+    assert "profile-0-" in page
+    assert "profile-1-" not in page
+    for words in ("10 test motions", "Soft soil", "Training motions", "criteria.csv"):
+        assert words in page
+    # Every motion is listed with its use.
+    assert page.count("training</td>") == 2
+
+
+def test_of_many_motions_the_terminal_shows_the_spread() -> None:
+    text = study_text(study_samples.many_motions(), Path("out"))
+    assert "motion 3: criteria" not in text
+    assert "Score, the mean of these ratios over 10 test motions, lowest first:" in text
+    assert "soft soil (5)" in text
+    assert len(text.splitlines()) < 70

@@ -123,3 +123,25 @@ def results() -> StudyResults:
 def histories(row: int, motion: int) -> RunHistory:
     """The history of a run."""
     return history(amplitude(row, motion), devices(row))
+
+
+def many_motions(count: int = 12) -> StudyResults:
+    """The study under many motions: odd ones on soft soil, the last two for training."""
+    few = results()
+    motions = tuple(
+        MotionFacts(
+            name=f"motion {number}",
+            peak=1.0,
+            duration=8.0,
+            use="training" if number >= count - 2 else "test",
+            groups=("soft soil" if number % 2 else "firm soil", "0.1 g"),
+        )
+        for number in range(count)
+    )
+    runs = {
+        (row, motion): run(amplitude(row, 0) * (1.0 + 0.02 * row * motion), devices(row))
+        for row in range(len(ROWS))
+        for motion in range(count)
+    }
+    chosen = tuple(motion.name for motion in motions if motion.use == "training")
+    return replace(few, motions=motions, runs=runs, chosen_on=chosen)

@@ -15,6 +15,7 @@ from mrwork.store.run_folder import RESULTS
 from mrwork.study import StudyResults, read_results
 from mrwork.study.comparison import compared
 from mrwork.study.folder import StoredStudy, study_document
+from mrwork.study.over_motions import judged_in_words
 from mrwork.study.results import largest_step_changes
 
 
@@ -42,13 +43,31 @@ def test_what_follows_from_the_runs_follows_from_their_file(tmp_path: Path) -> N
     assert stored.finished(0) == results.finished(0) == [0, 1, 2, 3]
 
 
+def test_the_file_says_which_motions_scores_stand_on_and_their_spread(tmp_path: Path) -> None:
+    results = study_samples.many_motions()
+    document = study_document(results)
+    assert document["judged_on"] == "10 test motions"
+    assert [motion["use"] for motion in document["motions"]].count("training") == 2
+    spread = document["spreads"]["Clipped-optimal"]
+    assert spread["motions"] == 10
+    assert spread["least"] < spread["lower_quartile"] < spread["median"] < spread["most"]
+    assert [group["name"] for group in document["groups"]] == ["firm soil", "soft soil", "training motions"]
+    stored = read_back(results, tmp_path)
+    assert stored.motions == results.motions
+    assert [stored.score(row) for row in range(5)] == [results.score(row) for row in range(5)]
+    assert judged_in_words(stored) == "10 test motions"
+
+
 def test_a_file_without_the_changes_still_opens(tmp_path: Path) -> None:
     results = study_samples.results()
     document = study_document(results)
-    for newer in ("changes", "best_passive"):
+    for newer in ("changes", "best_passive", "judged_on", "chosen_on", "spreads", "groups"):
         del document[newer]
     for run in document["results"]:
         del run["over_best_passive"]
+    for motion in document["motions"]:
+        for newer in ("source", "synthetic", "use", "groups"):
+            del motion[newer]
     (tmp_path / RESULTS).write_text(json_document(document), encoding="utf-8")
     stored = read_results(tmp_path)
     assert compared(stored).in_words(4) == compared(results).in_words(4)

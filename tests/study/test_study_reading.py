@@ -221,11 +221,11 @@ def test_a_motion_is_for_testing_unless_it_is_for_training(tmp_path: Path) -> No
     assert whole.chosen_on == whole.grounds
 
 
-def test_a_part_of_a_study_shows_the_motion_of_the_largest_peak_that_it_has(tmp_path: Path) -> None:
+def test_a_study_shows_the_test_motion_of_the_largest_peak(tmp_path: Path) -> None:
     study = study_of(STUDY + TRAINING.replace("duration = 3", "duration = 3\npga = 9"), tmp_path)
-    assert (study.detailed, study.histories) == (2, (2,))
-    test = study.of_use("test")
-    assert (test.detailed, test.histories) == (1, (1,))
+    assert (study.detailed, study.histories) == (1, (1,))
+    assert (study.of_use("test").detailed, study.of_use("test").histories) == (1, (1,))
+    assert (study.of_use("training").detailed, study.of_use("training").histories) == (0, (0,))
 
 
 def test_a_study_without_test_motions_is_refused(tmp_path: Path) -> None:

@@ -11,6 +11,12 @@ import study_samples
 from mrwork.closed_loop.evaluation import Spread, criteria
 from mrwork.simulate import Outcome
 from mrwork.study.comparison import compared
+from mrwork.study.over_motions import (
+    chosen_in_words,
+    judged_in_words,
+    motion_groups,
+    times_better,
+)
 from mrwork.study.results import largest_step_changes
 
 
@@ -119,3 +125,38 @@ def test_a_balance_that_is_no_number_does_not_hold() -> None:
     results = study_samples.results()
     runs = results.runs | {(2, 0): replace(results.runs[2, 0], energy_error=math.nan)}  # type: ignore[operator]
     assert any(text.startswith("Isolation") for text in replace(results, runs=runs).warnings())
+
+
+def test_groups_hold_some_of_the_test_motions_and_training_motions_stand_apart() -> None:
+    results = study_samples.many_motions()
+    groups = {group.name: group.motions for group in motion_groups(results)}
+    assert groups == {
+        "firm soil": (0, 2, 4, 6, 8),
+        "soft soil": (1, 3, 5, 7, 9),
+        "training motions": (10, 11),
+    }
+    assert judged_in_words(results) == "10 test motions"
+    assert judged_in_words(study_samples.results()) == "2 motions"
+
+
+def test_a_law_is_better_where_drift_and_acceleration_are_both_lower() -> None:
+    results = study_samples.many_motions()
+    # Amplitudes of row 4 over those of row 1: 0.4 (1 + 0.08 m) / 0.85 (1 + 0.02 m), below 1 for every motion m.
+    assert times_better(results, 4, 1) == 10
+    assert times_better(results, 1, 4) == 0
+    # Row 2: 0.7 (1 + 0.04 m) / (0.85 (1 + 0.02 m)) exceeds 1 from m = 14 on, which none has; row 0 is above row 1 until
+    # 0.85 (1 + 0.02 m) exceeds 1, from m = 9 on.
+    assert times_better(results, 1, 0) == 9
+    runs = dict(results.runs)
+    runs[4, 3] = replace(runs[4, 3], outcome="diverged")
+    assert times_better(replace(results, runs=runs), 4, 1) is None
+
+
+def test_what_the_best_constant_command_is_chosen_on_is_said() -> None:
+    results = study_samples.many_motions()
+    assert chosen_in_words(results) == ""
+    rows = (*results.rows[:2], replace(results.rows[2], kind="best_passive"), *results.rows[3:])
+    split = replace(results, rows=rows)
+    assert chosen_in_words(split) == "The best constant command is chosen on 2 training motions."
+    same = replace(split, chosen_on=tuple(motion.name for motion in results.motions[:10]))
+    assert chosen_in_words(same) == "The best constant command is chosen on the motions that it is judged on."

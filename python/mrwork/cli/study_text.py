@@ -9,6 +9,13 @@ from textwrap import wrap
 from mrwork.cli.output import table_lines
 from mrwork.closed_loop.evaluation import SCORE, criterion
 from mrwork.study.comparison import ADD_BEST_PASSIVE, Comparison, compared, in_percent
+from mrwork.study.over_motions import (
+    MOST_IN_DETAIL,
+    chosen_in_words,
+    judged_in_words,
+    motion_groups,
+    times_better,
+)
 from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyResults, largest_step_changes
 from mrwork.study.study import Kind
 from mrwork.summary import with_decimals
@@ -31,9 +38,16 @@ def study_text(results: StudyResults, folder: Path) -> str:
     lines = [results.title, "", *_leading_lines(comparison)]
     for reference in comparison.references if len(results.rows) > 1 else ():
         lines += [*_change_lines(comparison, reference), ""]
-    for motion in range(len(results.motions)):
-        lines += [*_motion_lines(results, motion), ""]
-    for block in (_score_lines(comparison), _band_lines(results), _step_lines(results)):
+    motions = range(len(results.motions))
+    if len(motions) <= MOST_IN_DETAIL:
+        for motion in motions:
+            lines += [*_motion_lines(results, motion), ""]
+    for block in (
+        _score_lines(comparison),
+        _group_lines(comparison),
+        _band_lines(results),
+        _step_lines(results),
+    ):
         lines += [*block, ""] if block else []
     lines += [f"warning: {warning}" for warning in results.warnings()]
     lines += [] if results.balanced else [OFF_BALANCE]
@@ -54,7 +68,7 @@ def _leading_lines(comparison: Comparison) -> list[str]:
 def _change_lines(comparison: Comparison, reference: int) -> list[str]:
     """Changes of every row against a reference, the rows of each rank together."""
     results = comparison.results
-    several = len(results.motions) > 1
+    several = len(results.judged) > 1
     table = [("", *(criterion(name).short for name in _QUANTITIES))]
     for rank, rows in comparison.ranks:
         others = [row for row in rows if row != reference]
@@ -66,7 +80,7 @@ def _change_lines(comparison: Comparison, reference: int) -> list[str]:
                 for each in changes
             ]
             table.append((f"  {results.rows[row].label}", *cells))
-    means = f", mean of {len(results.motions)} motions (largest of one motion)" if several else ""
+    means = f", mean of {judged_in_words(results)} (largest of one motion)" if several else ""
     return [f"Change in % against {results.rows[reference].label}{means}", *table_lines(table)]
 
 
@@ -96,16 +110,53 @@ def _motion_lines(results: StudyResults, motion: int) -> list[str]:
 
 
 def _score_lines(comparison: Comparison) -> list[str]:
+    """The score of every row, its spread over the motions, and how often the row is better than a constant command."""
     results = comparison.results
     if not any(isfinite(results.score(row)) for row in range(len(results.rows))):
         return []
-    table = [("", "score")]
+    several = len(results.judged) > 1
+    against = comparison.passive
+    heads = ("least", "25 %", "median", "75 %", "most", "better") if several else ()
+    table = [("", "score", *heads)]
     for rank, rows in comparison.ranks:
-        table.append((rank.title, ""))
-        table += [(f"  {results.rows[row].label}", with_decimals(results.score(row), 3)) for row in rows]
-    heading = f"Score, the mean of these ratios over {len(results.motions)} motions, lowest first:"
+        table.append((rank.title, *[""] * (1 + len(heads))))
+        for row in rows:
+            spread = results.spread(row)
+            numbers = (
+                (spread.least, spread.lower_quartile, spread.median, spread.upper_quartile, spread.most)
+                if several
+                else ()
+            )
+            better = None if against in (None, row) else times_better(results, row, against)
+            counts = ("" if better is None else f"{better}/{len(results.judged)}",) if several else ()
+            cells = (with_decimals(number, 3) for number in (results.score(row), *numbers))
+            table.append((f"  {results.rows[row].label}", *cells, *counts))
+    lines = [
+        f"Score, the mean of these ratios over {judged_in_words(results)}, lowest first:",
+        *table_lines(table),
+    ]
+    if several and against is not None:
+        lines += wrap(
+            "Least to most: of single motions. Better: motions with less peak drift and less peak acceleration than "
+            f"{results.rows[against].label}. {chosen_in_words(results)}".rstrip(),
+            width=_WIDTH,
+        )
     notes = [rank.note for rank, _ in comparison.ranks if rank.note]
-    return [heading, *table_lines(table), *(line for note in notes for line in wrap(note, width=_WIDTH))]
+    return [*lines, *(line for note in notes for line in wrap(note, width=_WIDTH))]
+
+
+def _group_lines(comparison: Comparison) -> list[str]:
+    """The score of every row under each group of motions."""
+    results = comparison.results
+    groups = motion_groups(results)
+    if not groups or not any(isfinite(results.score(row)) for row in range(len(results.rows))):
+        return []
+    table = [("", *(f"{group.name} ({len(group.motions)})" for group in groups))]
+    for _, rows in comparison.ranks:
+        for row in rows:
+            scores = (results.score_under(row, group.motions) for group in groups)
+            table.append((results.rows[row].label, *(with_decimals(score, 3) for score in scores)))
+    return ["Score under groups of motions, with the number of motions:", *table_lines(table)]
 
 
 def _band_lines(results: StudyResults) -> list[str]:

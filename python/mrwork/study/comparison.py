@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from mrwork.closed_loop.evaluation import Criterion, criteria
+from mrwork.study.over_motions import judged_in_words
 from mrwork.study.results import StudyCriteria
 from mrwork.study.study import Kind
 from mrwork.summary import Summarised, Summary
@@ -138,7 +139,7 @@ class Comparison(Summarised):
         if len(rows) > 1 and row == rows[0] and math.isfinite(self.results.score(row)):
             parts.append(f"lowest score of {len(rows)} {_small_first(rank.title)}")
         if motions > 1:
-            parts.append(f"mean changes over {motions} motions")
+            parts.append(f"mean changes over {judged_in_words(self.results)}")
         return ", ".join(parts)
 
     def in_words(self, row: int) -> list[str]:
@@ -180,7 +181,8 @@ class Comparison(Summarised):
             if rank.name != "uncontrolled" and math.isfinite(score):
                 found.append(f"{_small_first(rank.title)} {score:.3f} ({self.results.rows[rows[0]].label})")
         return (
-            f"lowest score of each kind, the dampers without a command being 1: {'; '.join(found)}."
+            f"lowest score of each kind over {judged_in_words(self.results)}, the dampers without a command being 1: "
+            f"{'; '.join(found)}."
             if found
             else ""
         )

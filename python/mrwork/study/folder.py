@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from mrwork.closed_loop.evaluation import criteria
+from mrwork.closed_loop.evaluation import Spread, criteria
 from mrwork.errors import RecordError
 from mrwork.records.operating_range import Exceedance, OperatingRange
 from mrwork.store.codec import finite, json_document, read_document
@@ -18,6 +18,7 @@ from mrwork.store.run_folder import HISTORIES, JOURNAL, MANIFEST, REPORT, RESULT
 from mrwork.study.batches import Band
 from mrwork.study.comparison import compared
 from mrwork.study.demand import largest_demand, names_outside, worst_by_quantity
+from mrwork.study.over_motions import judged_in_words, motion_groups
 from mrwork.study.results import Key, MotionFacts, StudyCriteria, StudyResults
 from mrwork.study.run_result import RunEnd
 from mrwork.study.stored_changes import StoredChanges, stored_changes
@@ -72,10 +73,20 @@ class StoredStudyRun(RunEnd):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class _StoredGroup:
+    """A group of motions in the results file, and the score of each row under them."""
+
+    name: str
+    motions: tuple[str, ...]
+    scores: _Criteria
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _Document:
     """The results file; its fields are the keys of the JSON object.
 
-    `changes` has the rows of each rank together, the lowest score first; older files have none.
+    `scores` are means over the motions that `judged_on` names, `spreads` the least, quartiles and most of the scores
+    under single motions. `changes` has the rows of each rank together, the lowest score first; older files have none.
     """
 
     title: str
@@ -87,6 +98,10 @@ class _Document:
     damper_warnings: tuple[str, ...] = ()
     results: tuple[StoredStudyRun, ...]
     best_passive: str | None = None
+    judged_on: str = ""
+    chosen_on: tuple[str, ...] = ()
+    spreads: dict[str, Spread] = field(default_factory=dict)
+    groups: tuple[_StoredGroup, ...] = ()
     changes: tuple[StoredChanges, ...] = ()
     clairvoyant: tuple[StoredClairvoyant, ...] = ()
     realisations: int = 0
@@ -107,6 +122,7 @@ class StoredStudy(StudyCriteria):
     command_unit: str
     device_names: tuple[str, ...] = ()
     damper_warnings: tuple[str, ...] = ()
+    chosen_on: tuple[str, ...] = ()
 
     @property
     def ends(self) -> Mapping[Key, RunEnd]:
@@ -165,6 +181,7 @@ def read_results(folder: str | Path) -> StoredStudy:
         runs={(labels.index(run.controller), names.index(run.motion)): run for run in document.results},
         command_unit=document.command_unit,
         damper_warnings=document.damper_warnings,
+        chosen_on=document.chosen_on,
     )
 
 
@@ -217,6 +234,20 @@ def study_document(results: StudyResults) -> dict[str, Any]:
         damper_warnings=results.damper_warnings,
         results=tuple(_stored_run(results, *key, passive) for key in sorted(results.runs)),
         best_passive=None if passive is None else results.rows[passive].label,
+        judged_on=judged_in_words(results),
+        chosen_on=results.chosen_on,
+        spreads={row.label: results.spread(number) for number, row in enumerate(results.rows)},
+        groups=tuple(
+            _StoredGroup(
+                name=group.name,
+                motions=tuple(results.motions[motion].name for motion in group.motions),
+                scores={
+                    row.label: results.score_under(number, group.motions)
+                    for number, row in enumerate(results.rows)
+                },
+            )
+            for group in motion_groups(results)
+        ),
         changes=tuple(stored_changes(comparison)),
         clairvoyant=tuple(stored_clairvoyant(each) for _, each in sorted(results.clairvoyants.items())),
         realisations=0 if results.varied is None else results.varied.count,
@@ -235,12 +266,13 @@ def criteria_csv(results: StudyResults) -> str:
     known = criteria()
     units = [results.command_unit if entry.unit == "A or V" else entry.unit for entry in known]
     heads = [f"{entry.name} [{unit}]" for entry, unit in zip(known, units, strict=True)]
-    lines: list[list[str]] = [["controller", "motion", "outcome", "energy_error", *heads]]
+    lines: list[list[str]] = [["controller", "motion", "use", "outcome", "energy_error", "score", *heads]]
     for (row, motion), run in sorted(results.runs.items()):
         found = results.criteria(row, motion) or {}
         numbers = [f"{found[entry.name]:.9g}" if entry.name in found else "" for entry in known]
-        name = results.motions[motion].name
-        lines.append([results.rows[row].label, name, run.outcome, f"{run.energy_error:.3g}", *numbers])
+        facts, score = results.motions[motion], results.score_under(row, (motion,))
+        run_is = [run.outcome, f"{run.energy_error:.3g}", "" if math.isnan(score) else f"{score:.6g}"]
+        lines.append([results.rows[row].label, facts.name, facts.use, *run_is, *numbers])
     return _csv(lines)
 
 

@@ -174,7 +174,7 @@ def _drawn(
         if label not in labels:
             near = suggestion(label, labels)
             where.within("controllers").refuse(f"no arrangement is called {label!r}{near}")
-    largest = int(np.argmax([motion.ground.peak for motion in motions]))
+    largest = int(np.argmax([motion.ground.peak * (motion.use == "test") for motion in motions]))
     detailed = largest if table.motion is None else names.index(table.motion)
     drawn = [
         number for number, label in enumerate(labels) if not table.controllers or label in table.controllers

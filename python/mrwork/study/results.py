@@ -57,6 +57,7 @@ class StudyCriteria(Summarised, ABC):
     """Criteria of a study by (row, motion), and the ratios, scores and warnings that follow from them.
 
     The first rows are the building without dampers and i = 0. `halved` are the runs with half the step, if requested.
+    `chosen_on` are the names of the motions that the best constant command is chosen on.
     """
 
     __slots__ = ()
@@ -66,6 +67,7 @@ class StudyCriteria(Summarised, ABC):
     motions: tuple[MotionFacts, ...]
     device_names: tuple[str, ...]
     command_unit: str
+    chosen_on: tuple[str, ...]
 
     @property
     @abstractmethod
@@ -235,6 +237,7 @@ class StudyResults(StudyCriteria):
     devices: tuple[Device, ...] = ()
     clairvoyants: Mapping[int, Clairvoyant] = field(default_factory=dict)
     varied: VariedResults | None = None
+    chosen_on: tuple[str, ...] = ()
 
     def demands(self, row: int, motion: int) -> tuple[DeviceDemand, ...]:
         """Demand of a run on each device; none for a run without dampers or that did not finish."""

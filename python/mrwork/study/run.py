@@ -179,6 +179,7 @@ def _results_of(
             for motion in study.motions
         ),
         runs=dict(runs),
+        chosen_on=tuple(ground.name for ground in study.chosen_on),
         floor_names=bare.floor_names,
         storey_names=bare.storey_names[: len(bare.drifts)],
         device_names=study.device_names,

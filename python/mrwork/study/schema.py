@@ -265,7 +265,8 @@ class ReportTable:
     """Figures in detail on the page."""
 
     motion: str | None = key(
-        "motion of the time histories and force loops; by default that of the largest peak", default=None
+        "motion of the time histories and force loops; by default the test motion of the largest peak",
+        default=None,
     )
     controllers: tuple[str, ...] = key("labels of the arrangements drawn there; by default all", default=())
     histories: Literal["detailed", "all", "none"] = key(

@@ -8,13 +8,14 @@ from mrwork.closed_loop.evaluation import Criterion
 from mrwork.report.numbers import fixed
 from mrwork.report.section import NOTHING, Table
 from mrwork.study.comparison import LAWS, Change, Comparison, compared_quantities, rounds_to_increase
+from mrwork.study.over_motions import judged_in_words
 
 
 def leading_table(comparison: Comparison, row: int) -> Table:
     """The changes of one row, quantity by quantity, against each reference."""
     results = comparison.results
     references = [each for each in comparison.references if each != row]
-    several = len(results.motions) > 1
+    several = len(results.judged) > 1
     heads = ("Mean (%)", "Largest (%)", "Under") if several else ("Change (%)",)
     cells: list[tuple[str, ...]] = []
     alarming = set()
@@ -40,7 +41,7 @@ def leading_table(comparison: Comparison, row: int) -> Table:
         over=(("", 1), *((f"Against {results.rows[each].label}", len(heads)) for each in references)),
         alarming=frozenset(alarming),
         note="Negative changes are improvements; increases are coloured."
-        + (" Mean over the motions, and the largest change under one of them." if several else ""),
+        + (f" Mean over {judged_in_words(results)}, and the largest change under one." if several else ""),
     )
 
 
@@ -48,7 +49,7 @@ def change_table(comparison: Comparison, reference: int) -> Table:
     """The changes of every row against a reference, the rows of each rank together."""
     results = comparison.results
     quantities = compared_quantities()
-    several = len(results.motions) > 1
+    several = len(results.judged) > 1
     cells: list[tuple[str, ...]] = []
     headings: dict[int, str] = {}
     strong: set[tuple[int, int]] = set()
@@ -93,7 +94,7 @@ def change_table(comparison: Comparison, reference: int) -> Table:
         strong=frozenset(strong),
         alarming=frozenset(alarming),
         headings=headings,
-        note=f"Change in per cent{f', mean over {len(results.motions)} motions' if several else ''}; increases are "
+        note=f"Change in per cent{f', mean over {judged_in_words(results)}' if several else ''}; increases are "
         "coloured, and the best of each kind is bold. Peaks unless stated otherwise."
         + "".join(f" {rank.note}" for rank, _ in comparison.ranks if rank.note),
     )

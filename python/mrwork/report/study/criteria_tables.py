@@ -12,6 +12,7 @@ from mrwork.closed_loop.evaluation import criterion
 from mrwork.report.numbers import fixed, significant
 from mrwork.report.section import Table
 from mrwork.study.comparison import RANKS, compared
+from mrwork.study.over_motions import judged_in_words
 from mrwork.study.results import StudyResults
 from mrwork.study.study import Kind
 
@@ -36,7 +37,7 @@ _DECIMALS = 3
 def overview_table(results: StudyResults) -> Table:
     """The score, and the mean of each ratio over the motions, the rows of each rank together."""
     comparison = compared(results)
-    motions = range(len(results.motions))
+    motions = results.judged
     order = [row for _, rows in comparison.ranks for row in rows]
 
     def mean(row: int, against: Kind, name: str) -> float:
@@ -49,7 +50,7 @@ def overview_table(results: StudyResults) -> Table:
         results,
         order,
         columns,
-        label="Score and mean ratios over all motions",
+        label=f"Score and mean ratios over {judged_in_words(results)}",
         first=("Score",),
         headings={order.index(rows[0]): rank.title for rank, rows in comparison.ranks},
         note="The score is our own: the mean over the motions of peak and RMS drift and acceleration, each over "
@@ -73,19 +74,23 @@ def ratio_table(results: StudyResults, motion: int) -> Table:
     )
 
 
-def value_table(results: StudyResults, motion: int) -> Table:
-    """The criteria themselves under one motion."""
+def value_table(results: StudyResults, motions: Sequence[int]) -> Table:
+    """The criteria themselves under one motion, or their medians over several."""
     unit = results.command_unit
+    several, under = len(motions) > 1, results.motions[motions[0]].name
     cells: list[tuple[str, ...]] = []
     columns: list[list[float]] = []
     for name, _, _, factor in _VALUES:
-        numbers = [factor * _value(results, row, motion, name) for row in range(len(results.rows))]
+        numbers = [
+            factor * float(np.median([_value(results, row, motion, name) for motion in motions]))
+            for row in range(len(results.rows))
+        ]
         columns.append(numbers)
         cells.append(tuple(significant(number, 3) for number in numbers))
     drive = f"RMS {'current' if unit == 'A' else 'voltage'} ({unit})"
     heads = tuple(f"{head} ({shown})" if shown else drive for _, head, shown, _ in _VALUES)
     return Table(
-        label=f"Criteria under {results.motions[motion].name}",
+        label=f"Criteria{f', median of {len(motions)} motions' if several else f' under {under}'}",
         columns=("", *heads),
         rows=tuple(
             (row.label, *(column[number] for column in cells)) for number, row in enumerate(results.rows)

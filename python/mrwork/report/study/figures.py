@@ -89,7 +89,7 @@ def profile_figure(results: StudyResults, motion: int, quantity: str) -> Figure:
 def energy_figure(results: StudyResults, motion: int) -> Figure:
     """Distribution of the input energy at the end of the motion, a bar for each row."""
     shown = results.finished(motion)
-    names = [_short(results.rows[row].label, 29) for row in reversed(shown)]
+    names = [short(results.rows[row].label, 29) for row in reversed(shown)]
     figure, axes = column_axes(left=room_for(names), top=0.42, height=0.95 + _BAR * len(shown))
     largest = 0.0
     for place, row in enumerate(reversed(shown)):
@@ -125,7 +125,7 @@ def _name_heights(axes: Axes, names: Sequence[str]) -> None:
     # Of many floors only every second, fifth or tenth is labelled.
     step = next(step for step in (1, 2, 5, 10, 20) if len(names) <= 14 * step or step == 20)
     places = [n for n in range(1, len(names) + 1) if step == 1 or n % step == 0]
-    axes.set_yticks(places, [_short(names[n - 1], 13) for n in places])
+    axes.set_yticks(places, [short(names[n - 1], 13) for n in places])
     axes.set_ylim(0.6, len(names) + 0.4)
 
 
@@ -133,7 +133,7 @@ def _key(axes: Axes) -> None:
     handles, labels = axes.get_legend_handles_labels()
     axes.legend(
         handles,
-        [_short(label, 29) for label in labels],
+        [short(label, 29) for label in labels],
         loc="lower left",
         bbox_to_anchor=(-0.16, 1.01, 1.16, 0.2),
         mode="expand",
@@ -144,5 +144,6 @@ def _key(axes: Axes) -> None:
     )
 
 
-def _short(text: str, most: int) -> str:
+def short(text: str, most: int) -> str:
+    """A label of at most `most` characters."""
     return text if len(text) <= most else f"{text[: most - 1]}…"

@@ -12,15 +12,16 @@ from mrwork.report.section import Group, Section
 from mrwork.report.study.comparison_tables import change_table, leading_table, signed_percent
 from mrwork.report.study.criteria_tables import overview_table, ratio_table, value_table
 from mrwork.report.study.history_sections import ReadHistory, device_section, history_section
+from mrwork.report.study.motion_sections import motion_section, spread_section
 from mrwork.report.study.sections import (
     demand_section,
     energy_section,
-    motion_section,
     profile_section,
     step_section,
     uncertainty_section,
 )
 from mrwork.study.comparison import ADD_BEST_PASSIVE, Comparison, compared
+from mrwork.study.over_motions import MOST_IN_DETAIL, judged_in_words
 from mrwork.study.results import OFF_BALANCE, StudyResults
 
 # Quantities of the headline; the section of changes has all of them.
@@ -57,6 +58,7 @@ def study_page(
     comparison = compared(results)
     sections = [
         _comparison_section(comparison),
+        spread_section(comparison),
         _criteria_section(results, comparison),
         profile_section(results, motion),
         history_section(results, histories, motion, drawn),
@@ -104,15 +106,26 @@ def _comparison_section(comparison: Comparison) -> Section | None:
 
 def _criteria_section(results: StudyResults, comparison: Comparison) -> Section:
     groups = (
-        [Group(title="Score and ratios over all motions", table=overview_table(results))]
+        [Group(title=f"Score and ratios over {judged_in_words(results)}", table=overview_table(results))]
         if len(results.motions) > 1
         else []
     )
-    for number, motion in enumerate(results.motions):
+    many = len(results.motions) > MOST_IN_DETAIL
+    if many:
+        groups += [
+            Group(
+                title=f"Criteria, median of {judged_in_words(results)}",
+                table=value_table(results, results.judged),
+                prose=(
+                    f"The criteria of all {len(results.motions)} motions are in `criteria.csv` and `results.json`.",
+                ),
+            )
+        ]
+    for number, motion in enumerate(() if many else results.motions):
         groups.append(
             Group(title=motion.name, synthetic=motion.synthetic, table=ratio_table(results, number))
         )
-        groups.append(Group(table=value_table(results, number)))
+        groups.append(Group(table=value_table(results, (number,))))
     return Section(
         anchor="criteria", title="Criteria", summary=comparison.scores_in_words(), groups=tuple(groups)
     )

@@ -10,14 +10,16 @@ from mrwork.report.numbers import fixed, significant
 from mrwork.report.section import NOTHING, Group, Section, Table, panel
 from mrwork.report.study.figures import energy_figure, profile_figure
 from mrwork.study.batches import BAND, Band
+from mrwork.study.over_motions import MOST_IN_DETAIL
 from mrwork.study.results import ON_OFF, StudyResults, largest_step_changes
 
 _QUANTITIES = (("peak_drift", "Peak drift"), ("peak_acceleration", "Peak acceleration"))
 
 
 def profile_section(results: StudyResults, detailed: int) -> Section:
-    """Peak drift and acceleration over the height under each motion, that of the time histories first."""
-    order = [detailed, *(number for number in range(len(results.motions)) if number != detailed)]
+    """Peak drift and acceleration over the height: of the motion of the time histories, and of others if few."""
+    others = range(len(results.motions)) if len(results.motions) <= MOST_IN_DETAIL else ()
+    order = [detailed, *(number for number in others if number != detailed)]
     groups = tuple(
         Group(
             title=results.motions[motion].name,
@@ -104,34 +106,6 @@ def demand_section(results: StudyResults) -> Section | None:
                     words=tuple(range(1, 1 + len(columns))),
                     note="Of all runs. Stroke, velocity and force are peaks, the power is the mean over the motion. "
                     "The frequency is that of a sinusoid with the peak velocity and the peak stroke of a run.",
-                )
-            ),
-        ),
-    )
-
-
-def motion_section(results: StudyResults) -> Section:
-    """The ground motions: peak, duration, source and processing."""
-    return Section(
-        anchor="motions",
-        title="Ground motions",
-        summary="",
-        groups=(
-            Group(
-                table=Table(
-                    label="Ground motions",
-                    columns=("", "Peak (m/s²)", "Duration (s)", "Source", "Changes"),
-                    rows=tuple(
-                        (
-                            motion.name,
-                            significant(motion.peak, 4),
-                            significant(motion.duration, 4),
-                            motion.source,
-                            "; ".join(motion.changes),
-                        )
-                        for motion in results.motions
-                    ),
-                    words=(3, 4),
                 )
             ),
         ),
