@@ -19,6 +19,7 @@ __all__ = [
     "misfits",
     "rate",
     "respond",
+    "riccati_equations",
     "run_quantities",
     "sensitivities",
 ]
@@ -116,6 +117,16 @@ def force(
 def instruction_set() -> str: ...
 def fma_peak(threads: int, seconds: float) -> float: ...
 def flops_per_step(model: str, theta: NDArray[np.float64]) -> int: ...
+def riccati_equations(
+    time: str,
+    state: NDArray[np.float64],
+    control: NDArray[np.float64],
+    state_weight: NDArray[np.float64],
+    control_weight: NDArray[np.float64],
+    cross_weight: NDArray[np.float64] | None = None,
+    scaling: NDArray[np.float64] | None = None,
+    threads: int = 0,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.uint8]]: ...
 def control_laws() -> list[dict[str, Any]]: ...
 def run_quantities() -> list[tuple[str, str, str, str]]: ...
 def history_signals() -> list[tuple[str, str, str, str]]: ...

@@ -1,4 +1,4 @@
-"""Speed of mrwork beside other libraries: `python study.py kernels|models|identify|refine|posterior|loop`."""
+"""Speed of mrwork beside other libraries: `python study.py kernels`, and the subjects that `--help` lists."""
 
 from __future__ import annotations
 

@@ -4,43 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import scipy.linalg
 from control_samples import plant, shear_frame
 
 from mrwork.control.lqr import regulator_of_outputs, regulator_of_state
 from mrwork.control.lyapunov import lyapunov_function
 from mrwork.control.observer import observer_of
 from mrwork.control.plant import accelerations, drifts
-from mrwork.control.riccati import solve_continuous, solve_discrete
 from mrwork.control.sliding import optimal_surface
 from mrwork.errors import SettingError
-
-
-@pytest.mark.parametrize("rng", range(5))
-def test_well_scaled_equations_agree_with_scipy(rng: int) -> None:
-    generator = np.random.default_rng(rng)
-    A, B = generator.standard_normal((6, 6)), generator.standard_normal((6, 2))
-    H = np.diag(generator.uniform(0.5, 2.0, 6))
-    for shift in (0.5, 2.0):
-        np.testing.assert_allclose(
-            solve_continuous(A, B @ B.T, H, shift),
-            scipy.linalg.solve_continuous_are(A, B, H, np.eye(2)),
-            rtol=1e-8,
-            atol=1e-9,
-        )
-    np.testing.assert_allclose(
-        solve_discrete(A, B @ B.T, H),
-        scipy.linalg.solve_discrete_are(A, B, H, np.eye(2)),
-        rtol=1e-8,
-        atol=1e-9,
-    )
-
-
-def test_a_state_that_nothing_holds_is_refused() -> None:
-    """It grows by itself, and no control reaches it."""
-    A, G = np.diag([0.5, 1.1]), np.diag([1.0, 0.0])
-    with pytest.raises(SettingError, match="no stabilising solution"):
-        solve_discrete(A, G, np.eye(2))
 
 
 @pytest.mark.parametrize("n_storeys", [1, 2, 8, 40])

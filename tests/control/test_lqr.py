@@ -10,7 +10,7 @@ from control_samples import five_storeys, frame, in_units, mean_cost, plant
 
 from mrwork.control.lqr import Regulator, regulator_of_outputs, regulator_of_state
 from mrwork.control.plant import Outputs, Plant, accelerations, drifts
-from mrwork.control.riccati import solve_riccati
+from mrwork.control.riccati import regulator_gains
 from mrwork.errors import SettingError
 
 THIRD_FLOOR = (0.0, 0.0, 1.0)
@@ -64,9 +64,9 @@ def test_well_scaled_problems_agree_with_scipy() -> None:
         A, B = rng.standard_normal((5, 5)), rng.standard_normal((5, 2))
         C, D = rng.standard_normal((7, 5)), rng.standard_normal((7, 2))
         Q, R, N = C.T @ C, np.eye(2) + D.T @ D, C.T @ D
-        solution = solve_riccati(A, B, Q, R, N, scaling=np.eye(5))
+        solution = regulator_gains(A, B, Q, R, N)
         np.testing.assert_allclose(
-            solution.P, scipy.linalg.solve_continuous_are(A, B, Q, R, s=N), rtol=1e-7, atol=1e-9
+            solution.P[0], scipy.linalg.solve_continuous_are(A, B, Q, R, s=N), rtol=1e-7, atol=1e-9
         )
 
 
@@ -74,10 +74,10 @@ def test_any_scaling_gives_the_same_gain() -> None:
     rng = np.random.default_rng(5)
     system = plant(2)
     Q, R, N = weights(accelerations(system), (1.0, 2.0, 3.0), 1e-8)
-    reference = solve_riccati(system.A, system.B, Q, R, N, scaling=system.scaling).gain
+    reference = regulator_gains(system.A, system.B, Q, R, N, scaling=system.scaling).gain[0]
     for _ in range(5):
         scaling = system.scaling @ np.diag(10.0 ** rng.uniform(-2.0, 2.0, 6))
-        gain = solve_riccati(system.A, system.B, Q, R, N, scaling=scaling).gain
+        gain = regulator_gains(system.A, system.B, Q, R, N, scaling=scaling).gain[0]
         error = np.linalg.norm((gain - reference) @ system.scaling)
         assert error <= 1e-6 * np.linalg.norm(reference @ system.scaling)
 
@@ -120,7 +120,7 @@ def test_the_cross_term_counts() -> None:
     outputs = accelerations(system)
     Q, R, N = weights(outputs, (1.0, 0.0, 0.0), 1e-6)
     with_it = regulator_of_outputs(system, outputs, (1.0, 0.0, 0.0), 1e-6).gain
-    without = solve_riccati(system.A, system.B, Q, R, np.zeros_like(N), scaling=system.scaling).gain
+    without = regulator_gains(system.A, system.B, Q, R, scaling=system.scaling).gain[0]
     assert mean_cost(system, without, Q, R, N) > 1.01 * mean_cost(system, with_it, Q, R, N)
 
 

@@ -24,6 +24,7 @@ pub mod ground_motion;
 pub mod integrate;
 pub mod lanes;
 pub mod loading;
+pub mod matrix_equations;
 pub mod misfit;
 pub mod parameters;
 pub mod peak;

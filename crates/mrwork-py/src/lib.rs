@@ -8,6 +8,7 @@ mod damper;
 mod enter;
 mod loading;
 mod machine;
+mod matrix_equations;
 
 use pyo3::prelude::*;
 use pyo3::types::PyModule;
@@ -24,6 +25,8 @@ mod _rust {
     use crate::loading::LoadingHistory;
     #[pymodule_export]
     use crate::machine::{flops_per_step, fma_peak, instruction_set};
+    #[pymodule_export]
+    use crate::matrix_equations::riccati_equations;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

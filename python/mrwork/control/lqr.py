@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.control.plant import Outputs, Plant, accelerations
-from mrwork.control.riccati import solve_riccati
+from mrwork.control.riccati import RiccatiStatus, regulator_gains
 from mrwork.control.weights import Weighed, weighed_outputs, weighed_state, weight_matrix
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.summary import Summarised
@@ -111,21 +111,83 @@ def regulator_of_weights(plant: Plant, weighed: Weighed, control_weight: ArrayLi
     SettingError
         If the control weight has the wrong shape or sign, or the Riccati equation has no stabilising solution.
     """
-    R = weight_matrix("control_weight", control_weight, plant.n_devices, "devices") + weighed.S
-    if not np.linalg.eigvalsh(R)[0] > 0.0:
-        raise SettingError(
-            "the weight of the forces, with what the outputs add to it, is not positive definite; "
-            "give a positive `control_weight`"
+    (found,) = regulators_of_weights(plant, [weighed], [control_weight], threads=1)
+    if isinstance(found, SettingError):
+        raise found
+    return found
+
+
+def regulators_of_weights(
+    plant: Plant, weighed: Sequence[Weighed], control_weights: Sequence[ArrayLike], *, threads: int = 0
+) -> tuple[Regulator | SettingError, ...]:
+    """The regulators of many weights, by one call of the compiled solver; see `regulator_of_weights`.
+
+    Parameters
+    ----------
+    weighed, control_weights
+        What the weights of each regulator add up to, and its R [1/N^2].
+    threads
+        Number of threads, 0 for all processors.
+
+    Returns
+    -------
+    tuple
+        A regulator for each, or the error that says why there is none; the others do not depend on it.
+    """
+    found: list[Regulator | SettingError | None] = []
+    costs: list[tuple[Floats, Floats, Floats]] = []
+    for each, control_weight in zip(weighed, control_weights, strict=True):
+        try:
+            R = weight_matrix("control_weight", control_weight, plant.n_devices, "devices") + each.S
+        except SettingError as error:
+            found.append(error)
+            continue
+        found.append(None)
+        costs.append((each.Q, R, each.N))
+    if costs:
+        solved = iter(_regulators(plant, costs, threads))
+        found = [next(solved) if each is None else each for each in found]
+    return tuple(each for each in found if each is not None)
+
+
+def _regulators(
+    plant: Plant, costs: Sequence[tuple[Floats, Floats, Floats]], threads: int
+) -> list[Regulator | SettingError]:
+    """The regulators of costs Q, R and N."""
+    Q, R, N = (np.array(matrices) for matrices in zip(*costs, strict=True))
+    solutions = regulator_gains(plant.A, plant.B, Q, R, N, scaling=plant.scaling, threads=threads)
+    gain = np.where(solutions.solved[:, None, None], solutions.gain, 0.0)
+    inverse = np.linalg.inv(plant.scaling)
+    poles = np.linalg.eigvals(
+        inverse @ plant.A @ plant.scaling - (inverse @ plant.B) @ (gain @ plant.scaling)
+    ).astype(np.complex128)
+    found: list[Regulator | SettingError] = []
+    for row, status in enumerate(solutions.status):
+        if status == RiccatiStatus.WEIGHT_NOT_POSITIVE:
+            found.append(
+                SettingError(
+                    "the weight of the forces, with what the outputs add to it, is not positive definite; "
+                    "give a positive `control_weight`"
+                )
+            )
+            continue
+        try:
+            solutions.check(row)
+        except SettingError as error:
+            found.append(error)
+            continue
+        P = solutions.P[row]
+        found.append(
+            Regulator(
+                gain=gain[row],
+                riccati=P,
+                vectors=plant.B.T @ P + N[row].T,
+                control_weight=R[row],
+                poles=poles[row],
+                residual=float(solutions.residual[row]),
+            )
         )
-    solution = solve_riccati(plant.A, plant.B, weighed.Q, R, weighed.N, scaling=plant.scaling)
-    return Regulator(
-        gain=solution.gain,
-        riccati=solution.P,
-        vectors=plant.B.T @ solution.P + weighed.N.T,
-        control_weight=R,
-        poles=solution.poles,
-        residual=solution.residual,
-    )
+    return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

@@ -5,16 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.control.plant import Plant
+from mrwork.control.riccati import lyapunov_solutions
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]
-
-_LARGEST_RESIDUAL = 1e-8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -71,13 +69,7 @@ def lyapunov_function(plant: Plant, weight: ArrayLike | None = None) -> Lyapunov
             f"{plant.building.name} has a mode that decays at {-slowest:.2g} 1/s without control; "
             f"a Lyapunov function needs damping in every mode"
         )
-    P_z = scipy.linalg.solve_continuous_lyapunov(A_z.T, -Q_z)
-    P_z = 0.5 * (P_z + P_z.T)
-    residual = np.linalg.norm(A_z.T @ P_z + P_z @ A_z + Q_z) / (2.0 * np.linalg.norm(A_z.T @ P_z))
-    if not residual <= _LARGEST_RESIDUAL:
-        raise SettingError(
-            f"the Lyapunov equation of {plant.building.name} is met only to {residual:.1e} of its terms; "
-            f"give a Q_P of less extreme entries"
-        )
-    P = inverse.T @ P_z @ inverse
-    return LyapunovFunction(P=0.5 * (P + P.T), weight=Q_P, vectors=plant.B.T @ P)
+    found = lyapunov_solutions(plant.A, Q_P, scaling=T, threads=1)
+    found.check()
+    P = found.P[0]
+    return LyapunovFunction(P=P, weight=Q_P, vectors=plant.B.T @ P)

@@ -11,13 +11,11 @@ import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.control.plant import Outputs, Plant
-from mrwork.control.riccati import solve_discrete
+from mrwork.control.riccati import RiccatiStatus, kalman_gains
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised
 
 Floats = NDArray[np.float64]
-
-_LARGEST_RESIDUAL = 1e-7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -151,25 +149,25 @@ def _filter(
     # Scale of the state such that the process noise of a step is 1, as that of the sensors is.
     unit = float(np.linalg.norm(E_z))
     E_z, C_z = E_z / unit, C_z * unit
-    R = np.eye(len(deviation)) + np.outer(G_z, G_z)
-    Q, N = np.outer(E_z, E_z) + unmodelled * np.eye(len(E_z)), np.outer(E_z, G_z)
-    # The ground noise enters the sensors directly, so both noises are decorrelated.
-    of_C, of_N = np.linalg.solve(R, C_z), np.linalg.solve(R, N.T)
-    try:
-        P = solve_discrete((A_z - N @ of_C).T, C_z.T @ of_C, Q - N @ of_N)
-    except SettingError as error:
+    found = kalman_gains(
+        A_z,
+        C_z,
+        np.outer(E_z, E_z) + unmodelled * np.eye(len(E_z)),
+        # The ground noise enters the sensors directly.
+        np.eye(len(deviation)) + np.outer(G_z, G_z),
+        np.outer(E_z, G_z),
+        time="discrete",
+        scaling=np.eye(len(E_z)),
+        threads=1,
+    )
+    if found.status[0] == RiccatiStatus.NO_STABILISING_SOLUTION:
         raise SettingError(
             "no observer is stable with these measurements; add a measurement in which every undamped mode is "
             "observable"
-        ) from error
-    innovation = C_z @ P @ C_z.T + R
-    gain = np.linalg.solve(innovation, (A_z @ P @ C_z.T + N).T).T
-    propagated = A_z @ P @ A_z.T + Q
-    residual = np.linalg.norm(propagated - gain @ innovation @ gain.T - P) / np.linalg.norm(P)
-    radius = float(np.max(np.abs(np.linalg.eigvals(A_z - gain @ C_z))))
-    if not (residual <= _LARGEST_RESIDUAL and radius < 1.0):
-        raise SettingError(
-            f"the Riccati equation of the observer is met to {residual:.1e} and its error decays by "
-            f"{radius:.6g} in a sample; give intensities of less extreme ratio, or measure more"
         )
-    return unit**2 * T @ P @ T.T, unit * T @ gain / deviation
+    if not found.solved[0]:
+        raise SettingError(
+            f"the Riccati equation of the observer is met to {found.residual[0]:.1e} of its terms; give intensities of "
+            "less extreme ratio, or measure more"
+        )
+    return unit**2 * T @ found.P[0] @ T.T, unit * T @ found.gain[0] / deviation

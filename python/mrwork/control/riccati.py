@@ -1,203 +1,333 @@
-"""Algebraic Riccati equations: the continuous one, scaled, refined and checked; both by doubling."""
+"""Algebraic Riccati and Lyapunov equations of many plants and weights: regulators, filters, costs."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
+from typing import Literal
 
 import numpy as np
-import scipy.linalg
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from mrwork import _rust
 from mrwork.errors import SettingError
+from mrwork.summary import Summarised, Summary
 
 Floats = NDArray[np.float64]
-
-# Of the sum of the norms of the terms, in units in which the solution is the identity.
-_LARGEST_RESIDUAL = 1e-7
-_KLEINMAN_STEPS = 12
-# Each doubling squares the decay of the closed loop: sixty suffice for every loop that is stable in double precision.
-_DOUBLINGS = 60
-_LARGEST_NORM = 1e60
+Time = Literal["continuous", "discrete"]
+"""Whether a plant is a differential equation or goes from sample to sample."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RiccatiSolution:
-    """P, shape (2n, 2n), the gain K of f = -K s, shape (n_devices, 2n), and the poles of A - B K [1/s].
+class RiccatiStatus(IntEnum):
+    """How the solution of one equation ended."""
 
-    `residual` is relative to the terms of the equation, in units in which P is the identity.
+    SOLVED = 0
+    NO_STABILISING_SOLUTION = 1
+    NOT_CONVERGED = 2
+    WEIGHT_NOT_POSITIVE = 3
+
+    @property
+    def remedy(self) -> str:
+        """Advice to the user."""
+        return {
+            RiccatiStatus.SOLVED: "nothing",
+            RiccatiStatus.NO_STABILISING_SOLUTION: "the equation has no stabilising solution; weigh, or measure, every "
+            "mode that is not damped, and see that a device can move it",
+            RiccatiStatus.NOT_CONVERGED: "double precision does not resolve the equation; make the weights less "
+            "extreme: a larger control weight or a smaller output weight",
+            RiccatiStatus.WEIGHT_NOT_POSITIVE: "the control weight, or the intensity of the sensor noise, is not "
+            "positive definite; give a positive one",
+        }[self]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class RiccatiSolutions(Summarised):
+    """Solutions of a batch of equations, one row for each.
+
+    Parameters
+    ----------
+    gain
+        K of the forces f = -K s of a regulator, shape (n_batch, n_controls, n_states), or L of an observer, shape
+        (n_batch, n_states, n_measurements); infinite in a row that is not solved.
+    P
+        Cost to go s'P s of a regulator, or covariance of the error of an observer, shape (n_batch, n_states, n_states);
+        infinite in a row that is not solved.
+    residual
+        Of each equation, relative to its terms, in coordinates in which P is the identity, shape (n_batch,); infinite
+        where there is no P.
+    status
+        `RiccatiStatus` of each row, shape (n_batch,).
     """
+
+    gain: Floats
+    P: Floats
+    residual: Floats
+    status: NDArray[np.uint8]
+
+    @property
+    def solved(self) -> NDArray[np.bool_]:
+        """Whether each row is solved, shape (n_batch,)."""
+        return np.asarray(self.status == RiccatiStatus.SOLVED, dtype=np.bool_)
+
+    def check(self, row: int = 0) -> None:
+        """Raise where a row is not solved.
+
+        Raises
+        ------
+        SettingError
+            If the row has no solution, with what to do.
+        """
+        status = RiccatiStatus(int(self.status[row]))
+        if status is not RiccatiStatus.SOLVED:
+            reached = self.residual[row]
+            met = f"; it is met only to {reached:.1e} of its terms" if np.isfinite(reached) else ""
+            raise SettingError(f"a Riccati equation has no solution: {status.remedy}{met}")
+
+    def _summary(self) -> Summary:
+        counts = [
+            (status.name.lower().replace("_", " "), str(int(np.sum(self.status == status))))
+            for status in RiccatiStatus
+        ]
+        worst = np.max(self.residual[self.solved], initial=0.0)
+        return Summary(
+            title=f"Riccati equations, {len(self.status)} rows",
+            facts=(
+                *((name, count) for name, count in counts if count != "0"),
+                ("largest residual", f"{worst:.1e}"),
+                ("gain", str(self.gain.shape[1:])),
+            ),
+        )
+
+
+def regulator_gains(
+    A: ArrayLike,
+    B: ArrayLike,
+    state_weight: ArrayLike,
+    control_weight: ArrayLike,
+    cross_weight: ArrayLike | None = None,
+    *,
+    time: Time = "continuous",
+    scaling: ArrayLike | None = None,
+    threads: int = 0,
+) -> RiccatiSolutions:
+    """Gains K of f = -K s that minimise `int s'Q s + 2 s'N f + f'R f dt`, or its sum over the samples, in batches.
+
+    Solves `A'P + P A - (P B + N) R^-1 (B'P + N') + Q = 0`, or in discrete time
+    `A'P A - P - (A'P B + N)(R + B'P B)^-1 (B'P A + N') + Q = 0`, by structure-preserving doubling (Chu, Fan & Lin,
+    Linear Algebra and its Applications 396, 2005, 55-80; Chu, Fan, Lin & Wang, Int. J. Control 77(8), 2004, 767-788).
+    Newton's iteration (Kleinman, IEEE Trans. Automatic Control 13(1), 1968, 114-115) then refines P to rounding and
+    shows that A - B K is stable. A row has the same bits in every batch and with every number of threads.
+
+    Each matrix has a leading axis of n_batch, or none if all rows share it; so one plant may have many weights.
+
+    Parameters
+    ----------
+    A, B
+        Shapes (..., n_states, n_states) and (..., n_states, n_controls). Up to some forty states are fast.
+    state_weight, control_weight, cross_weight
+        Q, R and N, shapes (..., n_states, n_states), (..., n_controls, n_controls) and (..., n_states, n_controls); the
+        symmetric parts of Q and R count, N is zero by default. Units are the caller's, and need not be scaled.
+    time
+        "continuous" for s' = A s + B f, "discrete" for s_{k+1} = A s_k + B f_k.
+    scaling
+        T of s = T z, shape (..., n_states, n_states): coordinates in which the terms are of one magnitude, such as
+        `plant.scaling`; by default a diagonal one that balances A.
+    threads
+        Number of threads, 0 for all processors.
+
+    Raises
+    ------
+    SettingError
+        If shapes do not fit, or a matrix holds a value that is not finite. A row without a solution raises nothing: see
+        `RiccatiSolutions.status`.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import mrwork as mr
+    >>> frame = mr.building("uts")
+    >>> plant = mr.control.plant_of(frame, frame.storeys[0])
+    >>> R = np.geomspace(1e-9, 1e-5, 200).reshape(-1, 1, 1)
+    >>> found = mr.control.regulator_gains(plant.A, plant.B, plant.energy, R, scaling=plant.scaling)
+    >>> found.gain.shape
+    (200, 1, 10)
+    """
+    n = _columns("A", A)
+    m = _columns("B", B)
+    given = {
+        "state": _stack("A", A, n, n),
+        "control": _stack("B", B, n, m),
+        "state_weight": _stack("state_weight", state_weight, n, n),
+        "control_weight": _stack("control_weight", control_weight, m, m),
+    }
+    if cross_weight is not None:
+        given["cross_weight"] = _stack("cross_weight", cross_weight, n, m)
+    if scaling is not None:
+        given["scaling"] = _stack("scaling", scaling, n, n)
+    return _solved(given, time, threads)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class RiccatiSolution(Summarised):
+    """The only row of a batch: P, shape (n, n), the gain K of f = -K s, shape (m, n), and the relative residual."""
 
     P: Floats
     gain: Floats
-    poles: NDArray[np.complex128]
     residual: float
 
 
 def solve_riccati(
-    A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, *, scaling: Floats
+    A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, *, scaling: Floats, time: Time = "continuous"
 ) -> RiccatiSolution:
-    """Solve `A'P + P A - (P B + N) R^-1 (B'P + N') + Q = 0` for the stabilising P.
-
-    In SI units the terms span twenty orders of magnitude, more than double precision resolves. The equation is
-    therefore scaled: the state to the coordinates z of s = `scaling` z, time such that |A| = 1, each force such that
-    its column of B has norm 1, and the cost such that |R| = 1. The result then does not depend on the units.
-    With a small control weight the solution still spans many orders of magnitude; each refinement is therefore taken in
-    coordinates in which the previous solution is the identity (P = L L', z = L'^-1 w), by Kleinman's step, a Lyapunov
-    equation (IEEE Trans. Automatic Control 13(1), 1968, 114-115), until the residual stops falling.
+    """Solve one equation; see `regulator_gains`.
 
     Raises
     ------
     SettingError
         If no stabilising solution exists or none is found to the required precision.
     """
-    T = scaling
-    inverse = np.linalg.inv(T)
-    A_z, B_z = inverse @ A @ T, inverse @ B
-    rate = float(np.linalg.norm(A_z, 2))
-    if rate < 1e-9 * np.linalg.norm(B_z):  # B dominates, as on a sliding surface
-        rate = float(np.linalg.norm(B_z))
-    forces = rate / np.maximum(np.linalg.norm(B_z, axis=0), np.finfo(float).tiny)
-    A_z, B_z = A_z / rate, B_z * forces / rate
-    Q_z, N_z = T.T @ Q @ T, T.T @ N * forces
-    R_z = R * np.outer(forces, forces)
-    cost = float(np.linalg.norm(R_z, 2))
-    Q_z, N_z, R_z = _symmetric(Q_z) / cost, N_z / cost, _symmetric(R_z) / cost
-    P_z, residual = _solved(A_z, B_z, Q_z, R_z, N_z)
-    gain_z = np.linalg.solve(R_z, B_z.T @ P_z + N_z.T)
-    poles = rate * np.linalg.eigvals(A_z - B_z @ gain_z)
-    if not np.all(poles.real < 0.0):
-        raise SettingError(
-            f"the loop closed with the Riccati gain has a pole at {max(poles.real):.3g} 1/s and is not stable; "
-            f"weigh every mode that is not damped"
-        )
-    if not residual <= _LARGEST_RESIDUAL:
-        raise SettingError(
-            f"the Riccati equation is met only to {residual:.1e} of its terms, {_LARGEST_RESIDUAL:g} is "
-            f"required; make the weights less extreme: a larger control weight or a smaller output weight"
-        )
-    P = inverse.T @ P_z @ inverse * (cost / rate)
-    gain = forces[:, None] * gain_z @ inverse
-    return RiccatiSolution(P=_symmetric(P), gain=gain, poles=poles.astype(np.complex128), residual=residual)
+    found = regulator_gains(A, B, Q, R, N, time=time, scaling=scaling, threads=1)
+    found.check()
+    return RiccatiSolution(P=found.P[0], gain=found.gain[0], residual=float(found.residual[0]))
 
 
-def _solved(A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats) -> tuple[Floats, float]:
-    """P and its residual: by ordered eigenvalues, and by doubling if that fails."""
-    best: tuple[Floats, float] | None = None
-    for attempt in (_by_eigenvalues, _by_doubling):
-        try:
-            solved = _polished(A, B, Q, R, N, attempt(A, B, Q, R, N))
-        # SciPy raises either, depending on the step that fails; doubling raises a SettingError, which is a ValueError.
-        except (np.linalg.LinAlgError, ValueError):
-            continue
-        if best is None or solved[1] < best[1]:
-            best = solved
-        if best[1] <= _LARGEST_RESIDUAL:
-            return best
-    if best is None:
-        raise SettingError(
-            "the Riccati equation has no stabilising solution; weigh every mode that is not damped, and see "
-            "that a device can move it"
-        )
-    return best
+def kalman_gains(
+    A: ArrayLike,
+    C: ArrayLike,
+    process_noise: ArrayLike,
+    sensor_noise: ArrayLike,
+    cross_noise: ArrayLike | None = None,
+    *,
+    time: Time = "continuous",
+    scaling: ArrayLike | None = None,
+    threads: int = 0,
+) -> RiccatiSolutions:
+    """Gains L of steady Kalman filters, in batches, and the covariances of their errors.
 
+    Of x' = A x + B f + L (y - C x - D f), or of the predictor x_{k+1} = A x_k + B f_k + L (y_k - C x_k - D f_k). The
+    equation is that of the regulator of A' and C' (see `regulator_gains`).
 
-def _by_eigenvalues(A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats) -> Floats:
-    P = scipy.linalg.solve_continuous_are(A, B, Q, R, s=N)
-    return _symmetric(np.asarray(P, dtype=np.float64))
-
-
-def _by_doubling(A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats) -> Floats:
-    of_N, of_B = np.linalg.solve(R, N.T), np.linalg.solve(R, B.T)
-    # |A| = 1 after scaling.
-    return solve_continuous(A - B @ of_N, _symmetric(B @ of_B), _symmetric(Q - N @ of_N), shift=1.0)
-
-
-def _polished(A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, P: Floats) -> tuple[Floats, float]:
-    """P after Kleinman's steps in scaled coordinates, and the remaining relative residual."""
-    best, smallest = P, np.inf
-    for _ in range(_KLEINMAN_STEPS):
-        L, back = _root(P)
-        A_w, B_w = L.T @ A @ back, L.T @ B
-        Q_w, N_w = back.T @ Q @ back, back.T @ N
-        P_w = back.T @ P @ back
-        residual = _relative_residual(A_w, B_w, Q_w, R, N_w, P_w)
-        if residual < smallest:
-            best, smallest = P, residual
-        elif residual >= 0.5 * smallest:
-            break
-        gain = np.linalg.solve(R, B_w.T @ P_w + N_w.T)
-        weight = Q_w - N_w @ gain - gain.T @ N_w.T + gain.T @ R @ gain
-        closed = A_w - B_w @ gain
-        if not np.linalg.eigvals(closed).real.max() < -1e-12 * np.linalg.norm(closed):
-            break
-        P_w = np.asarray(
-            scipy.linalg.solve_continuous_lyapunov(closed.T, -_symmetric(weight)), dtype=np.float64
-        )
-        P = L @ _symmetric(P_w) @ L.T
-    return best, smallest
-
-
-def _root(P: Floats) -> tuple[Floats, Floats]:
-    """L of P = L L' and the inverse of L'; a floor replaces eigenvalues that rounding made zero or negative."""
-    values, vectors = np.linalg.eigh(P)
-    if not values[-1] > 0.0:
-        raise np.linalg.LinAlgError("nothing is weighed")
-    lengths = np.sqrt(np.maximum(values, 1e-14 * values[-1]))
-    return vectors * lengths, vectors / lengths
-
-
-def _relative_residual(A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, P: Floats) -> float:
-    half = P @ B + N
-    terms = (A.T @ P, P @ A, -half @ np.linalg.solve(R, half.T), Q)
-    return float(np.linalg.norm(sum(terms)) / sum(np.linalg.norm(term) for term in terms))
-
-
-def solve_discrete(A: Floats, G: Floats, H: Floats) -> Floats:
-    """The stabilising X of `X = A'X (1 + G X)^-1 A + H` with G and H symmetric and positive semidefinite.
-
-    `A_+ = A W^-1 A, G_+ = G + A W^-1 G A', H_+ = H + A'H W^-1 A` with `W = 1 + G H`: H tends to X (Chu, Fan, Lin &
-    Wang, Int. J. Control 77(8), 2004, 767-788). SciPy orders the eigenvalues of a pencil instead, which fails if
-    they lie close to the unit circle, as those of a tall building do at a short sample time.
+    Parameters
+    ----------
+    A, C
+        Shapes (..., n_states, n_states) and (..., n_measurements, n_states).
+    process_noise, sensor_noise, cross_noise
+        Intensities of the white noises w and v of s' = A s + ... + w and y = C s + ... + v, or their covariances in
+        discrete time: E[w w'], E[v v'] and E[w v'], shapes (..., n_states, n_states),
+        (..., n_measurements, n_measurements) and (..., n_states, n_measurements).
+    time, scaling, threads
+        See `regulator_gains`; the T of s = T z is that of the state.
 
     Raises
     ------
     SettingError
-        If the iteration does not converge.
+        If shapes do not fit, or a matrix holds a value that is not finite.
     """
-    one = np.eye(len(A))
-    for _ in range(_DOUBLINGS):
-        W = one + G @ H
-        try:
-            right, left = np.linalg.solve(W, A), np.linalg.solve(W.T, A.T).T
-        except np.linalg.LinAlgError:
-            break
-        added = A.T @ H @ right
-        A, G, H = A @ right, _symmetric(G + left @ G @ A.T), _symmetric(H + added)
-        # A mode that is not stabilised grows quadratically.
-        if not max(np.linalg.norm(A), np.linalg.norm(H)) < _LARGEST_NORM:
-            break
-        if np.linalg.norm(added) <= 1e-15 * np.linalg.norm(H):
-            return H
-    raise SettingError(
-        "the Riccati equation has no stabilising solution; weigh, or measure, every mode that is not damped"
-    )
+    n = _columns("A", A)
+    states = _stack("A", A, n, n)
+    rows = np.asarray(C, dtype=np.float64)
+    m = rows.shape[-2] if rows.ndim >= 2 else 0
+    given = {
+        "state": _transposed(states),
+        "control": _transposed(_stack("C", C, m, n)),
+        "state_weight": _stack("process_noise", process_noise, n, n),
+        "control_weight": _stack("sensor_noise", sensor_noise, m, m),
+    }
+    if cross_noise is not None:
+        given["cross_weight"] = _stack("cross_noise", cross_noise, n, m)
+    if scaling is not None:
+        given["scaling"] = _dual(_stack("scaling", scaling, n, n))
+    dual = _solved(given, time, threads)
+    return RiccatiSolutions(gain=_transposed(dual.gain), P=dual.P, residual=dual.residual, status=dual.status)
 
 
-def solve_continuous(A: Floats, G: Floats, H: Floats, shift: float) -> Floats:
-    """The stabilising X of `A'X + X A - X G X + H = 0`, by Cayley's transform to a discrete equation.
+def lyapunov_solutions(
+    A: ArrayLike,
+    weight: ArrayLike,
+    *,
+    time: Time = "continuous",
+    scaling: ArrayLike | None = None,
+    threads: int = 0,
+) -> RiccatiSolutions:
+    """P of `A'P + P A + Q = 0`, or of `A'P A - P + Q = 0` in discrete time, in batches.
 
-    `shift` should be near the geometric mean of the moduli of the closed-loop poles (Chu, Fan & Lin, Linear Algebra and
-    its Applications 396, 2005, 55-80).
+    s'P s is the cost of free vibration from s under the weight Q. With A' for A, and the intensity of a white noise for
+    Q, P is the covariance of the state. By Smith's doubling (SIAM J. Appl. Math. 16, 1968, 198-201), refined.
+
+    Parameters
+    ----------
+    A, weight
+        A and Q, shapes (..., n_states, n_states).
+    time, scaling, threads
+        See `regulator_gains`.
+
+    Returns
+    -------
+    RiccatiSolutions
+        With gains of shape (n_batch, 0, n_states). A row whose A is not stable has no stabilising solution.
+
+    Raises
+    ------
+    SettingError
+        If shapes do not fit, or a matrix holds a value that is not finite.
     """
-    shifted = A - shift * np.eye(len(A))
-    forth = np.linalg.solve(shifted, G)
-    back = np.linalg.inv(shifted.T + H @ forth)
-    return solve_discrete(
-        np.eye(len(A)) + 2.0 * shift * back.T,
-        _symmetric(2.0 * shift * forth @ back),
-        _symmetric(2.0 * shift * back @ np.linalg.solve(shifted.T, H.T).T),
-    )
+    n = _columns("A", A)
+    given = {
+        "state": _stack("A", A, n, n),
+        "control": np.zeros((1, n, 0)),
+        "state_weight": _stack("weight", weight, n, n),
+        "control_weight": np.zeros((1, 0, 0)),
+    }
+    if scaling is not None:
+        given["scaling"] = _stack("scaling", scaling, n, n)
+    return _solved(given, time, threads)
 
 
-def _symmetric(matrix: Floats) -> Floats:
-    return np.asarray(0.5 * (matrix + matrix.T), dtype=np.float64)
+def _solved(given: dict[str, Floats], time: Time, threads: int) -> RiccatiSolutions:
+    counts = {len(matrices) for matrices in given.values()} - {1}
+    if len(counts) > 1:
+        raise SettingError(
+            f"the matrices have {', '.join(str(count) for count in sorted(counts))} rows; give the same number of "
+            "each, or one that all rows share"
+        )
+    if threads < 0:
+        raise SettingError(f"`threads` is {threads}; give 0 for all processors, or their number")
+    try:
+        gain, P, residual, status = _rust.riccati_equations(time, **given, threads=threads)
+    except ValueError as error:
+        raise SettingError(str(error)) from error
+    return RiccatiSolutions(gain=gain, P=P, residual=residual, status=status)
+
+
+def _columns(name: str, matrix: ArrayLike) -> int:
+    shape = np.shape(matrix)
+    if len(shape) not in (2, 3):
+        raise SettingError(
+            f"`{name}` has shape {shape}; give a matrix, or a stack of matrices, one for each row of the batch"
+        )
+    return int(shape[-1])
+
+
+def _stack(name: str, given: ArrayLike, rows: int, columns: int) -> Floats:
+    """As the core takes it: with a leading axis of the batch, which has length one if all rows share the matrix."""
+    matrices = np.asarray(given, dtype=np.float64)
+    if matrices.ndim not in (2, 3) or matrices.shape[-2:] != (rows, columns):
+        raise SettingError(
+            f"`{name}` has shape {matrices.shape}; give ({rows}, {columns}), or a stack of such matrices, one for each "
+            "row of the batch"
+        )
+    if not np.isfinite(matrices).all():
+        raise SettingError(f"`{name}` holds a value that is not a finite number")
+    return np.ascontiguousarray(matrices.reshape(-1, rows, columns))
+
+
+def _transposed(matrices: Floats) -> Floats:
+    return np.ascontiguousarray(np.swapaxes(matrices, 1, 2))
+
+
+def _dual(scaling: Floats) -> Floats:
+    """The scaling of A' that goes with the scaling of A."""
+    try:
+        return _transposed(np.asarray(np.linalg.inv(scaling), dtype=np.float64))
+    except np.linalg.LinAlgError:
+        raise SettingError("`scaling` is singular; give coordinates of the whole state") from None

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.control.design.weights import design_weights
-from mrwork.control.law_settings import SETTINGS, RegulatorSettings
+from mrwork.control.law_settings import SETTINGS
 from mrwork.control.lqr import PUBLISHED_REGULATORS, PublishedRegulator
+from mrwork.control.regulator_settings import RegulatorSettings
 from mrwork.control.setting_base import Magnitudes
 from mrwork.control.weights import CostWeights
 from mrwork.errors import SettingError

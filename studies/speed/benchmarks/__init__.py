@@ -9,6 +9,7 @@ from benchmarks.loop import LoopBenchmark, LoopRow, bench_loop, format_loop
 from benchmarks.models import ModelBenchmark, ModelRow, bench_models, format_models
 from benchmarks.posterior import PosteriorBenchmark, bench_posterior, format_posterior
 from benchmarks.refine import RefineBenchmark, RefineRow, bench_refine, format_refine
+from benchmarks.regulators import RegulatorBenchmark, bench_regulators, format_regulators
 from benchmarks.search_rows import SearchRow
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "PosteriorBenchmark",
     "RefineBenchmark",
     "RefineRow",
+    "RegulatorBenchmark",
     "SearchBenchmark",
     "SearchRow",
     "bench_identify",
@@ -29,10 +31,12 @@ __all__ = [
     "bench_models",
     "bench_posterior",
     "bench_refine",
+    "bench_regulators",
     "format_identify",
     "format_loop",
     "format_models",
     "format_posterior",
     "format_refine",
+    "format_regulators",
     "format_table",
 ]

@@ -143,6 +143,25 @@ def _parser() -> argparse.ArgumentParser:
     loop.add_argument("--quick", action="store_true", help="20 candidates, one motion of 5 s, once")
     _add_json(loop)
     loop.set_defaults(run=run_loop)
+    regulators = subjects.add_parser(
+        "regulators", help="Riccati gains of many plants beside scipy.linalg.solve_continuous_are"
+    )
+    regulators.add_argument(
+        "--states", type=int, nargs="+", default=[6, 10, 20, 40], metavar="N", help="states of the plants"
+    )
+    regulators.add_argument(
+        "--threads",
+        type=int,
+        nargs="+",
+        default=[1, 2],
+        metavar="N",
+        help="numbers of threads, default 1 and 2",
+    )
+    regulators.add_argument(
+        "--quick", action="store_true", help="16 equations of each size, one thread, once"
+    )
+    _add_common(regulators)
+    regulators.set_defaults(run=run_regulators)
     return parser
 
 
@@ -232,6 +251,21 @@ def run_loop(options: argparse.Namespace) -> int:
         on_progress=_progress(options),
     )
     print(json.dumps(benchmark.as_dict()) if options.json else format_loop(benchmark))
+    return 0
+
+
+def run_regulators(options: argparse.Namespace) -> int:
+    """Measure how many regulators are designed in a second."""
+    from benchmarks import bench_regulators, format_regulators
+
+    benchmark = bench_regulators(
+        states=options.states,
+        threads=(1,) if options.quick else options.threads,
+        rounds=1 if options.quick else options.rounds,
+        batch=16 if options.quick else None,
+        on_progress=_progress(options),
+    )
+    print(json.dumps(benchmark.as_dict()) if options.json else format_regulators(benchmark))
     return 0
 
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from mrwork.control.design.lyapunov_equations import LyapunovEquations
 from mrwork.control.design.system import DesignSystem
-from mrwork.control.riccati import solve_discrete, solve_riccati
+from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError
 
 Floats = NDArray[np.float64]
@@ -102,15 +102,14 @@ def _gain(system: DesignSystem, rows: Rows, weights: Floats) -> tuple[Floats, Fl
     A, B, step = system.A, system.B, system.step
     Q, N = (rows.C.T * weights) @ rows.C, (rows.C.T * weights) @ rows.D
     R = (rows.D.T * weights) @ rows.D
-    if step == 0.0:
-        solution = solve_riccati(A, B, Q, R, N, scaling=np.eye(len(A)))
-        return solution.gain, solution.P
     one = np.eye(len(A))
-    transition, entry = one + step * A, step * B
-    of_N, of_B = np.linalg.solve(R, N.T), np.linalg.solve(R, entry.T)
-    P = solve_discrete(transition - entry @ of_N, entry @ of_B / step, step * (Q - N @ of_N))
-    gain = np.linalg.solve(R + step * B.T @ P @ B, B.T @ P @ transition + N.T)
-    return np.asarray(gain, dtype=np.float64), P
+    if step == 0.0:
+        solution = solve_riccati(A, B, Q, R, N, scaling=one)
+    else:
+        solution = solve_riccati(
+            one + step * A, step * B, step * Q, step * R, step * N, scaling=one, time="discrete"
+        )
+    return solution.gain, solution.P
 
 
 def _curvature(system: DesignSystem, rows: Rows, weights: Floats, at: Regulated) -> Floats:

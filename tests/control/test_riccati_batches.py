@@ -1,0 +1,277 @@
+"""Batches of regulators, filters and costs: exact, the same in every batch, and failures are values."""
+
+from __future__ import annotations
+
+import re
+
+import mpmath
+import numpy as np
+import pytest
+import scipy.linalg
+from control_samples import frame, plant, shear_frame
+
+import mrwork as mr
+from mrwork.control import (
+    RiccatiStatus,
+    kalman_gains,
+    lyapunov_solutions,
+    regulator_gains,
+)
+from mrwork.control.design_problem import DesignProblem
+from mrwork.control.law_settings import SETTINGS
+from mrwork.control.lqr import Regulator, regulator_of_weights, regulators_of_weights
+from mrwork.control.plant import Plant, accelerations
+from mrwork.control.riccati import RiccatiSolutions
+from mrwork.control.weights import Weighed, weighed_outputs
+from mrwork.errors import SettingError
+
+Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+
+
+@pytest.fixture(scope="module")
+def design_problem() -> DesignProblem:
+    building, rd1005 = mr.building("uts"), mr.damper("static_hysteretic").preset("kwok2006")
+    device = mr.Device(
+        name="storey 1", spec=rd1005.spec, theta=rd1005.theta, row=building.storeys[0], largest_command=1.88
+    )
+    return DesignProblem(building=building, devices=[device], sample_time=1e-3)
+
+
+def costs(rng: np.random.Generator, rows: int, n: int, m: int) -> tuple[Floats, Floats, Floats]:
+    """Q, R and N of weighed outputs y = C s + D f."""
+    C, D = rng.standard_normal((rows, n, n)), rng.standard_normal((rows, n, m))
+    back = np.swapaxes(C, 1, 2)
+    return back @ C, np.swapaxes(D, 1, 2) @ D + np.eye(m), back @ D
+
+
+def sampled(system: Plant, step: float) -> tuple[Floats, Floats]:
+    """Transition over a step with held forces, in coordinates of the energy."""
+    inverse = np.linalg.inv(system.scaling)
+    n, m = system.B.shape
+    whole = np.zeros((n + m, n + m))
+    whole[:n] = np.hstack([inverse @ system.A @ system.scaling, inverse @ system.B]) * step
+    exponential = scipy.linalg.expm(whole)
+    return exponential[:n, :n], exponential[:n, n:]
+
+
+def same_rows(one: RiccatiSolutions, other: RiccatiSolutions, row: int) -> None:
+    """Row `row` of one is the only row of the other, bit for bit."""
+    assert one.gain[row].tobytes() == other.gain[0].tobytes()
+    assert one.P[row].tobytes() == other.P[0].tobytes()
+    assert (one.residual[row], one.status[row]) == (other.residual[0], other.status[0])
+
+
+@pytest.mark.parametrize("n_storeys", [3, 5, 10, 20])
+@pytest.mark.parametrize("damping", [1.0, 1e-3])
+def test_frames_have_the_gains_of_scipy(n_storeys: int, damping: float) -> None:
+    """Also with a thousandth of the usual damping; SciPy is given the coordinates of the energy, where it does well."""
+    building = shear_frame(n_storeys)
+    building = frame("frame", building.mass, damping * building.damping, building.stiffness)
+    system = plant(1, building)
+    T = system.scaling
+    inverse = np.linalg.inv(T)
+    A, B = inverse @ system.A @ T, inverse @ system.B
+    R = np.geomspace(1e-10, 1e-5, 5).reshape(-1, 1, 1)
+    found = regulator_gains(system.A, system.B, system.energy, R, scaling=T)
+    assert found.solved.all()
+    assert found.residual.max() < 1e-14 * n_storeys
+    for row, weight in enumerate(R):
+        P = scipy.linalg.solve_continuous_are(A, B, np.eye(len(A)), weight)
+        expected = B.T @ P / weight
+        assert np.linalg.norm(found.gain[row] @ T - expected) <= 1e-7 * np.linalg.norm(expected)
+    Ad, Bd = sampled(system, 0.01)
+    found = regulator_gains(Ad, Bd, np.eye(len(A)), R, time="discrete")
+    assert found.solved.all()
+    for row, weight in enumerate(R):
+        P = scipy.linalg.solve_discrete_are(Ad, Bd, np.eye(len(A)), weight)
+        assert np.linalg.norm(found.P[row] - P) <= 1e-7 * np.linalg.norm(P)
+
+
+@pytest.mark.parametrize("time", ["continuous", "discrete"])
+def test_random_equations_are_met_in_sixty_digits(time: str) -> None:
+    """The residual is formed without rounding, so it is that of P, and P is stabilising."""
+    rng = np.random.default_rng(11)
+    for n, m in ((2, 1), (5, 2), (8, 3)):
+        rows = 4
+        A, B = rng.standard_normal((rows, n, n)), rng.standard_normal((rows, n, m))
+        Q, R, N = costs(rng, rows, n, m)
+        found = regulator_gains(A, B, Q, R, N, time=time)  # type: ignore[arg-type]
+        assert found.solved.all()
+        for row in range(rows):
+            poles = np.linalg.eigvals(A[row] - B[row] @ found.gain[row])
+            assert (poles.real.max() if time == "continuous" else np.abs(poles).max() - 1.0) < 0.0
+            with mpmath.workdps(60):
+                a, b, q, r, c, p = (mpmath.matrix(each[row].tolist()) for each in (A, B, Q, R, N, found.P))
+                if time == "continuous":
+                    terms = [a.T * p, p * a, -(p * b + c) * r**-1 * (b.T * p + c.T), q]
+                else:
+                    half = a.T * p * b + c
+                    terms = [a.T * p * a, -p, -half * (r + b.T * p * b) ** -1 * half.T, q]
+                left = sum(terms[1:], terms[0])
+                size = sum(mpmath.mnorm(term, "f") for term in terms)
+                assert mpmath.mnorm(left, "f") <= 1e-13 * size
+
+
+@pytest.mark.parametrize("time", ["continuous", "discrete"])
+def test_batch_and_threads_do_not_change_a_bit(time: str) -> None:
+    rng = np.random.default_rng(12)
+    rows, n, m = 45, 6, 2
+    A, B = rng.standard_normal((rows, n, n)), rng.standard_normal((rows, n, m))
+    Q, R, N = costs(rng, rows, n, m)
+    whole = regulator_gains(A, B, Q, R, N, time=time, threads=1)  # type: ignore[arg-type]
+    other = regulator_gains(A, B, Q, R, N, time=time, threads=2)  # type: ignore[arg-type]
+    for row in range(rows):
+        one = slice(row, row + 1)
+        same_rows(whole, regulator_gains(A[one], B[one], Q[one], R[one], N[one], time=time), row)  # type: ignore[arg-type]
+    for name in ("gain", "P", "residual", "status"):
+        assert getattr(whole, name).tobytes() == getattr(other, name).tobytes()
+
+
+def test_matrices_that_all_rows_share_are_given_once() -> None:
+    system = plant(2)
+    R = np.geomspace(1e-9, 1e-6, 11)[:, None, None] * np.eye(2)
+    shared = regulator_gains(system.A, system.B, system.energy, R, scaling=system.scaling)
+    wide = [np.broadcast_to(matrix, (11, *matrix.shape)) for matrix in (system.A, system.B, system.energy)]
+    scaling = np.broadcast_to(system.scaling, (11, 6, 6))
+    same = regulator_gains(*wide, R, np.zeros((11, 6, 2)), scaling=scaling)
+    assert shared.gain.tobytes() == same.gain.tobytes()
+
+
+def test_rows_without_a_solution_leave_their_neighbours_alone() -> None:
+    rng = np.random.default_rng(13)
+    A, B = rng.standard_normal((20, 4, 4)), rng.standard_normal((20, 4, 1))
+    clean = regulator_gains(A, B, np.eye(4), np.eye(1))
+    R = np.ones((20, 1, 1))
+    A[3], B[3] = (
+        np.diag([-1.0, 2.0, -1.0, -1.0]),
+        [[1.0], [0.0], [1.0], [1.0]],
+    )  # it grows, and is not reached
+    R[8] = -1.0
+    A[15], B[15] = np.diag([0.0, -1.0, -2.0, -3.0]), 0.0  # it neither grows nor decays
+    found = regulator_gains(A, B, np.eye(4), R)
+    assert found.status[3] == found.status[15] == RiccatiStatus.NO_STABILISING_SOLUTION
+    assert found.status[8] == RiccatiStatus.WEIGHT_NOT_POSITIVE
+    failed = [3, 8, 15]
+    assert np.isinf(found.gain[failed]).all()
+    assert np.isinf(found.P[failed]).all()
+    kept = [row for row in range(20) if row not in failed]
+    assert found.solved.tolist() == [row not in failed for row in range(20)]
+    assert found.gain[kept].tobytes() == clean.gain[kept].tobytes()
+    assert found.residual[kept].tobytes() == clean.residual[kept].tobytes()
+    with pytest.raises(SettingError, match="weigh, or measure, every mode that is not damped"):
+        found.check(3)
+    with pytest.raises(SettingError, match="give a positive one"):
+        found.check(8)
+    found.check(0)
+    assert "no stabilising solution" in repr(found)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"A": np.eye(3)}, r"`B` has shape \(2, 1\); give \(3, 1\)"),
+        ({"A": np.ones(2)}, r"`A` has shape \(2,\); give a matrix, or a stack"),
+        ({"A": np.ones((2, 3))}, r"`A` has shape \(2, 3\); give \(3, 3\)"),
+        ({"state_weight": np.eye(3)}, r"`state_weight` has shape \(3, 3\); give \(2, 2\)"),
+        ({"control_weight": np.eye(2)}, r"`control_weight` has shape \(2, 2\); give \(1, 1\)"),
+        ({"cross_weight": np.ones((1, 2))}, r"`cross_weight` has shape \(1, 2\); give \(2, 1\)"),
+        ({"scaling": np.eye(3)}, r"`scaling` has shape \(3, 3\); give \(2, 2\)"),
+        (
+            {"state_weight": np.diag([1.0, np.nan])},
+            "`state_weight` holds a value that is not a finite number",
+        ),
+        (
+            {"control_weight": np.full((3, 1, 1), np.inf)},
+            "`control_weight` holds a value that is not a finite",
+        ),
+        (
+            {"A": np.zeros((3, 2, 2)), "control_weight": np.ones((4, 1, 1))},
+            "the matrices have 3, 4 rows; give",
+        ),
+        ({"time": "sampled"}, '`time` is "sampled"; give'),
+        ({"threads": -1}, "`threads` is -1; give 0"),
+    ],
+)
+def test_what_does_not_fit_is_refused(change: dict[str, object], message: str) -> None:
+    given: dict[str, object] = {
+        "A": -np.eye(2),
+        "B": np.ones((2, 1)),
+        "state_weight": np.eye(2),
+        "control_weight": np.eye(1),
+    }
+    with pytest.raises(SettingError, match=message):
+        regulator_gains(**(given | change))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("time", ["continuous", "discrete"])
+def test_kalman_gains_are_those_of_the_transposed_regulator(time: str) -> None:
+    """And the covariance is that of the error, by the Lyapunov equation of the estimate."""
+    rng = np.random.default_rng(14)
+    rows, n, m = 3, 5, 2
+    A, C = rng.standard_normal((rows, n, n)), rng.standard_normal((rows, m, n))
+    noise = rng.standard_normal((rows, n + m, n + m))
+    noise = noise @ np.swapaxes(noise, 1, 2)
+    W, V, S = noise[:, :n, :n], noise[:, n:, n:], noise[:, :n, n:]
+    found = kalman_gains(A, C, W, V, S, time=time)  # type: ignore[arg-type]
+    assert found.solved.all()
+    assert found.gain.shape == (rows, n, m)
+    L = found.gain
+    turned = np.swapaxes(L, 1, 2)
+    error = A - L @ C
+    driven = W - L @ np.swapaxes(S, 1, 2) - S @ turned + L @ V @ turned
+    covariance = lyapunov_solutions(np.swapaxes(error, 1, 2), driven, time=time)  # type: ignore[arg-type]
+    assert covariance.solved.all()
+    np.testing.assert_allclose(covariance.P, found.P, rtol=1e-8, atol=1e-9 * np.abs(found.P).max())
+    scaled = kalman_gains(A, C, W, V, S, time=time, scaling=np.diag([1.0, 1e2, 1.0, 1e-2, 3.0]))  # type: ignore[arg-type]
+    np.testing.assert_allclose(scaled.gain, found.gain, rtol=1e-8, atol=1e-9 * np.abs(L).max())
+
+
+def test_lyapunov_solutions_are_those_of_scipy() -> None:
+    rng = np.random.default_rng(15)
+    A = rng.standard_normal((6, 7, 7)) - 4.0 * np.eye(7)
+    Q = rng.standard_normal((6, 7, 7))
+    Q = Q @ np.swapaxes(Q, 1, 2)
+    found = lyapunov_solutions(A, Q)
+    assert found.gain.shape == (6, 0, 7)
+    for row in range(6):
+        expected = scipy.linalg.solve_continuous_lyapunov(A[row].T, -Q[row])
+        np.testing.assert_allclose(found.P[row], expected, rtol=1e-9, atol=1e-11)
+    A[2] += 9.0 * np.eye(7)
+    assert lyapunov_solutions(A, Q).solved.tolist() == [True, True, False, True, True, True]
+
+
+def test_many_regulators_are_those_that_are_designed_alone() -> None:
+    system = plant(1)
+    outputs = accelerations(system)
+    weighed = [weighed_outputs(system, outputs, np.diag(row)) for row in np.eye(3)]
+    weights = [1e-7, [1e-7, 1e-7], 1e-6]
+    found = regulators_of_weights(system, weighed, weights)
+    assert isinstance(found[1], SettingError)
+    assert "control_weight has 2 weights" in str(found[1])
+    for row in (0, 2):
+        alone = regulator_of_weights(system, weighed[row], weights[row])
+        together = found[row]
+        assert isinstance(together, Regulator)
+        assert together.gain.tobytes() == alone.gain.tobytes()
+        assert together.riccati.tobytes() == alone.riccati.tobytes()
+    none = Weighed(Q=np.zeros((6, 6)), N=np.zeros((6, 1)), S=np.zeros((1, 1)))
+    assert isinstance(regulators_of_weights(system, [none], [0.0])[0], SettingError)
+
+
+@pytest.mark.parametrize("law", ["clipped_optimal", "modified_clipped_optimal"])
+def test_many_laws_are_those_that_are_designed_alone(law: str, design_problem: DesignProblem) -> None:
+    """A weight of the wrong shape and one beyond double precision among them."""
+    more = {"full_force": 100.0} if law == "modified_clipped_optimal" else {}
+    weights = (1e-9, (1e-9, 1e-9), 1e-7, 1e-200, 1e-8)
+    many = [SETTINGS[law](control_weight=weight, **more) for weight in weights]
+    found = SETTINGS[law].designs(design_problem, many)
+    assert [isinstance(each, SettingError) for each in found] == [False, True, False, True, False]
+    for settings, together in zip(many, found, strict=True):
+        if isinstance(together, SettingError):
+            with pytest.raises(SettingError, match=re.escape(str(together))):
+                settings.design(design_problem)
+        else:
+            alone = settings.design(design_problem)
+            assert together.gains.keys() == alone.gains.keys()
+            for name, gain in alone.gains.items():
+                assert together.gains[name].tobytes() == gain.tobytes()
