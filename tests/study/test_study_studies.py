@@ -65,3 +65,18 @@ def test_every_law_stands_in_the_five_storey_study(tmp_path: Path) -> None:
     study = study_of("five_storeys.toml", tmp_path)
     assert len(study.arrangements) == 22
     assert [round(ground.peak / 9.80665, 3) for ground in study.grounds] == [0.1, 0.3] * 4
+
+
+@pytest.mark.skipif(not (RECORDS / "real").is_dir(), reason=f"no folder {RECORDS / 'real'}")
+def test_sixteen_records_are_judged_on_and_four_chosen_on(tmp_path: Path) -> None:
+    study = study_of("test_motions.toml", tmp_path)
+    assert [motion.use for motion in study.motions] == ["test"] * 16 + ["training"] * 4
+    assert [ground.name for ground in study.chosen_on] == [
+        "el_centro_1940_ns",
+        "hachinohe_1968_ns",
+        "kobe_1995_jma_ns",
+        "northridge_1994_sylmar_ns",
+    ]
+    assert {round(ground.peak / 9.80665, 6) for ground in study.grounds} == {0.3}
+    # Each carries its event and station.
+    assert all(motion.ground.source for motion in study.motions)
