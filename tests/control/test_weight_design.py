@@ -208,6 +208,9 @@ def test_designed_weights_say_what_they_are_for() -> None:
     text = repr(designed())
     assert "scanned in the" in text
     assert "Binds: rms drift" in text
+    for shown in (text, repr(designed().certificate)):
+        assert len(shown.splitlines()) <= 30
+        assert max(map(len, shown.splitlines())) <= 100
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,8 @@ _SETTING = {
     "rms_acceleration": "accelerations",
     "rms_displacement": "displacements",
 }
+# Outputs and sentences on what binds that the summary shows.
+_SHOWN = 4
 # Shares of the multipliers below this one belong to limits that do not bind.
 _BINDING = 1e-4
 
@@ -170,9 +172,9 @@ class DesignedWeights(Summarised):
                 for name, weight, rms, limit in sorted(
                     zip(self.outputs.names, self.output_weights, check.rms, check.limits, strict=True),
                     key=lambda each: -each[2] / each[3],
-                )[:8]
+                )[:_SHOWN]
             ],
-            notes=(*self.in_words, SCAN),
+            notes=(*self.in_words[: 1 + _SHOWN], SCAN),
         )
 
 
