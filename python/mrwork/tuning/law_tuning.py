@@ -106,7 +106,7 @@ def tuned_law(plan: Plan, benches: Benches, basis: Basis, *, rng: int, report: R
             certificate=certificate,
             limited=not control_law(plan.law).commands_force and not SETTINGS[plan.law].constant,
             refused=int(np.isinf(scores.objective).sum()),
-            objective=plan.objective.in_words,
+            objective=plan.objective.in_words(robust=table.robust),
             free=plan.space.free,
             trace=tuple(trace),
         )

@@ -67,14 +67,14 @@ class Objective(Summarised):
             violation += np.maximum(largest / each.limit - 1.0, 0.0)
         return violation
 
-    @property
-    def in_words(self) -> str:
-        """What is minimised, as the end of a sentence."""
+    def in_words(self, *, robust: bool) -> str:
+        """What is minimised, as the end of a sentence; `robust` where the realisations belong to it."""
         names = " and ".join(_weighted(name, weight) for name, weight in self.weights.items())
+        motions = "motions and realisations" if robust else "motions"
         over = {
-            "mean": "mean over all motions and realisations",
-            "max": "largest over all motions and realisations",
-            "cvar": f"mean of the worst {self.tail:.0%} of all motions and realisations",
+            "mean": f"mean over all {motions}",
+            "max": f"largest over all {motions}",
+            "cvar": f"mean of the worst {self.tail:.0%} of all {motions}",
         }[self.risk]
         return f"{over} of the mean of {names}, each over its value at i = 0"
 

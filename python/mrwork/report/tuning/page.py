@@ -30,10 +30,11 @@ def tuning_page(results: TuningResults, *, command: str = "") -> str:
         _search_section(results),
     ]
     on = f"{len(results.training)} training and {len(results.testing)} test motions"
+    laws = f"{len(results.laws)} law{'' if len(results.laws) == 1 else 's'}"
     return filled_in(
         "tuning.html.j2",
         title=results.title,
-        subject=f"{len(results.laws)} laws on {on if results.testing else 'the motions that they are judged by'}",
+        subject=f"{laws} on {on if results.testing else 'the motions that they are judged by'}",
         banner="" if results.status == "finished" else "The tuning was interrupted; resume it with --resume.",
         leading=_leading(results),
         headline=[],
