@@ -16,7 +16,7 @@ from mrwork.study import StudyResults, read_results
 from mrwork.study.comparison import compared
 from mrwork.study.folder import StoredStudy, study_document
 from mrwork.study.over_motions import judged_in_words
-from mrwork.study.results import largest_step_changes
+from mrwork.study.step_check import largest_step_changes
 
 
 def read_back(results: StudyResults, folder: Path) -> StoredStudy:

@@ -17,7 +17,7 @@ from mrwork.study.over_motions import (
     motion_groups,
     times_better,
 )
-from mrwork.study.results import largest_step_changes
+from mrwork.study.step_check import largest_step_changes
 
 
 def test_a_linear_swing_has_the_ratios_of_its_amplitudes() -> None:

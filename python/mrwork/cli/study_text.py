@@ -16,7 +16,8 @@ from mrwork.study.over_motions import (
     motion_groups,
     times_better,
 )
-from mrwork.study.results import OFF_BALANCE, ON_OFF, StudyResults, largest_step_changes
+from mrwork.study.results import OFF_BALANCE, StudyResults
+from mrwork.study.step_check import ON_OFF, largest_step_changes
 from mrwork.study.study import Kind
 from mrwork.summary import with_decimals
 

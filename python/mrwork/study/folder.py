@@ -18,10 +18,10 @@ from mrwork.store.run_folder import HISTORIES, JOURNAL, MANIFEST, REPORT, RESULT
 from mrwork.study.batches import Band
 from mrwork.study.comparison import compared
 from mrwork.study.demand import largest_demand, names_outside, worst_by_quantity
-from mrwork.study.over_motions import judged_in_words, motion_groups
+from mrwork.study.over_motions import judged_in_words
 from mrwork.study.results import Key, MotionFacts, StudyCriteria, StudyResults
 from mrwork.study.run_result import RunEnd
-from mrwork.study.stored_changes import StoredChanges, stored_changes
+from mrwork.study.stored_changes import StoredChanges, StoredGroup, stored_changes, stored_groups
 from mrwork.study.stored_clairvoyant import StoredClairvoyant, stored_clairvoyant
 from mrwork.study.stored_histories import Histories
 from mrwork.study.study import Kind, Row
@@ -73,15 +73,6 @@ class StoredStudyRun(RunEnd):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _StoredGroup:
-    """A group of motions in the results file, and the score of each row under them."""
-
-    name: str
-    motions: tuple[str, ...]
-    scores: _Criteria
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class _Document:
     """The results file; its fields are the keys of the JSON object.
 
@@ -101,7 +92,7 @@ class _Document:
     judged_on: str = ""
     chosen_on: tuple[str, ...] = ()
     spreads: dict[str, Spread] = field(default_factory=dict)
-    groups: tuple[_StoredGroup, ...] = ()
+    groups: tuple[StoredGroup, ...] = ()
     changes: tuple[StoredChanges, ...] = ()
     clairvoyant: tuple[StoredClairvoyant, ...] = ()
     realisations: int = 0
@@ -237,17 +228,7 @@ def study_document(results: StudyResults) -> dict[str, Any]:
         judged_on=judged_in_words(results),
         chosen_on=results.chosen_on,
         spreads={row.label: results.spread(number) for number, row in enumerate(results.rows)},
-        groups=tuple(
-            _StoredGroup(
-                name=group.name,
-                motions=tuple(results.motions[motion].name for motion in group.motions),
-                scores={
-                    row.label: results.score_under(number, group.motions)
-                    for number, row in enumerate(results.rows)
-                },
-            )
-            for group in motion_groups(results)
-        ),
+        groups=stored_groups(results),
         changes=tuple(stored_changes(comparison)),
         clairvoyant=tuple(stored_clairvoyant(each) for _, each in sorted(results.clairvoyants.items())),
         realisations=0 if results.varied is None else results.varied.count,

@@ -1,4 +1,4 @@
-"""Changes of the rows of a study in its results file."""
+"""Changes of the rows of a study in its results file, and their scores under groups of motions."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from mrwork.study.comparison import Comparison, rounds_to_increase
+from mrwork.study.over_motions import motion_groups
+from mrwork.study.results import StudyCriteria
 from mrwork.study.study import Kind
 
 
@@ -36,6 +38,30 @@ class StoredChanges:
     worse_than_uncontrolled: tuple[str, ...]
     against_best_passive: dict[str, StoredChange]
     worse_than_best_passive: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredGroup:
+    """A group of motions in the results file, and the score of each row under them."""
+
+    name: str
+    motions: tuple[str, ...]
+    scores: dict[str, float]
+
+
+def stored_groups(results: StudyCriteria) -> tuple[StoredGroup, ...]:
+    """The groups of the motions of a study, with the score of each row by its label."""
+    return tuple(
+        StoredGroup(
+            name=group.name,
+            motions=tuple(results.motions[motion].name for motion in group.motions),
+            scores={
+                row.label: results.score_under(number, group.motions)
+                for number, row in enumerate(results.rows)
+            },
+        )
+        for group in motion_groups(results)
+    )
 
 
 def stored_changes(comparison: Comparison) -> Iterator[StoredChanges]:
