@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from typing import Any, final
 
 import numpy as np
@@ -154,4 +155,5 @@ def respond(
     histories: bool = False,
     step_factor: int = 1,
     threads: int = 0,
+    outside: Callable[..., NDArray[np.float64]] | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.uint32], list[NDArray[np.float64]] | None]: ...

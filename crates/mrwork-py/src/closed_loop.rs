@@ -2,8 +2,8 @@
 
 use mrwork_dynamics::building::{Building as Dynamics, Matrices};
 use mrwork_dynamics::closed_loop::{
-    self, Batch, Channel, Fault, HISTORY_SIGNALS, Hardware, Observer, Quantity, RUN_QUANTITIES, Run, Sensor,
-    n_samples,
+    self, Batch, Channel, Fault, HISTORY_SIGNALS, Hardware, Observer, OutsideLaw, Quantity, RUN_QUANTITIES,
+    Run, Sensor, n_samples,
 };
 use mrwork_dynamics::control::{CurveModel, Law, LawSpec, Mounting};
 use mrwork_dynamics::damper::find_device;
@@ -19,6 +19,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::arrays::{Axis, array_of, check_shape, contiguous, shaped, zeros};
+use crate::asked_law::AskedLaw;
 use crate::damper::parsed_laws;
 use crate::enter::{chosen_instruction_set, interruptible, value_error};
 
@@ -138,10 +139,12 @@ type Responses<'py> = (
 ///
 /// `theta` has shape (draws, devices, columns); `runs` has a row (candidate, motion, draw) for each run; `sensors` a row
 /// (noise, resolution) for acceleration, deformation and force; `places` (count, differential) for each device.
+/// `outside` is a law in Python that commands instead of `law`, see [`AskedLaw`].
 #[pyfunction]
 #[pyo3(signature = (
     building, model, laws, theta, places, ranges, law, gains, tables, curve, motions, runs, streams, sample_time,
-    steps, delay_steps, command_rate, sensors, faults, observer, histories=false, step_factor=1, threads=0
+    steps, delay_steps, command_rate, sensors, faults, observer, histories=false, step_factor=1, threads=0,
+    outside=None
 ))]
 #[allow(clippy::too_many_arguments)] // a boundary function takes plain values, by keyword from Python
 pub fn respond<'py>(
@@ -169,6 +172,7 @@ pub fn respond<'py>(
     histories: bool,
     step_factor: u32,
     threads: usize,
+    outside: Option<Py<PyAny>>,
 ) -> PyResult<Responses<'py>> {
     let damper = find_device(model)
         .ok_or_else(|| PyLookupError::new_err(format!("no damper model is called `{model}`")))?;
@@ -220,6 +224,7 @@ pub fn respond<'py>(
     let devices = ("devices", Some(n_devices));
     let columns = ("columns", Some(laws.n_columns()));
     let n_gains = law.spec().n_gains(n_devices, n_states);
+    let outside = outside.map(|law| AskedLaw::new(law, building.dynamics.n_coordinates(), n_devices));
     let batch = Batch {
         building: &building.dynamics,
         laws: &laws,
@@ -227,6 +232,7 @@ pub fn respond<'py>(
         mountings: &mountings,
         ranges: &ranges,
         law,
+        outside: outside.as_ref().map(|law| law as &dyn OutsideLaw),
         gains: shaped("gains", &gains, &[("candidates", None), ("gains", Some(n_gains))])?,
         tables: &tables,
         curve,
@@ -245,10 +251,17 @@ pub fn respond<'py>(
         .then(|| lengths.iter().map(|&samples| zeros(&[samples, history_width])).collect())
         .transpose()?;
     let instruction_set = chosen_instruction_set()?;
+    // A law in Python is asked by the calling thread only.
+    let threads = if outside.is_some() { 1 } else { threads };
     let results = interruptible(py, |stop| {
+        let stop = &|| stop() || outside.as_ref().is_some_and(AskedLaw::failed);
         let settings = Settings { step_factor, threads, instruction_set, stop };
         closed_loop::respond(damper, &batch, &mut summary, rows.as_deref_mut(), settings)
-    })?;
+    });
+    if let Some(error) = outside.as_ref().and_then(AskedLaw::error) {
+        return Err(error);
+    }
+    let results = results?;
     let outcome: Vec<u8> = results.iter().map(|result| result.outcome as u8).collect();
     let steps: Vec<u32> = results.iter().map(|result| result.steps).collect();
     let histories = rows

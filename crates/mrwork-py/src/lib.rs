@@ -3,6 +3,7 @@
 #![allow(clippy::needless_pass_by_value)] // pyo3 hands arguments over by value
 
 mod arrays;
+mod asked_law;
 mod closed_loop;
 mod damper;
 mod enter;

@@ -20,3 +20,5 @@ from .responses import History as History
 from .responses import Responses as Responses
 from .simulate import Device as Device
 from .simulate import simulate_loop as simulate_loop
+from .user_law import LoopSample as LoopSample
+from .user_law import UserLaw as UserLaw

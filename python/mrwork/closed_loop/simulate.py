@@ -20,8 +20,9 @@ from mrwork.closed_loop.responses import (
     history_signals,
     run_quantities,
 )
+from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws import ControlLaw
-from mrwork.errors import SettingError
+from mrwork.errors import MrworkError, SettingError
 from mrwork.motions.ground_motion import GroundMotion
 
 __all__ = ["Device", "simulate_loop"]
@@ -35,7 +36,7 @@ _MOST_SAMPLES = 100_000_000
 def simulate_loop(
     building: Building,
     devices: Sequence[Device],
-    law: ControlLaw,
+    law: ControlLaw | UserLaw,
     motions: Sequence[GroundMotion],
     hardware: Hardware | None = None,
     *,
@@ -54,6 +55,8 @@ def simulate_loop(
     ----------
     devices
         One or more, all of one model with the same current laws; see `Device`.
+    law
+        A law of the registry with its gains, or a law in Python, which takes one thread.
     histories
         Whether to keep the history of every run.
     step_factor
@@ -78,6 +81,9 @@ def simulate_loop(
     (1, 3)
     """
     hardware = Hardware() if hardware is None else hardware
+    user = law if isinstance(law, UserLaw) else None
+    if isinstance(law, UserLaw):
+        law = law.placeholder(devices)
     if not devices:
         raise SettingError(
             "a closed loop has at least one device; without dampers, simulate a device of zero force"
@@ -133,10 +139,14 @@ def simulate_loop(
     parts = []
     for start in range(0, len(runs), _RUNS_AT_A_TIME):
         part = slice(start, start + _RUNS_AT_A_TIME)
+        if user is not None:
+            arguments["outside"] = user.asked(runs[part], devices, hardware.sample_time)
         try:
             parts.append(
                 _rust.respond(runs=np.ascontiguousarray(runs[part]), streams=streams[part], **arguments)
             )
+        except MrworkError:
+            raise
         except (ValueError, OverflowError) as error:
             raise SettingError(str(error)) from error
         if on_progress is not None:

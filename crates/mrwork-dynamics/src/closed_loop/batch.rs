@@ -19,6 +19,32 @@ pub struct Run {
     pub stream: u64,
 }
 
+/// What a law outside of the core receives at a control sample: a row for each run of a block.
+pub struct BlockSample<'a> {
+    /// The runs, by their places in [`Batch::runs`].
+    pub runs: &'a [usize],
+    /// Number of the sample, from 0.
+    pub number: usize,
+    /// Displacements of the coordinates, true or estimated, shape (runs, coordinates).
+    pub displacement: &'a [f64],
+    /// Their velocities.
+    pub velocity: &'a [f64],
+    /// Elongation of each device [m], shape (runs, devices).
+    pub deformation: &'a [f64],
+    /// Its rate [m/s].
+    pub rate: &'a [f64],
+    /// Force with which each device resists [N].
+    pub force: &'a [f64],
+}
+
+/// A control law outside of the core, in place of one of the registry.
+pub trait OutsideLaw: Sync {
+    /// Writes the command of each run and device, shape (runs, devices), at a control sample.
+    ///
+    /// A simulation that is repeated with a shorter step asks again from sample 0 on.
+    fn command(&self, sample: &BlockSample<'_>, commands: &mut [f64]);
+}
+
 /// Runs and the data that they share.
 #[derive(Clone)]
 pub struct Batch<'a> {
@@ -34,7 +60,9 @@ pub struct Batch<'a> {
     pub ranges: &'a [[f64; 2]],
     /// The control law.
     pub law: Law,
-    /// Its gains, shape (candidates, gains).
+    /// A law outside of the core that commands instead of `law`.
+    pub outside: Option<&'a dyn OutsideLaw>,
+    /// Gains of `law`, shape (candidates, gains).
     pub gains: &'a [f64],
     /// Its tables.
     pub tables: &'a [Vec<f64>],

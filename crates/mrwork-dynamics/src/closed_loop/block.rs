@@ -154,6 +154,7 @@ fn integrate_block<M: DamperModel, R: Lanes>(
             if inner == 0 {
                 R::out_of_line(Sample {
                     batch,
+                    runs,
                     streams: &streams,
                     number: sample,
                     displacement: &plant.displacement,

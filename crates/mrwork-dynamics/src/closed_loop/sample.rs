@@ -1,6 +1,6 @@
 //! One control sample: measurement, state estimate, command.
 
-use super::batch::Batch;
+use super::batch::{Batch, BlockSample, OutsideLaw};
 use super::hardware::{Channel, Observer, Sensor};
 use super::noise::normal;
 use crate::control::{ForceCurve, Gains, Measurement, ground_reach, within};
@@ -105,9 +105,53 @@ fn known_state<'a, R>(
     }
 }
 
+/// Commands of a law outside of the core.
+#[inline(always)]
+fn ask<R: Lanes>(
+    outside: &dyn OutsideLaw,
+    runs: &[usize],
+    number: usize,
+    measured: &Measurement<'_, R>,
+    commands: &mut [R],
+) {
+    let n_devices = commands.len();
+    let mut raw = vec![f64::NAN; runs.len() * n_devices];
+    outside.command(
+        &BlockSample {
+            runs,
+            number,
+            displacement: &by_run(measured.displacement, runs.len()),
+            velocity: &by_run(measured.velocity, runs.len()),
+            deformation: &by_run(measured.deformation, runs.len()),
+            rate: &by_run(measured.rate, runs.len()),
+            force: &by_run(measured.force, runs.len()),
+        },
+        &mut raw,
+    );
+    let last = runs.len() - 1;
+    for (device, command) in commands.iter_mut().enumerate() {
+        *command = R::from_fn(|lane| raw[lane.min(last) * n_devices + device]);
+    }
+}
+
+/// A row for each run, from the lanes of each signal.
+#[inline(always)]
+fn by_run<R: Lanes>(signals: &[R], n_runs: usize) -> Vec<f64> {
+    let mut rows = vec![0.0; n_runs * signals.len()];
+    for (column, signal) in signals.iter().enumerate() {
+        signal.for_each(|lane, value| {
+            if lane < n_runs {
+                rows[lane * signals.len() + column] = value;
+            }
+        });
+    }
+    rows
+}
+
 /// Motion and forces of the building at a sample, and the controller that measures them.
 pub(super) struct Sample<'a, R: Real> {
     pub(super) batch: &'a Batch<'a>,
+    pub(super) runs: &'a [usize],
     pub(super) streams: &'a [u64],
     pub(super) number: usize,
     pub(super) displacement: &'a [R],
@@ -189,7 +233,7 @@ impl<R: Lanes> Sample<'_, R> {
 
     #[inline(always)]
     fn command(&mut self) {
-        let Batch { law, tables, hardware, ranges, building, observer, .. } = *self.batch;
+        let Batch { law, outside, tables, hardware, ranges, building, observer, .. } = *self.batch;
         let n_devices = self.force.len();
         let controller = &mut *self.controller;
         let gains = Gains {
@@ -213,7 +257,10 @@ impl<R: Lanes> Sample<'_, R> {
             curves: &controller.curves,
             sample_time: hardware.sample_time,
         };
-        law.command(&gains, &measured, &mut controller.memory, &mut controller.raw);
+        match outside {
+            None => law.command(&gains, &measured, &mut controller.memory, &mut controller.raw),
+            Some(outside) => ask(outside, self.runs, self.number, &measured, &mut controller.raw),
+        }
         let furthest = R::splat(hardware.command_rate * hardware.sample_time);
         let position = (self.number % self.controller.depth) * n_devices;
         let earlier = (self.number.wrapping_sub(1) % self.controller.depth) * n_devices;

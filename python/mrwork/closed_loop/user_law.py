@@ -1,0 +1,199 @@
+"""Control laws in Python: a function of what is measured, asked by the loop at every control sample.
+
+The loop itself is that of every law. It waits for Python at each sample, about 50 us: a run of the five-storey frame at
+1 ms takes some seven times as long as one with a law of the registry. Candidates in one batch share the waiting.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mrwork.buildings.devices import Device
+from mrwork.control.laws import ControlLaw
+from mrwork.errors import SettingError
+from mrwork.summary import Summarised, Summary
+
+Floats = NDArray[np.float64]
+
+Ask = Callable[[int, NDArray[np.uintp], Floats, Floats, Floats, Floats, Floats], Floats]
+"""The form in which the core asks: number of the sample, places of the runs, and what is measured."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class LoopSample(Summarised):
+    """What a law in Python receives at a control sample, a row for each run.
+
+    Attributes
+    ----------
+    time
+        Time from the start of the motions [s].
+    candidate, motion
+        Index of the candidate and of the motion of each run, shape (n_runs,).
+    displacement, velocity
+        Of the coordinates relative to the ground, true or estimated by the observer, shape (n_runs, n) [m, m/s].
+    deformation, rate, force
+        Elongation of each device, its rate, and the force with which it resists, shape (n_runs, n_devices) [m, m/s, N].
+    largest
+        Largest command of each device, shape (n_devices,) [A or V].
+    """
+
+    _units: ClassVar[dict[str, str]] = {
+        **{
+            "time": "s",
+            "displacement": "m",
+            "velocity": "m/s",
+            "deformation": "m",
+            "rate": "m/s",
+            "force": "N",
+        },
+        "largest": "A or V",
+    }
+
+    time: float
+    candidate: NDArray[np.intp]
+    motion: NDArray[np.intp]
+    displacement: Floats
+    velocity: Floats
+    deformation: Floats
+    rate: Floats
+    force: Floats
+    largest: Floats
+
+    @property
+    def state(self) -> Floats:
+        """Displacements and velocities, shape (n_runs, 2n)."""
+        return np.hstack([self.displacement, self.velocity])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class UserLaw(Summarised):
+    """A control law in Python, for `simulate_loop`; slower than a law of the registry, see `control_laws`.
+
+    Parameters
+    ----------
+    name
+        Name in messages.
+    command
+        Takes a `LoopSample` and the memory, and returns the command of each run and device, shape (n_runs, n_devices),
+        or (n_runs,) for one device. The loop limits it to the range of the device, delays and holds it. It is called
+        with several runs at once: candidates, motions, draws.
+    n_candidates
+        Number of candidates, which differ by `LoopSample.candidate`.
+    n_memory
+        Numbers that each run keeps from sample to sample: the second argument, shape (n_runs, n_memory), zero at the
+        start and changed in place. A law must keep nothing elsewhere, since a run is repeated with a shorter step where
+        a damper requires it.
+
+    Raises
+    ------
+    SettingError
+        If `command` is not a function, or a number is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import mrwork as mr
+    >>> frame, rd1005 = mr.building("uts"), mr.damper("static_hysteretic").preset("kwok2006")
+    >>> damper = mr.Device(
+    ...     name="storey 1", spec=rd1005.spec, theta=rd1005.theta, row=frame.storeys[0], largest_command=1.88
+    ... )
+    >>> gains = np.array([1.0, 10.0, 100.0])
+    >>> def proportional(sample, memory):
+    ...     return gains[sample.candidate, None] * np.abs(sample.rate)
+    >>> law = mr.closed_loop.UserLaw(name="proportional", command=proportional, n_candidates=3)
+    >>> mr.simulate_loop(frame, [damper], law, [mr.synthetic_motion(duration=2.0)]).shape
+    (3, 1, 1)
+    """
+
+    name: str
+    command: Callable[[LoopSample, Floats], ArrayLike]
+    n_candidates: int = 1
+    n_memory: int = 0
+
+    def __post_init__(self) -> None:
+        if not callable(self.command):
+            raise SettingError(
+                f"the command of {self.name} is {type(self.command).__name__}; give a function of a LoopSample and the "
+                "memory"
+            )
+        for name, least in (("n_candidates", 1), ("n_memory", 0)):
+            if getattr(self, name) < least:
+                raise SettingError(
+                    f"`{name}` of {self.name} is {getattr(self, name)}; it can be no less than {least}"
+                )
+
+    def placeholder(self, devices: Sequence[Device]) -> ControlLaw:
+        """The law that the core has in place of this one: its candidates, without a command.
+
+        Raises
+        ------
+        SettingError
+            If a device follows no command.
+        """
+        for device in devices:
+            if not device.spec.follows_command:
+                raise SettingError(
+                    f"{self.name} commands {device.name}, a {device.spec.name} of which no parameter depends on the "
+                    "command: it would have no effect; give the model current laws"
+                )
+        return ControlLaw(name="passive", gains={"command": np.zeros((self.n_candidates, len(devices)))})
+
+    def asked(self, runs: NDArray[np.uint32], devices: Sequence[Device], sample_time: float) -> Ask:
+        """The law as the core asks it, for runs (candidate, motion, draw), shape (n_runs, 3)."""
+        largest = np.array([device.largest_command for device in devices])
+        memory = np.zeros((len(runs), self.n_memory))
+
+        def ask(
+            number: int,
+            places: NDArray[np.uintp],
+            displacement: Floats,
+            velocity: Floats,
+            deformation: Floats,
+            rate: Floats,
+            force: Floats,
+        ) -> Floats:
+            kept = np.zeros((len(places), self.n_memory)) if number == 0 else memory[places]
+            sample = LoopSample(
+                time=number * sample_time,
+                candidate=runs[places, 0].astype(np.intp),
+                motion=runs[places, 1].astype(np.intp),
+                displacement=displacement,
+                velocity=velocity,
+                deformation=deformation,
+                rate=rate,
+                force=force,
+                largest=largest,
+            )
+            try:
+                found = np.asarray(self.command(sample, kept), dtype=np.float64)
+            except Exception as error:
+                raise SettingError(
+                    f"{self.name} failed at {sample.time:g} s: {type(error).__name__}: {error}"
+                ) from error
+            memory[places] = kept
+            shape = (len(places), len(devices))
+            if found.shape == shape[:1] and shape[1] == 1:
+                found = found[:, None]
+            if found.shape != shape:
+                raise SettingError(
+                    f"{self.name} returned commands of shape {found.shape} at {sample.time:g} s; give {shape}, a row "
+                    "for each run and a column for each device"
+                )
+            return np.ascontiguousarray(found)
+
+        return ask
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=f"Control law {self.name}, in Python",
+            facts=(
+                ("candidates", str(self.n_candidates)),
+                ("memory", f"{self.n_memory} numbers for each run"),
+            ),
+            notes=("The loop waits for it at every control sample: slower than a law of the registry.",),
+        )

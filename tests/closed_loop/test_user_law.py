@@ -1,0 +1,132 @@
+"""A law in Python runs in the loop of every law: the same bits, in a batch as alone; its errors are sentences."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from loop_samples import devices, five_storeys, friction, rd1005, still, sweep
+
+import mrwork as mr
+from mrwork.closed_loop import Hardware, LoopSample, Responses, UserLaw
+from mrwork.control import lyapunov_function, plant_of
+from mrwork.errors import SettingError
+
+Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+CASES = {
+    "plain": Hardware(),
+    "observer with noise and delay": Hardware(
+        feedback="observer", acceleration_noise=0.01, force_noise=1.0, delay=2e-3, command_rate=100.0
+    ),
+}
+
+
+def run(law: mr.ControlLaw | UserLaw, hardware: Hardware | None = None, **settings: int) -> Responses:
+    loop = devices(rd1005(), second=True)
+    return mr.simulate_loop(five_storeys(), loop, law, [sweep(0.5), sweep(0.7)], hardware, **settings)
+
+
+def friction_law(n_candidates: int = 1) -> UserLaw:
+    """A command in proportion to the rate, which differs by candidate."""
+
+    def command(sample: LoopSample, memory: Floats) -> Floats:
+        return (1.0 + sample.candidate[:, None]) * np.abs(sample.rate)
+
+    return UserLaw(name="friction", command=command, n_candidates=n_candidates)
+
+
+@pytest.mark.parametrize("hardware", CASES.values(), ids=CASES)
+def test_the_formula_of_a_law_gives_its_bits(hardware: Hardware) -> None:
+    """Maximum energy dissipation, which has no sums: the largest command where force and rate have one sign."""
+
+    def command(sample: LoopSample, memory: Floats) -> Floats:
+        return np.where(sample.force * sample.rate > 0.0, sample.largest, 0.0)
+
+    ours = run(mr.ControlLaw(name="maximum_energy_dissipation"), hardware)
+    users = run(UserLaw(name="dissipation", command=command), hardware)
+    for quantity in ("peak_drift", "rms_acceleration", "mean_current", "device_energy"):
+        np.testing.assert_array_equal(getattr(users, quantity), getattr(ours, quantity))
+
+
+def test_a_law_of_the_state_is_that_of_the_registry() -> None:
+    loop = devices(rd1005(), second=True)
+    plant = plant_of(five_storeys(), np.array([device.row for device in loop]))
+    weight = lyapunov_function(plant).vectors
+
+    def command(sample: LoopSample, memory: Floats) -> Floats:
+        return np.where((sample.state @ weight.T) * sample.force < 0.0, sample.largest, 0.0)
+
+    # The sums are of another order, so that rare switches may come a sample earlier or later.
+    ours = run(mr.ControlLaw(name="lyapunov", gains={"weight": weight}))
+    users = run(UserLaw(name="lyapunov", command=command))
+    np.testing.assert_allclose(users.peak_drift, ours.peak_drift, rtol=1e-3)
+
+
+def test_candidates_in_a_batch_are_those_alone() -> None:
+    many = run(friction_law(40))
+    assert many.shape == (40, 2, 1)
+    alone = run(friction_law(1))
+    np.testing.assert_array_equal(many.peak_drift[:2], alone.peak_drift)
+    assert np.unique(many.mean_current[::2, 0]).size == 40
+
+
+def test_memory_is_of_a_run_and_begins_at_zero() -> None:
+    """Counted samples ramp the command up, also where a stiff damper repeats the run with a shorter step."""
+
+    def command(sample: LoopSample, memory: Floats) -> Floats:
+        np.testing.assert_allclose(memory, round(sample.time / 1e-3))
+        memory += 1.0
+        return np.minimum(1e-3 * memory, sample.largest)
+
+    law = UserLaw(name="ramp", command=command, n_memory=1)
+    for model in (rd1005(), friction()):
+        loop = devices(model, second=False)
+        found = mr.simulate_loop(five_storeys(), loop, law, [still(1.0)], histories=True)
+        assert found.histories is not None
+        np.testing.assert_allclose(
+            found.histories[0].command[:, 0], 1e-3 * np.arange(1, len(found.histories[0].time) + 1)
+        )
+
+
+def test_a_command_that_is_no_number_is_not_sent() -> None:
+    law = UserLaw(name="broken", command=lambda sample, memory: np.full(sample.rate.shape, np.nan))
+    found = run(law)
+    assert (found.peak_current == 0.0).all()
+    assert set(found.outcome) == {4}
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        (lambda sample, memory: np.zeros(3), r"returned commands of shape \(3,\) at 0 s; give \(1, 2\)"),
+        (lambda sample, memory: sample.speed, "failed at 0 s: AttributeError"),
+        (lambda sample, memory: [["a", "b"]], "failed at 0 s: ValueError"),
+    ],
+)
+def test_a_mistake_in_a_law_is_a_sentence(command: object, words: str) -> None:
+    with pytest.raises(SettingError, match=f"^mine {words}"):
+        run(UserLaw(name="mine", command=command))  # type: ignore[arg-type]
+
+
+def test_ctrl_c_in_a_law_ends_the_run() -> None:
+    def command(sample: LoopSample, memory: Floats) -> Floats:
+        if sample.time > 0.1:
+            raise KeyboardInterrupt
+        return np.zeros_like(sample.rate)
+
+    with pytest.raises(KeyboardInterrupt):
+        run(UserLaw(name="stopped", command=command))
+
+
+def test_a_law_that_cannot_be_is_refused_when_it_is_made() -> None:
+    with pytest.raises(SettingError, match="the command of mine is float; give a function"):
+        UserLaw(name="mine", command=1.0)  # type: ignore[arg-type]
+    with pytest.raises(SettingError, match="`n_candidates` of mine is 0"):
+        replace(friction_law(), name="mine", n_candidates=0)
+    spec = mr.damper("dahl")
+    dahl = mr.Device(
+        name="dahl", spec=spec, theta=spec.nominal, row=five_storeys().storeys[0], largest_command=1.0
+    )
+    with pytest.raises(SettingError, match="of which no parameter depends on the command"):
+        mr.simulate_loop(five_storeys(), [dahl], friction_law(), [still(0.1)])
