@@ -131,6 +131,8 @@ def _default(entry: Field[Any]) -> str:
         return "-"
     if isinstance(value, bool):
         return str(value).lower()
+    if isinstance(value, tuple):
+        return ", ".join(map(str, value))
     if isinstance(value, float):
         return "inf" if math.isinf(value) else f"{value:g}"
     return str(value)
@@ -148,7 +150,10 @@ def in_words(hint: Any) -> str:
     if origin is tuple and get_origin(arguments[0]) is tuple:
         return "rows of a matrix"
     if origin is tuple:
-        return "tables" if is_dataclass(arguments[0]) else f"array of {in_words(arguments[0])}s"
+        if is_dataclass(arguments[0]):
+            return "tables"
+        plural = "" if get_origin(arguments[0]) is Literal else "s"
+        return f"array of {in_words(arguments[0])}{plural}"
     if origin in (dict, Mapping) or hint is Mapping:
         inner = in_words(arguments[1])
         return "table" if inner == "any" else f"table of {inner}"

@@ -154,7 +154,7 @@ class SuiteTable:
     """Synthetic motions drawn from distributions, equally many of each soil, with and without a near-fault pulse."""
 
     motions: int = key("number of motions", default=24, least=1)
-    soils: tuple[Soil, ...] = key("soils; all by default", default=get_args(Soil))
+    soils: tuple[Soil, ...] = key("soils of the motions", default=get_args(Soil))
     pulses: Pulses = key("whether half of the motions have a near-fault pulse, all or none", default="both")
     place: Place
 
