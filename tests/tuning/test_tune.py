@@ -6,15 +6,20 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import tuning_samples
 
 import mrwork as mr
+from mrwork.closed_loop.evaluation import SCORE
 from mrwork.errors import Interrupted, SettingError
 from mrwork.store.codec import plain
+from mrwork.tuning.benches import benches_of
 from mrwork.tuning.folder import chosen_study, tuning_document
+from mrwork.tuning.problem import Clock
 from mrwork.tuning.results import TuningResults
 from mrwork.tuning.run import tune
+from mrwork.tuning.space import Candidate
 
 
 def without_times(results: TuningResults) -> Any:
@@ -120,6 +125,28 @@ def test_a_limit_that_holds_is_kept(tmp_path: Path, results: TuningResults) -> N
     found = tune(mr.read_study(tuning_samples.study_file(tmp_path, tune=text)), threads=1)
     assert found.laws[0].train.violation == 0.0
     assert found.laws[0].train.largest["rms_current"] <= limit
+
+
+def test_laws_are_compared_by_the_score_of_a_study_whatever_they_minimise(tmp_path: Path) -> None:
+    text = '[[tune]]\nlaws = ["maximum_energy_dissipation"]\ncriteria = { peak_acceleration = 2, peak_drift = 1 }\n'
+    found = tune(mr.read_study(tuning_samples.study_file(tmp_path, tune=text)), threads=1).laws[0].train
+    ratios = [found.criteria[name] for name in SCORE]
+    assert found.score == pytest.approx(sum(ratios) / 4)
+    weighted = 2.0 * found.criteria["peak_acceleration"] + found.criteria["peak_drift"]
+    assert found.objective == pytest.approx(weighted / 3.0)
+
+
+@pytest.mark.parametrize("law", ["clipped_optimal", "maximum_energy_dissipation"])
+def test_candidates_of_several_largest_commands_are_one_batch_with_the_results_of_single_ones(
+    study: mr.Study, law: str
+) -> None:
+    bench = benches_of(study, journal=None, threads=1, clock=Clock()).training
+    settings = {"drifts": 1.0, "control_weight": 1e-13} if law == "clipped_optimal" else {}
+    candidates = [Candidate(settings=settings, largest_command=largest) for largest in (0.3, 1.0, 1.88)]
+    together = bench.run(law, candidates).numbers
+    alone = np.concatenate([bench.run(law, [each]).numbers for each in candidates], axis=1)
+    assert together == pytest.approx(alone, rel=1e-9)
+    assert np.array_equal(together[:, 2], alone[:, 2])
 
 
 def test_realisations_widen_the_judgement_and_belong_to_a_robust_objective(tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from mrwork.control.counterpart import is_curve
 from mrwork.control.laws import ControlLaw
 from mrwork.control.observer import Observer, observer_of
 from mrwork.control.plant import accelerations, deformations, plant_of, stacked
+from mrwork.dampers.parameters import current_laws
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 
@@ -60,6 +61,33 @@ def dampers_of(devices: Sequence[Device], *, actuators: bool) -> tuple[str, Laws
 
 def _laws(spec: DamperSpec) -> Laws:
     return (None, False) if spec.current is None else ([*spec.current.laws], spec.current.lagged)
+
+
+def stretched_theta(spec: DamperSpec, theta: Floats, factors: Floats) -> Floats:
+    """Parameters with which dampers follow `factors` times the command, for each candidate and draw.
+
+    Parameters
+    ----------
+    theta
+        Shape (n_draws, n_devices, n_columns).
+    factors
+        Shape (n_candidates, n_devices).
+
+    Returns
+    -------
+    Floats
+        Shape (n_candidates * n_draws, n_devices, n_columns); draws vary fastest.
+    """
+    assert spec.current is not None
+    found = np.repeat(theta[None], len(factors), axis=0)
+    for candidate, device in np.ndindex(*factors.shape):
+        factor, start = float(factors[candidate, device]), 0
+        for law in spec.current.laws:
+            kind = current_laws()[law]
+            columns = slice(start, start + kind.n_coefficients)
+            found[candidate, :, device, columns] = kind.stretched(theta[:, device, columns], factor)
+            start = columns.stop
+    return np.ascontiguousarray(found.reshape(-1, *theta.shape[1:]))
 
 
 def matrices_of(building: Building, devices: Sequence[Device]) -> _rust.Building:

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
 from mrwork.buildings.devices import Device
 from mrwork.buildings.matrices import Building
-from mrwork.closed_loop.core_arguments import curve_of, dampers_of, matrices_of, observer_arrays
+from mrwork.closed_loop.core_arguments import (
+    curve_of,
+    dampers_of,
+    matrices_of,
+    observer_arrays,
+    stretched_theta,
+)
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.responses import (
     History,
@@ -43,6 +50,7 @@ def simulate_loop(
     histories: bool = False,
     step_factor: int = 1,
     nominal: Building | None = None,
+    largest_commands: ArrayLike | None = None,
     threads: int = 0,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> Responses:
@@ -63,6 +71,10 @@ def simulate_loop(
         Multiplies the number of steps of every run: 2 halves the step, to check convergence.
     nominal
         The building for which the observer is designed; by default the building itself.
+    largest_commands
+        Largest command of each candidate, shape (n_candidates,), up to that of the devices, for laws that send a share
+        of the largest command. Dampers then follow the scaled command, so results agree to rounding with those of
+        devices of that largest command.
     threads
         Threads to use, 0 for all.
     on_progress
@@ -106,7 +118,12 @@ def simulate_loop(
             "law passive and a command of zero"
         )
     model, laws, theta, ranges = dampers_of(devices, actuators=actuators)
-    shape = (len(gains), len(motions), len(theta))
+    n_draws, factors = len(theta), np.ones((1, len(devices)))
+    if largest_commands is not None:
+        factors = _command_factors(law, hardware, devices, largest_commands, histories=histories)
+        gains = np.ascontiguousarray(np.broadcast_to(gains, (len(factors), gains.shape[1])))
+        theta = stretched_theta(devices[0].spec, theta, factors)
+    shape = (len(gains), len(motions), n_draws)
     matrices = matrices_of(building, devices)
     arguments: dict[str, Any] = {
         "building": matrices,
@@ -134,6 +151,10 @@ def simulate_loop(
         "threads": threads,
     }
     runs = np.indices(shape, dtype=np.uint32).reshape(3, -1).T
+    candidate = runs[:, 0].copy()
+    if len(theta) > n_draws:
+        # Each candidate has draws of its own, with its scale of the command.
+        runs = np.column_stack([candidate, runs[:, 1], candidate * np.uint32(n_draws) + runs[:, 2]])
     # The noise of a run depends on its motion only, so that candidates are compared under equal noise.
     streams = runs[:, 1].astype(np.uint64) + np.uint64(hardware.seed) * np.uint64(2**32)
     parts = []
@@ -151,7 +172,45 @@ def simulate_loop(
             raise SettingError(str(error)) from error
         if on_progress is not None:
             on_progress(min(part.stop, len(runs)), len(runs))
-    return _responses(parts, matrices, hardware, shape, () if actuators else tuple(devices), motions)
+    found = _responses(parts, matrices, hardware, shape, () if actuators else tuple(devices), motions)
+    if largest_commands is None:
+        return found
+    scale = factors[candidate]
+    return replace(
+        found,
+        peak_current=found.peak_current * scale,
+        mean_current=found.mean_current * scale,
+        rms_current=found.rms_current * scale,
+    )
+
+
+def _command_factors(
+    law: ControlLaw,
+    hardware: Hardware,
+    devices: Sequence[Device],
+    largest_commands: ArrayLike,
+    *,
+    histories: bool,
+) -> Floats:
+    """Largest command of each candidate over that of each device, shape (n_candidates, n_devices)."""
+    if not law.spec.sends_share:
+        raise SettingError(
+            f"{law.name} sends commands that are no share of the largest one; simulate devices of that largest command"
+        )
+    faulty = any(fault.channel == "command" for fault in hardware.faults)
+    if histories or faulty or np.isfinite(hardware.command_rate):
+        raise SettingError(
+            "largest commands of candidates go with neither histories nor a rate limit or faults of the command; "
+            "simulate devices of that largest command"
+        )
+    given = np.atleast_1d(np.asarray(largest_commands, dtype=np.float64))
+    factors: Floats = given[:, None] / np.array([device.largest_command for device in devices])
+    if given.ndim != 1 or not ((factors > 0.0) & (factors <= 1.0)).all():
+        raise SettingError(
+            f"`largest_commands` are from {given.min():g} to {given.max():g}; give one for each candidate, positive "
+            "and up to that of the devices"
+        )
+    return factors
 
 
 def _responses(

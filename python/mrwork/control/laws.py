@@ -57,6 +57,12 @@ class ControlLawSpec:
     needs_curve: bool
     commands_force: bool
 
+    @property
+    def sends_share(self) -> bool:
+        """Whether the command is a share of the largest one that is the same whatever the largest one is."""
+        absolute = any("A or V" in gain.unit for gain in self.gains)
+        return not (absolute or self.tables or self.needs_curve or self.commands_force)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class ControlLaw(Summarised):

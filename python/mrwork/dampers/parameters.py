@@ -139,6 +139,12 @@ class CurrentLaw:
             return np.asarray(at_zero + factor * np.exp(exponent * command))
         return np.asarray(np.polynomial.polynomial.polyval(command, coefficients))
 
+    def stretched(self, coefficients: NDArray[np.float64], factor: float) -> NDArray[np.float64]:
+        """Coefficients, on the last axis, of the parameter as a function of the command over `factor`: p(factor u)."""
+        powers = np.arange(coefficients.shape[-1], dtype=np.float64)
+        scale = np.array([1.0, 1.0, factor]) if self.is_exponential else np.power(factor, powers)
+        return np.asarray(coefficients * scale)
+
     def is_special_case_of(self, other: CurrentLaw) -> bool:
         """Whether this law is the other one with some coefficients at zero."""
         if self.degree is None:

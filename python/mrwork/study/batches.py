@@ -80,12 +80,13 @@ def simulated_criteria(
     realisations: Realisations,
     *,
     bare: Building,
+    largest_commands: Floats | None = None,
     threads: int = 0,
 ) -> RunCriteria:
     """Simulate candidates of a law under motions, with realisations, in as few calls of the core as possible.
 
     The arrangement has building and devices; the law may have one or many candidates. The observer, if there is one,
-    is that of the nominal building.
+    is that of the nominal building. `largest_commands` are those of the candidates, see `simulate_loop`.
     """
     weight = bare.total_mass * STANDARD_GRAVITY
     noisy = any(noise for noise, _ in hardware.sensors)
@@ -118,6 +119,7 @@ def simulated_criteria(
             motions,
             _varied_hardware(hardware, delay, seed),
             nominal=arrangement.building,
+            largest_commands=largest_commands,
             threads=threads,
         )
         seconds += time.perf_counter() - began

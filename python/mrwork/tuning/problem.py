@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from mrwork.closed_loop.evaluation import criteria
 from mrwork.control.design_problem import DesignProblem
 from mrwork.control.law_design import design_candidates, settings_of
+from mrwork.control.laws import control_law
 from mrwork.control.setting_base import NO_CERTIFICATE, Magnitudes
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
@@ -55,16 +56,16 @@ class Bench(Summarised):
     clock: Clock
 
     def run(self, law: str, candidates: Sequence[Candidate]) -> RunCriteria:
-        """Criteria of candidates, infinite for those that make no law; those of one largest command are a batch."""
+        """Criteria of candidates, infinite for those that make no law."""
         shape = (len(criteria()), len(candidates), len(self.motions), len(self.realisations))
         numbers, error, seconds = np.full(shape, math.inf), np.full(shape[1:], math.inf), 0.0
-        for largest in dict.fromkeys(each.largest_command for each in candidates):
-            members = [n for n, each in enumerate(candidates) if each.largest_command == largest]
-            problem = self.limited(largest)
-            known = [(n, settings_of(law, candidates[n].settings)) for n in members]
-            designed = design_candidates(law, problem, [settings for _, settings in known])
+        for members, together in self._batches(law, candidates):
+            problem = self.problem if together else self.limited(candidates[members[0]].largest_command)
+            known = [settings_of(law, candidates[n].settings) for n in members]
+            designed = design_candidates(law, problem, known)
             if designed.law is None:
                 continue
+            places = [members[index] for index in designed.designed]
             found = simulated_criteria(
                 replace(self.arrangement, devices=tuple(problem.devices), law=None),
                 designed.law,
@@ -72,15 +73,33 @@ class Bench(Summarised):
                 self.study.hardware,
                 self.realisations,
                 bare=self.study.building,
+                largest_commands=np.array([candidates[n].largest_command for n in places])
+                if together
+                else None,
                 threads=self.threads,
             )
-            places = [known[index][0] for index in designed.designed]
             # A law without gains has one candidate, whatever the number of its settings.
             numbers[:, places], error[places] = found.numbers, found.energy_error
             seconds += found.seconds
         self.clock.simulating += seconds
         self.clock.candidates += len(candidates)
         return RunCriteria(numbers=numbers, energy_error=error, seconds=seconds)
+
+    def _batches(self, law: str, candidates: Sequence[Candidate]) -> list[tuple[list[int], bool]]:
+        """Indices of candidates that are simulated together, and whether their largest commands may differ.
+
+        A single candidate is simulated as in a study, to the bit.
+        """
+        hardware = self.study.hardware
+        sound = not any(fault.channel == "command" for fault in hardware.faults)
+        alike = control_law(law).sends_share and sound and math.isinf(hardware.command_rate)
+        if alike and len(candidates) > 1:
+            return [(list(range(len(candidates))), True)]
+        levels = dict.fromkeys(each.largest_command for each in candidates)
+        return [
+            ([n for n, each in enumerate(candidates) if each.largest_command == level], False)
+            for level in levels
+        ]
 
     def limited(self, largest: float) -> DesignProblem:
         """The design problem with dampers that get a part of their largest command."""

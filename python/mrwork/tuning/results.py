@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.closed_loop.evaluation import Spread, criteria
+from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
 from mrwork.study.batches import Band, RunCriteria
 from mrwork.summary import Summarised, Summary, listed, rounded, with_decimals
 from mrwork.tuning.objective import Objective, over_passive
@@ -20,6 +20,8 @@ from mrwork.tuning.space import LARGEST, FreeSetting
 Floats = NDArray[np.float64]
 
 _MARGIN = 0.01
+# That of a study, whatever a table minimises, so that all laws are compared by one number.
+_SCORE = Objective(weights=dict.fromkeys(SCORE, 1.0))
 TRAINING_ONLY = (
     "No motion of the study is for testing only: every score is of the motions that the settings were tuned on, and "
     'says nothing about others. Give some motions use = "training" and others use = "test".'
@@ -39,7 +41,8 @@ class MotionScore:
 class Judgement(Summarised):
     """A law on some motions, in the nominal study.
 
-    `score` is the mean over motions of the weighted criteria over those at i = 0, `criteria` the mean ratio of each
+    `score` is that of a study, whatever is minimised: the mean over motions of peak and rms drift and acceleration over
+    those at i = 0. `criteria` is the mean ratio of each
     criterion that has one, `largest` the largest value of the others. `objective` and `violation` are those of the
     tuning, with its risk, and with the realisations where they belong to it. `spread` is that of the score and the
     ratios over motions. `bands` are those of score and ratios, each the mean over motions, over realisations.
@@ -268,7 +271,7 @@ def judged(
     robust
         Whether the objective takes the realisations.
     """
-    ratios = _ratios(objective, found, bench.passive)
+    ratios = _ratios(found, bench.passive)
     names = [motion.name for motion in bench.motions]
     per_motion = {name: values[0, :, 0] for name, values in ratios.items()}
     value_of, on = found, bench.passive
@@ -292,7 +295,7 @@ def judged(
             for number, name in enumerate(names)
         ),
         energy_error=float(found.energy_error.max()),
-        bands={} if varied is None else _bands(_ratios(objective, varied.found, varied.bench.passive)),
+        bands={} if varied is None else _bands(_ratios(varied.found, varied.bench.passive)),
     )
 
 
@@ -300,9 +303,9 @@ def _finite(value: float) -> float:
     return value if math.isfinite(value) else math.inf
 
 
-def _ratios(objective: Objective, found: RunCriteria, passive: RunCriteria) -> dict[str, Floats]:
+def _ratios(found: RunCriteria, passive: RunCriteria) -> dict[str, Floats]:
     """Score and ratios to i = 0 of each run, shape (n_candidates, n_motions, n_realisations)."""
-    ratios = {"score": objective.run_scores(found, passive)}
+    ratios = {"score": _SCORE.run_scores(found, passive)}
     return ratios | {
         entry.name: over_passive(found.of(entry.name), passive.of(entry.name))
         for entry in criteria()

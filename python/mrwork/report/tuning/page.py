@@ -111,7 +111,8 @@ def _score_section(results: TuningResults) -> Section:
             (f"Mean ratio, {on} motions", 4),
             ("", 1),
         ),
-        note="The score is the mean of the criteria over those at i = 0, then over the motions; the lowest is above. "
+        note="The score is the mean of peak and RMS drift and acceleration over those at i = 0, whatever is minimised, "
+        "then over the motions; the lowest is above. "
         "Better: under how many motions both peak drift and peak acceleration are below those of the best constant "
         "command, which is chosen on the training motions.",
     )
