@@ -127,7 +127,6 @@ fn integrate_block<M: DamperModel, R: Lanes>(
     let last = runs.len() - 1;
     let streams: Vec<u64> = (0..R::WIDTH).map(|lane| batch.runs[runs[lane.min(last)]].stream).collect();
     let ground = Ground::new(&block.motions);
-    let check_every = (STEPS_PER_CHECK / steps).max(1) as usize;
 
     let mut plant = Plant::<R>::at_rest(building, step);
     let mut dampers = Dampers::<M, R>::new(batch, runs, step);
@@ -135,7 +134,7 @@ fn integrate_block<M: DamperModel, R: Lanes>(
     let mut reductions = Reductions::<R>::new(building);
     let mut end = ground.acceleration::<R>(0.0);
     for sample in 0..n_samples {
-        if sample % check_every == 0 {
+        if sample % (STEPS_PER_CHECK / steps).max(1) as usize == 0 {
             if stop() {
                 break;
             }
