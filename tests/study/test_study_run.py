@@ -241,7 +241,7 @@ def test_an_unstable_gain_has_a_named_end_with_its_remedy_and_valid_json(
     path.write_text(
         STUDY.replace(
             'law = "best_passive"\nlabel = "best"',
-            'law = "active"\nlabel = "stiff"\nsettings = { control_weight = 1e-30, energy = 1 }',
+            'law = "active"\nlabel = "stiff"\nsettings = { control_weight = 1e-24, energy = 1 }',
         )
     )
     out = tmp_path / "run"

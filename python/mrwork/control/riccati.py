@@ -31,8 +31,8 @@ class RiccatiStatus(IntEnum):
         """Advice to the user."""
         return {
             RiccatiStatus.SOLVED: "nothing",
-            RiccatiStatus.NO_STABILISING_SOLUTION: "the equation has no stabilising solution; weigh, or measure, every "
-            "mode that is not damped, and see that a device can move it",
+            RiccatiStatus.NO_STABILISING_SOLUTION: "no stabilising solution was found; weigh, or measure, every mode "
+            "that is not damped, see that a device can move it, and make weights of extreme ratio less so",
             RiccatiStatus.NOT_CONVERGED: "double precision does not resolve the equation; make the weights less "
             "extreme: a larger control weight or a smaller output weight",
             RiccatiStatus.WEIGHT_NOT_POSITIVE: "the control weight, or the intensity of the sensor noise, is not "
