@@ -132,8 +132,8 @@ class LyapunovSettings(CostWeights, LawSettings):
     def certificate(self, problem: DesignProblem) -> str:
         """The Lyapunov function of the building."""
         return (
-            "V = s'P s / 2 is a Lyapunov function of the building without device forces, and the command minimises its "
-            "rate; a damper that resists motion keeps the energy of the building bounded"
+            "V = s'P s / 2 is a Lyapunov function of the building without device forces, and the law sends a command "
+            "where that lowers the rate of V; a damper that resists motion keeps the energy of the building bounded"
         )
 
 
