@@ -76,7 +76,7 @@ class WeightDesigner:
         self._timing, self._semi_active = timing, semi_active
         self._plants = [_plant_of_case(case, building, rows, names) for case in self._cases]
         self._systems = self._systems_of(None)
-        self._nominal = self._system(self.plant, self._cases[0].spectrum if cases else nominal, None)
+        self._nominal = self._system(self.plant, spectrum or self._cases[0].spectrum, None)
         self._damping = self._condition_damping()
         self._program: DualProgram | None = None
         self._modes = program_modes

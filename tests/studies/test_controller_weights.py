@@ -1,0 +1,35 @@
+"""The study of designed weights in its quick form; its true loop on one measured record where that is at hand."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from weight_findings import departures, found_by
+from weight_tables import tables
+
+RECORDS = Path(os.environ.get("MRWORK_DATA", "../shared/data")) / "records"
+
+
+@pytest.fixture(scope="module")
+def found() -> dict[str, Any]:
+    return found_by(quick=True, records=RECORDS, threads=1, say=lambda what: None)
+
+
+def test_the_quick_form_finds_what_is_expected(found: dict[str, Any]) -> None:
+    assert departures(found) == []
+
+
+def test_every_table_names_its_rows_and_fills_them(found: dict[str, Any]) -> None:
+    for table in tables(found):
+        assert {len(row) for row in table.rows} == {len(table.header)}
+        assert all(row[0] for row in table.rows), table.title
+
+
+def test_a_figure_outside_is_named() -> None:
+    wrong = departures({"sizes": {"5 storeys": {"violation": 1e-3}}})
+    assert [sentence.partition(" is ")[0] for sentence in wrong] == ["sizes, 5 storeys, violation"]
+    assert departures({}) == []
