@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.control.design.lyapunov_equations import LyapunovEquations
+from mrwork.control.design.sampled_riccati import sampled_gain
 from mrwork.control.design.system import DesignSystem
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError
@@ -102,13 +103,9 @@ def _gain(system: DesignSystem, rows: Rows, weights: Floats) -> tuple[Floats, Fl
     A, B, step = system.A, system.B, system.step
     Q, N = (rows.C.T * weights) @ rows.C, (rows.C.T * weights) @ rows.D
     R = (rows.D.T * weights) @ rows.D
-    one = np.eye(len(A))
-    if step == 0.0:
-        solution = solve_riccati(A, B, Q, R, N, scaling=one)
-    else:
-        solution = solve_riccati(
-            one + step * A, step * B, step * Q, step * R, step * N, scaling=one, time="discrete"
-        )
+    if step:
+        return sampled_gain(A, B, Q, R, N, step)
+    solution = solve_riccati(A, B, Q, R, N, scaling=np.eye(len(A)))
     return solution.gain, solution.P
 
 
