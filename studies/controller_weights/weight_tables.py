@@ -24,7 +24,10 @@ class Table:
         return "\n".join([f"**{self.title}**", "", *lines, ""])
 
     def html(self) -> str:
-        head = "".join(f'<th scope="col">{escape(text)}</th>' for text in self.header)
+        head = "".join(
+            f'<th scope="col"{" class=number" if place else ""}>{escape(text)}</th>'
+            for place, text in enumerate(self.header)
+        )
         body = "".join(
             f'<tr><th scope="row">{escape(row[0])}</th>'
             + "".join(f'<td class="number">{escape(text)}</td>' for text in row[1:])
