@@ -1,8 +1,8 @@
-from .clairvoyant import Clairvoyant as Clairvoyant
-from .clairvoyant import ClairvoyantProgress as ClairvoyantProgress
-from .clairvoyant import ClairvoyantSettings as ClairvoyantSettings
-from .clairvoyant import ClairvoyantStart as ClairvoyantStart
-from .clairvoyant import clairvoyant as clairvoyant
+from .clairvoyant_search import Clairvoyant as Clairvoyant
+from .clairvoyant_search import ClairvoyantProgress as ClairvoyantProgress
+from .clairvoyant_search import ClairvoyantSettings as ClairvoyantSettings
+from .clairvoyant_search import ClairvoyantStart as ClairvoyantStart
+from .clairvoyant_search import clairvoyant as clairvoyant
 from .core_arguments import loop_observer as loop_observer
 from .evaluation import SCORE as SCORE
 from .evaluation import STANDARD_GRAVITY as STANDARD_GRAVITY

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from mrwork.buildings.devices import Device
-from mrwork.closed_loop.clairvoyant import ClairvoyantSettings
+from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.prescribed import samples_of
 from mrwork.keys import Place, key

@@ -5,8 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 
-from mrwork.closed_loop.clairvoyant import Clairvoyant, ClairvoyantProgress, ClairvoyantStart, clairvoyant
 from mrwork.closed_loop.clairvoyant_problem import Floats
+from mrwork.closed_loop.clairvoyant_search import (
+    Clairvoyant,
+    ClairvoyantProgress,
+    ClairvoyantStart,
+    clairvoyant,
+)
 from mrwork.closed_loop.prescribed import PrescribedCommands, simulate_prescribed
 from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.store import Journal, digest_of

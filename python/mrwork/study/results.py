@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mrwork.buildings.devices import Device
-from mrwork.closed_loop.clairvoyant import Clairvoyant
+from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import Spread, criteria, ratio, score, values
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.study.demand import DeviceDemand, damper_warnings, demands_of

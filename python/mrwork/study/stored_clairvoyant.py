@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-from mrwork.closed_loop.clairvoyant import Clairvoyant
+from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
-from mrwork.closed_loop.clairvoyant import ClairvoyantSettings
+from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.control.design_problem import DesignProblem
 from mrwork.control.laws import ControlLaw
