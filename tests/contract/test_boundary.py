@@ -82,6 +82,22 @@ def respond_arguments() -> dict[str, Any]:
     }
 
 
+def riccati_arguments() -> dict[str, Any]:
+    def for_each_row(matrix: np.ndarray) -> np.ndarray:
+        return np.tile(matrix, (3, 1, 1))
+
+    states, controls = 4, 2
+    return {
+        "time": "continuous",
+        "state": for_each_row(np.eye(states, k=1) - np.eye(states)),
+        "control": for_each_row(np.eye(states)[:, :controls].copy()),
+        "state_weight": for_each_row(np.eye(states)),
+        "control_weight": for_each_row(np.eye(controls)),
+        "cross_weight": for_each_row(np.zeros((states, controls))),
+        "scaling": for_each_row(np.eye(states)),
+    }
+
+
 def calls() -> dict[str, Call]:
     displacement = np.sin(np.arange(N_TIME))
     history = _rust.LoadingHistory(0.01, displacement)
@@ -117,6 +133,7 @@ def calls() -> dict[str, Call]:
         "flops_per_step": Call(
             function=_rust.flops_per_step, arguments={"model": MODEL, "theta": NOMINAL}, free={}
         ),
+        "riccati_equations": Call(function=_rust.riccati_equations, arguments=riccati_arguments(), free={}),
         # Runs name rows of theta and gains and a motion, so more of these is no error.
         "respond": Call(
             function=_rust.respond,
