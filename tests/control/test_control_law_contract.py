@@ -105,7 +105,9 @@ def test_a_law_says_what_it_is(spec: ControlLawSpec) -> None:
     assert spec.equation
     assert spec.description.endswith(".")
     assert spec.source
-    assert all(gain.unit and gain.description and gain.shape in ("device", "state") for gain in spec.gains)
+    assert all(
+        gain.unit and gain.description and gain.shape in ("device", "state", "numbers") for gain in spec.gains
+    )
 
 
 @pytest.mark.parametrize("sample_time", [1e-3, 4e-3])
@@ -122,8 +124,10 @@ def test_commands_are_those_of_the_formula(spec: ControlLawSpec, sample_time: fl
         )
         np.testing.assert_allclose(run.command, expected, rtol=0.0, atol=5e-3 * LARGEST)
     else:
-        # Rounding differs; a switch is turned by it only where its argument vanishes, as at rest.
-        np.testing.assert_allclose(run.command, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
+        # Rounding differs; a switch is turned by it only where its argument vanishes, as at rest. The coils start
+        # settled at the first command, with another force than the one that the law has measured.
+        largest = np.abs(expected).max()
+        np.testing.assert_allclose(run.command[1:], expected[1:], rtol=1e-9, atol=1e-9 * largest)
     assert np.ptp(run.command) > 0.0 or spec.name == "passive"
 
 
@@ -139,7 +143,11 @@ def test_commands_stay_in_their_range(spec: ControlLawSpec) -> None:
 
 @pytest.mark.parametrize(
     "spec",
-    [spec for spec in WITH_GAINS if spec.name not in {"inverse_direct", "inverse_parabola"}],
+    [
+        spec
+        for spec in WITH_GAINS
+        if spec.name not in {"inverse_direct", "inverse_parabola", "signal_network"}
+    ],
     ids=name_of,
 )
 def test_a_law_that_asks_for_nothing_sends_nothing(spec: ControlLawSpec) -> None:
@@ -273,6 +281,8 @@ MEASURED = {
         "modulated_homogeneous_friction",
         "sliding_mode",
         "adaptive_sliding_mode",
+        "signal_network",
+        "signal_polynomial",
     },
     "deformation": {
         "super_twisting",
@@ -284,6 +294,8 @@ MEASURED = {
         "inverse_direct",
         "inverse_parabola",
         "inverse_network",
+        "signal_network",
+        "signal_polynomial",
     },
 }
 
@@ -307,15 +319,15 @@ def test_a_reading_that_is_no_number_sends_no_current(spec: ControlLawSpec, chan
         assert run.outcome[0] == Outcome.FINISHED
 
 
-@pytest.mark.parametrize("name", ["fuzzy", "inverse_network"])
+@pytest.mark.parametrize("name", ["fuzzy", "inverse_network", "signal_polynomial"])
 @pytest.mark.parametrize("size", [0, 1, 2, 5])
 def test_tables_that_a_law_cannot_read_are_refused(name: str, size: int) -> None:
     loop = devices(rd1005())
     law = law_with_gains(name, plant_with(loop))
     for table in law.tables:
-        if (table, size) != ("output", 1):
+        if (table, size) not in {("output", 1), ("terms", 5)}:
             broken = replace(law, tables={**law.tables, table: np.ones(size)})
-            with pytest.raises(SettingError, match=f"table `(reach|{table})` of the law `{name}`"):
+            with pytest.raises(SettingError, match=f"table `(terms|reach|{table})` of the law `{name}`"):
                 simulate_loop(five_storeys(), loop, broken, [SHORT])
 
 

@@ -256,6 +256,29 @@ def _network(run: Recorded) -> Floats:
     return np.column_stack(commands)
 
 
+def _signals(run: Recorded) -> Floats:
+    """Shape (4, n_time, n_devices)."""
+    return np.stack([run.deformation, run.rate, run.force, run.wanted])
+
+
+def _signal_network(run: Recorded) -> Floats:
+    shares = []
+    for device, network in enumerate(run.gain("network")):
+        total = network[-1]
+        for bias, *weights, output in network[:-1].reshape(4, 6):
+            inner = np.tensordot(weights, _signals(run)[..., device], 1)
+            total = total + output * (np.tanh(bias + inner) + np.tanh(bias - inner))
+        shares.append(0.5 * (1.0 + np.tanh(total)))
+    return np.column_stack(shares) * run.largest
+
+
+def _signal_polynomial(run: Recorded) -> Floats:
+    inputs = np.clip(_signals(run) / np.reshape(np.asarray(run.law.tables["reach"]), (4, 1, 1)), -1.0, 1.0)
+    terms = np.reshape(run.law.tables["terms"], (-1, 5))
+    share = sum(term[0] * np.prod(inputs ** term[1:, None, None], axis=0) for term in terms)
+    return np.clip(share, 0.0, 1.0) * run.largest
+
+
 def _active(run: Recorded) -> Floats:
     return run.wanted
 
@@ -280,6 +303,8 @@ FORMULAS: dict[str, Callable[[Recorded], Floats]] = {
     "inverse_direct": _inverse,
     "inverse_parabola": _inverse_parabola,
     "inverse_network": _network,
+    "signal_network": _signal_network,
+    "signal_polynomial": _signal_polynomial,
     "active": _active,
 }
 

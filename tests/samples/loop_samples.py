@@ -132,11 +132,14 @@ def law_with_gains(name: str, plant: Plant, *, strength: float = 1.0) -> Control
         "inverse_direct": {"gain": K},
         "inverse_parabola": {"gain": K},
         "inverse_network": {"gain": K},
+        "signal_network": {"gain": K, "network": strength * _signal_network(plant.n_devices)},
+        "signal_polynomial": {"gain": K},
         "active": {"gain": K},
     }
     tables: dict[str, dict[str, Floats]] = {
         "fuzzy": {"shares": strength * _shares()},
         "inverse_network": _network(strength),
+        "signal_polynomial": _signal_polynomial(strength),
     }
     curve = rd1005() if control_law(name).needs_curve else None
     return ControlLaw(name=name, gains=gains[name], tables=tables.get(name, {}), curve=curve)
@@ -154,6 +157,22 @@ def _network(strength: float) -> dict[str, Floats]:
     layer = np.hstack([rng.normal(size=(3, 1)), rng.normal(size=(3, 6)) / reach, rng.normal(size=(3, 1))])
     layer[:, -1] *= strength
     return {"layer": layer, "output": np.array([0.5 * strength]), "reach": reach}
+
+
+def _signal_network(n_devices: int) -> Floats:
+    """Networks that have learned nothing, another for each device."""
+    networks = np.random.default_rng(7).normal(size=(n_devices, 25))
+    networks[:, :-1].reshape(n_devices, 4, 6)[:, :, 1:-1] /= [2e-3, 0.05, 1000.0, 1000.0]
+    return networks
+
+
+def _signal_polynomial(strength: float) -> dict[str, Floats]:
+    coefficients = strength * np.array([0.2, 1.5, -0.7])
+    powers = np.array([[0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 1.0], [2.0, 1.0, 0.0, 1.0]])
+    return {
+        "terms": np.column_stack([coefficients, powers]),
+        "reach": np.array([2e-3, 0.05, 1000.0, 1000.0]),
+    }
 
 
 def plant_with(loop: list[Device], of: Building | None = None) -> Plant:

@@ -37,6 +37,10 @@ TOLD = {
     "inverse_direct": "control_weight = 1e-12\ndrifts = 1e4",
     "inverse_parabola": "control_weight = 1e-12\ndrifts = 1e4",
     "inverse_network": "control_weight = 1e-12\namplitude = 0.005\nvelocity = 0.1\nhidden = 3",
+    "signal_network": "control_weight = 1e-12\ndeformation = 0.005\nrate = 0.1\nforce = 2000\nnetwork = ["
+    + ", ".join(["0.1"] * 25)
+    + "]",
+    "signal_polynomial": "control_weight = 1e-12\ndeformation = 0.005\nrate = 0.1\nforce = 2000",
     "active": "control_weight = 1e-12",
 }
 
@@ -91,7 +95,7 @@ def test_a_design_has_the_numbers_that_its_law_takes(law: str) -> None:
     found = design(law, TOLD.get(law, ""))
     curve = design_problem().curve if control_law(law).needs_curve else None
     made = ControlLaw(name=law, gains=found.gains, tables=found.tables, curve=curve)
-    n_gains = sum(1 if gain.shape == "device" else 10 for gain in made.spec.gains)
+    n_gains = sum({"device": 1, "state": 10}.get(gain.shape, gain.numbers) for gain in made.spec.gains)
     assert made.gain_rows(1, 10).shape == (1, n_gains)
     assert len(made.table_rows()) == len(made.spec.tables)
 
@@ -100,7 +104,7 @@ def test_a_design_has_the_numbers_that_its_law_takes(law: str) -> None:
 def test_every_law_has_finite_numbers_for_each_device(law: str) -> None:
     found = design(law, TOLD.get(law, ""))
     for gain in found.gains.values():
-        assert gain.shape in ((1,), (1, 10))
+        assert gain.shape in ((1,), (1, 10), (1, 25))
         assert np.isfinite(gain).all()
     for table in found.tables.values():
         assert np.isfinite(table).all()

@@ -25,6 +25,7 @@ from mrwork.twins.loop.laws import (
     LyapunovDirect,
     ModifiedClippedOptimal,
     Passive,
+    SignalNetwork,
 )
 from mrwork.twins.loop.plant import LoopDevice, LoopPlant
 from mrwork.twins.loop.run import half_steps, run_loop
@@ -48,6 +49,7 @@ PROMPT = (
     [10.0, 100.0, 1e-3, 30.0, -26.0, -0.8, 500.0, 0.8, 1.5],
 )
 GAIN = np.array([[10.0, -40.0, -120.0, 15.0]])
+NETWORK = np.random.default_rng(3).normal(size=(1, 25))
 WEIGHT = np.array([[0.3, -0.1, -1.0, 0.2]])
 
 
@@ -94,6 +96,12 @@ CASES = {
         twin=LyapunovDirect(jnp.array(0.5), jnp.asarray(WEIGHT.T)),
         differential=True,
         steps=1,
+    ),
+    "network of signals, late": Case(
+        damper=LAGGED,
+        rust=ControlLaw(name="signal_network", gains={"gain": GAIN, "network": NETWORK}),
+        twin=SignalNetwork(jnp.asarray(GAIN), jnp.asarray(NETWORK)),
+        delay=1,
     ),
     "direct current, by a belief": Case(
         damper=LAGGED,

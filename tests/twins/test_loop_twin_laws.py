@@ -30,6 +30,8 @@ from mrwork.twins.loop.run import run_loop
 def measured(state: Any, force: float) -> Measurement:
     return Measurement(
         state=jnp.asarray(state, dtype=jnp.float64),
+        deformation=jnp.zeros(1),
+        rate=jnp.zeros(1),
         force=jnp.array([force]),
         force_at=lambda i: 3.0 + 2.0 * i - 0.25 * i**2,
         largest=jnp.array([2.0]),

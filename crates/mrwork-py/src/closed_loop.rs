@@ -5,7 +5,7 @@ use mrwork_dynamics::closed_loop::{
     self, Batch, Channel, Fault, HISTORY_SIGNALS, Hardware, Observer, OutsideLaw, Quantity, RUN_QUANTITIES,
     Run, Sensor, n_samples,
 };
-use mrwork_dynamics::control::{CurveModel, Law, LawSpec, Mounting};
+use mrwork_dynamics::control::{CurveModel, Law, LawSpec, Mounting, Shape};
 use mrwork_dynamics::damper::find_device;
 use mrwork_dynamics::ground_motion::GroundMotion;
 use mrwork_dynamics::settings::Settings;
@@ -115,6 +115,7 @@ fn law_dict<'py>(py: Python<'py>, spec: &LawSpec) -> PyResult<Bound<'py, PyDict>
         entry.set_item("name", gain.name)?;
         entry.set_item("unit", gain.unit)?;
         entry.set_item("shape", gain.shape.name())?;
+        entry.set_item("numbers", if let Shape::Numbers(count) = gain.shape { count } else { 1 })?;
         entry.set_item("description", gain.description)?;
         Ok(entry)
     });

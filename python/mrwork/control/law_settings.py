@@ -23,6 +23,7 @@ from mrwork.control.lyapunov import LyapunovFunction, lyapunov_function
 from mrwork.control.plant import Plant
 from mrwork.control.regulator_settings import ClippedSettings, NetworkSettings, RegulatorSettings
 from mrwork.control.setting_base import LawSettings, Span
+from mrwork.control.signal_settings import SignalNetworkSettings, SignalPolynomialSettings
 from mrwork.control.surface_settings import (
     AdaptiveSlidingSettings,
     SlidingSettings,
@@ -188,6 +189,8 @@ SETTINGS: Mapping[str, type[LawSettings]] = {
     "inverse_direct": RegulatorSettings,
     "inverse_parabola": RegulatorSettings,
     "inverse_network": NetworkSettings,
+    "signal_network": SignalNetworkSettings,
+    "signal_polynomial": SignalPolynomialSettings,
     "active": RegulatorSettings,
 }
 """Settings by name of the law."""

@@ -17,16 +17,17 @@ from mrwork.keys import suggestion
 from mrwork.summary import Summarised, Summary, rounded
 
 Floats = NDArray[np.float64]
-Shape = Literal["device", "state"]
+Shape = Literal["device", "state", "numbers"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GainSpec:
-    """A gain of a law: one number for each device, or one for each device and state [q; q']."""
+    """A gain of a law: for each device one number, one for each state [q; q'], or `numbers` of them."""
 
     name: str
     unit: str
     shape: Shape
+    numbers: int
     description: str
 
     @property
@@ -36,7 +37,9 @@ class GainSpec:
 
     def shape_for(self, n_devices: int, n_states: int) -> tuple[int, ...]:
         """Shape of the gain of one candidate."""
-        return (n_devices,) if self.shape == "device" else (n_devices, n_states)
+        if self.shape == "device":
+            return (n_devices,)
+        return (n_devices, n_states if self.shape == "state" else self.numbers)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

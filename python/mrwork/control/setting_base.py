@@ -72,6 +72,8 @@ class Span:
         Whether the search is uniform in the number or in its logarithm.
     free
         Whether a search changes the setting unless something else is asked for.
+    entries
+        For an array, of which a search changes each number: the numbers with which it begins.
     """
 
     lower: float
@@ -80,6 +82,7 @@ class Span:
     start: float | None = None
     scale: Literal["log", "linear"] = "log"
     free: bool = True
+    entries: tuple[float, ...] = ()
 
     def unit(self, magnitudes: Magnitudes) -> float:
         """The product of magnitudes that the numbers of the span are multiples of."""

@@ -20,7 +20,7 @@ from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import KanaiTajimi
 from mrwork.summary import Summarised
 from mrwork.tuning.problem import Bench
-from mrwork.tuning.space import LARGEST, Candidate, FreeSetting, SettingSpace
+from mrwork.tuning.space import Candidate, FreeSetting, SettingSpace
 
 _STEPS = 12
 _WEIGHT = "control_weight"
@@ -94,9 +94,9 @@ def first_candidates(space: SettingSpace, basis: Basis) -> list[FirstCandidate]:
     """
     kind = SETTINGS[space.law]
     middle = {
-        each.name: each.value(0.5)
-        for each in space.free
-        if each.name != LARGEST and not _is_weight(each.name) and each.name != _WEIGHT
+        name: value
+        for name, value in space.candidate(space.start).settings.items()
+        if not _is_weight(name) and name != _WEIGHT
     }
     found: list[FirstCandidate] = []
 
@@ -110,7 +110,7 @@ def first_candidates(space: SettingSpace, basis: Basis) -> list[FirstCandidate]:
         for R in _sizes(scanned, shape, space, basis.magnitudes):
             add({**shape, **middle, **R}, origin)
     if not issubclass(kind, CostWeights):
-        add({**space.held, **middle}, "middle of the ranges")
+        add(middle, "middle of the ranges")
     return found
 
 
@@ -119,7 +119,7 @@ def _shapes(space: SettingSpace, basis: Basis) -> Iterator[tuple[dict[str, Any],
     kind = SETTINGS[space.law]
     if not issubclass(kind, CostWeights):
         return
-    equal = space.held == kind.weighed_by_default
+    equal = _weights(space.held) == kind.weighed_by_default
     yield dict(space.held), EQUAL if equal else "weights of the study"
     if not equal:
         return

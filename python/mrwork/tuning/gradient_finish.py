@@ -20,7 +20,7 @@ from mrwork.study.study import Study
 from mrwork.study.tuning_schema import TuneTable
 from mrwork.tuning.objective import Objective, refuse_within
 from mrwork.tuning.problem import Bench
-from mrwork.tuning.space import LARGEST, Candidate, FreeSetting, SettingSpace
+from mrwork.tuning.space import LARGEST, SettingSpace
 
 if TYPE_CHECKING:
     from mrwork.twins.loop.tuned import TunedLoop
@@ -137,24 +137,8 @@ def risk_weights(scores: Floats, objective: Objective) -> Floats:
     return weights
 
 
-def _exact(space: SettingSpace, unit: Floats) -> Candidate:
-    """The candidate at a point without rounding of its settings."""
-    settings = {
-        each.name: _value(each, float(place))
-        for each, place in zip(space.free, unit, strict=True)
-        if each.name != LARGEST
-    }
-    return Candidate(settings={**space.held, **settings}, largest_command=space.largest_command)
-
-
-def _value(free: FreeSetting, unit: float) -> float:
-    if free.scale == "log":
-        return math.exp(math.log(free.lower) + unit * math.log(free.upper / free.lower))
-    return free.lower + unit * (free.upper - free.lower)
-
-
 def _gains(space: SettingSpace, bench: Bench, unit: Floats) -> dict[str, Floats]:
-    design = settings_of(space.law, _exact(space, unit).settings).design(bench.problem)
+    design = settings_of(space.law, space.candidate(unit, exact=True).settings).design(bench.problem)
     return {name: np.asarray(value, dtype=np.float64) for name, value in design.gains.items()}
 
 

@@ -20,6 +20,8 @@ from mrwork.tuning.space import LARGEST, FreeSetting
 Floats = NDArray[np.float64]
 
 _MARGIN = 0.01
+# Longest array whose numbers are shown in a line.
+_MOST_IN_WORDS = 8
 # That of a study, whatever a table minimises, so that all laws are compared by one number.
 _SCORE = Objective(weights=dict.fromkeys(SCORE, 1.0))
 TRAINING_ONLY = (
@@ -246,6 +248,8 @@ def settings_in_words(settings: Mapping[str, Any], command_unit: str) -> str:
 def _value(value: Any) -> str:
     if isinstance(value, int | float):
         return rounded(float(value))
+    if len(value) > _MOST_IN_WORDS:
+        return f"{len(value)} numbers"
     return f"[{', '.join(_value(each) for each in value)}]"
 
 

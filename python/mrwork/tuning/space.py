@@ -41,7 +41,8 @@ class Candidate:
 class FreeSetting:
     """A setting with the ends of its range; a search is uniform in it or its logarithm.
 
-    `levels` is the number of equal steps that it takes, 0 for all numbers.
+    `levels` is the number of equal steps that it takes, 0 for all numbers; `entry` its index in a setting that is an
+    array; `start` the coordinate of the unit cube where a search begins.
     """
 
     name: str
@@ -49,20 +50,27 @@ class FreeSetting:
     upper: float
     scale: str = "log"
     levels: int = 0
+    entry: int | None = None
+    start: float = 0.5
 
-    def value(self, unit: float) -> float:
-        """The value at a coordinate of the unit cube, with the digits that a study file states."""
+    @property
+    def label(self) -> str:
+        """Its name, with the index of an entry."""
+        return self.name if self.entry is None else f"{self.name}[{self.entry}]"
+
+    def value(self, unit: float, *, exact: bool = False) -> float:
+        """The value at a coordinate of the unit cube, with the digits that a study file states unless `exact`."""
         last = self.levels - 1
         share = min(int(unit * self.levels), last) / last if self.levels else unit
         if self.scale == "log":
             value = math.exp(math.log(self.lower) + share * math.log(self.upper / self.lower))
         else:
             value = self.lower + share * (self.upper - self.lower)
-        return float(f"{value:.{_DIGITS}g}")
+        return value if exact else float(f"{value:.{_DIGITS}g}")
 
     def unit(self, value: float) -> float | None:
         """The coordinate of a value; `None` outside the range."""
-        if not self.lower * (1.0 - 1e-3) <= value <= self.upper * (1.0 + 1e-3):
+        if not self.lower - 1e-3 * abs(self.lower) <= value <= self.upper + 1e-3 * abs(self.upper):
             return None
         if self.scale == "log":
             share = math.log(value / self.lower) / math.log(self.upper / self.lower)
@@ -87,9 +95,17 @@ class SettingSpace(Summarised):
         """Whether a free setting takes all numbers of its range."""
         return any(not each.levels for each in self.free)
 
-    def candidate(self, unit: Floats) -> Candidate:
-        """The candidate at a point of the unit cube, shape (n_free,)."""
-        found = {each.name: each.value(float(place)) for each, place in zip(self.free, unit, strict=True)}
+    @property
+    def start(self) -> Floats:
+        """The point of the unit cube where a search begins, shape (n_free,)."""
+        return np.array([each.start for each in self.free])
+
+    def candidate(self, unit: Floats, *, exact: bool = False) -> Candidate:
+        """The candidate at a point of the unit cube, shape (n_free,); `exact` without rounding of its settings."""
+        found: dict[str, Any] = {}
+        for each, place in zip(self.free, unit, strict=True):
+            value = each.value(float(place), exact=exact)
+            found[each.name] = value if each.entry is None else (*found.get(each.name, ()), value)
         largest = found.pop(LARGEST, self.largest_command)
         return Candidate(settings={**self.held, **found}, largest_command=largest)
 
@@ -105,6 +121,8 @@ class SettingSpace(Summarised):
         places = []
         for each in self.free:
             value = given.get(each.name, each.lower)
+            if each.entry is not None and isinstance(value, tuple) and each.entry < len(value):
+                value = value[each.entry]
             place = each.unit(value) if isinstance(value, int | float) else None
             if place is None:
                 return None
@@ -126,7 +144,7 @@ class SettingSpace(Summarised):
     @property
     def in_words(self) -> tuple[str, ...]:
         """Each free setting with its range."""
-        return tuple(f"{each.name} from {each.lower:g} to {each.upper:g}" for each in self.free)
+        return tuple(f"{each.label} from {each.lower:g} to {each.upper:g}" for each in self.free)
 
 
 def settings_from(table: TuneTable, law: str, given: Mapping[str, Any]) -> LawSettings:
@@ -165,7 +183,7 @@ def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace
     free = []
     for name in _free_names(table, law, kind, spans, held):
         given = (table.free or {}).get(name, ())
-        free.append(_free(table, law, name, given, spans.get(name), magnitudes))
+        free += _free(table, law, name, given, spans.get(name), magnitudes)
         held.pop(name, None)
     chosen = {each.name for each in free}
     for name, span in spans.items():
@@ -247,7 +265,7 @@ def _is_weight(name: str) -> bool:
 
 def _free(
     table: TuneTable, law: str, name: str, given: Sequence[float], span: Span | None, magnitudes: Magnitudes
-) -> FreeSetting:
+) -> list[FreeSetting]:
     scale = "linear" if span is None else span.scale
     if given:
         if len(given) != 2 or not given[0] < given[1] or (scale == "log" and given[0] <= 0.0):
@@ -265,7 +283,14 @@ def _free(
             name,
         )
     levels = _SHARES if name == LARGEST else 0
-    return FreeSetting(name=name, lower=float(lower), upper=float(upper), scale=scale, levels=levels)
+    whole = FreeSetting(name=name, lower=float(lower), upper=float(upper), scale=scale, levels=levels)
+    if span is None or not span.entries:
+        return [whole]
+    starts = np.clip(span.entries, lower, upper)
+    return [
+        replace(whole, entry=entry, start=float(whole.unit(float(start)) or 0.0))
+        for entry, start in enumerate(starts)
+    ]
 
 
 def _refuse_range(table: TuneTable, name: str, scale: str) -> NoReturn:

@@ -14,6 +14,7 @@ mod inverse_network;
 mod lyapunov;
 mod maximum_energy_dissipation;
 mod passive;
+mod signal_feedback;
 mod sliding_mode;
 
 pub(crate) use force_curve::ForceCurve;
@@ -31,6 +32,8 @@ pub enum Shape {
     Device,
     /// One per device and state: displacement of every coordinate, then velocity of every coordinate.
     State,
+    /// That many per device.
+    Numbers(usize),
 }
 
 impl Shape {
@@ -40,6 +43,7 @@ impl Shape {
         match self {
             Self::Device => "device",
             Self::State => "state",
+            Self::Numbers(_) => "numbers",
         }
     }
 
@@ -49,6 +53,7 @@ impl Shape {
         match self {
             Self::Device => n_devices,
             Self::State => n_devices * n_states,
+            Self::Numbers(count) => n_devices * count,
         }
     }
 }
@@ -148,6 +153,14 @@ impl<R: Real> Gains<'_, R> {
         self.columns[self.start(gain) + device]
     }
 
+    /// Entries of a device, of a gain of several numbers for each.
+    #[inline(always)]
+    fn numbers(&self, gain: usize, device: usize) -> &[R] {
+        let count = self.spec.gains[gain].shape.size(1, self.n_states);
+        let start = self.start(gain) + device * count;
+        &self.columns[start..start + count]
+    }
+
     /// Product of the state gain of a device with the state.
     #[inline(always)]
     fn of_state(&self, gain: usize, device: usize, measured: &Measurement<'_, R>) -> R {
@@ -239,6 +252,8 @@ laws! {
     direct_current::InverseDirect,
     direct_current::InverseParabola,
     inverse_network::InverseNetwork,
+    signal_feedback::SignalNetwork,
+    signal_feedback::SignalPolynomial,
     active::Active,
 }
 

@@ -23,6 +23,8 @@ class Measurement:
     ----------
     state
         s, shape (2n,).
+    deformation, rate
+        Elongation of each device [m] and its rate [m/s], shape (n_devices,).
     force
         Force of each device, shape (n_devices,) [N].
     force_at
@@ -32,6 +34,8 @@ class Measurement:
     """
 
     state: Array
+    deformation: Array
+    rate: Array
     force: Array
     force_at: Callable[[Array], Array]
     largest: Array
@@ -135,3 +139,25 @@ class LqrDirect(NamedTuple):
     def command(self, measured: Measurement) -> Array:
         """The desired force times the slope of the force in the current."""
         return -measured.slope() * (self.gain @ measured.state)
+
+
+class SignalNetwork(NamedTuple):
+    """`i = i_max (1 + tanh(b + sum_k v_k (tanh(b_k + w_k'c) + tanh(b_k - w_k'c)))) / 2`, c = (d, d', f, f_c).
+
+    f_c is -K s; `gain` is K, shape (n_devices, 2n); `network` has a row for each device: b_k, w_k and v_k of each
+    unit, last b.
+    """
+
+    gain: Array
+    network: Array
+
+    def command(self, measured: Measurement) -> Array:
+        """A share of the largest command."""
+        wanted = -self.gain @ measured.state
+        signals = jnp.stack([measured.deformation, measured.rate, measured.force, wanted], axis=1)
+        n_signals = signals.shape[1]
+        units = self.network[:, :-1].reshape(len(self.network), -1, n_signals + 2)
+        bias, weights, output = units[..., 0], units[..., 1:-1], units[..., -1]
+        inner = jnp.einsum("dks,ds->dk", weights, signals)
+        even = jnp.tanh(bias + inner) + jnp.tanh(bias - inner)
+        return 0.5 * measured.largest * (1.0 + jnp.tanh(self.network[:, -1] + jnp.sum(output * even, axis=1)))

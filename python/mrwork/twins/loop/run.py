@@ -58,6 +58,7 @@ def run_loop(
     steps_per_sample: int = 1,
     delay: int = 0,
     believed: Devices | None = None,
+    counted: Array | None = None,
 ) -> LoopResult:
     """Run the loop from rest and accumulate its results; the coils start settled at the first command.
 
@@ -80,14 +81,28 @@ def run_loop(
     believed
         Devices without states at the same places, used by laws that need the slope of the force in the current; by
         default the devices themselves.
+    counted
+        Number of first steps of which peaks and sums are kept, all by default; energies are those of all steps.
 
     Raises
     ------
     SettingError
         If the steps are not a whole number of control samples.
     """
+    n_steps = jnp.float64((ground.shape[0] - 1) // 2)
+    counted = n_steps if counted is None else counted
     last, _ = _scanned(
-        plant, devices, law, ground, step_time, largest_command, steps_per_sample, delay, believed, keep=False
+        plant,
+        devices,
+        law,
+        ground,
+        step_time,
+        largest_command,
+        steps_per_sample,
+        delay,
+        believed,
+        counted,
+        keep=False,
     )
     q, v = last.motion.q, last.motion.v
     return LoopResult(
@@ -95,7 +110,7 @@ def run_loop(
         energies=last.motion.energies,
         kinetic=0.5 * v @ (plant.mass @ v),
         strain=0.5 * q @ (plant.stiffness @ q),
-        n_steps=jnp.float64((ground.shape[0] - 1) // 2),
+        n_steps=counted,
     )
 
 
@@ -114,7 +129,17 @@ def loop_histories(
 ) -> LoopHistories:
     """Return the histories of the same run; see `run_loop`."""
     _, histories = _scanned(
-        plant, devices, law, ground, step_time, largest_command, steps_per_sample, delay, believed, keep=True
+        plant,
+        devices,
+        law,
+        ground,
+        step_time,
+        largest_command,
+        steps_per_sample,
+        delay,
+        believed,
+        jnp.inf,
+        keep=True,
     )
     assert histories is not None
     flat: LoopHistories = jax.tree.map(lambda x: x.reshape(-1, x.shape[-1]), histories)
@@ -131,6 +156,7 @@ def _scanned(
     steps_per_sample: int,
     delay: int,
     believed: Devices | None,
+    counted: Array | float,
     *,
     keep: bool,
 ) -> tuple[_Carry, LoopHistories | None]:
@@ -154,22 +180,27 @@ def _scanned(
         ]
         return jnp.stack(found)
 
-    def integrate(carry: _Carry, inputs: tuple[Array, StepGround]) -> tuple[_Carry, LoopHistories | None]:
-        age, accelerations = inputs
+    def integrate(
+        carry: _Carry, inputs: tuple[Array, Array, StepGround]
+    ) -> tuple[_Carry, LoopHistories | None]:
+        age, counts, accelerations = inputs
         command = carry.commands[age]
         # Without a lag, the coil current equals the command.
         current = jnp.where(lagged, carry.received, command)
         after, received, start = step(plant, devices, pulls, carry.motion, current, command, accelerations, h)
-        kept = reduced(plant, carry.kept, carry.motion, start, current, accelerations.start)
+        more = reduced(plant, carry.kept, carry.motion, start, current, accelerations.start)
+        kept = jax.tree.map(lambda after, before: jnp.where(counts, after, before), more, carry.kept)
         history = (
             LoopHistories(carry.motion.q, carry.motion.v, start.force, current, command) if keep else None
         )
         return _Carry(after, received, carry.commands, kept), history
 
-    def sample(carry: _Carry, inputs: tuple[Array, StepGround]) -> tuple[_Carry, LoopHistories | None]:
-        first, accelerations = inputs
+    def sample(carry: _Carry, inputs: tuple[Array, Array, StepGround]) -> tuple[_Carry, LoopHistories | None]:
+        first, counts, accelerations = inputs
         measured = Measurement(
             state=jnp.concatenate([carry.motion.q, carry.motion.v]),
+            deformation=rows @ carry.motion.q,
+            rate=rows @ carry.motion.v,
             force=force(carry.motion, carry.received),
             force_at=lambda currents: curve(carry.motion, currents),
             largest=largest,
@@ -179,7 +210,7 @@ def _scanned(
         carry = carry._replace(
             commands=jnp.where(first, command, commands), received=jnp.where(first, command, carry.received)
         )
-        return lax.scan(integrate, carry, (jnp.asarray(ages), accelerations))
+        return lax.scan(integrate, carry, (jnp.asarray(ages), counts, accelerations))
 
     start = _Carry(
         motion=at_rest(plant, devices),
@@ -190,13 +221,14 @@ def _scanned(
     at_steps = StepGround(ground[:-1:2], ground[1::2], ground[2::2])
     at_samples = (
         jnp.arange(n_samples) == 0,
+        (jnp.arange(n_samples * steps_per_sample) < counted).reshape(n_samples, steps_per_sample),
         jax.tree.map(lambda a: a.reshape(n_samples, steps_per_sample), at_steps),
     )
     if keep:
         return lax.scan(sample, start, at_samples)
 
     @jax.checkpoint
-    def stretch(carry: _Carry, inputs: tuple[Array, StepGround]) -> tuple[_Carry, None]:
+    def stretch(carry: _Carry, inputs: tuple[Array, Array, StepGround]) -> tuple[_Carry, None]:
         last, _ = lax.scan(sample, carry, inputs)
         return last, None
 

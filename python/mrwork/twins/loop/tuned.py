@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -12,11 +13,12 @@ from jax import Array
 from numpy.typing import NDArray
 
 from mrwork.dampers.spec import DamperSpec
-from mrwork.twins.loop.laws import Law, LyapunovDirect
+from mrwork.twins.loop.laws import Law, LyapunovDirect, SignalNetwork
 from mrwork.twins.loop.plant import Devices, LoopDevice, LoopPlant
 from mrwork.twins.loop.run import half_steps, run_loop
 
 Floats = NDArray[np.float64]
+_SIDE_BY_SIDE = 8
 Gains = Mapping[str, Array]
 
 
@@ -24,7 +26,14 @@ def _proportional_direct(gains: Gains) -> Law:
     return LyapunovDirect(kappa=gains["slope"], weight=gains["weight"].T)
 
 
-SMOOTH: Mapping[str, Callable[[Gains], Law]] = {"proportional_direct": _proportional_direct}
+def _signal_network(gains: Gains) -> Law:
+    return SignalNetwork(gain=gains["gain"], network=gains["network"])
+
+
+SMOOTH: Mapping[str, Callable[[Gains], Law]] = {
+    "proportional_direct": _proportional_direct,
+    "signal_network": _signal_network,
+}
 """Laws that are smooth in their numbers, by the name of the law in the core: the law of the twin from its gains."""
 
 
@@ -74,7 +83,7 @@ class TunedLoop:
         devices, own = _devices(dampers), None if believed is None else _devices(believed)
         total = sum(weights.values())
 
-        def score(gains: Gains, largest: Array, ground: Array, below: Array) -> Array:
+        def score(gains: Gains, largest: Array, ground: Array, counted: Array, below: Array) -> Array:
             found = run_loop(
                 plant,
                 devices,
@@ -85,18 +94,25 @@ class TunedLoop:
                 steps_per_sample=steps_per_sample,
                 delay=delay,
                 believed=own,
+                counted=counted,
             )
             values = jnp.stack([found.worst(name) for name in weights])
             return jnp.sum(jnp.asarray(list(weights.values())) / total * values / below)
 
-        self._rates = jax.jit(jax.value_and_grad(score))
-        self._below = [jnp.asarray(each) for each in passive]
+        self._rates = jax.jit(jax.vmap(jax.value_and_grad(score), in_axes=(None, None, 0, 0, 0)))
         sample = step * steps_per_sample
-        self._grounds = []
-        for dt, acceleration in motions:
-            n_samples = int(np.ceil((len(acceleration) - 1) * dt / sample - 1e-9))
-            n_steps = n_samples * steps_per_sample
-            self._grounds.append(jnp.asarray(half_steps(acceleration, dt, step, n_steps)))
+        lengths = [math.ceil((len(acceleration) - 1) * dt / sample - 1e-9) for dt, acceleration in motions]
+        order = np.argsort(lengths, kind="stable")
+        self._groups = []
+        # Motions of about the same length run side by side, the shorter ones continued by free vibrations.
+        for start in range(0, len(order), _SIDE_BY_SIDE):
+            members = order[start : start + _SIDE_BY_SIDE]
+            n_steps = lengths[members[-1]] * steps_per_sample
+            grounds = [half_steps(motions[each][1], motions[each][0], step, n_steps) for each in members]
+            counted = [float(lengths[each] * steps_per_sample) for each in members]
+            self._groups.append(
+                (members, jnp.array(np.stack(grounds)), jnp.array(counted), jnp.array(passive[members]))
+            )
 
     def scores(
         self, gains: Mapping[str, Floats], largest_command: Floats
@@ -104,12 +120,14 @@ class TunedLoop:
         """Score under each motion, shape (n_motions,), and its derivatives in each gain."""
         given = {name: jnp.asarray(value, dtype=jnp.float64) for name, value in gains.items()}
         largest = jnp.asarray(largest_command, dtype=jnp.float64)
-        values, rates = [], []
-        for ground, below in zip(self._grounds, self._below, strict=True):
-            value, rate = self._rates(given, largest, ground, below)
-            values.append(float(value))
-            rates.append({name: np.asarray(each) for name, each in rate.items()})
-        return np.array(values), rates
+        scores = np.empty(sum(len(members) for members, *_ in self._groups))
+        rates: list[dict[str, Floats]] = [{}] * len(scores)
+        for members, ground, counted, below in self._groups:
+            values, rate = self._rates(given, largest, ground, counted, below)
+            scores[members] = np.asarray(values)
+            for place, member in enumerate(members):
+                rates[member] = {name: np.asarray(each[place]) for name, each in rate.items()}
+        return scores, rates
 
 
 def _devices(dampers: Sequence[TwinDamper]) -> Devices:
