@@ -154,7 +154,7 @@ class PeerOptimiser(ABC):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CMAEvolution(PeerOptimiser):
-    """CMA-ES of the library `cma` (Hansen & Ostermeier, Evol. Comput. 9, 2001, 159-195), from the middle of the box.
+    """CMA-ES of the library `cma` (Hansen & Ostermeier, Evol. Comput. 9, 2001, 159-195).
 
     Parameters
     ----------
@@ -162,6 +162,8 @@ class CMAEvolution(PeerOptimiser):
         Candidates of a generation; 10 is the library's default for 8 parameters.
     deviation
         Initial standard deviation of each gene, a share of the box.
+    begin
+        Where it begins, a point of the unit cube; the middle by default.
     stop
         When to end.
     elite
@@ -170,6 +172,7 @@ class CMAEvolution(PeerOptimiser):
 
     population: int = 10
     deviation: float = 0.3
+    begin: tuple[float, ...] = ()
     stop: StopRules = field(default_factory=lambda: StopRules(max_generations=1000))
     elite: EliteRule = field(default_factory=EliteRule)
 
@@ -181,7 +184,9 @@ class CMAEvolution(PeerOptimiser):
     def _starter(self, course: Course, n_params: int) -> Callable[[int], Peer]:
         cma = library("cma")
 
-        def begin(seed: int) -> Peer:
+        first = np.array(self.begin) if self.begin else np.full(n_params, 0.5)
+
+        def started(seed: int) -> Peer:
             generator = np.random.default_rng(seed)
             options = {
                 "bounds": [0.0, 1.0],
@@ -191,9 +196,9 @@ class CMAEvolution(PeerOptimiser):
                 "seed": math.nan,
                 "randn": lambda *shape: generator.standard_normal(shape),
             }
-            return _CMAPeer(cma.CMAEvolutionStrategy(np.full(n_params, 0.5), self.deviation, options))
+            return _CMAPeer(cma.CMAEvolutionStrategy(first, self.deviation, options))
 
-        return begin
+        return started
 
 
 class _CMAPeer:

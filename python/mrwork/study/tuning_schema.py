@@ -72,11 +72,14 @@ class TuneTable:
         default=None,
     )
     robust: bool = key("whether the realisations of [uncertainty] belong to the score", default=False)
-    search: str = key("search algorithm", default="differential_evolution")
+    search: str = key(
+        "search algorithm; cma (extra peers) for laws of many numbers, as signal_network",
+        default="differential_evolution",
+    )
     population: int = key("candidates of a generation", default=24, least=4)
     budget: int = key("candidates of each law, apart from the first ones", default=384, least=4)
     gradient_steps: int = key(
-        "steps of L-BFGS-B on the twin after the search, for laws that are smooth: proportional_direct",
+        "steps of L-BFGS-B on the twin after the search, for laws that are smooth: proportional_direct, signal_network",
         default=0,
         least=0,
     )

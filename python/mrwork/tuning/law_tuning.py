@@ -15,6 +15,7 @@ from mrwork.control.law_settings import SETTINGS
 from mrwork.control.laws import control_law
 from mrwork.errors import Interrupted
 from mrwork.search.loop import GenerationEvent, Optimiser, run_search
+from mrwork.search.peers import CMAEvolution
 from mrwork.search.registry import OPTIMISERS, PEERS
 from mrwork.search.result import SearchResult
 from mrwork.search.rules import EliteRule, StopRules
@@ -34,6 +35,8 @@ Report = Callable[[int, float], None]
 
 # A search ends where its least objective has not fallen by the tolerance within this number of generations.
 _STALL, _TOLERANCE = 12, 1e-4
+# First standard deviation of a search that begins at a point, a share of each range.
+_SPREAD = 0.06
 _ENDS = {
     "max_evaluations": "search, until its candidates were used up",
     "max_generations": "search, until its candidates were used up",
@@ -195,12 +198,12 @@ def _searched(
             known.update(zip(fresh, found.penalised.tolist(), strict=True))
         return np.array([known[key] for key in keys])
 
-    optimiser = _optimiser(table)
-    n_params = len(space.free)
-    seed = rng + table.seed
-    state = optimiser.start(n_params, seed)
     order = np.argsort(scores.penalised, kind="stable")
     starts = [unit for index in order if (unit := space.unit(firsts[int(index)])) is not None]
+    n_params = len(space.free)
+    optimiser = _optimiser(table, n_params, starts[0] if starts else None)
+    seed = rng + table.seed
+    state = optimiser.start(n_params, seed)
     if starts:
         kept = np.array(starts[: table.population // 3])
         population = state.population.copy()
@@ -217,9 +220,13 @@ def _searched(
     )
 
 
-def _optimiser(table: TuneTable) -> Optimiser[Any]:
-    """The search of a table, with its population and budget."""
+def _optimiser(table: TuneTable, n_params: int, best: Floats | None) -> Optimiser[Any]:
+    """The search of a table, with its population and budget; one without a population begins at the best candidate."""
     chosen: Any = {**OPTIMISERS, **PEERS}[table.search]
+    if isinstance(chosen, CMAEvolution) and best is not None:
+        # The boundary itself has no room for half of the first candidates.
+        inside = np.clip(best, _SPREAD, 1.0 - _SPREAD)
+        chosen = replace(chosen, begin=tuple(inside.tolist()), deviation=_SPREAD)
     return replace(  # type: ignore[no-any-return] # every optimiser is a dataclass with these settings
         chosen,
         population=table.population,
@@ -227,7 +234,7 @@ def _optimiser(table: TuneTable) -> Optimiser[Any]:
             max_generations=max(1, table.budget),
             max_evaluations=table.budget,
             confidence=None,
-            stall_generations=_STALL,
+            stall_generations=max(_STALL, n_params),
             stall_tolerance=_TOLERANCE,
             min_generations=_STALL,
         ),

@@ -1,0 +1,97 @@
+"""A network of measured signals: its numbers are learned like any setting, and stand in the chosen study."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tuning_samples
+
+import mrwork as mr
+from mrwork.control.law_design import settings_of
+from mrwork.errors import InvalidSettingError
+from mrwork.study.tuning_schema import TuneTable
+from mrwork.tuning.benches import benches_of
+from mrwork.tuning.folder import chosen_study
+from mrwork.tuning.gradient_finish import gradient_finish
+from mrwork.tuning.objective import objective_of
+from mrwork.tuning.problem import Clock, magnitudes_of, scored
+from mrwork.tuning.results import settings_in_words
+from mrwork.tuning.run import tune
+from mrwork.tuning.space import space_of
+
+LAW = "signal_network"
+TUNE = f"""
+[[tune]]
+laws = ["{LAW}"]
+search = "cma"
+population = 8
+budget = 80
+"""
+
+
+def test_a_learned_network_stands_in_the_chosen_study_with_its_score(tmp_path: Path) -> None:
+    pytest.importorskip("cma", reason="needs the extra peers")
+    source = tuning_samples.study_file(tmp_path, tune=TUNE)
+    results = tune(mr.read_study(source), threads=1)
+    learned = results.laws[0]
+    assert learned.trace[-1].least < learned.trace[0].least
+    assert len(learned.settings["network"]) == 25
+    assert "network 25 numbers" in settings_in_words(learned.settings, "A")
+    (tmp_path / "out").mkdir()
+    chosen = tmp_path / "out" / "chosen.toml"
+    chosen.write_text(chosen_study(results, source), encoding="utf-8")
+    found = mr.run_study(mr.read_study(chosen), threads=1)
+    row = [each.label for each in found.rows].index(learned.label)
+    assert learned.test is not None
+    assert found.score(row) == pytest.approx(learned.test.score, rel=1e-12)
+
+
+def test_gradients_train_a_network_and_are_the_differences_of_the_loop(tmp_path: Path) -> None:
+    motions = tuning_samples.motion("A", 1) + tuning_samples.motion("B", 2).replace("3\n", "1.5\n", 1)
+    study = mr.read_study(tuning_samples.study_file(tmp_path, motions=motions))
+    table = TuneTable(laws=(LAW,))
+    benches = benches_of(study, journal=None, threads=1, clock=Clock())
+    space = space_of(table, LAW, magnitudes_of(benches.training))
+    objective = objective_of(table, "A")
+    start = np.where(np.array([each.name for each in space.free]) == "largest_command", 0.99, space.start)
+    found = gradient_finish(space, benches.training, objective, start, 3)
+    candidates = [space.candidate(unit) for unit in (start, found.unit)]
+    before, after = scored(benches.training, objective, LAW, candidates).objective
+    assert after < before
+
+
+def test_a_network_near_the_clipped_optimal_law_is_where_the_search_begins(tmp_path: Path) -> None:
+    """On where the wanted force has the direction of the force and is larger, off where it opposes the force."""
+    space = space_of(
+        TuneTable(laws=(LAW,)),
+        LAW,
+        magnitudes_of(
+            benches_of(
+                mr.read_study(tuning_samples.study_file(tmp_path)), journal=None, threads=1, clock=Clock()
+            ).training
+        ),
+    )
+    *units, bias = space.candidate(space.start).settings["network"]
+
+    def share(force: float, wanted: float) -> float:
+        total = bias
+        for b, _, _, of_force, of_wanted, output in np.reshape(units, (4, 6)):
+            inner = of_force * force + of_wanted * wanted
+            total += output * (np.tanh(b + inner) + np.tanh(b - inner))
+        return float(0.5 * (1.0 + np.tanh(total)))
+
+    assert share(0.5, 1.0) > 0.8
+    assert share(-0.5, -1.0) == share(0.5, 1.0)
+    assert share(0.5, -1.0) < 0.05
+    assert share(1.0, 0.1) < 0.05
+
+
+def test_a_network_of_another_size_is_refused(tmp_path: Path) -> None:
+    problem = mr.read_study(tuning_samples.study_file(tmp_path)).problem
+    assert problem is not None
+    scales = {"control_weight": 1e-12, "deformation": 1e-3, "rate": 0.1, "force": 1e3}
+    settings = settings_of(LAW, {**scales, "network": [0.0] * 24})
+    with pytest.raises(InvalidSettingError, match="network has 24 numbers; give 25"):
+        settings.design(problem)
