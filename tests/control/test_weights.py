@@ -67,17 +67,26 @@ def outputs(name: str) -> tuple[np.ndarray, np.ndarray]:
         "velocities": np.hstack([none, np.eye(3)]),
         "relative_velocities": np.hstack([none, ROWS]),
         "accelerations": A[3:],
+        "rates": np.hstack([np.zeros((2, 3)), ROWS[:2]]),
         "state_weight": np.eye(6),
     }[name]
     return rows, B[3:] if name == "accelerations" else np.zeros((len(rows), 2))
 
 
-NAMES = ("displacements", "drifts", "velocities", "relative_velocities", "accelerations", "state_weight")
+NAMES = (
+    "displacements",
+    "drifts",
+    "velocities",
+    "relative_velocities",
+    "accelerations",
+    "rates",
+    "state_weight",
+)
 R = np.array([[0.02, 0.005], [0.005, 0.03]])
 
 
 def weight(name: str) -> np.ndarray:
-    return STATE if name == "state_weight" else FULL
+    return {"state_weight": STATE, "rates": FULL[:2, :2]}.get(name, FULL)
 
 
 def terms(names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -104,6 +113,16 @@ def test_a_regulator_solves_the_riccati_equation_of_its_weights(names: tuple[str
     if "accelerations" in names:
         without = scipy.linalg.solve_continuous_are(A, B, Q, S)
         assert np.abs(np.linalg.solve(S, B.T @ without) - expected).max() > 1e-2 * np.abs(expected).max()
+
+
+def test_weights_of_rates_alone_ask_for_dashpots_where_the_frame_hardly_damps() -> None:
+    """Exactly so without damping: P of the mechanical energy then solves the Riccati equation."""
+    law = design_law("clipped_optimal", problem(), RegulatorSettings(rates=9.0, control_weight=1e-2))
+    dashpot = np.hstack([np.zeros((2, 3)), -ROWS[:2]]) * 30.0
+    # A displacement counts as the velocity that it has at the first frequency.
+    first = np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)[0])
+    gain = np.asarray(law.gains["gain"]) / np.repeat([first, 1.0], 3)
+    assert np.abs(gain - dashpot).max() < 0.08 * np.abs(dashpot).max()
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,7 @@ from mrwork.control.plant import (
     Outputs,
     Plant,
     accelerations,
+    deformation_rates,
     displacements,
     drifts,
     relative_velocities,
@@ -139,8 +140,8 @@ def each_weight(says: str, of: Magnitude | None = None, *, free: bool = False) -
 class CostWeights:
     """Weights of outputs and state; what several of them add to the cost is summed.
 
-    Each weight is one number for all floors, storeys or states, one for each, or a symmetric matrix; without any, the
-    energy of the building is weighed.
+    Each weight is one number for all floors, storeys, devices or states, one for each, or a symmetric matrix; without
+    any, the energy of the building is weighed.
     """
 
     accelerations: Weights | None = each_weight(
@@ -151,6 +152,11 @@ class CostWeights:
     velocities: Weights | None = each_weight("weights of floor velocities [(s/m)2]", "velocity", free=True)
     relative_velocities: Weights | None = each_weight(
         "weights of the rates of drifts, velocities of storeys between their ends [(s/m)2]", "rate"
+    )
+    rates: Weights | None = each_weight(
+        "weights of the rates of the devices' elongations [(s/m)2]; alone they ask for the force of dashpots",
+        "rate",
+        free=True,
     )
     state_weight: Weights | None = each_weight(
         "weights of the state: displacements, then velocities of the coordinates; Q, or Q_P of a Lyapunov function"
@@ -240,6 +246,7 @@ _OUTPUTS = (
     ("displacements", displacements, "floors"),
     ("velocities", velocities, "floors"),
     ("relative_velocities", relative_velocities, "storeys"),
+    ("rates", deformation_rates, "devices"),
 )
 """Settings of outputs, the outputs, and what they belong to."""
 _MAGNITUDES: Mapping[str, Magnitude] = {
@@ -248,6 +255,7 @@ _MAGNITUDES: Mapping[str, Magnitude] = {
     "displacements": "displacement",
     "velocities": "velocity",
     "relative_velocities": "rate",
+    "rates": "rate",
     "energy": "energy",
 }
 """Magnitude of what each weight belongs to."""

@@ -1,4 +1,4 @@
-"""Candidates that are tried before a search: equal, published and convex weights; else the middle of the ranges."""
+"""Candidates that are tried before a search: weights of several origins, or the middle of the ranges."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from mrwork.tuning.space import Candidate, FreeSetting, SettingSpace
 _STEPS = 12
 _WEIGHT = "control_weight"
 _PEAK = 3.0
-EQUAL, CONVEX = "equal drift weights", "convex weights"
+EQUAL, CONVEX, DASHPOTS = "equal drift weights", "convex weights", "weights of dashpots"
 """Origins of weights whose size of R is scanned."""
 
 
@@ -127,6 +127,7 @@ def _shapes(space: SettingSpace, basis: Basis) -> Iterator[tuple[dict[str, Any],
     yield others, "energy of the building"
     if not issubclass(kind, RegulatorSettings):
         return
+    yield {**others, "rates": 1.0}, DASHPOTS
     for convex in basis.convex:
         yield {**others, **convex}, CONVEX
     for published in basis.published:

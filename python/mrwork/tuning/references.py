@@ -1,4 +1,4 @@
-"""References of a tuning: i = 0, the best constant and the largest command, equal drift weights with R scanned."""
+"""References of a tuning: i = 0, the best constant and the largest command, and weights with R scanned."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from mrwork.store import digest_of
 from mrwork.study.run import LEVELS
 from mrwork.study.tuning_schema import TuneTable
 from mrwork.tuning.benches import Benches, recorded
-from mrwork.tuning.first_candidates import CONVEX, EQUAL, Basis, first_candidates
+from mrwork.tuning.first_candidates import CONVEX, DASHPOTS, EQUAL, Basis, first_candidates
 from mrwork.tuning.objective import Objective
 from mrwork.tuning.problem import Scores, described, scored
 from mrwork.tuning.results import LawResult
@@ -77,7 +77,7 @@ def _declared(basis: Basis) -> Iterator[_Reference]:
     shapes: dict[str, list[Candidate]] = {}
     for first in first_candidates(space, basis):
         shapes.setdefault(first.origin, []).append(first.candidate)
-    for origin in (EQUAL, CONVEX):
+    for origin in (EQUAL, CONVEX, DASHPOTS):
         if origin in shapes:
             yield _Reference(
                 label=f"{origin[:1].upper()}{origin[1:]}, R scanned",
