@@ -11,7 +11,7 @@ from frame_runs import LEVELS, level_name
 from loop_findings import ACTIVE, TUNED_LAWS
 from mrwork.closed_loop import SCORE
 from mrwork.control import control_law
-from result_table import ResultTable
+from mrwork.report import ResultTable
 
 _TITLES = {
     "active": "ideal active force",

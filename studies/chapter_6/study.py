@@ -14,10 +14,10 @@ from pathlib import Path
 
 from chapter_6_page import write_page
 from chapter_6_tables import text_of
-from departures import departures
 from frame_runs import bench
 from kept_settings import keep
 from loop_findings import ACTIVE, TUNED_LAWS, found_by, tune
+from mrwork.report import departures
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
@@ -54,7 +54,7 @@ def main() -> int:
         keep(tune(bench(RECORDS), options.tune or (*TUNED_LAWS, *ACTIVE), on_progress, near=options.near))
     found = found_by(quick=options.quick, records=RECORDS, on_progress=on_progress)
     found["seconds"] = time.perf_counter() - began
-    wrong = departures(found)
+    wrong = departures(found, HERE / "expected.toml")
     page = options.out / "report.html"
     if not options.quick:
         write_page(found, page)

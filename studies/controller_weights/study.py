@@ -12,7 +12,8 @@ import sys
 import time
 from pathlib import Path
 
-from weight_findings import departures, found_by
+from mrwork.report import departures
+from weight_findings import found_by
 from weight_tables import tables
 
 ROOT = Path(__file__).parents[2]
@@ -39,7 +40,7 @@ def main() -> int:
     if not RECORDS.is_dir():
         say(f"no records at {RECORDS}: the true loop is left out; point MRWORK_DATA at the data")
     found = found_by(quick=options.quick, records=RECORDS, threads=options.threads, say=say)
-    wrong = departures(found)
+    wrong = departures(found, Path(__file__).parent / "expected.toml")
     if not options.quick:
         from weight_page import write_page
 

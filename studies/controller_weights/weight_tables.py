@@ -3,47 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
-from html import escape
 from typing import Any
 
+from mrwork.report import ResultTable
 from weight_loop import CURRENTS
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
-    """Text in rows; the first column names the row."""
-
-    title: str
-    header: tuple[str, ...]
-    rows: tuple[tuple[str, ...], ...]
-
-    def markdown(self) -> str:
-        rule = ("---", *["---:"] * (len(self.header) - 1))
-        lines = ("| " + " | ".join(cells) + " |" for cells in (self.header, rule, *self.rows))
-        return "\n".join([f"**{self.title}**", "", *lines, ""])
-
-    def html(self) -> str:
-        head = "".join(
-            f'<th scope="col"{" class=number" if place else ""}>{escape(text)}</th>'
-            for place, text in enumerate(self.header)
-        )
-        body = "".join(
-            f'<tr><th scope="row">{escape(row[0])}</th>'
-            + "".join(f'<td class="number">{escape(text)}</td>' for text in row[1:])
-            + "</tr>"
-            for row in self.rows
-        )
-        return (
-            f'<h3>{escape(self.title)}</h3><div class="scroll" tabindex="0" role="region" '
-            f'aria-label="{escape(self.title)}"><table><thead><tr>{head}</tr></thead>'
-            f"<tbody>{body}</tbody></table></div>"
-        )
-
-
-def tables(found: dict[str, Any]) -> Iterator[Table]:
+def tables(found: dict[str, Any]) -> Iterator[ResultTable]:
     """The tables of the README."""
-    yield Table(
+    yield ResultTable(
         title="Program and Riccati equations",
         header=(
             "frame",
@@ -67,7 +35,7 @@ def tables(found: dict[str, Any]) -> Iterator[Table]:
             for name, row in found["sizes"].items()
         ),
     )
-    yield Table(
+    yield ResultTable(
         title="Extensions, five storeys",
         header=(
             "design",
@@ -91,13 +59,13 @@ def tables(found: dict[str, Any]) -> Iterator[Table]:
             for name, row in found["extensions"].items()
         ),
     )
-    yield Table(
+    yield ResultTable(
         title="Gains as optimal ones",
         header=("gain", "distance to the nearest optimal one"),
         rows=tuple((name, _small(row["distance"])) for name, row in found["inverses"].items()),
     )
     for level, shapes in found.get("true_loop", {}).items():
-        yield Table(
+        yield ResultTable(
             title=f"R scanned in the true loop, {level} g, {CURRENTS[float(level)]:g} A at most",
             header=(
                 "weights",

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-import departures
 import kept_settings
 from chapter_6_tables import tables
 from frame_runs import bench, figures
 from loop_findings import TUNED_LAWS, found_by
 from mrwork.control.laws import ControlLaw
+from mrwork.report.expectations import departures
 from tried_settings import about, grid
 from tuning import Found, Tuned, control_law_of
 
@@ -32,7 +32,7 @@ def found() -> dict[str, Any]:
 
 @measured
 def test_the_quick_form_finds_what_is_expected(found: dict[str, Any]) -> None:
-    assert departures.departures(found) == []
+    assert departures(found, Path("studies/chapter_6/expected.toml")) == []
 
 
 @measured
@@ -75,14 +75,3 @@ def test_steps_about_settings_leave_the_network_as_it_is() -> None:
     for moved in about(first, 5, np.random.default_rng(1)):
         assert moved["amplitude"] == first["amplitude"]
         assert moved["control_weight"] != first["control_weight"]
-
-
-def test_what_was_not_measured_is_not_judged() -> None:
-    assert departures.departures({}) == []
-
-
-def test_a_figure_outside_is_named() -> None:
-    expected = {"a": {"b": {"value": 1.0, "tolerance": 0.1}}, "c": {"most": 1.0}, "d": "diverged"}
-    found = {"a": {"b": 1.2}, "c": 2.0, "d": "finished"}
-    sentences = list(departures.compared("", found, expected))
-    assert [sentence.partition(" is ")[0] for sentence in sentences] == ["a, b", "c", "d"]

@@ -6,8 +6,10 @@ from .canvas import blank as blank
 from .canvas import finish as finish
 from .canvas import finish_loop as finish_loop
 from .canvas import tested_points as tested_points
+from .expectations import departures as departures
 from .html import swatch as swatch
 from .html import write_study_page as write_study_page
+from .result_table import ResultTable as ResultTable
 from .section import Panel as Panel
 from .section import panel as panel
 from .typeset import symbol as symbol

@@ -16,6 +16,7 @@ class ResultTable:
     note: str = ""
 
     def markdown(self) -> str:
+        """The table for a README."""
         lines = [
             f"**{self.title}**",
             "",
@@ -25,6 +26,7 @@ class ResultTable:
         return "\n".join([*lines, *map(_line, self.rows), "", *([self.note, ""] if self.note else [])])
 
     def html(self) -> str:
+        """The table for a page, in a region that scrolls."""
         head = "".join(
             f'<th scope="col"{_number(place)}>{escape(text)}</th>' for place, text in enumerate(self.header)
         )

@@ -1,22 +1,24 @@
-"""Comparison of the findings with expected.toml."""
+"""Figures that a study has found, compared with those that its file of expected figures states."""
 
 from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-_EXPECTED = Path(__file__).parent / "expected.toml"
+
+def departures(found: Mapping[str, Any], file: Path) -> list[str]:
+    """One sentence for each value outside its limits; values that were not measured are not compared.
+
+    The file has tables like those of `found`; a value is expected to be equal, or in a range `{ least, most }`, or at a
+    `{ value, tolerance }`.
+    """
+    return list(_compared("", found, tomllib.loads(file.read_text(encoding="utf-8"))))
 
 
-def departures(found: dict[str, Any]) -> list[str]:
-    """One sentence for each value outside its limits; values that were not measured are not compared."""
-    return list(compared("", found, tomllib.loads(_EXPECTED.read_text())))
-
-
-def compared(path: str, found: dict[str, Any], expected: dict[str, Any]) -> Iterator[str]:
+def _compared(path: str, found: Mapping[str, Any], expected: Mapping[str, Any]) -> Iterator[str]:
     for name, below in expected.items():
         if name not in found:
             continue
@@ -26,7 +28,7 @@ def compared(path: str, found: dict[str, Any], expected: dict[str, Any]) -> Iter
             if value != below:
                 yield f"{inner} is {value!r}, expected {below!r}"
         elif not {"least", "most", "value"} & below.keys():
-            yield from compared(inner, value, below)
+            yield from _compared(inner, value, below)
         elif "value" in below:
             if not abs(value - below["value"]) <= below["tolerance"]:
                 yield f"{inner} is {value:.5g}, expected {below['value']:g} +- {below['tolerance']:g}"
