@@ -41,8 +41,9 @@ class Benches(Summarised):
     def judgements(
         self, law: str, candidate: Candidate, objective: Objective, *, robust: bool
     ) -> tuple[Judgement, Judgement | None]:
-        """A candidate on the training and on the test motions."""
-        train = self._judged(self.training, self.training_varied, law, candidate, objective, robust)
+        """A candidate on the training and on the test motions; bands are of the test motions, if there are any."""
+        wide = self.training_varied if robust or self.testing is None else None
+        train = self._judged(self.training, wide, law, candidate, objective, robust)
         if self.testing is None:
             return train, None
         return train, self._judged(self.testing, self.testing_varied, law, candidate, objective, robust)

@@ -1,0 +1,84 @@
+"""The damper of the study as an identified one: synthetic tests of the RD-1005-3, a fit and its posterior."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+import mrwork as mr
+
+CURRENTS = (0.0, 0.47, 0.94, 1.41, 1.88)
+# Amplitude [m] and frequency [Hz] of the motions, those of a damper below the first storey.
+MOTIONS = ((0.002, 3.0), (0.006, 2.0))
+CYCLES, DT = 4, 1e-3
+# Standard deviations of the sensors.
+FORCE_NOISE, DISPLACEMENT_NOISE = 15.0, 5e-6
+LAWS = {
+    "c": "linear",
+    "k": "linear",
+    "alpha": "quadratic",
+    "delta": "linear",
+    "f0": "linear",
+}
+
+
+def write_tests(folder: Path) -> list[Path]:
+    """A file for each current and motion, with sensor noise."""
+    rd1005 = mr.damper("static_hysteretic").preset("kwok2006")
+    rng = np.random.default_rng(2006)
+    folder.mkdir(parents=True, exist_ok=True)
+    files = []
+    for current in CURRENTS:
+        for amplitude, frequency in MOTIONS:
+            omega = 2.0 * np.pi * frequency
+            time = DT * np.arange(round(CYCLES / frequency / DT) + 1)
+            x, v = amplitude * np.sin(omega * time), amplitude * omega * np.cos(omega * time)
+            force = mr.simulate_force(
+                rd1005.spec,
+                rd1005.theta,
+                mr.Loading(dt=DT, displacement=x, velocity=v, command=current, command_unit="A"),
+            )
+            noisy = np.column_stack(
+                [
+                    time,
+                    x + DISPLACEMENT_NOISE * rng.standard_normal(time.size),
+                    v,
+                    force + FORCE_NOISE * rng.standard_normal(time.size),
+                    np.full(time.size, current),
+                ]
+            )
+            files.append(folder / f"{1e3 * amplitude:g}mm_{frequency:g}Hz_{current:g}A.csv")
+            header = "time [s],displacement [m],velocity [m/s],force [N],current [A]"
+            np.savetxt(files[-1], noisy, delimiter=",", header=header, comments="", fmt="%.9g")
+    return files
+
+
+def identified(folder: Path, say: Callable[[str], None]) -> Path:
+    """The run folder of the damper with posterior draws, made by the command line unless it is there."""
+    run = folder / "damper"
+    if not (run / "posterior.nc").is_file():
+        files = write_tests(folder / "tests")
+        laws = [part for name, law in LAWS.items() for part in ("--law", f"{name}={law}")]
+        say(f"identification of the damper from {len(files)} tests")
+        _mrwork(
+            "identify",
+            *map(str, files),
+            "--model",
+            "static_hysteretic",
+            *laws,
+            "--seed",
+            "0",
+            "--out",
+            str(run),
+        )
+        say("its posterior")
+        _mrwork("sample", str(run), "--seed", "0")
+    return run
+
+
+def _mrwork(*arguments: str) -> None:
+    subprocess.run([sys.executable, "-m", "mrwork", *arguments], check=True, stdout=subprocess.DEVNULL)

@@ -1,0 +1,110 @@
+"""Findings as tables, for a terminal and for a page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from mrwork.closed_loop import SCORE
+from mrwork.report import ResultTable
+from robust_findings import CLAIRVOYANT
+
+_RATIOS = ("peak drift", "peak acc.", "rms drift", "rms acc.")
+# Records of the benchmarks, by their names; the other test motions are the sixteen measured ones.
+RECORDS = ("El Centro", "Hachinohe", "Kobe", "Northridge")
+
+
+def tables(found: Mapping[str, Any]) -> Iterator[ResultTable]:
+    """The tables of the README."""
+    for level, figures in found.items():
+        laws = figures["laws"]
+        yield _scores(level, laws)
+        if any(row["bands"] for row in laws.values()):
+            yield _bands(level, laws)
+        if CLAIRVOYANT in figures:
+            yield _left(level, laws, figures[CLAIRVOYANT])
+
+
+def mean_over(scores: Mapping[str, float], names: Sequence[str]) -> float:
+    """Mean score over the motions of these names."""
+    return float(np.mean([scores[name] for name in names]))
+
+
+def is_record(name: str) -> bool:
+    """Whether a motion is one of the four records."""
+    return name.startswith(RECORDS)
+
+
+def _scores(level: str, laws: Mapping[str, Any]) -> ResultTable:
+    def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+        names = list(row["motions"])
+        groups = (
+            [each for each in names if is_record(each)],
+            [each for each in names if not is_record(each)],
+        )
+        better = row["better"]
+        return (
+            f"{row['training']:.3f}",
+            *(f"{mean_over(row['motions'], group):.3f}" if group else "" for group in groups),
+            f"{row['lower_quartile']:.2f} to {row['upper_quartile']:.2f}",
+            *(f"{row['ratios'][name]:.3f}" for name in SCORE),
+            f"{row['rms_current']:.2f}",
+            f"{1e3 * row['peak_stroke']:.1f}",
+            "" if better is None else f"{better['both']} of {better['motions']}",
+        )
+
+    return ResultTable(
+        title=f"Scores at {level}",
+        header=(
+            "law",
+            "training",
+            "four records",
+            "sixteen measured",
+            "middle half of the test motions",
+            *_RATIOS,
+            "rms current [A]",
+            "stroke [mm]",
+            "both peaks better than the best constant",
+        ),
+        rows=tuple((label, *cells(row)) for label, row in laws.items()),
+        note="Ratios are means over the test motions; current and stroke are the largest of all.",
+    )
+
+
+def _bands(level: str, laws: Mapping[str, Any]) -> ResultTable:
+    def cells(row: Mapping[str, Any]) -> Iterator[str]:
+        for name in ("score", "peak_drift"):
+            band = row["bands"][name]
+            yield f"{band['median']:.3f}"
+            yield f"{band['lower']:.3f} to {band['upper']:.3f}"
+
+    return ResultTable(
+        title=f"Over draws of the damper, stiffness, damping and delay at {level}",
+        header=("law", "score", "90 % band", "peak drift", "90 % band"),
+        rows=tuple((label, *cells(row)) for label, row in laws.items() if row["bands"]),
+        note="Each is the mean over the test motions of a ratio to i = 0 of the same realisation.",
+    )
+
+
+def _left(level: str, laws: Mapping[str, Any], best: Mapping[str, Any]) -> ResultTable:
+    names = list(best["motions"])
+    short = tuple(name.split(",")[0] for name in names)
+    rows = [
+        (label, *(f"{row['motions'][name]:.3f}" for name in names), f"{mean_over(row['motions'], names):.3f}")
+        for label, row in laws.items()
+    ]
+    rows.append(
+        (
+            CLAIRVOYANT,
+            *(f"{each:.3f}" for each in best["motions"].values()),
+            f"{mean_over(best['motions'], names):.3f}",
+        )
+    )
+    return ResultTable(
+        title=f"How much is left at {level}",
+        header=("law", *short, "mean"),
+        rows=tuple(rows),
+        note="The clairvoyant knows the motion; it is a local optimum of several starts, not certified.",
+    )
