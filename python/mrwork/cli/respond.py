@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import argparse
 import json
-import platform
-import shlex
-import sys
 import time
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrwork import __version__
 from mrwork.cli.options import add_json, add_quiet, add_threads, cannot_be_resumed, check_not_negative
 from mrwork.cli.output import note
 from mrwork.cli.progress import PATIENCE, ProgressLine, study_described
+from mrwork.cli.study_manifest import command_line, study_manifest
 from mrwork.errors import Interrupted, MrworkError, SettingError
-from mrwork.store import digest_of
 
 if TYPE_CHECKING:
     from mrwork.store import Journal
@@ -154,28 +149,20 @@ def _write(
     from mrwork.report.study.page import study_page
     from mrwork.study.folder import write_study
 
-    command = shlex.join(["mrwork", *sys.argv[1:]])
-    manifest = {
-        "kind": "study",
-        "title": results.title,
-        "status": "finished" if results.complete else "interrupted",
-        "command": command,
-        "seed": options.seed,
-        "study": {
-            "path": str(options.study),
-            "content": digest_of(options.study.read_text(encoding="utf-8")),
-        },
-        "versions": {"mrwork": __version__, "python": platform.python_version()},
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "seconds": seconds,
-    }
+    manifest = study_manifest(
+        options,
+        kind="study",
+        title=results.title,
+        status="finished" if results.complete else "interrupted",
+        seconds=seconds,
+    )
     page = study_page(
         results,
         histories.read,
         motion=study.detailed,
         drawn=study.drawn,
         status=("Runs", f"{results.done} of {results.total}", f"in {seconds:.3g} s"),
-        command=command,
+        command=command_line(),
     )
     write_study(
         place,

@@ -4,21 +4,16 @@ from __future__ import annotations
 
 import argparse
 import json
-import platform
-import shlex
-import sys
 import time
 from dataclasses import replace
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrwork import __version__
 from mrwork.cli.options import add_json, add_quiet, add_threads, cannot_be_resumed, check_not_negative
 from mrwork.cli.output import note, table_lines
 from mrwork.cli.progress import PATIENCE, ProgressLine, tuning_described
+from mrwork.cli.study_manifest import command_line, study_manifest
 from mrwork.errors import Interrupted, MrworkError
-from mrwork.store import digest_of
 from mrwork.summary import with_decimals
 
 if TYPE_CHECKING:
@@ -137,27 +132,15 @@ def _write(
 ) -> None:
     from mrwork.tuning.folder import write_tuning
 
-    command = shlex.join(["mrwork", *sys.argv[1:]])
-    manifest = {
-        "kind": "tuning",
-        "title": results.title,
-        "status": results.status,
-        "command": command,
-        "seed": options.seed,
-        "study": {
-            "path": str(options.study),
-            "content": digest_of(options.study.read_text(encoding="utf-8")),
-        },
-        "versions": {"mrwork": __version__, "python": platform.python_version()},
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
-        "seconds": seconds,
-    }
+    manifest = study_manifest(
+        options, kind="tuning", title=results.title, status=results.status, seconds=seconds
+    )
     page = None
     # After Ctrl-C nothing that takes long: the figures are drawn when the tuning is resumed.
     if results.status == "finished":
         from mrwork.report.tuning.page import tuning_page
 
-        page = tuning_page(results, command=command)
+        page = tuning_page(results, command=command_line())
     write_tuning(place, results, study_file=options.study, page=page, manifest=manifest, journal=journal.path)
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from html import escape
 
+from mrwork.summary import Summarised, Summary
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ResultTable:
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class ResultTable(Summarised):
     """Text in rows; the first column names the row."""
 
     title: str
@@ -41,6 +43,11 @@ class ResultTable:
             f'<h3>{escape(self.title)}</h3><div class="scroll" tabindex="0" role="region" '
             f'aria-label="{escape(self.title)}"><table><thead><tr>{head}</tr></thead>'
             f"<tbody>{body}</tbody></table></div>{note}"
+        )
+
+    def _summary(self) -> Summary:
+        return Summary(
+            title=self.title, columns=self.header, rows=self.rows, notes=(self.note,) if self.note else ()
         )
 
 
