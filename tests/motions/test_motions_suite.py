@@ -75,13 +75,18 @@ def test_a_motion_of_a_suite_is_plausible(motion: GroundMotion) -> None:
 
 
 def test_a_softer_soil_moves_more_slowly_and_a_pulse_is_fast() -> None:
+    motions = (*suite(n=48, rng=8), *suite("rock", 16, rng=8))
+
     def mean_velocity(group: str) -> float:
-        found = [
-            np.abs(each.velocity).max() / each.peak for each in suite(n=48, rng=8) if group in each.groups
-        ]
+        found = [np.abs(each.velocity).max() / each.peak for each in motions if group in each.groups]
         return float(np.median(found))
 
-    assert mean_velocity("firm soil") < mean_velocity("medium soil") < mean_velocity("soft soil")
+    assert (
+        mean_velocity("rock")
+        < mean_velocity("firm soil")
+        < mean_velocity("medium soil")
+        < mean_velocity("soft soil")
+    )
     assert mean_velocity("no pulse") < mean_velocity("near-fault pulse")
 
 
@@ -94,7 +99,7 @@ def test_the_suite_scales_to_a_peak_and_prefixes_names() -> None:
 @pytest.mark.parametrize(
     ("soil", "n", "seed", "said"),
     [
-        ("hard", 3, 0, "no soil is called 'hard'; choose from firm, medium, soft"),
+        ("hard", 3, 0, "no soil is called 'hard'; choose from firm, medium, soft, rock"),
         ("firm", 0, 0, "a suite of 0 motions"),
         ((), 3, 0, "on 0 soils"),
         ("firm", 3, -1, "seed -1"),

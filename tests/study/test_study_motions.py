@@ -85,7 +85,10 @@ def test_the_intensity_of_the_soil_scales_the_motion() -> None:
             r"line 3: a motion is scaled by factor or to a pga; keep one",
         ),
         ("suite = { motions = 2 }\nduration = 5", r"line 2: duration is for a single synthetic motion"),
-        ('suite = { soils = ["hard"] }', r"line 1: soils\[0\] is 'hard'; choose one of firm, medium, soft"),
+        (
+            'suite = { soils = ["hard"] }',
+            r"line 1: soils\[0\] is 'hard'; choose one of firm, medium, soft, rock",
+        ),
         ('file = "*.AT2"', r"line 1: no file matches '.*\*\.AT2'"),
         ('synthetic = "kanai_tajimi"\nunit = "g"', r"line 2: unit is for files"),
         (

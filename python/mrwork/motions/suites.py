@@ -6,7 +6,8 @@ A controller that is tuned on some motions is judged on others, so a study needs
 ========================  =========================================================  ==================================
 what is drawn             distribution                                               source
 ========================  =========================================================  ==================================
-frequency of the ground   lognormal, median of the soil, 0.3, within two sigma       medians [1]; spread ours
+frequency of the ground   lognormal, median of the soil, 0.3, within two sigma       medians [1], 30 rad/s for rock
+                                                                                     ours; spread ours
 damping of the ground     lognormal, median of the soil, 0.25, within two sigma      medians [1]; spread ours
 second filter             a tenth of the frequency of the ground, damping 0.6        [1]
 5-95 % duration           beta on 5 to 45 s, mean 17.3 s, standard deviation 9.31 s  [2]; redrawn above 30 s (15 s with
@@ -43,25 +44,28 @@ from mrwork.motions.processing import brought_to_rest, scaled_to_peak
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi
 from mrwork.motions.synthetic import GammaEnvelope, near_fault_pulse, synthetic_motion
 
-Soil = Literal["firm", "medium", "soft"]
-"""Soils of a suite."""
+Soil = Literal["firm", "medium", "soft", "rock"]
+"""Grounds of a suite; rock is drawn on request only."""
 
 Pulses = Literal["both", "with", "without"]
 """Whether motions of a suite have a near-fault pulse: half of them, all or none."""
 
 _SOILS: Final[tuple[Soil, ...]] = get_args(Soil)
+USUAL_SOILS: Final[tuple[Soil, ...]] = ("firm", "medium", "soft")
+"""Soils of a suite where none are given."""
 # Frequency [rad/s] and damping of the ground, of which the second filter follows.
 _GROUND: Final[dict[Soil, tuple[float, float]]] = {
     "firm": (15.0, 0.6),
     "medium": (10.0, 0.4),
     "soft": (5.0, 0.2),
+    "rock": (30.0, 0.6),
 }
 _LONGEST, _LONGEST_WITH_PULSE = 30.0, 15.0
 _LONGEST_PERIOD = 5.0
 
 
 def suite(
-    soil: Soil | Sequence[Soil] = _SOILS,
+    soil: Soil | Sequence[Soil] = USUAL_SOILS,
     n: int = 24,
     *,
     rng: np.random.Generator | int,
@@ -78,7 +82,8 @@ def suite(
     Parameters
     ----------
     soil
-        ``"firm"``, ``"medium"``, ``"soft"``, or several of them; all by default.
+        ``"firm"``, ``"medium"``, ``"soft"``, ``"rock"``, or several of them; the first three by default. Rock is that
+        of records rich in high frequencies, which raise the accelerations of the higher modes.
     n
         Number of motions. If it is no multiple of the number of strata, the first ones have one motion more.
     rng
@@ -143,6 +148,11 @@ class Stratum:
     pulse: bool
     seed: int
 
+    @property
+    def ground(self) -> str:
+        """The ground in words."""
+        return "rock" if self.soil == "rock" else f"{self.soil} soil"
+
     def generator(self, number: int) -> np.random.Generator:
         """The random numbers of one motion, independent of all others."""
         place = (self.seed, _SOILS.index(self.soil), int(self.pulse), number)
@@ -162,7 +172,7 @@ def _motion(stratum: Stratum, number: int, dt: float, prefix: str) -> GroundMoti
         shape=rng.uniform(3.0, 8.0),
     )
     said = [
-        f"{stratum.soil} soil of {ground.frequency / (2.0 * math.pi):.2f} Hz and damping {ground.damping:.2f}",
+        f"{stratum.ground} of {ground.frequency / (2.0 * math.pi):.2f} Hz and damping {ground.damping:.2f}",
         f"5-95 % duration {envelope.significant_duration:.1f} s, envelope of shape {envelope.shape:.1f}",
     ]
     rest = synthetic_motion(spectrum, rng=rng, duration=envelope.time_of(0.999), dt=dt, envelope=envelope)
@@ -180,7 +190,7 @@ def _motion(stratum: Stratum, number: int, dt: float, prefix: str) -> GroundMoti
         dt=dt,
         acceleration=acceleration,
         source=f"suite, seed {stratum.seed}, {kind.lower()} {number}: {'; '.join(said)}",
-        groups=(f"{stratum.soil} soil", "near-fault pulse" if stratum.pulse else "no pulse"),
+        groups=(stratum.ground, "near-fault pulse" if stratum.pulse else "no pulse"),
     )
     return replace(brought_to_rest(motion), changes=())
 

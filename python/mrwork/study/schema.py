@@ -11,12 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 from mrwork.closed_loop.hardware import Feedback, Hardware, LoopSignal
 from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.keys import Place, key
-from mrwork.motions.suites import Pulses, Soil
+from mrwork.motions.suites import USUAL_SOILS, Pulses, Soil
 from mrwork.study.clairvoyant_row import ClairvoyantTable
 from mrwork.study.study import Use
 from mrwork.study.tuning_schema import TuneTable, UncertaintyTable
@@ -154,7 +154,7 @@ class SuiteTable:
     """Synthetic motions drawn from distributions, equally many of each soil, with and without a near-fault pulse."""
 
     motions: int = key("number of motions", default=24, least=1)
-    soils: tuple[Soil, ...] = key("soils of the motions", default=get_args(Soil))
+    soils: tuple[Soil, ...] = key("soils of the motions; rock is the fourth", default=USUAL_SOILS)
     pulses: Pulses = key("whether half of the motions have a near-fault pulse, all or none", default="both")
     place: Place
 
