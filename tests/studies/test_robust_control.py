@@ -1,0 +1,63 @@
+"""The study of robust control on a small study of its own; its two levels differ in the peaks of the motions alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+import tuning_samples
+
+import mrwork as mr
+from robust_damper import CURRENTS, MOTIONS, write_tests
+from robust_findings import LEVELS, level_found
+from robust_page import score_figure
+from robust_tables import tables
+
+UNCERTAIN = """
+[uncertainty]
+realisations = 3
+stiffness = 0.1
+"""
+
+
+@pytest.fixture(scope="module")
+def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    file = tuning_samples.study_file(tmp_path_factory.mktemp("robust"), tune="", more=UNCERTAIN)
+    return level_found(mr.read_study(file), clairvoyants=0, threads=1, quick=True, say=lambda what: None)
+
+
+def test_laws_and_references_stand_beside_each_other(found: dict[str, Any]) -> None:
+    laws = found["laws"]
+    assert laws["i = 0"]["test"] == 1.0
+    assert set(laws["i = 0"]["motions"]) == {"B", "C"}
+    band = laws["Clipped-optimal, tuned"]["bands"]["peak_drift"]
+    assert 0.0 < band["lower"] < band["median"] < band["upper"]
+
+
+def test_every_table_names_its_rows_and_fills_them(found: dict[str, Any]) -> None:
+    left = {"motions": {"B": 0.4, "C": 0.5}, "ratios": {}}
+    made = list(tables({"0.1 g": {**found, "clairvoyant": left}}))
+    assert len(made) == 3
+    for table in made:
+        assert {len(row) for row in table.rows} == {len(table.header)}
+        assert all(row[0] for row in table.rows), table.title
+    assert made[2].rows[-1] == ("clairvoyant", "0.400", "0.500", "0.450")
+
+
+def test_the_figure_has_a_row_for_each_law(found: dict[str, Any]) -> None:
+    (axes,) = score_figure(found["laws"]).axes
+    assert len(axes.get_yticks()) == len(found["laws"])
+
+
+def test_the_levels_differ_in_the_peaks_of_the_motions_alone() -> None:
+    weak, strong = (LEVELS[level].read_text(encoding="utf-8") for level in ("0.1 g", "0.3 g"))
+    assert weak.replace("0.17 g", "0.5 g").replace("0.1 g", "0.3 g") == strong
+
+
+def test_the_damper_is_tested_at_each_current_and_motion(tmp_path: Path) -> None:
+    files = write_tests(tmp_path)
+    assert len(files) == len(CURRENTS) * len(MOTIONS)
+    test = mr.read_damper_test(files[-1])
+    assert test.current == CURRENTS[-1]
+    assert 1e3 * test.force.std() > 100.0
