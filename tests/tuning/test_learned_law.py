@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -88,10 +89,20 @@ def test_a_network_near_the_clipped_optimal_law_is_where_the_search_begins(tmp_p
     assert share(1.0, 0.1) < 0.05
 
 
-def test_a_network_of_another_size_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("law", "given", "said"),
+    [
+        (LAW, {"network": [0.0] * 24}, "network has 24 numbers; give 25"),
+        ("signal_polynomial", {"terms": [[1.0, 0.0]]}, "rows of another length than 5"),
+        ("signal_polynomial", {"terms": [[1.0, 0.5, 0.0, 0.0, 0.0]]}, "no whole number from 0 to 9"),
+        ("signal_polynomial", {"terms": [[1.0, 10.0, 0.0, 0.0, 0.0]]}, "no whole number from 0 to 9"),
+    ],
+)
+def test_numbers_that_make_no_law_are_refused(
+    law: str, given: dict[str, Any], said: str, tmp_path: Path
+) -> None:
     problem = mr.read_study(tuning_samples.study_file(tmp_path)).problem
     assert problem is not None
     scales = {"control_weight": 1e-12, "deformation": 1e-3, "rate": 0.1, "force": 1e3}
-    settings = settings_of(LAW, {**scales, "network": [0.0] * 24})
-    with pytest.raises(InvalidSettingError, match="network has 24 numbers; give 25"):
-        settings.design(problem)
+    with pytest.raises(InvalidSettingError, match=said):
+        settings_of(law, {**scales, **given}).design(problem)

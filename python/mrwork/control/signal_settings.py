@@ -21,7 +21,7 @@ from mrwork.keys import key
 Floats = NDArray[np.float64]
 Rows = tuple[tuple[float, ...], ...]
 
-_SIGNALS = 4
+_SIGNALS, _MOST_POWERS = 4, 9
 _NEAR_CLIPPED = (
     (-0.66, 0.0, 0.0, 1.0, 1.0, 2.0),
     (-0.66, 0.0, 0.0, -1.0, 1.0, -2.0),
@@ -108,6 +108,12 @@ class SignalPolynomialSettings(SignalSettings):
         if not self.terms or {len(row) for row in self.terms} != {_SIGNALS + 1}:
             raise InvalidSettingError(
                 "terms", "terms has rows of another length than 5; give a coefficient and four powers in each"
+            )
+        powers = np.array(self.terms)[:, 1:]
+        if not np.isin(powers, np.arange(_MOST_POWERS + 1)).all():
+            raise InvalidSettingError(
+                "terms",
+                f"terms has a power that is no whole number from 0 to {_MOST_POWERS}; give such powers",
             )
         return Design(
             gains={"gain": regulator.gain}, tables={"terms": np.ravel(self.terms), "reach": self.scales}
