@@ -160,6 +160,15 @@ def test_realisations_widen_the_judgement_and_belong_to_a_robust_objective(tmp_p
     assert found.train.objective >= band.upper
 
 
+def test_bands_are_those_of_the_test_motions_where_no_table_is_robust(tmp_path: Path) -> None:
+    more = "[uncertainty]\nrealisations = 3\nstiffness = 0.1\n"
+    found = tune(mr.read_study(tuning_samples.study_file(tmp_path, more=more)), threads=1).laws[0]
+    assert found.test is not None
+    band = found.test.bands["score"]
+    assert band.lower < band.median < band.upper
+    assert found.train.bands == {}
+
+
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [

@@ -75,8 +75,12 @@ def recorded(journal: Journal | None, step: str, inputs: str, kind: type[T], com
     return compute() if journal is None else journal.once(step, inputs, kind, compute)
 
 
-def benches_of(study: Study, *, journal: Journal | None, threads: int, clock: Clock) -> Benches:
+def benches_of(
+    study: Study, *, journal: Journal | None, threads: int, clock: Clock, robust: bool = True
+) -> Benches:
     """The benches of a study; the dampers at i = 0 are simulated on each.
+
+    Unless a table is `robust`, training motions have no realisations where there are test motions.
 
     Raises
     ------
@@ -124,7 +128,7 @@ def benches_of(study: Study, *, journal: Journal | None, threads: int, clock: Cl
     return Benches(
         training=bench(training, one),
         testing=bench(testing, one) if separate else None,
-        training_varied=None if wide is None else bench(training, wide),
+        training_varied=None if wide is None or (separate and not robust) else bench(training, wide),
         testing_varied=bench(testing, wide) if separate and wide is not None else None,
         journal=journal,
     )

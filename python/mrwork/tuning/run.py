@@ -92,7 +92,8 @@ def tune(
         return _results(study, tuple(found), tuple(references), tuple(fronts), status, clock)
 
     try:
-        benches = benches_of(study, journal=journal, threads=threads, clock=clock)
+        robust = any(table.robust for table in tables)
+        benches = benches_of(study, journal=journal, threads=threads, clock=clock, robust=robust)
         basis = basis_of(benches.training, magnitudes_of(benches.training))
         plans = _plans(tables, objectives, basis.magnitudes)
         references.extend(references_of(benches, objectives[0], basis))
