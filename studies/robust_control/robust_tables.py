@@ -92,7 +92,6 @@ def _bands(level: str, laws: Mapping[str, Any]) -> ResultTable:
 
 def _left(level: str, laws: Mapping[str, Any], best: Mapping[str, Any]) -> ResultTable:
     names = list(best["motions"])
-    short = tuple(name.split(",")[0] for name in names)
     rows = [
         (label, *(f"{row['motions'][name]:.3f}" for name in names), f"{mean_over(row['motions'], names):.3f}")
         for label, row in laws.items()
@@ -106,7 +105,7 @@ def _left(level: str, laws: Mapping[str, Any], best: Mapping[str, Any]) -> Resul
     )
     return ResultTable(
         title=f"How much is left at {level}",
-        header=("law", *short, "mean"),
+        header=("law", *names, "mean"),
         rows=tuple(rows),
         note="The clairvoyant knows the motion; it is a local optimum of several starts, not certified.",
     )

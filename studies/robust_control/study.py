@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 import time
 from pathlib import Path
@@ -19,7 +18,8 @@ from robust_tables import tables
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-DATA = Path(os.environ.get("MRWORK_DATA", ROOT.parent / "shared" / "data"))
+# Where the files of the levels name the motions.
+MEASURED = ROOT.parent / "shared" / "data" / "records" / "real"
 
 
 def main() -> int:
@@ -47,10 +47,8 @@ def main() -> int:
     def say(what: str) -> None:
         print(f"{time.perf_counter() - began:6.0f} s  {what}", file=sys.stderr, flush=True)
 
-    if not (DATA / "records" / "real").is_dir():
-        say(
-            f"no measured motions at {DATA / 'records'}: the study cannot judge; the files name ../../../shared/data"
-        )
+    if not MEASURED.is_dir():
+        say(f"no measured motions at {MEASURED}, so nothing can be judged; put them there")
         return 2
     # The files of the levels name this folder.
     identified(ROOT / "out" / "robust_control", say)

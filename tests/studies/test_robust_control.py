@@ -9,6 +9,7 @@ import pytest
 import tuning_samples
 
 import mrwork as mr
+import robust_damper
 from robust_damper import CURRENTS, MOTIONS, write_tests
 from robust_findings import LEVELS, level_found
 from robust_page import score_figure
@@ -61,3 +62,14 @@ def test_the_damper_is_tested_at_each_current_and_motion(tmp_path: Path) -> None
     test = mr.read_damper_test(files[-1])
     assert test.current == CURRENTS[-1]
     assert 1e3 * test.force.std() > 100.0
+
+
+def test_a_damper_of_other_tests_is_identified_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    verbs: list[str] = []
+    monkeypatch.setattr(robust_damper, "_mrwork", lambda *arguments: verbs.append(arguments[0]))
+    for _ in range(2):
+        robust_damper.identified(tmp_path, lambda what: None)
+    assert verbs == ["identify", "sample"]
+    monkeypatch.setattr(robust_damper, "MOTIONS", robust_damper.MOTIONS[1:])
+    robust_damper.identified(tmp_path, lambda what: None)
+    assert verbs == ["identify", "sample"] * 2
