@@ -17,6 +17,7 @@ from mrwork.store.codec import plain
 from mrwork.tuning.benches import benches_of
 from mrwork.tuning.folder import chosen_study, tuning_document
 from mrwork.tuning.problem import Clock
+from mrwork.tuning.references import BEST_CONSTANT
 from mrwork.tuning.results import TuningResults
 from mrwork.tuning.run import tune
 from mrwork.tuning.space import Candidate
@@ -134,6 +135,25 @@ def test_laws_are_compared_by_the_score_of_a_study_whatever_they_minimise(tmp_pa
     assert found.score == pytest.approx(sum(ratios) / 4)
     weighted = 2.0 * found.criteria["peak_acceleration"] + found.criteria["peak_drift"]
     assert found.objective == pytest.approx(weighted / 3.0)
+
+
+def test_a_law_may_be_tuned_to_be_better_than_the_best_constant_command(tmp_path: Path) -> None:
+    peaks = ("peak_drift", "peak_acceleration")
+    keys = f'criteria = {list(peaks)}\nrelative_to = "best_passive"\ncombine = "largest"\n'
+    text = '[[tune]]\nlaws = ["maximum_energy_dissipation"]\n' + keys
+    found = tune(mr.read_study(tuning_samples.study_file(tmp_path, tune=text)), threads=1)
+    law, constant = (
+        each.test for each in (found.laws[0], next(r for r in found.references if r.label == BEST_CONSTANT))
+    )
+    assert law is not None
+    assert constant is not None
+    worst = [
+        max(one.criteria[name] / other.criteria[name] for name in peaks)
+        for one, other in zip(law.motions, constant.motions, strict=True)
+    ]
+    assert law.objective == pytest.approx(np.mean(worst), rel=1e-12)
+    assert found.laws[0].better is not None
+    assert sum(each < 1.0 for each in worst) == found.laws[0].better.both
 
 
 @pytest.mark.parametrize("law", ["clipped_optimal", "maximum_energy_dissipation"])

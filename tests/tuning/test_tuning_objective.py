@@ -9,7 +9,7 @@ from mrwork.closed_loop.evaluation import SCORE, criteria
 from mrwork.errors import SettingError
 from mrwork.study.batches import RunCriteria
 from mrwork.study.tuning_schema import TuneTable
-from mrwork.tuning.objective import objective_of, over_passive, risk_of
+from mrwork.tuning.objective import objective_of, over, risk_of
 from mrwork.tuning.problem import Scores
 
 SCORES = np.array([[0.1, 0.5, 0.3, 0.9, 0.2, 0.4, 0.6, 0.8, 0.7, 1.0]])
@@ -44,9 +44,7 @@ def test_dampers_at_zero_command_have_score_one() -> None:
     objective = objective_of(TuneTable(laws=("lyapunov",)), "A")
     assert tuple(objective.weights) == SCORE
     assert (objective.run_scores(found(2.0), found(2.0)) == 1.0).all()
-    assert (
-        over_passive(np.array([np.inf, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])) == [np.inf, np.inf, 1.0]
-    ).all()
+    assert (over(np.array([np.inf, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])) == [np.inf, np.inf, 1.0]).all()
 
 
 def test_weights_of_criteria_are_relative() -> None:
@@ -56,6 +54,25 @@ def test_weights_of_criteria_are_relative() -> None:
     numbers[[entry.name for entry in criteria()].index("peak_drift")] = 0.5
     lower = RunCriteria(numbers=numbers, energy_error=runs.energy_error, seconds=0.0)
     assert objective_of(table, "A").run_scores(lower, runs) == pytest.approx(0.75 * 0.5 + 0.25)
+
+
+def test_the_largest_criterion_is_that_of_each_run() -> None:
+    table = TuneTable(
+        laws=("lyapunov",),
+        criteria=("peak_drift", "rms_drift"),
+        relative_to="best_passive",
+        combine="largest",
+    )
+    runs = found(1.0)
+    numbers = runs.numbers.copy()
+    place = [entry.name for entry in criteria()].index("peak_drift")
+    numbers[place, 0] = np.linspace(0.5, 1.5, 6).reshape(2, 3)
+    mixed = RunCriteria(numbers=numbers, energy_error=runs.energy_error, seconds=0.0)
+    objective = objective_of(table, "A")
+    assert (objective.run_scores(mixed, runs)[0] == np.maximum(numbers[place, 0], 1.0)).all()
+    assert "largest of peak drift and RMS drift, each over its value under the best constant" in (
+        objective.in_words(robust=False)
+    )
 
 
 def test_an_exceeded_limit_costs_more_than_any_gain_of_the_score() -> None:

@@ -12,6 +12,8 @@ from typing import Any, Literal
 from mrwork.keys import Place, key
 
 Risk = Literal["mean", "max", "cvar"]
+Baseline = Literal["passive_off", "best_passive"]
+Combination = Literal["mean", "largest"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,8 +44,9 @@ class TuneTable:
     """Laws whose settings `mrwork tune` searches, each for itself, on the training motions of the study.
 
     A candidate is scored by the mean of its criteria over those at i = 0, under each motion and realisation; the risk
-    takes one number of all these. Without `free`, each law has its own free settings with their ranges, see
-    `mrwork respond --laws`, and the largest command of the law is one of them.
+    takes one number of all these. With `relative_to = "best_passive"` and `combine = "largest"` a score below 1 says
+    that the law is better than the best constant command in every criterion. Without `free`, each law has its own free
+    settings with their ranges, see `mrwork respond --laws`, and the largest command of the law is one of them.
     """
 
     laws: tuple[str, ...] = key("names of the laws")
@@ -58,6 +61,13 @@ class TuneTable:
         "criteria of the score, an array or a table with their weights; by default peak and rms of drift and "
         "acceleration",
         default=(),
+    )
+    relative_to: Baseline = key(
+        "what the criteria are divided by: those at i = 0, or under the best constant command",
+        default="passive_off",
+    )
+    combine: Combination = key(
+        "number of the weighted criteria of a run: their mean, or the largest", default="mean"
     )
     objectives: tuple[str, ...] = key(
         "criteria of a Pareto front beside the best of the score, by NSGA-II, which takes pymoo", default=()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 from mrwork.motions import GroundMotion
@@ -37,6 +37,30 @@ class Benches(Summarised):
     def tested(self, *, robust: bool) -> Bench | None:
         """The bench with the test motions on which points of a front are judged."""
         return self.testing_varied if robust and self.testing_varied is not None else self.testing
+
+    def with_constant(self, constant: Candidate) -> Benches:
+        """With the criteria under the best constant command, a baseline of objectives."""
+
+        def beside(name: str, bench: Bench) -> Bench:
+            found = recorded(
+                self.journal,
+                "baseline",
+                digest_of(name, constant),
+                RunCriteria,
+                lambda: bench.run("passive", [constant]),
+            )
+            return replace(bench, constant=found)
+
+        def beside_if(name: str, bench: Bench | None) -> Bench | None:
+            return None if bench is None else beside(name, bench)
+
+        return replace(
+            self,
+            training=beside("training", self.training),
+            testing=beside_if("testing", self.testing),
+            training_varied=beside_if("training_varied", self.training_varied),
+            testing_varied=beside_if("testing_varied", self.testing_varied),
+        )
 
     def judgements(
         self, law: str, candidate: Candidate, objective: Objective, *, robust: bool

@@ -74,7 +74,7 @@ def front_of(plan: Plan, benches: Benches, basis: Basis, *, rng: int, report: Re
 
 def _values(bench: Bench, found: RunCriteria, parts: list[Objective]) -> Floats:
     violation = parts[0].violation(found)
-    columns = [part.value(part.run_scores(found, bench.passive)) for part in parts]
+    columns = [part.value(part.run_scores(found, bench.baseline(part))) for part in parts]
     return np.asarray(np.column_stack(columns) + PENALTY * violation[:, None])
 
 

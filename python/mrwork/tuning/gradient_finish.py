@@ -54,6 +54,12 @@ def check_finish(table: TuneTable, study: Study) -> None:
                 f"{', '.join(SMOOTH)}, leave it out",
                 "gradient_steps",
             )
+    if table.combine != "mean":
+        refuse_within(
+            table,
+            "gradients are those of a mean of criteria; leave gradient_steps out, or combine",
+            "gradient_steps",
+        )
     hardware = study.hardware
     noisy = any(number for pair in hardware.sensors for number in pair)
     if hardware.feedback != "state" or noisy or hardware.faults or math.isfinite(hardware.command_rate):
@@ -206,5 +212,7 @@ def _twin(law: str, bench: Bench, objective: Objective, largest: float) -> Tuned
         steps_per_sample=steps,
         delay=round(hardware.delay / (hardware.sample_time / steps)),
         weights={criterion(name).quantity: weight for name, weight in objective.weights.items()},
-        passive=np.stack([bench.passive.of(name)[0, :, 0] for name in objective.weights], axis=1),
+        baseline=np.stack(
+            [bench.baseline(objective).of(name)[0, :, 0] for name in objective.weights], axis=1
+        ),
     )

@@ -14,7 +14,7 @@ from mrwork.closed_loop.evaluation import SCORE, criteria, criterion
 from mrwork.errors import SettingError
 from mrwork.keys import Place, suggestion
 from mrwork.study.batches import RunCriteria
-from mrwork.study.tuning_schema import Risk, TuneTable
+from mrwork.study.tuning_schema import Baseline, Combination, Risk, TuneTable
 from mrwork.summary import Summarised
 from mrwork.units import number_in
 
@@ -36,23 +36,28 @@ class Limit:
 class Objective(Summarised):
     """What a tuning minimises.
 
-    The score of a run is the mean of its criteria over those at i = 0 under the same motion and realisation, with
-    `weights`. `risk` takes one number of the scores of all motions and realisations: their mean, the largest, or the
-    mean of the worst share `tail` (conditional value at risk; Rockafellar & Uryasev, J. Risk 2, 2000, 21-41).
+    The score of a run is the mean (or the largest, by `combine`) of its criteria over those of the baseline
+    `relative_to` under the same motion and realisation, with `weights`. `risk` takes one number of the scores of all
+    motions and realisations: their mean, the largest, or the mean of the worst share `tail` (conditional value at risk;
+    Rockafellar & Uryasev, J. Risk 2, 2000, 21-41).
     """
 
     weights: Mapping[str, float]
     risk: Risk = "mean"
     tail: float = 0.2
     limits: tuple[Limit, ...] = ()
+    relative_to: Baseline = "passive_off"
+    combine: Combination = "mean"
 
-    def run_scores(self, found: RunCriteria, passive: RunCriteria) -> Floats:
+    def run_scores(self, found: RunCriteria, baseline: RunCriteria) -> Floats:
         """Score of each run, shape (n_candidates, n_motions, n_realisations); infinite where a run has none."""
+        ratios = {name: over(found.of(name), baseline.of(name)) for name in self.weights}
+        if self.combine == "largest":
+            return np.asarray(
+                np.max([weight * ratios[name] for name, weight in self.weights.items()], axis=0)
+            )
         total = sum(self.weights.values())
-        parts = [
-            weight / total * over_passive(found.of(name), passive.of(name))
-            for name, weight in self.weights.items()
-        ]
+        parts = [weight / total * ratios[name] for name, weight in self.weights.items()]
         return np.asarray(np.sum(parts, axis=0))
 
     def value(self, scores: Floats) -> Floats:
@@ -71,12 +76,14 @@ class Objective(Summarised):
         """What is minimised, as the end of a sentence; `robust` where the realisations belong to it."""
         names = " and ".join(_weighted(name, weight) for name, weight in self.weights.items())
         motions = "motions and realisations" if robust else "motions"
-        over = {
+        risk = {
             "mean": f"mean over all {motions}",
             "max": f"largest over all {motions}",
             "cvar": f"mean of the worst {self.tail:.0%} of all {motions}",
         }[self.risk]
-        return f"{over} of the mean of {names}, each over its value at i = 0"
+        taken = "mean" if self.combine == "mean" else "largest"
+        under = "at i = 0" if self.relative_to == "passive_off" else "under the best constant command"
+        return f"{risk} of the {taken} of {names}, each over its value {under}"
 
 
 def _weighted(name: str, weight: float) -> str:
@@ -84,9 +91,9 @@ def _weighted(name: str, weight: float) -> str:
     return text if weight == 1.0 else f"{weight:g} x {text}"
 
 
-def over_passive(numbers: Floats, passive: Floats) -> Floats:
-    """Ratios to the values at i = 0; infinite where a run has no value, 1 where both are zero."""
-    below = np.broadcast_to(passive, numbers.shape)
+def over(numbers: Floats, baseline: Floats) -> Floats:
+    """Ratios to the values of a baseline; infinite where a run has no value, 1 where both are zero."""
+    below = np.broadcast_to(baseline, numbers.shape)
     ratios = np.full(numbers.shape, math.inf)
     np.divide(numbers, below, out=ratios, where=np.isfinite(numbers) & (below > 0.0) & np.isfinite(below))
     return np.where((numbers == 0.0) & (below == 0.0), 1.0, ratios)
@@ -131,7 +138,14 @@ def objective_of(table: TuneTable, command_unit: str) -> Objective:
         Limit(criterion=name, limit=_limit(table, name, value, command_unit))
         for name, value in (table.constraints or {}).items()
     )
-    return Objective(weights=weights, risk=table.risk, tail=table.tail, limits=limits)
+    return Objective(
+        weights=weights,
+        risk=table.risk,
+        tail=table.tail,
+        limits=limits,
+        relative_to=table.relative_to,
+        combine=table.combine,
+    )
 
 
 def known_criterion(table: TuneTable, key: str, name: str) -> None:

@@ -44,7 +44,10 @@ class Clock:
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Bench(Summarised):
-    """Motions and realisations under which candidates are simulated, and the criteria at i = 0 under them."""
+    """Motions and realisations under which candidates are simulated, and the criteria of baselines under them.
+
+    `passive` are those at i = 0, `constant` those of the best constant command where an objective takes them.
+    """
 
     study: Study
     arrangement: Arrangement
@@ -54,6 +57,14 @@ class Bench(Summarised):
     passive: RunCriteria
     threads: int
     clock: Clock
+    constant: RunCriteria | None = None
+
+    def baseline(self, objective: Objective) -> RunCriteria:
+        """What the criteria of an objective are divided by."""
+        if objective.relative_to == "passive_off":
+            return self.passive
+        assert self.constant is not None
+        return self.constant
 
     def run(self, law: str, candidates: Sequence[Candidate]) -> RunCriteria:
         """Criteria of candidates, infinite for those that make no law."""
@@ -155,7 +166,7 @@ class Scores(Summarised):
 def scored(bench: Bench, objective: Objective, law: str, candidates: Sequence[Candidate]) -> Scores:
     """The scores of candidates on a bench."""
     found = bench.run(law, candidates)
-    value = objective.value(objective.run_scores(found, bench.passive))
+    value = objective.value(objective.run_scores(found, bench.baseline(objective)))
     violation = objective.violation(found)
     return Scores(objective=value, violation=np.where(np.isfinite(value), violation, 0.0))
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from mrwork.tuning.first_candidates import CONVEX, DASHPOTS, EQUAL, Basis, first
 from mrwork.tuning.objective import Objective
 from mrwork.tuning.problem import Scores, described, scored
 from mrwork.tuning.results import LawResult
-from mrwork.tuning.space import Candidate, space_of
+from mrwork.tuning.space import LARGEST, Candidate, space_of
 
 BEST_CONSTANT = "Best constant command"
 
@@ -30,7 +30,11 @@ class _Reference:
 
 
 def references_of(benches: Benches, objective: Objective, basis: Basis) -> Iterator[LawResult]:
-    """The references, each the best of its candidates on the training motions, in the nominal study."""
+    """The references, each the best of its candidates on the training motions, in the nominal study.
+
+    They are compared to i = 0 also where the laws are to the best constant command, which is one of them.
+    """
+    objective = replace(objective, relative_to="passive_off")
     for each in _declared(basis):
         began = time.perf_counter()
         best = each.candidates[0]
@@ -55,6 +59,12 @@ def references_of(benches: Benches, objective: Objective, basis: Basis) -> Itera
             seconds=time.perf_counter() - began,
             certificate=benches.training.certificate(each.law, best),
         )
+
+
+def best_constant(references: Sequence[LawResult]) -> Candidate:
+    """The best constant command among references."""
+    settings = dict(next(each.settings for each in references if each.label == BEST_CONSTANT))
+    return Candidate(largest_command=settings.pop(LARGEST), settings=settings)
 
 
 def _declared(basis: Basis) -> Iterator[_Reference]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
 from mrwork.study.batches import Band, RunCriteria
 from mrwork.summary import Summarised, Summary, listed, rounded, with_decimals
-from mrwork.tuning.objective import Objective, over_passive
+from mrwork.tuning.objective import Objective, over
 from mrwork.tuning.problem import Bench
 from mrwork.tuning.space import LARGEST, FreeSetting
 
@@ -278,10 +278,10 @@ def judged(
     ratios = _ratios(found, bench.passive)
     names = [motion.name for motion in bench.motions]
     per_motion = {name: values[0, :, 0] for name, values in ratios.items()}
-    value_of, on = found, bench.passive
+    value_of, on = found, bench
     if varied is not None and robust:
-        value_of, on = varied.found, varied.bench.passive
-    scores = objective.run_scores(value_of, on)
+        value_of, on = varied.found, varied.bench
+    scores = objective.run_scores(value_of, on.baseline(objective))
     numbers = {name: float(values.mean()) for name, values in per_motion.items()}
     return Judgement(
         score=numbers.pop("score"),
@@ -311,9 +311,7 @@ def _ratios(found: RunCriteria, passive: RunCriteria) -> dict[str, Floats]:
     """Score and ratios to i = 0 of each run, shape (n_candidates, n_motions, n_realisations)."""
     ratios = {"score": _SCORE.run_scores(found, passive)}
     return ratios | {
-        entry.name: over_passive(found.of(entry.name), passive.of(entry.name))
-        for entry in criteria()
-        if entry.ratio
+        entry.name: over(found.of(entry.name), passive.of(entry.name)) for entry in criteria() if entry.ratio
     }
 
 

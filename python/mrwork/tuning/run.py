@@ -23,7 +23,7 @@ from mrwork.tuning.gradient_finish import check_finish
 from mrwork.tuning.law_tuning import Plan, TuningProgress, tuned_law
 from mrwork.tuning.objective import Objective, known_criterion, objective_of, refuse_within
 from mrwork.tuning.problem import Clock, check_controllable, magnitudes_of
-from mrwork.tuning.references import BEST_CONSTANT, references_of
+from mrwork.tuning.references import BEST_CONSTANT, best_constant, references_of
 from mrwork.tuning.results import Front, LawResult, TuningResults, compared_to
 from mrwork.tuning.space import space_of
 
@@ -97,6 +97,8 @@ def tune(
         basis = basis_of(benches.training, magnitudes_of(benches.training))
         plans = _plans(tables, objectives, basis.magnitudes)
         references.extend(references_of(benches, objectives[0], basis))
+        if any(each.relative_to == "best_passive" for each in objectives):
+            benches = benches.with_constant(best_constant(references))
         for number, plan in enumerate(plans):
 
             def report(candidates: int, least: float, plan: Plan = plan, done: int = number) -> None:

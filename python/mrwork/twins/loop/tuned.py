@@ -61,8 +61,8 @@ class TunedLoop:
         Integration step [s], steps of a control sample, and steps from measurement to driver.
     weights
         Weight of each criterion in the score, by the name of the quantity of a run whose largest value it is.
-    passive
-        Values of these criteria at i = 0 under each motion, shape (n_motions, n_criteria).
+    baseline
+        Values that these criteria are divided by under each motion, shape (n_motions, n_criteria).
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class TunedLoop:
         steps_per_sample: int,
         delay: int,
         weights: Mapping[str, float],
-        passive: Floats,
+        baseline: Floats,
     ) -> None:
         plant = LoopPlant.of(**matrices)
         devices, own = _devices(dampers), None if believed is None else _devices(believed)
@@ -111,7 +111,7 @@ class TunedLoop:
             grounds = [half_steps(motions[each][1], motions[each][0], step, n_steps) for each in members]
             counted = [float(lengths[each] * steps_per_sample) for each in members]
             self._groups.append(
-                (members, jnp.array(np.stack(grounds)), jnp.array(counted), jnp.array(passive[members]))
+                (members, jnp.array(np.stack(grounds)), jnp.array(counted), jnp.array(baseline[members]))
             )
 
     def scores(
