@@ -1,11 +1,7 @@
-"""The damper of the study as an identified one: synthetic tests of the RD-1005-3, a fit and its posterior."""
+"""Synthetic tests of the RD-1005-3, from which the damper of the study is identified."""
 
 from __future__ import annotations
 
-import hashlib
-import subprocess
-import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -57,32 +53,3 @@ def write_tests(folder: Path) -> list[Path]:
             header = "time [s],displacement [m],velocity [m/s],force [N],current [A]"
             np.savetxt(files[-1], noisy, delimiter=",", header=header, comments="", fmt="%.9g")
     return files
-
-
-def identified(folder: Path, say: Callable[[str], None]) -> Path:
-    """The run folder of the damper with posterior draws, made by the command line unless these tests have made it."""
-    run, mark = folder / "damper", folder / "tests.digest"
-    files = write_tests(folder / "tests")
-    digest = hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
-    if not (mark.is_file() and mark.read_text(encoding="utf-8") == digest):
-        laws = [part for name, law in LAWS.items() for part in ("--law", f"{name}={law}")]
-        say(f"identification of the damper from {len(files)} tests")
-        _mrwork(
-            "identify",
-            *map(str, files),
-            "--model",
-            "static_hysteretic",
-            *laws,
-            "--seed",
-            "0",
-            "--out",
-            str(run),
-        )
-        say("its posterior")
-        _mrwork("sample", str(run), "--seed", "0")
-        mark.write_text(digest, encoding="utf-8")
-    return run
-
-
-def _mrwork(*arguments: str) -> None:
-    subprocess.run([sys.executable, "-m", "mrwork", *arguments], check=True, stdout=subprocess.DEVNULL)

@@ -1,10 +1,9 @@
-"""Every finding of the study: laws of each level on motions that were not tuned on, and what a clairvoyant reaches."""
+"""Findings of a level: laws on motions that were not tuned on, and what a clairvoyant reaches."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,42 +11,20 @@ import numpy as np
 import mrwork as mr
 from mrwork.closed_loop import SCORE, ClairvoyantSettings, clairvoyant
 
-HERE = Path(__file__).parent
-LEVELS = {"0.1 g": HERE / "level_01.toml", "0.3 g": HERE / "level_03.toml"}
 CLAIRVOYANT = "clairvoyant"
 # Iterations that leave some percent to be found, in minutes instead of hours.
 _SEARCH = ClairvoyantSettings(interval=0.02, explore=15, finish=45)
 
 
-def found_by(
-    levels: Sequence[str], *, clairvoyants: int, threads: int, quick: bool, say: Callable[[str], None]
-) -> dict[str, Any]:
-    """Figures of each level, as nested dictionaries."""
-    return {
-        level: level_found(
-            mr.read_study(LEVELS[level]), clairvoyants=clairvoyants, threads=threads, quick=quick, say=say
-        )
-        for level in levels
-    }
-
-
 def level_found(
-    study: mr.Study, *, clairvoyants: int, threads: int, quick: bool, say: Callable[[str], None]
+    study: mr.Study,
+    results: mr.tuning.TuningResults,
+    *,
+    clairvoyants: int,
+    threads: int,
+    say: Callable[[str], None],
 ) -> dict[str, Any]:
-    """Rows of the laws and references of one study, and of the clairvoyant under the first test motions."""
-    last = ""
-
-    def progress(now: mr.tuning.TuningProgress) -> None:
-        nonlocal last
-        if now.label != last:
-            last = now.label
-            say(f"{study.title}: {last}")
-
-    # The quick form tunes two laws as they are by default, with a few candidates.
-    quickly: dict[str, Any] = (
-        {"laws": ["clipped_optimal", "proportional_direct"], "budget": 24} if quick else {}
-    )
-    results = mr.tune(study, threads=threads, on_progress=progress, **quickly)
+    """Rows of the laws and references of a tuning, and of the clairvoyant under the first test motions."""
     found: dict[str, Any] = {
         "candidates_per_second": results.candidates_per_second,
         "share_outside": results.share_outside,

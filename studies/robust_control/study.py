@@ -1,6 +1,6 @@
 """Laws tuned on synthetic motions and judged on measured ones; what uncertainty does to them, and what is left.
 
-python studies/robust_control/study.py [--level "0.1 g"] [--clairvoyants N] [--json] [--threads N] [--out DIRECTORY]
+python studies/robust_control/study.py [--level "0.1 g"] [--clairvoyants N] [--resume] [--quick] [--json] [--threads N]
 """
 
 from __future__ import annotations
@@ -11,14 +11,17 @@ import sys
 import time
 from pathlib import Path
 
+import mrwork as mr
 from mrwork.report import departures
-from robust_damper import identified
-from robust_findings import LEVELS, found_by
+from robust_findings import level_found
+from robust_runs import identified, tuned
 from robust_tables import tables
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-# Where the files of the levels name the motions.
+LEVELS = {"0.1 g": HERE / "level_01.toml", "0.3 g": HERE / "level_03.toml"}
+# Where these files name the damper and the motions.
+OUT = ROOT / "out" / "robust_control"
 MEASURED = ROOT.parent / "shared" / "data" / "records" / "real"
 
 
@@ -35,12 +38,12 @@ def main() -> int:
         default=4,
         help="test motions with a clairvoyant, minutes each; 0 for none",
     )
-    parser.add_argument("--quick", action="store_true", help="a few candidates of two laws, no clairvoyant")
+    parser.add_argument(
+        "--resume", action="store_true", help="continue tunings that were begun, or read them"
+    )
+    parser.add_argument("--quick", action="store_true", help="a few candidates of one law, no clairvoyant")
     parser.add_argument("--json", action="store_true", help="one JSON object on stdout and nothing else")
     parser.add_argument("--threads", type=int, default=0, help="threads of the simulations, 0 for all")
-    parser.add_argument(
-        "--out", type=Path, default=ROOT / "out" / "robust_control", help="where the page goes"
-    )
     options = parser.parse_args()
     began = time.perf_counter()
 
@@ -50,21 +53,31 @@ def main() -> int:
     if not MEASURED.is_dir():
         say(f"no measured motions at {MEASURED}, so nothing can be judged; put them there")
         return 2
-    # The files of the levels name this folder.
-    identified(ROOT / "out" / "robust_control", say)
-    found = found_by(
-        options.level or list(LEVELS),
-        clairvoyants=0 if options.quick else options.clairvoyants,
-        threads=options.threads,
-        quick=options.quick,
-        say=say,
-    )
+    identified(OUT, say)
+    found = {}
+    for level in options.level or LEVELS:
+        file = LEVELS[level]
+        say(f"laws at {level}")
+        results = tuned(
+            file,
+            OUT / (f"{file.stem}_quick" if options.quick else file.stem),
+            threads=options.threads,
+            quick=options.quick,
+            resume=options.resume,
+        )
+        found[level] = level_found(
+            mr.read_study(file),
+            results,
+            clairvoyants=0 if options.quick else options.clairvoyants,
+            threads=options.threads,
+            say=say,
+        )
     wrong = [] if options.quick else departures(found, HERE / "expected.toml")
     if not options.quick:
         from robust_page import write_page
 
-        write_page(found, options.out / "report.html")
-        (options.out / "found.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
+        write_page(found, OUT / "report.html")
+        (OUT / "found.json").write_text(json.dumps(found, indent=1), encoding="utf-8")
     if options.json:
         print(json.dumps({**found, "departures": wrong}))
     else:

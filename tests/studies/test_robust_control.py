@@ -10,8 +10,9 @@ import tuning_samples
 
 import mrwork as mr
 import robust_damper
+import robust_runs
 from robust_damper import CURRENTS, MOTIONS, write_tests
-from robust_findings import LEVELS, level_found
+from robust_findings import level_found
 from robust_page import score_figure
 from robust_tables import tables
 
@@ -25,7 +26,9 @@ stiffness = 0.1
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     file = tuning_samples.study_file(tmp_path_factory.mktemp("robust"), tune="", more=UNCERTAIN)
-    return level_found(mr.read_study(file), clairvoyants=0, threads=1, quick=True, say=lambda what: None)
+    study = mr.read_study(file)
+    results = mr.tune(study, laws=["clipped_optimal"], budget=24, threads=1)
+    return level_found(study, results, clairvoyants=0, threads=1, say=lambda what: None)
 
 
 def test_laws_and_references_stand_beside_each_other(found: dict[str, Any]) -> None:
@@ -52,7 +55,8 @@ def test_the_figure_has_a_row_for_each_law(found: dict[str, Any]) -> None:
 
 
 def test_the_levels_differ_in_the_peaks_of_the_motions_alone() -> None:
-    weak, strong = (LEVELS[level].read_text(encoding="utf-8") for level in ("0.1 g", "0.3 g"))
+    folder = Path(robust_runs.__file__).parent
+    weak, strong = ((folder / f"level_{level}.toml").read_text(encoding="utf-8") for level in ("01", "03"))
     assert weak.replace("0.17 g", "0.5 g").replace("0.1 g", "0.3 g") == strong
 
 
@@ -66,10 +70,23 @@ def test_the_damper_is_tested_at_each_current_and_motion(tmp_path: Path) -> None
 
 def test_a_damper_of_other_tests_is_identified_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     verbs: list[str] = []
-    monkeypatch.setattr(robust_damper, "_mrwork", lambda *arguments: verbs.append(arguments[0]))
+    monkeypatch.setattr(robust_runs, "_mrwork", lambda *arguments: verbs.append(arguments[0]))
     for _ in range(2):
-        robust_damper.identified(tmp_path, lambda what: None)
+        robust_runs.identified(tmp_path, lambda what: None)
     assert verbs == ["identify", "sample"]
     monkeypatch.setattr(robust_damper, "MOTIONS", robust_damper.MOTIONS[1:])
-    robust_damper.identified(tmp_path, lambda what: None)
+    robust_runs.identified(tmp_path, lambda what: None)
     assert verbs == ["identify", "sample"] * 2
+
+
+def test_a_tuning_is_made_by_the_command_line_and_read_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tuning_samples.study_file(tmp_path)
+    first = robust_runs.tuned(file, tmp_path / "run", threads=1, quick=True, resume=True)
+    assert (tmp_path / "run" / "chosen.toml").is_file()
+    asked: list[tuple[str, ...]] = []
+    monkeypatch.setattr(robust_runs, "_mrwork", lambda *arguments: asked.append(arguments))
+    again = robust_runs.tuned(file, tmp_path / "run", threads=1, quick=True, resume=True)
+    assert "--resume" in asked[0]
+    assert again.laws[0].settings == first.laws[0].settings
