@@ -12,6 +12,7 @@ import mrwork as mr
 from mrwork.closed_loop import SCORE, ClairvoyantSettings, clairvoyant
 
 CLAIRVOYANT = "clairvoyant"
+PEAKS = ("peak_drift", "peak_acceleration")
 # Iterations that leave some percent to be found, in minutes instead of hours.
 _SEARCH = ClairvoyantSettings(interval=0.02, explore=15, finish=45)
 
@@ -46,9 +47,9 @@ def _row(law: mr.tuning.LawResult) -> dict[str, Any]:
         "ratios": {name: law.test.criteria[name] for name in SCORE},
         "rms_current": law.test.largest["rms_current"],
         "peak_stroke": law.test.largest["peak_stroke"],
-        "better": None if law.better is None else asdict(law.better),
         "bands": {name: asdict(law.test.bands[name]) for name in ("score", "peak_drift") if law.test.bands},
         "motions": {each.motion: each.score for each in law.test.motions},
+        "peaks": {each.motion: [each.criteria[name] for name in PEAKS] for each in law.test.motions},
         "settings": law.settings,
         "origin": law.origin,
     }

@@ -14,7 +14,7 @@ import robust_runs
 from robust_damper import CURRENTS, MOTIONS, write_tests
 from robust_findings import level_found
 from robust_page import score_figure
-from robust_tables import tables
+from robust_tables import ANY, tables
 
 UNCERTAIN = """
 [uncertainty]
@@ -42,11 +42,20 @@ def test_laws_and_references_stand_beside_each_other(found: dict[str, Any]) -> N
 def test_every_table_names_its_rows_and_fills_them(found: dict[str, Any]) -> None:
     left = {"motions": {"B": 0.4, "C": 0.5}, "ratios": {}}
     made = list(tables({"0.1 g": {**found, "clairvoyant": left}}))
-    assert len(made) == 3
+    assert len(made) == 4
     for table in made:
         assert {len(row) for row in table.rows} == {len(table.header)}
         assert all(row[0] for row in table.rows), table.title
-    assert made[2].rows[-1] == ("clairvoyant", "0.400", "0.500", "0.450")
+    assert made[3].rows[-1] == ("clairvoyant", "0.400", "0.500", "0.450")
+
+
+def test_the_best_law_of_each_motion_is_no_worse_than_any(found: dict[str, Any]) -> None:
+    table = next(each for each in tables({"0.1 g": found}) if each.title.startswith("Peaks below"))
+    larger = [float(row[-1]) for row in table.rows]
+    assert table.rows[-1][0] == ANY
+    assert larger[-1] == min(larger)
+    both = [int(row[3].split()[0]) for row in table.rows]
+    assert both[-1] == max(both)
 
 
 def test_the_figure_has_a_row_for_each_law(found: dict[str, Any]) -> None:
