@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import os
 import signal
 import subprocess
 import time
 from pathlib import Path
+from typing import Any
 
+import pytest
 import tuning_samples
 from command_line import COMMAND, PATIENCE, mrwork
 
 import mrwork as mr
+from mrwork.cli import main
 
 TIMES = {"seconds", "candidates_per_second", "share_outside", "out"}
 
@@ -75,3 +79,27 @@ def test_bad_input_is_one_line_and_status_two(tmp_path: Path) -> None:
     ended = mrwork("tune", study, "--law", "clipped_optimall", "--out", tmp_path / "out")
     assert ended.returncode == 2
     assert "did you mean clipped_optimal" in ended.stderr
+
+
+@pytest.mark.parametrize(
+    ("verb", "function"), [("tune", "tuning.run.tune"), ("respond", "study.run.run_study")]
+)
+def test_the_folder_has_the_study_that_was_read(
+    verb: str, function: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study = tuning_samples.study_file(tmp_path)
+    content = study.read_bytes()
+    module, _, name = function.rpartition(".")
+    computed = getattr(importlib.import_module(f"mrwork.{module}"), name)
+
+    def edited_meanwhile(*arguments: Any, **named: Any) -> Any:
+        study.unlink()
+        return computed(*arguments, **named)
+
+    monkeypatch.setattr(f"mrwork.{function}", edited_meanwhile)
+    with pytest.raises(SystemExit) as ended:
+        main([verb, str(study), "--out", str(tmp_path / "out"), "--threads", "1", "--quiet"])
+    assert ended.value.code == 0
+    assert (tmp_path / "out" / "study.toml").read_bytes() == content
+    if verb == "tune":
+        assert content.decode().strip() in (tmp_path / "out" / "chosen.toml").read_text(encoding="utf-8")

@@ -42,7 +42,7 @@ def test_a_learned_network_stands_in_the_chosen_study_with_its_score(tmp_path: P
     assert "network 25 numbers" in settings_in_words(learned.settings, "A")
     (tmp_path / "out").mkdir()
     chosen = tmp_path / "out" / "chosen.toml"
-    chosen.write_text(chosen_study(results, source), encoding="utf-8")
+    chosen.write_text(chosen_study(results, mr.read_study(source).file), encoding="utf-8")
     found = mr.run_study(mr.read_study(chosen), threads=1)
     row = [each.label for each in found.rows].index(learned.label)
     assert learned.test is not None

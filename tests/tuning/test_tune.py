@@ -89,7 +89,7 @@ def test_the_chosen_study_has_the_scores_of_the_tuning(results: TuningResults, t
     source = tuning_samples.study_file(tmp_path)
     (tmp_path / "out").mkdir()
     chosen = tmp_path / "out" / "chosen.toml"
-    chosen.write_text(chosen_study(results, source), encoding="utf-8")
+    chosen.write_text(chosen_study(results, mr.read_study(source).file), encoding="utf-8")
     found = mr.run_study(mr.read_study(chosen), threads=1)
     row = [each.label for each in found.rows].index(results.laws[0].label)
     assert results.laws[0].test is not None

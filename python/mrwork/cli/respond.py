@@ -151,6 +151,7 @@ def _write(
 
     manifest = study_manifest(
         options,
+        study.file,
         kind="study",
         title=results.title,
         status="finished" if results.complete else "interrupted",
@@ -167,7 +168,7 @@ def _write(
     write_study(
         place,
         results,
-        study_file=options.study,
+        study_file=study.file,
         page=page,
         manifest=manifest,
         journal=journal.path,

@@ -7,10 +7,13 @@ import platform
 import shlex
 import sys
 from datetime import UTC, datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mrwork import __version__
 from mrwork.store import digest_of
+
+if TYPE_CHECKING:
+    from mrwork.study.study import StudyFile
 
 
 def command_line() -> str:
@@ -19,9 +22,9 @@ def command_line() -> str:
 
 
 def study_manifest(
-    options: argparse.Namespace, *, kind: str, title: str, status: str, seconds: float
+    options: argparse.Namespace, study_file: StudyFile, *, kind: str, title: str, status: str, seconds: float
 ) -> dict[str, Any]:
-    """The manifest of a run on the file `options.study` with the seed `options.seed`."""
+    """The manifest of a run on the file `options.study`, as it was read, with the seed `options.seed`."""
     return {
         "kind": kind,
         "title": title,
@@ -30,7 +33,7 @@ def study_manifest(
         "seed": options.seed,
         "study": {
             "path": str(options.study),
-            "content": digest_of(options.study.read_text(encoding="utf-8")),
+            "content": digest_of(study_file.text),
         },
         "versions": {"mrwork": __version__, "python": platform.python_version()},
         "created": datetime.now(UTC).isoformat(timespec="seconds"),

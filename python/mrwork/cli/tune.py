@@ -100,7 +100,7 @@ def run(options: argparse.Namespace) -> int:
     finally:
         line.close()
         journal.close()
-    _write(place, options, results, journal, time.perf_counter() - began)
+    _write(place, options, study, results, journal, time.perf_counter() - began)
     if status == 0:
         discard_journal(journal)
     if options.json:
@@ -128,12 +128,17 @@ def _tables(study: Study, options: argparse.Namespace) -> tuple[TuneTable, ...]:
 
 
 def _write(
-    place: Path, options: argparse.Namespace, results: TuningResults, journal: Journal, seconds: float
+    place: Path,
+    options: argparse.Namespace,
+    study: Study,
+    results: TuningResults,
+    journal: Journal,
+    seconds: float,
 ) -> None:
     from mrwork.tuning.folder import write_tuning
 
     manifest = study_manifest(
-        options, kind="tuning", title=results.title, status=results.status, seconds=seconds
+        options, study.file, kind="tuning", title=results.title, status=results.status, seconds=seconds
     )
     page = None
     # After Ctrl-C nothing that takes long: the figures are drawn when the tuning is resumed.
@@ -141,7 +146,7 @@ def _write(
         from mrwork.report.tuning.page import tuning_page
 
         page = tuning_page(results, command=command_line())
-    write_tuning(place, results, study_file=options.study, page=page, manifest=manifest, journal=journal.path)
+    write_tuning(place, results, study_file=study.file, page=page, manifest=manifest, journal=journal.path)
 
 
 def _text(results: TuningResults, place: Path) -> str:

@@ -24,7 +24,7 @@ from mrwork.study.run_result import RunEnd
 from mrwork.study.stored_changes import StoredChanges, StoredGroup, stored_changes, stored_groups
 from mrwork.study.stored_clairvoyant import StoredClairvoyant, stored_clairvoyant
 from mrwork.study.stored_histories import Histories
-from mrwork.study.study import Kind, Row
+from mrwork.study.study import Kind, Row, StudyFile
 
 _CRITERIA, _PROFILES = "criteria.csv", "profiles.csv"
 _WRITTEN = frozenset({MANIFEST, JOURNAL, RESULTS, STUDY, REPORT, HISTORIES, _CRITERIA, _PROFILES})
@@ -180,7 +180,7 @@ def write_study(
     place: Path,
     results: StudyResults,
     *,
-    study_file: Path,
+    study_file: StudyFile,
     page: str,
     manifest: Mapping[str, object],
     journal: Path,
@@ -202,8 +202,8 @@ def write_study(
     }
     write_folder(
         place,
-        {name: text.encode() for name, text in tables.items()},
-        copied={STUDY: study_file, JOURNAL: journal},
+        {STUDY: study_file.content} | {name: text.encode() for name, text in tables.items()},
+        copied={JOURNAL: journal},
         linked={f"{HISTORIES}/{path.name}": path for path in histories.paths()},
         folders=(HISTORIES,),
         written=_WRITTEN,

@@ -30,7 +30,7 @@ from mrwork.study.lines import parse
 from mrwork.study.motions import motions_of_study
 from mrwork.study.realisations import Realisations, posterior_draws, realisations_of
 from mrwork.study.schema import DamperTable, HardwareTable, ReportTable, StudyTable
-from mrwork.study.study import MotionOfStudy, Study
+from mrwork.study.study import MotionOfStudy, Study, StudyFile
 
 
 def read_study(path: str | Path, identified: Identified = identified_damper, *, seed: int = 0) -> Study:
@@ -53,7 +53,8 @@ def read_study(path: str | Path, identified: Identified = identified_damper, *, 
         If anything in it is wrong; the message has file and line.
     """
     path = Path(path)
-    table, place = _tables(path)
+    file = _read(path)
+    table, place = _tables(file, str(path))
     folder = path.parent / table.folder
     with located(place.within("building")):
         bare = building_from_table(table.building, place.within("building"), folder=folder)
@@ -79,6 +80,7 @@ def read_study(path: str | Path, identified: Identified = identified_damper, *, 
     detailed, drawn = _drawn(table.report, motions, labels, place)
     return Study(
         title=table.title or bare.name,
+        file=file,
         building=bare,
         arrangements=compared,
         motions=motions,
@@ -140,17 +142,22 @@ def _with_parameters(
     return chosen_damper(table, folder, lambda run: drawn).theta
 
 
-def _tables(path: Path) -> tuple[StudyTable, Place]:
+def _read(path: Path) -> StudyFile:
     try:
-        text = path.read_text(encoding="utf-8")
+        file = StudyFile(path=path.resolve(), content=path.read_bytes())
+        file.content.decode()
     except OSError as error:
         raise RecordError(
             f"{path} cannot be read ({error.strerror}); give the TOML file of a study"
         ) from error
     except UnicodeDecodeError as error:
         raise RecordError(f"{path}: byte {error.start} is not UTF-8 text; save the file as UTF-8") from error
-    document, lines = parse(text, str(path))
-    place = Place(origin=str(path), lines=lines)
+    return file
+
+
+def _tables(file: StudyFile, origin: str) -> tuple[StudyTable, Place]:
+    document, lines = parse(file.text, origin)
+    place = Place(origin=origin, lines=lines)
     return read_table(StudyTable, document, place), place
 
 

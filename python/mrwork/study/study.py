@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
@@ -100,6 +101,19 @@ class Arrangement:
             self.law.gain_rows(len(self.devices), 2 * self.building.n_coordinates)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyFile:
+    """The file of a study as it was read: its absolute path, and its content."""
+
+    path: Path
+    content: bytes
+
+    @property
+    def text(self) -> str:
+        """The content as text, each line ended by a newline alone."""
+        return self.content.decode().replace("\r\n", "\n")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Study(Summarised):
     """The content of a study file; the first arrangements are the building without dampers and the dampers at i = 0.
@@ -108,11 +122,12 @@ class Study(Summarised):
     training motions of the study file, or all motions where none is for training. `histories` are the indices of the
     motions whose histories are kept. The page shows time histories of the motion `detailed` for the arrangements
     `drawn`. `problem` is the building with its dampers for which laws are designed, `tunes` the laws to be tuned,
-    `realisations` those of what is not known exactly. With `clairvoyant`, the
-    non-causal optimum is searched for under every motion.
+    `realisations` those of what is not known exactly. With `clairvoyant`, the non-causal optimum is searched for under
+    every motion.
     """
 
     title: str
+    file: StudyFile
     building: Building
     arrangements: tuple[Arrangement, ...]
     motions: tuple[MotionOfStudy, ...]

@@ -14,6 +14,7 @@ from typing import Any
 from mrwork.errors import RecordError
 from mrwork.store.codec import finite, json_document, read_document
 from mrwork.store.run_folder import JOURNAL, MANIFEST, REPORT, RESULTS, STUDY, write_folder
+from mrwork.study.study import StudyFile
 from mrwork.tuning.results import Judgement, LawResult, TuningResults
 from mrwork.tuning.space import LARGEST
 
@@ -27,7 +28,7 @@ def write_tuning(
     place: Path,
     results: TuningResults,
     *,
-    study_file: Path,
+    study_file: StudyFile,
     page: str | None,
     manifest: Mapping[str, object],
     journal: Path,
@@ -49,8 +50,8 @@ def write_tuning(
         contents[REPORT] = page
     write_folder(
         place,
-        {name: text.encode() for name, text in contents.items()},
-        copied={STUDY: study_file, JOURNAL: journal},
+        {STUDY: study_file.content} | {name: text.encode() for name, text in contents.items()},
+        copied={JOURNAL: journal},
         written=_WRITTEN,
         flush=results.status == "finished",
     )
@@ -89,18 +90,18 @@ def tuning_document(results: TuningResults) -> dict[str, Any]:
     return found
 
 
-def chosen_study(results: TuningResults, study_file: Path) -> str:
+def chosen_study(results: TuningResults, study_file: StudyFile) -> str:
     """The study file with the chosen settings of each law, and the best constant command, as further controllers.
 
     The text of the study stays; names of files in it are relative to its own folder.
     """
-    text = study_file.read_text(encoding="utf-8")
+    text = study_file.text
     blocks = [_controller(each) for each in results.laws]
     if not re.search(r'^\s*law\s*=\s*"best_passive"', text, flags=re.MULTILINE):
         blocks.append('[[controller]]\nlaw = "best_passive"\n')
-    folder = _text(str(study_file.parent.resolve()))
+    folder = _text(str(study_file.path.parent))
     head = (
-        f"# The study {study_file.name} with the settings that mrwork tune has chosen; for mrwork respond.\n"
+        f"# The study {study_file.path.name} with the settings that mrwork tune has chosen; for mrwork respond.\n"
         + ("" if _names_folder(text) else f"folder = {folder} # of the files that the study names\n")
         + "\n"
     )
