@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import math
 import os
 import subprocess
@@ -26,7 +27,7 @@ from mrwork.report.cycles import even_samples, scattered_samples, zoom_window
 from mrwork.report.fit import search
 from mrwork.report.fit.files import run_figures, write_figures
 from mrwork.report.progress import PageProgress
-from mrwork.report.svg import svg_bytes
+from mrwork.report.svg import inline_svg, svg_bytes
 from mrwork.stored import StoredRun
 
 
@@ -279,3 +280,10 @@ def test_figure_files_are_named_after_the_tests_and_written_on_request(tmp_path:
     assert all(file.stat().st_size > 1000 for file in files)
     assert [each.done for each in heard] == [0, 1, 2, 3, 4]
     assert {each.total for each in heard} == {5}
+
+
+def test_a_name_is_drawn_as_text() -> None:
+    name = r"$\frac{$ 5 $ test & <b>"
+    svg = inline_svg(figures.force_history(comparison(name)), identifier="f", description="")
+    assert f">{html.escape(name)}</text>" in svg
+    assert svg_bytes(figures.hysteresis_loops(comparison(name)))

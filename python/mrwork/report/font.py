@@ -16,8 +16,6 @@ import matplotlib
 from matplotlib import font_manager
 
 FAMILY = "mrwork figures"
-# What matplotlib calls the same files where it sets mathematics.
-SHIPPED_FAMILY = "DejaVu Sans"
 
 _FILES = {400: "DejaVuSans.ttf", 700: "DejaVuSans-Bold.ttf"}
 

@@ -40,7 +40,7 @@ def significant(value: float | None, digits: int) -> str:
     if _PLAIN[0] < exponent < _PLAIN[1]:
         return fixed(round(value, digits - 1 - exponent), max(digits - 1 - exponent, 0))
     mantissa = float(f"{value:.{digits - 1}e}".partition("e")[0])
-    return fixed(mantissa, digits - 1) + _times(exponent)
+    return fixed(mantissa, digits - 1) + power_of_ten(exponent)
 
 
 def shortest(value: float, digits: int = 4) -> str:
@@ -63,7 +63,7 @@ def value_and_error(value: float, error: float | None) -> tuple[str, str]:
         return significant(value, _MOST_DIGITS), significant(error, _DIGITS_OF_ERROR)
     power = 0 if _PLAIN[0] < leading < _PLAIN[1] else leading
     texts = [
-        fixed(round(number, -finest) / 10.0**power, max(power - finest, 0)) + _times(power)
+        fixed(round(number, -finest) / 10.0**power, max(power - finest, 0)) + power_of_ten(power)
         for number in (value, error)
     ]
     return texts[0], texts[1]
@@ -116,5 +116,6 @@ def percent(share: float, decimals: int = 1) -> str:
     return fixed(100.0 * share, decimals)
 
 
-def _times(power: int) -> str:
+def power_of_ten(power: int) -> str:
+    """What follows a mantissa; nothing for the power 0."""
     return f" × 10{str(power).translate(_SUPERSCRIPTS)}" if power else ""

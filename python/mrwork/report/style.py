@@ -57,14 +57,8 @@ SMALL_TEXT_SIZE = 9.1
 
 _RC: dict[RcKeyType, Any] = {
     "font.family": [font.FAMILY],
-    "mathtext.fontset": "custom",
-    "mathtext.rm": font.FAMILY,
-    "mathtext.it": font.FAMILY,
-    "mathtext.bf": f"{font.FAMILY}:bold",
-    # Not used, but matplotlib looks for them.
-    "mathtext.cal": font.FAMILY,
-    "mathtext.sf": font.FAMILY,
-    "mathtext.tt": font.FAMILY,
+    # Names of files, tests and laws are text: a dollar sign is a dollar sign.
+    "text.parse_math": False,
     "font.size": TEXT_SIZE,
     "axes.titlesize": TEXT_SIZE,
     "axes.labelsize": TEXT_SIZE,

@@ -9,7 +9,7 @@ from html import escape
 import matplotlib
 from matplotlib.figure import Figure
 
-from mrwork.report import font, style
+from mrwork.report import style
 
 # Without a date, equal figures are equal files.
 _NO_DATE = {"Date": None}
@@ -35,7 +35,7 @@ def inline_svg(figure: Figure, *, identifier: str, description: str) -> str:
     Its letters are text in the font that the page embeds.
     `identifier` keeps the element's names apart from those of the other figures of the page.
     """
-    text = _saved(figure, font_type="none").replace(f"'{font.SHIPPED_FAMILY}'", f"'{font.FAMILY}'")
+    text = _saved(figure, font_type="none")
     view_box = re.search(r'viewBox="([^"]+)"', text)
     body = text[text.index(">", text.index("<svg")) + 1 : text.rindex("</svg>")]
     body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)

@@ -146,6 +146,7 @@ def _draw_profile(axes: Axes, profile: Profile, threshold: float) -> None:
         axes.set_xscale("log")
         axes.xaxis.set_major_locator(LogLocator(numticks=4))
         axes.xaxis.set_minor_locator(NullLocator())
+        axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: _tick(value)))
     else:
         axes.xaxis.set_major_locator(MaxNLocator(nbins=3, steps=[1, 2, 2.5, 5, 10]))
         # A long number centred on the right edge would be cut there.
@@ -166,12 +167,12 @@ def _draw_profile(axes: Axes, profile: Profile, threshold: float) -> None:
 
 
 def _tick(value: float) -> str:
-    """A number as a tick label; powers of ten in math text, as not every font has superscript digits."""
+    """A number as a tick label."""
     text = f"{value:.4g}"
     if "e" not in text:
         return shortest(value)
     mantissa, _, power = text.partition("e")
-    return rf"${mantissa} \times 10^{{{int(power)}}}$"
+    return mantissa + numbers.power_of_ten(int(power))
 
 
 def _mark_open(axes: Axes, way: int) -> None:
