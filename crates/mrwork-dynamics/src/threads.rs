@@ -49,15 +49,19 @@ pub(crate) fn thread_count(threads: usize) -> usize {
     if threads > 0 { threads } else { std::thread::available_parallelism().map_or(1, usize::from) }
 }
 
-/// The pool of that many threads, started once and cached.
+/// The pool of that many threads, started once in a process and cached.
+///
+/// A forked process has the pools of its parent without their threads, so it starts its own.
 fn pool(threads: usize) -> Result<Arc<rayon::ThreadPool>, DynamicsError> {
-    static POOLS: Mutex<BTreeMap<usize, Arc<rayon::ThreadPool>>> = Mutex::new(BTreeMap::new());
+    type Pools = BTreeMap<(u32, usize), Arc<rayon::ThreadPool>>;
+    static POOLS: Mutex<Pools> = Mutex::new(BTreeMap::new());
     let mut pools = POOLS.lock().unwrap_or_else(PoisonError::into_inner);
-    if let Some(pool) = pools.get(&threads) {
+    let key = (std::process::id(), threads);
+    if let Some(pool) = pools.get(&key) {
         return Ok(Arc::clone(pool));
     }
     let started = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
     let pool = Arc::new(started.map_err(|error| DynamicsError::Threads(error.to_string()))?);
-    pools.insert(threads, Arc::clone(&pool));
+    pools.insert(key, Arc::clone(&pool));
     Ok(pool)
 }

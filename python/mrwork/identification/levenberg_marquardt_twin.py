@@ -19,7 +19,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.nuisance import NuisanceName, columns_of, scaled
 from mrwork.identification.objective import Objective
 from mrwork.simulate import loading_of
-from mrwork.twins.models import keep_compiled, simulate
+from mrwork.twins.models import begin, simulate
 
 
 class RecordArrays(NamedTuple):
@@ -180,6 +180,7 @@ def find_minimum_on_twin(
 def _minimised(
     objective: Objective, box: Box, start: NDArray[np.float64], on_step: OnStep | None
 ) -> TwinMinimum:
+    begin()
     minimum = TwinMinimum(theta=start, misfit=float(objective(start[None])[0]), steps=0, converged=False)
     for _ in range(_ROUNDS):
         substeps = _substeps(objective, minimum.theta)
@@ -231,7 +232,6 @@ class _Method(NamedTuple):
 
 @cache
 def _method(twin: TwinResiduals, box: Box) -> _Method:
-    keep_compiled()
     solver: Any = optx.LevenbergMarquardt(rtol=1e-9, atol=1e-9)
     options = {"jac": "fwd"}
     tags: frozenset[object] = frozenset()

@@ -18,7 +18,7 @@ from jax import Array
 
 from mrwork.dampers.parameters import CurrentLaws, current_laws
 from mrwork.dampers.spec import DamperSpec, damper
-from mrwork.errors import UnknownNameError
+from mrwork.errors import SettingError, UnknownNameError
 from mrwork.twins._base import Parameters  # also sets double precision
 
 Equation = Callable[[Parameters, Array, Array, Array], Array]
@@ -156,6 +156,27 @@ def _received(
 SWITCH = "MRWORK_COMPILATION_CACHE"
 # Shortest compilation time of a cached function [s].
 _WORTH_KEEPING = 0.1
+# The process that has used JAX: this one, or the one that it was forked from.
+_process: int | None = None
+
+
+def begin() -> None:
+    """Prepare JAX in this process: called before every computation on a twin.
+
+    Raises
+    ------
+    SettingError
+        In a forked process whose parent has used JAX: its threads do not exist there, and a computation would not end.
+    """
+    global _process  # one JAX for each process
+    if _process is None:
+        _process = os.getpid()
+        keep_compiled()
+    elif _process != os.getpid():
+        raise SettingError(
+            "this process was forked from one that has used JAX, where no computation with JAX can end; start "
+            'processes by multiprocessing.get_context("spawn")'
+        )
 
 
 @cache

@@ -26,7 +26,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.twins.loop.plant import Devices, LoopDevice, LoopPlant, pulls_of
 from mrwork.twins.loop.run import half_steps
 from mrwork.twins.loop.step import LoopState, StepGround, at_rest, step
-from mrwork.twins.models import keep_compiled
+from mrwork.twins.models import begin
 
 Floats = NDArray[np.float64]
 
@@ -103,7 +103,7 @@ class PrescribedLoop:
     _stretches: tuple[tuple[StepGround, Array], ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        keep_compiled()
+        begin()
         ground = [self.ground[:-1:2], self.ground[1::2], self.ground[2::2]]
         stretches = []
         for start in range(0, self.places.size, _STRETCH):

@@ -16,6 +16,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.twins.loop.laws import Law, LyapunovDirect, SignalNetwork
 from mrwork.twins.loop.plant import Devices, LoopDevice, LoopPlant
 from mrwork.twins.loop.run import half_steps, run_loop
+from mrwork.twins.models import begin
 
 Floats = NDArray[np.float64]
 _SIDE_BY_SIDE = 8
@@ -79,6 +80,7 @@ class TunedLoop:
         weights: Mapping[str, float],
         baseline: Floats,
     ) -> None:
+        begin()
         plant = LoopPlant.of(**matrices)
         devices, own = _devices(dampers), None if believed is None else _devices(believed)
         total = sum(weights.values())

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from mrwork.errors import SettingError
 from mrwork.simulate import loading_of
 from mrwork.summary import Summarised
-from mrwork.twins.models import simulate
+from mrwork.twins.models import begin, simulate
 from mrwork.uncertainty.noise import NOISES, names_in_words
 from mrwork.uncertainty.posterior.laplace import centre_and_root
 from mrwork.uncertainty.posterior.target import Target
@@ -168,6 +168,7 @@ def nuts_of(
         numpyro: Any = import_module("numpyro.infer")
     except ModuleNotFoundError as error:
         raise SettingError("NUTS needs numpyro; install it with pip install 'mrwork[nuts]'") from error
+    begin()
     trajectories = Trajectories.of(target, start)
     kernel = numpyro.NUTS(
         potential_fn=trajectories.potential, dense_mass=True, forward_mode_differentiation=True

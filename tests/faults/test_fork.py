@@ -1,0 +1,64 @@
+"""A process that is forked after mrwork has computed: simulations go on, what cannot is refused."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+
+import numpy as np
+import pytest
+
+import mrwork as mr
+from mrwork.errors import SettingError
+
+PATIENCE = 60.0
+
+
+def simulated(threads: int) -> float:
+    model = mr.damper("bouc_wen")
+    time = 1e-3 * np.arange(500)
+    loading = mr.Loading(
+        dt=1e-3, displacement=0.01 * np.sin(time), velocity=0.01 * np.cos(time), command=1.0, command_unit="A"
+    )
+    many = np.tile(model.nominal, (64, 1))
+    return float(np.abs(mr.simulate_force(model, many, loading, threads=threads)).sum())
+
+
+def begun() -> str:
+    from mrwork.twins.models import begin
+
+    try:
+        begin()
+    except SettingError as error:
+        return str(error)
+    return ""
+
+
+def in_child(work: Callable[[], object]) -> object:
+    """What `work` returns in a forked process, or a failure where it does not end."""
+    context = multiprocessing.get_context("fork")
+    ours, theirs = context.Pipe(duplex=False)
+
+    def run(end: Connection) -> None:
+        end.send(work())
+
+    child = context.Process(target=run, args=(theirs,))
+    child.start()
+    try:
+        assert ours.poll(PATIENCE), "the forked process does not end"
+        return ours.recv()
+    finally:
+        child.kill()
+        child.join()
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_a_forked_process_simulates_on_threads_of_its_own(threads: int) -> None:
+    assert in_child(lambda: simulated(threads)) == simulated(threads) == in_child(lambda: simulated(threads))
+
+
+@pytest.mark.filterwarnings("ignore:os.fork")
+def test_jax_is_refused_in_a_forked_process() -> None:
+    assert begun() == ""
+    assert "spawn" in str(in_child(begun))
