@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from dataclasses import fields
 from pathlib import Path
@@ -233,6 +234,31 @@ def test_half_the_step_changes_little_of_a_smooth_run_and_can_be_asked_for_later
     assert "Half the step: the largest change" in text
     # Recalled, not run again.
     assert (out / "journal.jsonl").read_text() == journal
+
+
+@pytest.mark.parametrize("damage", ["cut", "empty", "one bit", "not an archive"])
+def test_a_damaged_history_is_simulated_again_on_resuming(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], damage: str
+) -> None:
+    out = tmp_path / "run"
+    printed(capsys, "respond", path, "--out", out, "--quiet")
+    files = sorted((out / "histories").iterdir())
+    whole = files[0].read_bytes()
+    middle = len(whole) // 2
+    files[0].unlink()
+    files[0].write_bytes(
+        {
+            "cut": whole[:middle],
+            "empty": b"",
+            "one bit": whole[:middle] + bytes([whole[middle] ^ 1]) + whole[middle + 1 :],
+            "not an archive": b"\x93NUMPY" + whole,
+        }[damage]
+    )
+    printed(capsys, "respond", path, "--out", out, "--quiet", "--resume")
+    assert sorted((out / "histories").iterdir()) == files
+    with np.load(files[0]) as found, np.load(io.BytesIO(whole)) as expected:
+        for name in expected.files:
+            assert np.array_equal(found[name], expected[name]), name
 
 
 def test_an_unstable_gain_has_a_named_end_with_its_remedy_and_valid_json(

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import re
+import struct
+import zlib
 from dataclasses import fields
 from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -12,6 +15,19 @@ from mrwork.store.run_folder import HISTORIES, real_place, replacing
 from mrwork.store.unfinished import part_of
 from mrwork.study.run_result import RunHistory
 from mrwork.study.study import Study
+
+# What reading a damaged file of arrays raises.
+_DAMAGED = (
+    OSError,
+    ValueError,
+    KeyError,
+    EOFError,
+    MemoryError,
+    RuntimeError,
+    BadZipFile,
+    struct.error,
+    zlib.error,
+)
 
 
 class Histories:
@@ -23,6 +39,7 @@ class Histories:
     def __init__(self, path: Path, study: Study, *, resume: bool) -> None:
         self._begun = part_of(path) / HISTORIES
         self._folders = (self._begun, real_place(path) / HISTORIES) if resume else (self._begun,)
+        self._damaged: set[Path] = set()
         if not resume:
             self.discard()
         self._names = {
@@ -35,8 +52,15 @@ class Histories:
         }
 
     def kept(self, row: int, motion: int) -> bool:
-        """Whether the history of a run is stored."""
-        return self._path(row, motion) is not None
+        """Whether the history of a run is stored and whole; a damaged file is left out from now on."""
+        while (path := self._path(row, motion)) is not None:
+            try:
+                _read(path)
+            except _DAMAGED:
+                self._damaged.add(path)
+            else:
+                return True
+        return False
 
     def keep(self, row: int, motion: int, history: RunHistory) -> None:
         """Store the history of a run, whole or not at all.
@@ -55,16 +79,12 @@ class Histories:
         target = self._begun / self._names[row, motion]
         with replacing(target) as beside, beside.open("wb") as stream:
             np.savez(stream, **arrays)  # type: ignore[arg-type] # no array is called allow_pickle
+        self._damaged.discard(target)
 
     def read(self, row: int, motion: int) -> RunHistory | None:
         """The history of a run, if it is stored."""
         path = self._path(row, motion)
-        if path is None:
-            return None
-        with np.load(path) as arrays:
-            return RunHistory(
-                **{entry.name: arrays[entry.name].astype(np.float64) for entry in fields(RunHistory)}
-            )
+        return None if path is None else _read(path)
 
     def paths(self) -> list[Path]:
         """Files of all stored histories."""
@@ -80,7 +100,15 @@ class Histories:
 
     def _path(self, row: int, motion: int) -> Path | None:
         name = self._names[row, motion]
-        return next((folder / name for folder in self._folders if (folder / name).is_file()), None)
+        found = (folder / name for folder in self._folders)
+        return next((path for path in found if path not in self._damaged and path.is_file()), None)
+
+
+def _read(path: Path) -> RunHistory:
+    with path.open("rb") as stream, np.load(stream) as arrays:
+        return RunHistory(
+            **{entry.name: arrays[entry.name].astype(np.float64) for entry in fields(RunHistory)}
+        )
 
 
 def stem_of(name: str) -> str:
