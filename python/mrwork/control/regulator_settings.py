@@ -17,8 +17,8 @@ from mrwork.control.design_problem import Design, DesignProblem
 from mrwork.control.inverse_network import InverseNetwork, train_inverse_network
 from mrwork.control.lqr import Regulator, regulator_of_weights, regulators_of_weights
 from mrwork.control.plant import Plant
-from mrwork.control.setting_base import LawSettings, Span
-from mrwork.control.weights import CostWeights, Weighed, Weights
+from mrwork.control.setting_base import LawSettings, Span, attempted, solved_together
+from mrwork.control.weights import CostWeights, Weights
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.keys import key
@@ -62,21 +62,17 @@ class RegulatorSettings(CostWeights, LawSettings):
     def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
         """The designs of many settings, all their regulators by one call of the compiled solver."""
         plant = problem.plant
-        costs: list[tuple[Weighed, Weights] | SettingError] = []
-        for settings in many:
-            try:
-                costs.append((settings.weighed(plant), settings.control_weight_of(plant)))
-            except SettingError as reason:
-                costs.append(reason)
-        sound = [cost for cost in costs if not isinstance(cost, SettingError)]
-        regulators = iter(
-            regulators_of_weights(plant, [weighed for weighed, _ in sound], [weight for _, weight in sound])
+        costs = attempted(lambda each: (each.weighed(plant), each.control_weight_of(plant)), many)
+        regulators = solved_together(
+            lambda sound: regulators_of_weights(
+                plant, [weighed for weighed, _ in sound], [weight for _, weight in sound]
+            ),
+            costs,
         )
-        found: list[Design | SettingError] = []
-        for settings, cost in zip(many, costs, strict=True):
-            known = cost if isinstance(cost, SettingError) else next(regulators)
-            found.append(known if isinstance(known, SettingError) else settings.of_regulator(problem, known))
-        return found
+        return [
+            found if isinstance(found, SettingError) else settings.of_regulator(problem, found)
+            for settings, found in zip(many, regulators, strict=True)
+        ]
 
     def certificate(self, problem: DesignProblem) -> str:
         """Stability of the linear loop of the regulator."""
