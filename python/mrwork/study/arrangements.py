@@ -14,6 +14,7 @@ from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
 from mrwork.buildings.from_file import building_from_table
 from mrwork.buildings.matrix_files import read_matrix
+from mrwork.closed_loop.hardware import Hardware
 from mrwork.control.design_problem import DesignProblem
 from mrwork.control.law_design import design_law
 from mrwork.control.law_settings import SETTINGS
@@ -89,7 +90,7 @@ def arrangements(
 
 
 def problem_of(
-    table: StudyTable, building: Building, devices: tuple[Device, ...], sample_time: float
+    table: StudyTable, building: Building, devices: tuple[Device, ...], hardware: Hardware
 ) -> DesignProblem:
     """The building with its dampers, for which the laws of a study are designed.
 
@@ -102,7 +103,8 @@ def problem_of(
     return DesignProblem(
         building=building,
         devices=devices,
-        sample_time=sample_time,
+        sample_time=hardware.sample_time,
+        delay=hardware.delay,
         amplitude=None if first is None else _range(first, "amplitude", first.amplitude),
         velocity=None if first is None else _range(first, "velocity", first.velocity),
     )
