@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,13 @@ from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.summary import Summarised
 
 SettingValue = (
-    float | Mapping[str, object] | Sequence[float] | Sequence[Sequence[float]] | NDArray[np.float64] | None
+    float
+    | Sequence[float]
+    | Sequence[Sequence[float]]
+    | NDArray[np.float64]
+    | WeightWishes
+    | Mapping[str, Any]
+    | None
 )
 """A value of a setting of a control law; a weight may be an array or a matrix, designed weights are a table."""
 
