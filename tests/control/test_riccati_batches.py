@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
+from itertools import product
 
 import mpmath
 import numpy as np
@@ -17,7 +19,7 @@ from mrwork.control import (
     lyapunov_solutions,
     regulator_gains,
 )
-from mrwork.control.design_problem import DesignProblem
+from mrwork.control.design_problem import Design, DesignProblem
 from mrwork.control.law_settings import SETTINGS
 from mrwork.control.lqr import Regulator, regulator_of_weights, regulators_of_weights
 from mrwork.control.plant import Plant, accelerations
@@ -271,7 +273,57 @@ def test_many_laws_are_those_that_are_designed_alone(law: str, design_problem: D
             with pytest.raises(SettingError, match=re.escape(str(together))):
                 settings.design(design_problem)
         else:
-            alone = settings.design(design_problem)
-            assert together.gains.keys() == alone.gains.keys()
-            for name, gain in alone.gains.items():
-                assert together.gains[name].tobytes() == gain.tobytes()
+            assert_same_bits(together, settings.design(design_problem))
+
+
+def assert_same_bits(together: Design, alone: Design) -> None:
+    assert together.gains.keys() == alone.gains.keys()
+    for name, gain in alone.gains.items():
+        assert together.gains[name].tobytes() == gain.tobytes()
+
+
+SURFACES: list[dict[str, object]] = [
+    {"peak_acceleration": peak, "largest_force": 2000.0, "bandwidth": width}
+    for peak, width in ((1.0, 50.0), (3.0, 150.0))
+]
+LYAPUNOV: list[dict[str, object]] = [
+    {},
+    {"drifts": 1.0, "velocities": 2.0},
+    {"drifts": (1.0, 2.0)},
+    {"energy": 3.0},
+]
+FAMILIES: dict[str, list[dict[str, object]]] = {
+    **dict.fromkeys(
+        ("lyapunov", "lyapunov_direct", "lyapunov_parabola", "lyapunov_direct_bang_bang"), LYAPUNOV
+    ),
+    "proportional_direct": [
+        {"slope": 1e-3 * (number + 1), **weights, **R}
+        for number, (weights, R) in enumerate(product(LYAPUNOV, ({}, {"control_weight": 1e-9})))
+    ],
+    **dict.fromkeys(("sliding_mode", "adaptive_sliding_mode", "super_twisting"), SURFACES),
+}
+
+
+@pytest.mark.parametrize("law", FAMILIES)
+def test_a_family_of_designs_is_that_of_each_alone(law: str, design_problem: DesignProblem) -> None:
+    """Laws of Lyapunov functions, with a weight of the wrong shape among them, and of sliding surfaces."""
+    many = [SETTINGS[law](**each) for each in FAMILIES[law]]
+    refused = [each.get("drifts") == (1.0, 2.0) for each in FAMILIES[law]]
+    found = SETTINGS[law].designs(design_problem, many)
+    assert [isinstance(each, SettingError) for each in found] == refused
+    for settings, together in zip(many, found, strict=True):
+        if isinstance(together, SettingError):
+            with pytest.raises(SettingError, match=re.escape(str(together))):
+                settings.design(design_problem)
+        else:
+            assert_same_bits(together, settings.design(design_problem))
+
+
+@pytest.mark.parametrize("law", ["lyapunov", "proportional_direct"])
+def test_a_building_without_damping_refuses_the_whole_family(law: str, design_problem: DesignProblem) -> None:
+    building = design_problem.building
+    undamped = replace(design_problem, building=replace(building, damping=np.zeros_like(building.damping)))
+    many = [SETTINGS[law](**each) for each in FAMILIES[law] if "control_weight" not in each]
+    for each in SETTINGS[law].designs(undamped, many):
+        assert isinstance(each, SettingError)
+        assert "drifts has 2 weights" in str(each) or "needs damping in every mode" in str(each)

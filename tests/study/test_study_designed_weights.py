@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,16 +12,24 @@ from command_line import mrwork
 from study_texts import study_text
 
 import mrwork as mr
-from mrwork.control import RegulatorSettings, WeightWishes, design_weights
+from mrwork.control import (
+    LoopTiming,
+    RegulatorSettings,
+    SemiActiveCondition,
+    WeightWishes,
+    design_weights,
+)
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.motions import fitted_spectrum
+from mrwork.study.print_schema import laws_text
+from mrwork.tuning.folder import chosen_study
 
 WISHES = "designed = { rms_drift = '4 mm', rms_acceleration = '0.5 g', budget = '0.9 kN' }"
 
 
-def read(folder: Path, settings: str) -> mr.Study:
+def read(folder: Path, settings: str, damper: str = "differential = true") -> mr.Study:
     file = folder / "study.toml"
-    file.write_text(study_text(settings))
+    file.write_text(study_text(settings, damper=damper))
     return mr.read_study(file)
 
 
@@ -106,9 +115,123 @@ def test_one_number_of_r_keeps_the_ratio_of_two_devices() -> None:
     )
 
 
+SAMPLED = WISHES.replace(" }", ", sampled = true }")
+
+
+@pytest.mark.parametrize(
+    ("damper", "rate"), [("differential = true", None), ("differential = true\nlag = 190", 190.0)]
+)
+@pytest.mark.parametrize(("share", "scale"), [(None, 1.0), (0.1, 0.1)])
+def test_a_sampled_design_is_that_of_the_loop_of_the_study(
+    tmp_path: Path, damper: str, rate: float | None, share: float | None, scale: float
+) -> None:
+    wishes = SAMPLED if share is None else SAMPLED.replace(" }", f", semi_active = {share} }}")
+    text = f"{wishes}\ncontrol_weight = {scale}\n[hardware]\nsample_time = '2 ms'\ndelay = '4 ms'"
+    law = read(tmp_path, text, damper).arrangements[-1].law
+    assert law is not None
+    frame = mr.building("uts")
+    expected = design_weights(
+        frame,
+        frame.storeys[:1],
+        limits={"rms_drift": 4e-3, "rms_acceleration": 0.5 * 9.80665},
+        budget="0.9 kN",
+        timing=LoopTiming(sample_time=2e-3, delay=4e-3, driver_rate=rate),
+        semi_active=None if share is None else SemiActiveCondition(share=share),
+    )
+    np.testing.assert_array_equal(law.gains["gain"], expected.gain_with(scale))
+    assert expected.in_words[0] in law.notes
+
+
+def sampled_problem(*lags: float | None, delay: float = 0.0) -> mr.control.DesignProblem:
+    """The frame with a damper in each of the first storeys, whose drivers lag at these rates."""
+    frame, rd1005 = mr.building("uts"), mr.damper("static_hysteretic").preset("kwok2006")
+    current = rd1005.spec.current
+    assert current is not None
+    plain = mr.damper("static_hysteretic")
+    laws = dict(zip(plain.names, current.laws, strict=True))
+    numbers = np.asarray(rd1005.theta)[: len(rd1005.theta) - current.lagged]
+    devices = [
+        mr.Device(
+            name=f"{k}",
+            spec=plain.with_current_laws(laws, unit=current.unit, lagged=lag is not None),
+            theta=numbers if lag is None else [*numbers, lag],
+            row=frame.storeys[k],
+            largest_command=1.88,
+        )
+        for k, lag in enumerate(lags)
+    ]
+    return mr.control.DesignProblem(building=frame, devices=devices, sample_time=1e-3, delay=delay)
+
+
+def test_sampled_designs_stand_among_others_in_a_batch() -> None:
+    problem = sampled_problem(190.0)
+    wishes = WeightWishes(rms_drift=4e-3, budget=900.0)
+    many = [
+        RegulatorSettings(designed=wishes, control_weight=0.1),
+        RegulatorSettings(designed=replace(wishes, sampled=True), control_weight=0.1),
+        RegulatorSettings(designed=replace(wishes, sampled=True), control_weight=(0.1,)),
+        RegulatorSettings(drifts=1.0, control_weight=1e-9),
+    ]
+    found = RegulatorSettings.designs(problem, many)
+    for settings, each in zip(many, found, strict=True):
+        if isinstance(each, SettingError):
+            assert "is one number, the size of R over R as designed" in str(each)
+            assert settings is many[2]
+        else:
+            np.testing.assert_array_equal(each.gains["gain"], settings.design(problem).gains["gain"])
+    assert "sampled loop with its delay is stable" in many[1].certificate(problem)
+
+
+def test_a_sampled_design_that_cannot_be_is_refused() -> None:
+    wishes = WeightWishes(rms_drift=4e-3, budget=900.0, sampled=True)
+    settings = RegulatorSettings(designed=wishes, control_weight=1.0)
+    for problem, words in (
+        (sampled_problem(190.0, 100.0), r"lags of different rates \(190 1/s, 100 1/s\)"),
+        (sampled_problem(None, 100.0), r"lags of different rates \(none, 100 1/s\)"),
+        (sampled_problem(None, delay=5e-4), "not a whole number of samples"),
+    ):
+        with pytest.raises(SettingError, match=words):
+            settings.design(problem)
+    with pytest.raises(SettingError, match="active commands ideal actuators"):
+        mr.control.design_law("active", sampled_problem(None), settings)
+
+
+def test_a_tuned_law_may_have_a_sampled_design(tmp_path: Path) -> None:
+    """Its gain is that of the same settings of a controller, from the table and from the study that is written."""
+    file = tmp_path / "study.toml"
+    tune = f"""[[tune]]
+laws = ["clipped_optimal"]
+free = {{ control_weight = [0.01, 1.0] }}
+population = 6
+budget = 6
+[tune.settings]
+{SAMPLED}
+"""
+    file.write_text(study_text(f"{SAMPLED}\ncontrol_weight = 0.1\n{tune}"))
+    results = mr.tune(mr.read_study(file), threads=1)
+    found = results.laws[0]
+    assert found.refused == 0
+    assert "sampled loop with its delay is stable" in found.certificate
+    (tmp_path / "chosen.toml").write_text(chosen_study(results, file))
+    chosen = mr.read_study(tmp_path / "chosen.toml").arrangements
+    law = next(each.law for each in chosen if each.row.label == found.label)
+    assert law is not None
+    expected = read_with(tmp_path, found.settings["control_weight"])
+    np.testing.assert_array_equal(law.gains["gain"], expected)
+
+
+def read_with(folder: Path, control_weight: float) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
+    law = read(folder, f"{SAMPLED}\ncontrol_weight = {control_weight!r}").arrangements[-1].law
+    assert law is not None
+    return np.asarray(law.gains["gain"])
+
+
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
+        (f"{SAMPLED}\ncontrol_weight = [1]", "control_weight of a sampled design is one number"),
+        (f"{SAMPLED}\ncontrol_weight = 1\ndrifts = 1", "designed weights, and drifts; keep one"),
+        (SAMPLED.replace("true", "1"), "sampled is 1; give true or false"),
         (f"{WISHES}\ncontrol_weight = 1\ndrifts = 1", "designed weights, and drifts; keep one"),
         ("designed = { rms_drift = 0.004 }\ncontrol_weight = 1", "has no budget"),
         ("designed = { peak_drift = 0.004, budget = 1 }\ncontrol_weight = 1", "no key 'peak_drift'"),
@@ -128,5 +251,22 @@ def test_a_budget_in_another_unit_is_refused() -> None:
     frame = mr.building("uts")
     with pytest.raises(SettingError, match="its unit may be N, kN"):
         design_weights(frame, frame.storeys[:1], limits={"rms_drift": 1e-3}, budget="1.5 mm")
+    with pytest.raises(SettingError, match="WeightWishes has no budget"):
+        WeightWishes(rms_drift=1e-3)  # type: ignore[call-arg]
     with pytest.raises(InvalidSettingError, match="fitted to the record"):
         WeightWishes(rms_drift=1e-3, budget=1.0, record="x.csv", intensity=0.1).spectral_density()
+
+
+def test_the_key_is_listed_with_the_laws() -> None:
+    assert "sampled" in laws_text()
+
+
+def test_a_law_of_weights_takes_no_sampled_design() -> None:
+    wishes = WeightWishes(rms_drift=4e-3, budget=900.0, sampled=True)
+    for law, more in (("lyapunov", {}), ("proportional_direct", {"slope": 1.0, "control_weight": 1.0})):
+        with pytest.raises(InvalidSettingError, match="this law takes weights; leave sampled out"):
+            mr.control.design_law(law, sampled_problem(None), {"designed": {**plain(wishes)}, **more})
+
+
+def plain(wishes: WeightWishes) -> dict[str, object]:
+    return {"rms_drift": wishes.rms_drift, "budget": wishes.budget, "sampled": wishes.sampled}

@@ -88,6 +88,8 @@ class UserLaw(Summarised):
         Numbers that each run keeps from sample to sample: the second argument, shape (n_runs, n_memory), zero at the
         start and changed in place. A law must keep nothing elsewhere, since a run is repeated with a shorter step where
         a damper requires it.
+    source
+        Digest of the text that `command` is from, by which a journal tells laws apart.
 
     Raises
     ------
@@ -114,6 +116,8 @@ class UserLaw(Summarised):
     command: Callable[[LoopSample, Floats], ArrayLike]
     n_candidates: int = 1
     n_memory: int = 0
+    source: str = ""
+    notes: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
         if not callable(self.command):

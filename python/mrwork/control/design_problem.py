@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
 from mrwork.control.counterpart import is_curve, static_counterpart
+from mrwork.control.design.limits import LoopTiming
 from mrwork.control.plant import Plant, plant_of
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
@@ -24,17 +25,18 @@ Floats = NDArray[np.float64]
 class DesignProblem(Summarised):
     """The building with its devices for which a law is designed.
 
-    `sample_time` [s] is that of the loop. `amplitude` [m] and `velocity` [m/s] are the smallest and the largest ones
-    expected of the dampers, if given.
+    `sample_time` and `delay` [s] are those of the loop. `amplitude` [m] and `velocity` [m/s] are the smallest and the
+    largest ones expected of the dampers, if given.
     """
 
-    _units: ClassVar[Mapping[str, str]] = {"sample_time": "s"}
+    _units: ClassVar[Mapping[str, str]] = {"sample_time": "s", "delay": "s"}
 
     building: Building
     devices: Sequence[Device]
     sample_time: float
     amplitude: tuple[float, float] | None = None
     velocity: tuple[float, float] | None = None
+    delay: float = 0.0
 
     @property
     def curve(self) -> tuple[DamperSpec, Floats]:
@@ -68,6 +70,31 @@ class DesignProblem(Summarised):
         """The linear system of the building with its devices."""
         rows = np.array([device.row for device in self.devices])
         return plant_of(self.building, rows, [device.name for device in self.devices])
+
+    @property
+    def timing(self) -> LoopTiming:
+        """Sample time and delay of the loop, and the lag of the driver of the devices; without one, no lag.
+
+        Raises
+        ------
+        SettingError
+            If the drivers of the devices differ, or the delay is not a whole number of samples or has too many.
+        """
+        # The rate of the driver is the last parameter of a model that has one.
+        rates = dict.fromkeys(
+            float(device.draws[0, -1])
+            if device.spec.current is not None and device.spec.current.lagged
+            else None
+            for device in self.devices
+        )
+        if len(rates) > 1:
+            shown = ", ".join("none" if rate is None else f"{rate:g} 1/s" for rate in rates)
+            raise SettingError(
+                f"the drivers of the devices have lags of different rates ({shown}), and a design in discrete time "
+                "takes one; give all devices the same lag"
+            )
+        (rate,) = rates
+        return LoopTiming(sample_time=self.sample_time, delay=self.delay, driver_rate=rate)
 
     def each(self, number: float) -> Floats:
         """An array with the same number for every device."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -74,11 +75,17 @@ def fuzzy_table(*, deformation_scale: float, rate_scale: float, n_points: int = 
         )
     if n_points < 5 or n_points % 2 == 0:
         raise SettingError(f"`n_points` is {n_points}; give an odd number, 5 or more")
+    points, share = _shares(n_points)
+    return FuzzyTable(points=points, share=share, deformation_scale=deformation_scale, rate_scale=rate_scale)
+
+
+@cache
+def _shares(n_points: int) -> tuple[Floats, Floats]:
+    """Points and shares of the scaled inputs, read-only; the same for all scales, of which a search tries many."""
     points = np.linspace(-1.0, 1.0, n_points)
-    rows = [infer(points[row], points) for row in range(n_points)]
-    return FuzzyTable(
-        points=points, share=np.array(rows), deformation_scale=deformation_scale, rate_scale=rate_scale
-    )
+    share = np.array([infer(points[row], points) for row in range(n_points)])
+    points.flags.writeable = share.flags.writeable = False
+    return points, share
 
 
 def infer(deformation: ArrayLike, rate: ArrayLike) -> Floats:

@@ -5,20 +5,30 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.control.design.wishes import WeightWishes
 from mrwork.control.design_problem import Design, DesignProblem
 from mrwork.control.law_settings import SETTINGS
-from mrwork.control.laws import ControlLaw, control_law
+from mrwork.control.laws import ControlLaw, ControlLawSpec, control_law
 from mrwork.control.setting_base import LawSettings
-from mrwork.errors import SettingError
+from mrwork.control.weights import CostWeights
+from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.summary import Summarised
 
-SettingValue = float | Sequence[float] | Sequence[Sequence[float]] | NDArray[np.float64] | None
-"""A value of a setting of a control law; a weight may be an array or a matrix."""
+SettingValue = (
+    float
+    | Sequence[float]
+    | Sequence[Sequence[float]]
+    | NDArray[np.float64]
+    | WeightWishes
+    | Mapping[str, Any]
+    | None
+)
+"""A value of a setting of a control law; a weight may be an array or a matrix, designed weights are a table."""
 
 _NO_SETTINGS: Final[Mapping[str, SettingValue]] = MappingProxyType({})
 
@@ -34,6 +44,9 @@ def settings_of(name: str, given: Mapping[str, SettingValue]) -> LawSettings:
         If a setting is unknown or missing, or a number is out of range.
     """
     control_law(name)
+    wishes = given.get("designed")
+    if isinstance(wishes, Mapping):
+        given = {**given, "designed": WeightWishes(**wishes)}
     return SETTINGS[name](**given)
 
 
@@ -81,6 +94,7 @@ def design_law(
         raise SettingError(
             f"the settings are {type(settings).__name__}; {name} takes {SETTINGS[name].__name__}"
         )
+    _check_loop(spec, settings)
     design = settings.design(problem)
     curve = problem.curve if spec.needs_curve else None
     return ControlLaw(
@@ -120,6 +134,8 @@ def design_candidates(
     designs: list[Design] = []
     designed: list[int] = []
     refusals: dict[int, str] = {}
+    for each in settings:
+        _check_loop(spec, each)
     for index, found in enumerate(SETTINGS[name].designs(problem, settings)):
         if isinstance(found, SettingError):
             refusals[index] = str(found)
@@ -135,6 +151,16 @@ def design_candidates(
     }
     law = ControlLaw(name=name, gains=gains, tables=designs[0].tables, curve=curve)
     return DesignedCandidates(law=law, designed=tuple(designed), refusals=refusals)
+
+
+def _check_loop(spec: ControlLawSpec, settings: LawSettings) -> None:
+    """Refuse a sampled design for ideal actuators, which have no driver."""
+    if spec.commands_force and isinstance(settings, CostWeights) and settings.sampled:
+        raise InvalidSettingError(
+            "designed",
+            f"{spec.name} commands ideal actuators, and a sampled design is for the driver of the dampers; leave "
+            "sampled out",
+        )
 
 
 def _same_tables(one: Design, other: Design) -> bool:

@@ -9,28 +9,28 @@ with its devices. `SETTINGS` names the class of each law.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from mrwork.control.design_problem import Design, DesignProblem
 from mrwork.control.fuzzy import fuzzy_table
-from mrwork.control.lqr import regulator_of_weights
-from mrwork.control.lyapunov import LyapunovFunction, lyapunov_function
+from mrwork.control.lqr import regulators_of_weights
+from mrwork.control.lyapunov import lyapunov_functions
 from mrwork.control.plant import Plant
 from mrwork.control.regulator_settings import ClippedSettings, NetworkSettings, RegulatorSettings
-from mrwork.control.setting_base import LawSettings, Span
+from mrwork.control.setting_base import LawSettings, Span, attempted, solved_together
 from mrwork.control.signal_settings import SignalNetworkSettings, SignalPolynomialSettings
 from mrwork.control.surface_settings import (
     AdaptiveSlidingSettings,
     SlidingSettings,
     SuperTwistingSettings,
 )
-from mrwork.control.weights import CostWeights, Weights
-from mrwork.errors import InvalidSettingError
+from mrwork.control.weights import CostWeights, Weighed, Weights
+from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.keys import key
 
 Floats = NDArray[np.float64]
@@ -123,12 +123,28 @@ class LyapunovSettings(CostWeights, LawSettings):
     weighed_by_default: ClassVar[Mapping[str, float]] = {"drifts": 1.0}
 
     def design(self, problem: DesignProblem) -> Design:
-        """Weight of the state."""
-        return Design(gains={"weight": self.function(problem.plant).vectors})
+        """The gains that follow from the weight of the state."""
+        (found,) = type(self).designs(problem, [self])
+        if isinstance(found, SettingError):
+            raise found
+        return found
 
-    def function(self, plant: Plant) -> LyapunovFunction:
-        """The Lyapunov function with these weights."""
-        return lyapunov_function(plant, self.weighed(plant).Q)
+    @classmethod
+    def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
+        """The designs of many settings, all their equations by one call of the compiled solver."""
+        return [
+            vectors if isinstance(vectors, SettingError) else settings.of_vectors(problem, vectors)
+            for settings, vectors in zip(many, cls.weight_vectors(problem.plant, many), strict=True)
+        ]
+
+    @classmethod
+    def weight_vectors(cls, plant: Plant, many: Sequence[Self]) -> list[Floats | SettingError]:
+        """Weight of the state of each, shape (n_devices, 2n): B'P of the Lyapunov function."""
+        return _lyapunov_vectors(plant, many)
+
+    def of_vectors(self, problem: DesignProblem, vectors: Floats) -> Design:
+        """The design that follows from this weight of the state."""
+        return Design(gains={"weight": vectors})
 
     def certificate(self, problem: DesignProblem) -> str:
         """The Lyapunov function of the building."""
@@ -159,14 +175,38 @@ class ProportionalSettings(LyapunovSettings):
         span=Span(lower=1e-6, upper=10.0, of=(("cost", 1.0), ("force", -2.0)), free=False),
     )
 
-    def design(self, problem: DesignProblem) -> Design:
+    @classmethod
+    def weight_vectors(cls, plant: Plant, many: Sequence[Self]) -> list[Floats | SettingError]:
+        """Weight of the state of each: of the regulator with a control weight, of the Lyapunov function without."""
+        regulated = iter(
+            _regulator_vectors(plant, [each for each in many if each.control_weight is not None])
+        )
+        free = iter(_lyapunov_vectors(plant, [each for each in many if each.control_weight is None]))
+        return [next(free if each.control_weight is None else regulated) for each in many]
+
+    def of_vectors(self, problem: DesignProblem, vectors: Floats) -> Design:
         """Weight of the state, and the slope of each device."""
-        plant = problem.plant
-        if self.control_weight is None:
-            weight = self.function(plant).vectors
-        else:
-            weight = regulator_of_weights(plant, self.weighed(plant), self.control_weight).vectors
-        return Design(gains={"weight": weight, "slope": problem.each(self.slope)})
+        return Design(gains={"weight": vectors, "slope": problem.each(self.slope)})
+
+
+def _lyapunov_vectors(plant: Plant, many: Sequence[LyapunovSettings]) -> list[Floats | SettingError]:
+    found = solved_together(
+        lambda weights: lyapunov_functions(plant, weights),
+        attempted(lambda each: each.weighed(plant).Q, many),
+    )
+    return [each if isinstance(each, SettingError) else each.vectors for each in found]
+
+
+def _regulator_vectors(plant: Plant, many: Sequence[ProportionalSettings]) -> list[Floats | SettingError]:
+    def cost(each: ProportionalSettings) -> tuple[Weighed, ArrayLike]:
+        assert each.control_weight is not None
+        return each.weighed(plant), each.control_weight
+
+    found = solved_together(
+        lambda sound: regulators_of_weights(plant, [one for one, _ in sound], [R for _, R in sound]),
+        attempted(cost, many),
+    )
+    return [each if isinstance(each, SettingError) else each.vectors for each in found]
 
 
 SETTINGS: Mapping[str, type[LawSettings]] = {

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.control.plant import Outputs, Plant, accelerations
 from mrwork.control.riccati import RiccatiStatus, regulator_gains
+from mrwork.control.setting_base import attempted, solved_together
 from mrwork.control.weights import Weighed, weighed_outputs, weighed_state, weight_matrix
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.summary import Summarised
@@ -134,20 +135,14 @@ def regulators_of_weights(
     tuple
         A regulator for each, or the error that says why there is none; the others do not depend on it.
     """
-    found: list[Regulator | SettingError | None] = []
-    costs: list[tuple[Floats, Floats, Floats]] = []
-    for each, control_weight in zip(weighed, control_weights, strict=True):
-        try:
-            R = weight_matrix("control_weight", control_weight, plant.n_devices, "devices") + each.S
-        except SettingError as error:
-            found.append(error)
-            continue
-        found.append(None)
-        costs.append((each.Q, R, each.N))
-    if costs:
-        solved = iter(_regulators(plant, costs, threads))
-        found = [next(solved) if each is None else each for each in found]
-    return tuple(each for each in found if each is not None)
+
+    def cost(pair: tuple[Weighed, ArrayLike]) -> tuple[Floats, Floats, Floats]:
+        each, control_weight = pair
+        R = weight_matrix("control_weight", control_weight, plant.n_devices, "devices") + each.S
+        return each.Q, R, each.N
+
+    costs = attempted(cost, zip(weighed, control_weights, strict=True))
+    return tuple(solved_together(lambda sound: _regulators(plant, sound, threads), costs))
 
 
 def _regulators(

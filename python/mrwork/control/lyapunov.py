@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import lyapunov_solutions
+from mrwork.control.setting_base import attempted, solved_together
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised
 
@@ -46,8 +48,61 @@ def lyapunov_function(plant: Plant, weight: ArrayLike | None = None) -> Lyapunov
     SettingError
         If Q_P is not symmetric and positive, or a mode of the building without control is undamped.
     """
-    size = 2 * plant.n_coordinates
-    Q_P = plant.energy if weight is None else np.asarray(weight, dtype=np.float64)
+    (found,) = lyapunov_functions(plant, [plant.energy if weight is None else weight], threads=1)
+    if isinstance(found, SettingError):
+        raise found
+    return found
+
+
+def lyapunov_functions(
+    plant: Plant, weights: Sequence[ArrayLike], *, threads: int = 0
+) -> tuple[LyapunovFunction | SettingError, ...]:
+    """The Lyapunov functions of many weights Q_P, by one call of the compiled solver; see `lyapunov_function`.
+
+    Parameters
+    ----------
+    threads
+        Number of threads, 0 for all processors.
+
+    Returns
+    -------
+    tuple
+        A function for each, or the error that says why there is none; the others do not depend on it.
+    """
+    T = plant.scaling
+    undamped = _undamped(plant, T)
+
+    def solved(sound: list[Floats]) -> list[LyapunovFunction | SettingError]:
+        if undamped is not None:
+            return [undamped for _ in sound]
+        solutions = lyapunov_solutions(plant.A, np.array(sound), scaling=T, threads=threads)
+
+        def function(row: int) -> LyapunovFunction:
+            solutions.check(row)
+            P = solutions.P[row]
+            return LyapunovFunction(P=P, weight=sound[row], vectors=plant.B.T @ P)
+
+        return attempted(function, range(len(sound)))
+
+    return tuple(solved_together(solved, attempted(lambda weight: _checked(weight, T), weights)))
+
+
+def _undamped(plant: Plant, T: Floats) -> SettingError | None:
+    """The refusal of a building with an undamped mode."""
+    A_z = np.linalg.inv(T) @ plant.A @ T
+    slowest = float(np.max(np.linalg.eigvals(A_z).real))
+    if slowest < -1e-9 * float(np.linalg.norm(A_z, 2)):
+        return None
+    return SettingError(
+        f"{plant.building.name} has a mode that decays at {-slowest:.2g} 1/s without control; "
+        f"a Lyapunov function needs damping in every mode"
+    )
+
+
+def _checked(weight: ArrayLike, T: Floats) -> Floats:
+    """Q_P as a matrix that is symmetric and positive semidefinite, shape (2n, 2n)."""
+    size = len(T)
+    Q_P = np.asarray(weight, dtype=np.float64)
     if Q_P.ndim < 2:
         Q_P = np.diag(np.broadcast_to(Q_P, size))
     if Q_P.shape != (size, size):
@@ -56,20 +111,9 @@ def lyapunov_function(plant: Plant, weight: ArrayLike | None = None) -> Lyapunov
         )
     if not np.isfinite(Q_P).all():
         raise SettingError("`weight` holds a value that is not a finite number")
-    T = plant.scaling
-    inverse = np.linalg.inv(T)
-    A_z, Q_z = inverse @ plant.A @ T, T.T @ Q_P @ T
+    Q_z = T.T @ Q_P @ T
     size_z = float(np.linalg.norm(Q_z))
     asymmetry = np.abs(Q_z - Q_z.T).max()
     if asymmetry > 1e-9 * size_z or np.linalg.eigvalsh(Q_z)[0] < -1e-9 * size_z:
         raise SettingError("`weight` is not symmetric and positive semidefinite; give a Q_P that is")
-    slowest = float(np.max(np.linalg.eigvals(A_z).real))
-    if not slowest < -1e-9 * float(np.linalg.norm(A_z, 2)):
-        raise SettingError(
-            f"{plant.building.name} has a mode that decays at {-slowest:.2g} 1/s without control; "
-            f"a Lyapunov function needs damping in every mode"
-        )
-    found = lyapunov_solutions(plant.A, Q_P, scaling=T, threads=1)
-    found.check()
-    P = found.P[0]
-    return LyapunovFunction(P=P, weight=Q_P, vectors=plant.B.T @ P)
+    return Q_P

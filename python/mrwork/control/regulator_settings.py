@@ -17,10 +17,10 @@ from mrwork.control.design_problem import Design, DesignProblem
 from mrwork.control.inverse_network import InverseNetwork, train_inverse_network
 from mrwork.control.lqr import Regulator, regulator_of_weights, regulators_of_weights
 from mrwork.control.plant import Plant
-from mrwork.control.setting_base import LawSettings, Span
-from mrwork.control.weights import CostWeights, Weighed, Weights
+from mrwork.control.setting_base import NO_CERTIFICATE, LawSettings, Span, attempted, solved_together
+from mrwork.control.weights import CostWeights, Weights
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import SettingError
+from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.keys import key
 
 Floats = NDArray[np.float64]
@@ -40,12 +40,24 @@ class RegulatorSettings(CostWeights, LawSettings):
     )
 
     def design(self, problem: DesignProblem) -> Design:
-        """The gain of the regulator."""
-        return self.of_regulator(problem, self.regulator(problem))
+        """The gain of the regulator, or that of a sampled design."""
+        gain = self.sampled_gain(problem) if self.sampled else self.regulator(problem).gain
+        return self.of_gain(problem, gain)
 
-    def of_regulator(self, problem: DesignProblem, regulator: Regulator) -> Design:
-        """The design that follows from the regulator with these weights."""
-        return Design(gains={"gain": regulator.gain})
+    def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
+        """The design that follows from the gain of the wanted forces."""
+        return Design(gains={"gain": gain})
+
+    def sampled_gain(self, problem: DesignProblem) -> Floats:
+        """The gain of least cost in the sampled loop, with `control_weight` times R as designed."""
+        assert self.designed is not None
+        self.check_designed_alone()
+        if not isinstance(self.control_weight, float | int):
+            raise InvalidSettingError(
+                "control_weight",
+                "control_weight of a sampled design is one number, the size of R over R as designed; give one",
+            )
+        return self.designed.of_problem(problem).gain_with(self.control_weight)
 
     def regulator(self, problem: DesignProblem) -> Regulator:
         """The regulator with these weights."""
@@ -62,30 +74,51 @@ class RegulatorSettings(CostWeights, LawSettings):
     def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
         """The designs of many settings, all their regulators by one call of the compiled solver."""
         plant = problem.plant
-        costs: list[tuple[Weighed, Weights] | SettingError] = []
-        for settings in many:
-            try:
-                costs.append((settings.weighed(plant), settings.control_weight_of(plant)))
-            except SettingError as reason:
-                costs.append(reason)
-        sound = [cost for cost in costs if not isinstance(cost, SettingError)]
+        sampled = iter(
+            attempted(lambda each: each.sampled_gain(problem), [each for each in many if each.sampled])
+        )
         regulators = iter(
-            regulators_of_weights(plant, [weighed for weighed, _ in sound], [weight for _, weight in sound])
+            solved_together(
+                lambda sound: regulators_of_weights(
+                    plant, [weighed for weighed, _ in sound], [weight for _, weight in sound]
+                ),
+                attempted(
+                    lambda each: (each.weighed(plant), each.control_weight_of(plant)),
+                    [each for each in many if not each.sampled],
+                ),
+            )
         )
         found: list[Design | SettingError] = []
-        for settings, cost in zip(many, costs, strict=True):
-            known = cost if isinstance(cost, SettingError) else next(regulators)
-            found.append(known if isinstance(known, SettingError) else settings.of_regulator(problem, known))
+        for settings in many:
+            known = next(sampled if settings.sampled else regulators)
+            gain = known.gain if isinstance(known, Regulator) else known
+            found.append(gain if isinstance(gain, SettingError) else settings.of_gain(problem, gain))
         return found
 
     def certificate(self, problem: DesignProblem) -> str:
-        """Stability of the linear loop of the regulator."""
+        """Stability of the linear loop of the regulator, or of a sampled design."""
+        if self.sampled:
+            return self._sampled_certificate(problem)
         regulator = self.regulator(problem)
         slowest = float(-regulator.poles.real.max())
         return (
             f"with ideal forces the loop is stable, its slowest pole decays at {slowest:.3g} 1/s, and no other gain "
             f"has a lower cost of these weights (residual of the Riccati equation {regulator.residual:.1e}); the "
             "damper, which only resists motion and saturates, is not covered"
+        )
+
+    def _sampled_certificate(self, problem: DesignProblem) -> str:
+        assert self.designed is not None
+        system = self.designed.of_problem(problem).system
+        closed = np.eye(system.n_states) + system.step * (
+            system.A - system.B @ self.sampled_gain(problem) @ system.state
+        )
+        if not np.abs(np.linalg.eigvals(closed)).max() < 1.0:
+            return NO_CERTIFICATE
+        return (
+            "with ideal forces behind the driver the sampled loop with its delay is stable, and no gain near this one "
+            "has a lower cost of the designed weights; the damper, which only resists motion and saturates, is not "
+            "covered"
         )
 
 
@@ -100,9 +133,9 @@ class ClippedSettings(RegulatorSettings):
         span=Span(lower=0.03, upper=10.0, of=(("force", 1.0),)),
     )
 
-    def of_regulator(self, problem: DesignProblem, regulator: Regulator) -> Design:
+    def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
         """The gain, and the full force of each device."""
-        return Design(gains={"gain": regulator.gain, "full_force": problem.each(self.full_force)})
+        return Design(gains={"gain": gain, "full_force": problem.each(self.full_force)})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,7 +160,7 @@ class NetworkSettings(RegulatorSettings):
     hidden: int = key("units of the hidden layer", default=12, least=1)
     seed: int = key("seed of the training", default=0, least=0)
 
-    def of_regulator(self, problem: DesignProblem, regulator: Regulator) -> Design:
+    def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
         """The gain, and the trained network."""
         device = problem.devices[0]
         network = _trained(
@@ -142,7 +175,7 @@ class NetworkSettings(RegulatorSettings):
             device.differential,
             self.seed,
         )
-        return Design(gains={"gain": regulator.gain}, tables=_network_tables(network))
+        return Design(gains={"gain": gain}, tables=_network_tables(network))
 
 
 @lru_cache(maxsize=32)

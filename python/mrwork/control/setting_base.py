@@ -7,15 +7,18 @@ it fits any building and damper.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import exp, log
-from typing import ClassVar, Literal, Self
+from typing import ClassVar, Literal, Self, TypeVar
 
 from mrwork.control.design_problem import Design, DesignProblem
 from mrwork.errors import SettingError
 from mrwork.keys import DeclaredTable, check_keys, plain_values
 from mrwork.summary import Summarised
+
+T = TypeVar("T")
+U = TypeVar("U")
 
 Magnitude = Literal[
     "drift",
@@ -111,13 +114,7 @@ class LawSettings(metaclass=DeclaredTable):
     @classmethod
     def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
         """The gains of many settings, or the reason why one has none."""
-        found: list[Design | SettingError] = []
-        for settings in many:
-            try:
-                found.append(settings.design(problem))
-            except SettingError as reason:
-                found.append(reason)
-        return found
+        return attempted(lambda settings: settings.design(problem), many)
 
     def notes(self, problem: DesignProblem) -> tuple[str, ...]:
         """Sentences on the design that a user should read; none for most laws."""
@@ -126,3 +123,23 @@ class LawSettings(metaclass=DeclaredTable):
     def certificate(self, problem: DesignProblem) -> str:
         """What is proved of the law on this building, in words; `NO_CERTIFICATE` where nothing is."""
         return NO_CERTIFICATE
+
+
+def attempted(make: Callable[[T], U], many: Iterable[T]) -> list[U | SettingError]:
+    """What is made of each, or the reason why it cannot be."""
+    found: list[U | SettingError] = []
+    for each in many:
+        try:
+            found.append(make(each))
+        except SettingError as reason:
+            found.append(reason)
+    return found
+
+
+def solved_together(
+    solve: Callable[[list[T]], Iterable[U | SettingError]], many: Sequence[T | SettingError]
+) -> list[U | SettingError]:
+    """What one call makes of all that are no error; errors keep their places."""
+    sound = [each for each in many if not isinstance(each, SettingError)]
+    solved = iter(solve(sound) if sound else ())
+    return [each if isinstance(each, SettingError) else next(solved) for each in many]

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from mrwork.control.design_problem import Design, DesignProblem
 from mrwork.control.laws import control_law
-from mrwork.control.lqr import Regulator
 from mrwork.control.regulator_settings import RegulatorSettings
 from mrwork.control.setting_base import Span
 from mrwork.errors import InvalidSettingError
@@ -83,14 +82,14 @@ class SignalNetworkSettings(SignalSettings):
         ),
     )
 
-    def of_regulator(self, problem: DesignProblem, regulator: Regulator) -> Design:
+    def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
         """The gain, and the network for signals in SI units."""
         numbers = next(gain.numbers for gain in control_law("signal_network").gains if gain.name == "network")
         if len(self.network) != numbers:
             raise InvalidSettingError("network", f"network has {len(self.network)} numbers; give {numbers}")
         network = np.array(self.network)
         network[:-1].reshape(-1, _SIGNALS + 2)[:, 1:-1] /= self.scales
-        return Design(gains={"gain": regulator.gain, "network": np.tile(network, (len(problem.devices), 1))})
+        return Design(gains={"gain": gain, "network": np.tile(network, (len(problem.devices), 1))})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,7 +102,7 @@ class SignalPolynomialSettings(SignalSettings):
         default=((1.0, 0.0, 0.0, 1.0, 1.0),),
     )
 
-    def of_regulator(self, problem: DesignProblem, regulator: Regulator) -> Design:
+    def of_gain(self, problem: DesignProblem, gain: Floats) -> Design:
         """The gain, and the terms."""
         if not self.terms or {len(row) for row in self.terms} != {_SIGNALS + 1}:
             raise InvalidSettingError(
@@ -115,6 +114,4 @@ class SignalPolynomialSettings(SignalSettings):
                 "terms",
                 f"terms has a power that is no whole number from 0 to {_MOST_POWERS}; give such powers",
             )
-        return Design(
-            gains={"gain": regulator.gain}, tables={"terms": np.ravel(self.terms), "reach": self.scales}
-        )
+        return Design(gains={"gain": gain}, tables={"terms": np.ravel(self.terms), "reach": self.scales})

@@ -4,14 +4,18 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.control.design_problem import Design, DesignProblem
-from mrwork.control.setting_base import LawSettings, Span
+from mrwork.control.setting_base import LawSettings, Span, attempted
 from mrwork.control.sliding import SlidingGains, SlidingSurface, optimal_surface, sliding_gains
+from mrwork.errors import SettingError
 from mrwork.keys import key
 
 Floats = NDArray[np.float64]
@@ -49,9 +53,26 @@ class _SurfaceSettings(LawSettings):
         span=Span(lower=10.0, upper=180.0),
     )
 
-    def _surface(self, problem: DesignProblem) -> tuple[SlidingSurface, SlidingGains]:
-        surface = optimal_surface(problem.plant)
-        gains = sliding_gains(
+    def design(self, problem: DesignProblem) -> Design:
+        """Surface and gains."""
+        return self.of_surface(problem, optimal_surface(problem.plant))
+
+    @classmethod
+    def designs(cls, problem: DesignProblem, many: Sequence[Self]) -> list[Design | SettingError]:
+        """The designs of many settings, which share the surface: it is that of the building."""
+        try:
+            surface = optimal_surface(problem.plant)
+        except SettingError as reason:
+            return [reason for _ in many]
+        return attempted(lambda settings: settings.of_surface(problem, surface), many)
+
+    @abstractmethod
+    def of_surface(self, problem: DesignProblem, surface: SlidingSurface) -> Design:
+        """Surface and gains as those of the law."""
+
+    def gains(self, surface: SlidingSurface) -> SlidingGains:
+        """The gains of the laws on this surface."""
+        return sliding_gains(
             surface,
             peak_acceleration=self.peak_acceleration,
             largest_force=self.largest_force,
@@ -59,16 +80,15 @@ class _SurfaceSettings(LawSettings):
             margin=self.margin,
             bandwidth=self.bandwidth,
         )
-        return surface, gains
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlidingSettings(_SurfaceSettings):
     """A sliding mode with a boundary layer."""
 
-    def design(self, problem: DesignProblem) -> Design:
+    def of_surface(self, problem: DesignProblem, surface: SlidingSurface) -> Design:
         """Surface and gains."""
-        surface, gains = self._surface(problem)
+        gains = self.gains(surface)
         return Design(gains={**_pushed_down(surface, gains), "switching": gains.switching})
 
 
@@ -76,9 +96,9 @@ class SlidingSettings(_SurfaceSettings):
 class AdaptiveSlidingSettings(_SurfaceSettings):
     """A sliding mode whose gain adapts."""
 
-    def design(self, problem: DesignProblem) -> Design:
+    def of_surface(self, problem: DesignProblem, surface: SlidingSurface) -> Design:
         """Surface and gains."""
-        surface, gains = self._surface(problem)
+        gains = self.gains(surface)
         adapted = {"adaptation": gains.adaptation, "floor": gains.floor, "ceiling": gains.ceiling}
         return Design(gains={**_pushed_down(surface, gains), **adapted})
 
@@ -87,9 +107,9 @@ class AdaptiveSlidingSettings(_SurfaceSettings):
 class SuperTwistingSettings(_SurfaceSettings):
     """A second-order sliding mode."""
 
-    def design(self, problem: DesignProblem) -> Design:
+    def of_surface(self, problem: DesignProblem, surface: SlidingSurface) -> Design:
         """Surface and gains."""
-        surface, gains = self._surface(problem)
+        gains = self.gains(surface)
         return Design(
             gains={
                 "surface": surface.S,

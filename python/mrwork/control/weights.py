@@ -205,17 +205,37 @@ class CostWeights:
 
     def _designed(self, wishes: WeightWishes, plant: Plant) -> Weighed:
         """What designed weights add, scaled such that the mean control weight is 1 as designed."""
-        for name in (*self._names(), "energy"):
-            if getattr(self, name) is not None:
-                raise InvalidSettingError("designed", f"the law has designed weights, and {name}; keep one")
+        self.check_designed_alone()
+        if wishes.sampled:
+            raise InvalidSettingError(
+                "designed",
+                "a sampled design gives the gain of a wanted force, and this law takes weights; leave sampled out",
+            )
         found = wishes.design(plant)
         scale = 1.0 / float(found.control_weight.mean())
         S = found.R - np.diag(found.control_weight)
         return Weighed(Q=scale * found.Q, N=scale * found.N, S=scale * S)
 
+    @property
+    def sampled(self) -> bool:
+        """Whether the weights are those of a design in discrete time, which gives a gain instead."""
+        return self.designed is not None and self.designed.sampled
+
+    def check_designed_alone(self) -> None:
+        """Refuse other weights besides designed ones.
+
+        Raises
+        ------
+        InvalidSettingError
+            If there are others.
+        """
+        for name in (*self._names(), "energy"):
+            if getattr(self, name) is not None:
+                raise InvalidSettingError("designed", f"the law has designed weights, and {name}; keep one")
+
     def notes(self, problem: DesignProblem) -> tuple[str, ...]:
         """What designed weights reach, and how they are to be used."""
-        return () if self.designed is None else self.designed.in_words(problem.plant)
+        return () if self.designed is None else self.designed.in_words(problem)
 
     @classmethod
     def cost(cls, held: Mapping[str, float], magnitudes: Magnitudes) -> float:

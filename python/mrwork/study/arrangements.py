@@ -14,6 +14,8 @@ from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
 from mrwork.buildings.from_file import building_from_table
 from mrwork.buildings.matrix_files import read_matrix
+from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.design_problem import DesignProblem
 from mrwork.control.law_design import design_law
 from mrwork.control.law_settings import SETTINGS
@@ -21,8 +23,9 @@ from mrwork.control.laws import ControlLaw, control_laws
 from mrwork.control.setting_base import LawSettings
 from mrwork.keys import Place, keys_of, suggestion
 from mrwork.study.declared import located, read_table
+from mrwork.study.law_file import law_of_file
 from mrwork.study.schema import BaselineTable, ControllerTable, DamperTable, StudyTable
-from mrwork.study.study import Arrangement, Kind, Row, arranged
+from mrwork.study.study import Arrangement, Kind, Row, StudyLaw, arranged
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,13 +86,15 @@ def arrangements(
                 found[1], row=replace(found[1].row, label=controller.label or found[1].row.label)
             )
             continue
-        row = Row(label=controller.label or title, kind=_kind(law), description=controller.law)
+        user = controller.user
+        description = controller.law if user is None else f"{user.function} of {user.file}, in Python"
+        row = Row(label=controller.label or title, kind=_kind(law), description=description)
         found.append(arranged(bare, row, building, tuple(limited.devices), law))
     return tuple(found)
 
 
 def problem_of(
-    table: StudyTable, building: Building, devices: tuple[Device, ...], sample_time: float
+    table: StudyTable, building: Building, devices: tuple[Device, ...], hardware: Hardware
 ) -> DesignProblem:
     """The building with its dampers, for which the laws of a study are designed.
 
@@ -102,7 +107,8 @@ def problem_of(
     return DesignProblem(
         building=building,
         devices=devices,
-        sample_time=sample_time,
+        sample_time=hardware.sample_time,
+        delay=hardware.delay,
         amplitude=None if first is None else _range(first, "amplitude", first.amplitude),
         velocity=None if first is None else _range(first, "velocity", first.velocity),
     )
@@ -127,16 +133,20 @@ def _refuse_command(controller: ControllerTable) -> None:
     """Refuse a law that commands dampers which follow no command; an active law replaces them by actuators."""
     constant = CONSTANT_LAWS.get(controller.law)
     commanding = {spec.name for spec in control_laws() if not spec.commands_force}
-    if controller.law in commanding or (constant is not None and constant.share != 0.0):
-        controller.place.within("law").refuse(
-            f"{controller.law} commands the dampers, and they are passive: none of their parameters depends on the "
-            "command; leave this law out, or give a damper with laws"
+    user = controller.user is not None
+    if user or controller.law in commanding or (constant is not None and constant.share != 0.0):
+        name = "a law in Python" if user else controller.law
+        controller.place.within("user" if user else "law").refuse(
+            f"{name} commands the dampers, and they are passive: none of their parameters depends on the command; "
+            "leave this law out, or give a damper with laws"
         )
 
 
-def _kind(law: ControlLaw | None) -> Kind:
+def _kind(law: StudyLaw | None) -> Kind:
     if law is None:
         return "best_passive"
+    if isinstance(law, UserLaw):
+        return "controller"
     if law.spec.commands_force:
         return "actuator"
     return "passive" if SETTINGS[law.name].constant else "controller"
@@ -169,10 +179,10 @@ def _baseline(baseline: BaselineTable, table: StudyTable, bare: Building, folder
 
 def chosen_law(
     table: ControllerTable, problem: DesignProblem, folder: Path = Path()
-) -> tuple[str, ControlLaw | None]:
+) -> tuple[str, StudyLaw | None]:
     """Title and law of a table; the law is `None` for the best constant command, which is found when the study runs.
 
-    Names of files with matrices are relative to `folder`.
+    Names of files with matrices or laws are relative to `folder`.
 
     Raises
     ------
@@ -180,6 +190,13 @@ def chosen_law(
         If the law or a setting does not exist, or the law cannot be designed; the message has the line.
     """
     place = table.place
+    if table.user is not None:
+        for name in ("law", "settings"):
+            if getattr(table, name):
+                place.within(name).refuse(f"a law in Python has no {name}; leave it out, or user")
+        return table.user.function, law_of_file(table.user, folder)
+    if not table.law:
+        place.refuse(f"{place.table} has no law; give the name of a law, or user for one in Python")
     constant = CONSTANT_LAWS.get(table.law)
     if constant is not None:
         for name in table.settings or {}:

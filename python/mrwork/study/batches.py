@@ -25,7 +25,7 @@ from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
 from mrwork.study.realisations import Realisations
 from mrwork.study.run_result import selected_columns
-from mrwork.study.study import Arrangement
+from mrwork.study.study import Arrangement, StudyLaw
 from mrwork.summary import Summarised
 from mrwork.units import STANDARD_GRAVITY
 
@@ -74,7 +74,7 @@ class Band:
 
 def simulated_criteria(
     arrangement: Arrangement,
-    law: ControlLaw,
+    law: StudyLaw,
     motions: Sequence[GroundMotion],
     hardware: Hardware,
     realisations: Realisations,
@@ -138,7 +138,7 @@ def simulated_criteria(
     )
 
 
-def with_devices(arrangement: Arrangement, law: ControlLaw) -> tuple[tuple[Device, ...], ControlLaw]:
+def with_devices(arrangement: Arrangement, law: StudyLaw) -> tuple[tuple[Device, ...], StudyLaw]:
     """Devices and law of an arrangement; without devices it gets an actuator of zero force."""
     if arrangement.devices:
         return arrangement.devices, law
@@ -187,7 +187,7 @@ def _varied_hardware(hardware: Hardware, delay: float, seed: int) -> Hardware:
     return replace(hardware, delay=total, seed=hardware.seed + seed)
 
 
-def _own(responses: Responses, arrangement: Arrangement, law: ControlLaw) -> Responses:
+def _own(responses: Responses, arrangement: Arrangement, law: StudyLaw) -> Responses:
     """Responses with the floors and storeys of the bare building alone."""
     kept = {}
     for quantity in run_quantities():
@@ -196,7 +196,7 @@ def _own(responses: Responses, arrangement: Arrangement, law: ControlLaw) -> Res
             kept[quantity.name] = getattr(responses, quantity.name)[(slice(None), *columns)]
     if not arrangement.devices:
         kept["peak_stroke"] = responses.peak_drift[:, list(arrangement.strokes)]
-    if law.spec.commands_force:
+    if isinstance(law, ControlLaw) and law.spec.commands_force:
         # The command of an ideal actuator is a force, not a current.
         kept |= {name: kept[name][:, :0] for name in ("mean_current", "rms_current")}
     return replace(responses, **kept)

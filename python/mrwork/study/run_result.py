@@ -123,7 +123,7 @@ def result_of(responses: Responses, run: int, arrangement: Arrangement) -> RunRe
         # Added storeys without devices, such as isolators, have a stroke, too.
         others = [number for number in arrangement.strokes if number < responses.peak_drift.shape[1]]
         kept["peak_stroke"] = responses.peak_drift[run, others]
-    if arrangement.law is not None and arrangement.law.spec.commands_force:
+    if arrangement.has_actuators:
         # The command of an ideal actuator is a force, not a current.
         kept |= {name: kept[name][:0] for name in ("peak_current", "mean_current", "rms_current")}
     return RunResult(

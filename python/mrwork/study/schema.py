@@ -18,6 +18,7 @@ from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.keys import Place, key
 from mrwork.motions.suites import USUAL_SOILS, Pulses, Soil
 from mrwork.study.clairvoyant_row import ClairvoyantTable
+from mrwork.study.law_file import LawFileTable
 from mrwork.study.study import Use
 from mrwork.study.tuning_schema import TuneTable, UncertaintyTable
 
@@ -112,7 +113,8 @@ class ControllerTable:
     them, relative to the study file. Forces, weights and slopes are those of all dampers of a [[damper]] together.
     """
 
-    law: str = key("name of the law")
+    law: str = key("name of the law; required without user", default="")
+    user: LawFileTable | None = key("law in Python instead", default=None)
     label: str = key("label in tables; by default the title of the law", default="")
     settings: Mapping[str, Any] | None = key("settings of the law", default=None)
     largest_command: float | None = key(

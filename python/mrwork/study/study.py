@@ -14,6 +14,7 @@ from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
 from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
 from mrwork.closed_loop.hardware import Hardware
+from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.design_problem import DesignProblem
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
@@ -39,6 +40,9 @@ Kind = Literal[
 """What a row is: the building without dampers, i = 0, a constant command, the best of those, other devices, a control
 law of the dampers, or one of ideal actuators, or the non-causal optimum of each motion."""
 
+
+StudyLaw = ControlLaw | UserLaw
+"""A law of the registry, or one in Python."""
 
 Use = Literal["test", "training"]
 """Use of a motion: a controller is tuned on training motions and judged on test motions."""
@@ -85,20 +89,27 @@ class Arrangement:
     Raises
     ------
     SettingError
-        If the gains of the law are not those of a building with these devices.
+        If the gains of the law are not those of a building with these devices, or these follow no command of a law in
+        Python.
     """
 
     row: Row
     building: Building
     devices: tuple[Device, ...]
-    law: ControlLaw | None
+    law: StudyLaw | None
     floors: tuple[int, ...]
     storeys: tuple[int, ...]
     strokes: tuple[int, ...]
 
     def __post_init__(self) -> None:
         if self.law is not None and self.devices:
-            self.law.gain_rows(len(self.devices), 2 * self.building.n_coordinates)
+            law = self.law.placeholder(self.devices) if isinstance(self.law, UserLaw) else self.law
+            law.gain_rows(len(self.devices), 2 * self.building.n_coordinates)
+
+    @property
+    def has_actuators(self) -> bool:
+        """Whether ideal actuators replace the dampers."""
+        return isinstance(self.law, ControlLaw) and self.law.spec.commands_force
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,7 +232,7 @@ def uses_in_words(uses: Sequence[Use]) -> str:
 
 
 def arranged(
-    bare: Building, row: Row, building: Building, devices: tuple[Device, ...], law: ControlLaw | None
+    bare: Building, row: Row, building: Building, devices: tuple[Device, ...], law: StudyLaw | None
 ) -> Arrangement:
     """An arrangement with the indices of its floors and storeys that belong to the bare building."""
     floors = tuple(building.floor_names.index(name) for name in bare.floor_names)
@@ -266,7 +277,8 @@ def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
         )
         for device in arrangement.devices
     ]
-    numbers = {} if law is None else {**law.gains, **law.tables}
+    own = law if isinstance(law, ControlLaw) else None
+    numbers = {} if own is None else {**own.gains, **own.tables}
     return digest_of(
         building.mass,
         building.damping,
@@ -276,8 +288,9 @@ def digest_of_run(arrangement: Arrangement, *motions: GroundMotion) -> str:
         building.storeys,
         devices,
         None if law is None else law.name,
-        None if law is None or law.curve is None else (law.curve[0], _digest(law.curve[1])),
+        None if own is None or own.curve is None else (own.curve[0], _digest(own.curve[1])),
         sorted((name, _digest(array)) for name, array in numbers.items()),
+        *((law.source, law.n_memory) if isinstance(law, UserLaw) else ()),
         *(_digest_of_motion(motion) for motion in motions),
     )
 

@@ -8,13 +8,14 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from mrwork.control.design.limits import RmsLimits, SemiActiveCondition
+from mrwork.control.design.limits import LoopTiming, RmsLimits, SemiActiveCondition
 from mrwork.errors import InvalidSettingError
-from mrwork.keys import key
+from mrwork.keys import DeclaredTable, key
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 
 if TYPE_CHECKING:
     from mrwork.control.design.designed import DesignedWeights
+    from mrwork.control.design_problem import DesignProblem
     from mrwork.control.plant import Plant
 
 _FIRM = KanaiTajimi()
@@ -23,7 +24,7 @@ _KEPT = 32
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WeightWishes(RmsLimits):
+class WeightWishes(RmsLimits, metaclass=DeclaredTable):
     """Weights of a law from limits on rms responses and a budget of force, see `design_weights`.
 
     They are scaled such that control_weight = 1 is R as designed; its size is to be scanned in the true loop.
@@ -56,9 +57,19 @@ class WeightWishes(RmsLimits):
         above=0.0,
     )
 
-    def design(self, plant: Plant) -> DesignedWeights:
+    sampled: bool = key(
+        "whether the design is in discrete time, with sample time and delay of the loop and the lag of the driver, if "
+        "the damper has one; for laws of a wanted force",
+        default=False,
+    )
+
+    def of_problem(self, problem: DesignProblem) -> DesignedWeights:
+        """The weights for a building with its devices, and its loop if the design is sampled."""
+        return self.design(problem.plant, problem.timing if self.sampled else None)
+
+    def design(self, plant: Plant, timing: LoopTiming | None = None) -> DesignedWeights:
         """The weights for the building and devices of a plant; kept, so that the same design is solved once."""
-        token = (self, plant.A.tobytes(), plant.B.tobytes(), plant.device_names)
+        token = (self, timing, plant.A.tobytes(), plant.B.tobytes(), plant.device_names)
         if token in _DESIGNS:
             _DESIGNS.move_to_end(token)
             return _DESIGNS[token]
@@ -74,6 +85,7 @@ class WeightWishes(RmsLimits):
             budget=self.budget if isinstance(self.budget, float | int) else list(self.budget),
             spectrum=spectrum,
             cases=stiffness_cases(plant.building, self.stiffness, spectrum) if self.stiffness else (),
+            timing=timing,
             semi_active=None if self.semi_active is None else SemiActiveCondition(share=self.semi_active),
         )
         _DESIGNS[token] = found
@@ -101,11 +113,11 @@ class WeightWishes(RmsLimits):
         )
         return soil if self.spectrum == "kanai_tajimi" else CloughPenzien(soil=soil)
 
-    def in_words(self, plant: Plant) -> tuple[str, ...]:
+    def in_words(self, problem: DesignProblem) -> tuple[str, ...]:
         """What the design reaches, what binds, and how the weights are to be used."""
         from mrwork.control.design.designed import SCAN
 
-        return (*self.design(plant).in_words, SCAN)
+        return (*self.of_problem(problem).in_words, SCAN)
 
     def relative_control_weight(self, plant: Plant) -> tuple[float, ...]:
         """R of each device as designed, over their mean."""

@@ -1,0 +1,75 @@
+"""A control law of a study in a Python file of its user, which is run as Python when the study is read."""
+
+# `key` is a dataclass field with notes.
+
+from __future__ import annotations
+
+import inspect
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from mrwork.closed_loop.user_law import UserLaw
+from mrwork.keys import Place, key, suggestion
+from mrwork.store import digest_of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LawFileTable:
+    """A law in Python instead of one of the registry, slower; see `mr.closed_loop.UserLaw`.
+
+    The file is run as Python when the study is read. It may import installed packages, but no other files: a study is
+    resumed only if the text of this one is the same.
+    """
+
+    file: str = key("Python file of the law, relative to the study file")
+    function: str = key("function in it, of a LoopSample and the memory, that returns the commands")
+    memory: int = key("numbers that each run keeps from sample to sample", default=0, least=0)
+    place: Place
+
+
+def law_of_file(table: LawFileTable, folder: Path) -> UserLaw:
+    """The law of a file, whose name is relative to `folder`.
+
+    Raises
+    ------
+    SettingError
+        If the file cannot be read or run, or has no such function of two arguments; the message has the line.
+    """
+    name = table.function
+    module, text = _run(table, folder / table.file)
+    functions = [each for each, value in vars(module).items() if inspect.isfunction(value)]
+    function = getattr(module, name, None)
+    if not callable(function):
+        near = suggestion(name, functions, otherwise="it has")
+        table.place.within("function").refuse(f"{table.file} has no function {name!r}{near}")
+    try:
+        inspect.signature(function).bind(None, None)
+    except TypeError:
+        table.place.within("function").refuse(
+            f"{name} of {table.file} does not take two arguments; write it as def {name}(sample, memory)"
+        )
+    return UserLaw(name=name, command=function, n_memory=table.memory, source=digest_of(text))
+
+
+def _run(table: LawFileTable, path: Path) -> tuple[ModuleType, str]:
+    """The file as a module, and its text."""
+    where = table.place.within("file")
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        where.refuse(f"{path} cannot be read ({error.strerror}); give the Python file of the law")
+    except UnicodeDecodeError as error:
+        where.refuse(f"{path}: byte {error.start} is not UTF-8 text; save the file as UTF-8")
+    module: Any = ModuleType(f"mrwork_law_{digest_of(text)}")
+    module.__file__ = str(path)
+    # Dataclasses look for the module of their class.
+    sys.modules[module.__name__] = module
+    try:
+        exec(compile(text, str(path), "exec"), vars(module))
+    except (Exception, SystemExit) as error:
+        reason = " ".join(str(error).split())
+        where.refuse(f"{table.file} failed when it was run: {type(error).__name__}: {reason}; correct it")
+    return module, text
