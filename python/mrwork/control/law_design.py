@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.control.design.wishes import WeightWishes
 from mrwork.control.design_problem import Design, DesignProblem
 from mrwork.control.law_settings import SETTINGS
 from mrwork.control.laws import ControlLaw, control_law
@@ -34,6 +35,9 @@ def settings_of(name: str, given: Mapping[str, SettingValue]) -> LawSettings:
         If a setting is unknown or missing, or a number is out of range.
     """
     control_law(name)
+    wishes = given.get("designed")
+    if isinstance(wishes, Mapping):
+        return SETTINGS[name](**{**given, "designed": WeightWishes(**wishes)})
     return SETTINGS[name](**given)
 
 

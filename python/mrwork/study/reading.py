@@ -15,7 +15,7 @@ from mrwork.buildings.from_file import building_from_table
 from mrwork.closed_loop.hardware import Fault, Hardware
 from mrwork.errors import RecordError
 from mrwork.keys import Place, suggestion
-from mrwork.study.arrangements import arrangements, problem_of
+from mrwork.study.arrangements import arrangements, held_settings, problem_of
 from mrwork.study.clairvoyant_row import clairvoyant_row
 from mrwork.study.dampers import (
     ChosenDamper,
@@ -100,7 +100,7 @@ def read_study(path: str | Path, identified: Identified = identified_damper, *, 
             table.report.histories
         ],
         problem=problem,
-        tunes=table.tune,
+        tunes=tuple(held_settings(each, folder) for each in table.tune),
         realisations=_realisations(table, place, devices, folder, identified),
         clairvoyant=clairvoyant,
     )
