@@ -124,6 +124,8 @@ def test_a_law_that_cannot_be_is_refused_when_it_is_made() -> None:
         UserLaw(name="mine", command=1.0)  # type: ignore[arg-type]
     with pytest.raises(SettingError, match="`n_candidates` of mine is 0"):
         replace(friction_law(), name="mine", n_candidates=0)
+    with pytest.raises(SettingError, match="`n_memory` of mine is 1"):
+        replace(friction_law(), name="mine", n_memory=1.5)  # type: ignore[arg-type] # wrong on purpose
     spec = mr.damper("dahl")
     dahl = mr.Device(
         name="dahl", spec=spec, theta=spec.nominal, row=five_storeys().storeys[0], largest_command=1.0

@@ -192,6 +192,10 @@ def test_rows_without_a_solution_leave_their_neighbours_alone() -> None:
         ),
         ({"time": "sampled"}, '`time` is "sampled"; give'),
         ({"threads": -1}, "`threads` is -1; give 0"),
+        ({"threads": 1.5}, "`threads` is 1.5; give 0"),
+        ({"scaling": np.zeros((2, 2))}, "`scaling` is singular"),
+        ({"state_weight": "x"}, "`state_weight` holds what is no number"),
+        ({"state_weight": 1j * np.eye(2)}, "`state_weight` is complex"),
     ],
 )
 def test_what_does_not_fit_is_refused(change: dict[str, object], message: str) -> None:

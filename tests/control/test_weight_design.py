@@ -241,3 +241,21 @@ def test_an_undamped_mode_is_refused() -> None:
     undamped = mr.buildings.shear_building(name="undamped", masses=[1.0, 1.0], stiffnesses=[10.0, 10.0])
     with pytest.raises(SettingError, match="give every mode damping"):
         design(undamped, limits=LIMITS, budget=1.0)
+
+
+def test_limits_and_budgets_may_have_units() -> None:
+    limits = {"rms_drift": "4 mm", "rms_acceleration": ["5.2 m/s2"] * 5}
+    found = design(frame(), limits=limits, budget=["0.9 kN"])
+    assert found.reachable_ratio == designed().reachable_ratio
+    for wrong in ({"rms_drift": "4 kN"}, [("rms_drift", 4e-3)]):
+        with pytest.raises(SettingError, match="rms_drift"):
+            design(frame(), limits=wrong, budget=BUDGET)
+
+
+def test_a_gain_that_falls_short_of_the_ratio_is_said() -> None:
+    found = design(frame(), limits={"rms_drift": 4e-3, "rms_acceleration": 5.2}, budget=5e4)
+    assert found.certificate.law_ratio > 1.5 * found.reachable_ratio
+    assert found.in_words[1].startswith("The gain of the law reaches ratio 0.63")
+    small = design(frame(), limits=LIMITS, budget=60.0)
+    assert small.certificate.law_ratio < 1.01 * small.reachable_ratio
+    assert not any("gain of the law" in each for each in small.in_words)

@@ -169,6 +169,11 @@ def test_a_given_damping_of_the_condition_is_kept() -> None:
     [
         (lambda: SemiActiveCondition(share=1.5), "between 0 and 1"),
         (lambda: SemiActiveCondition(share=0.5, damping=-1.0), "give a positive one"),
+        (lambda: SemiActiveCondition(share="0.5"), "between 0 and 1"),  # type: ignore[arg-type] # wrong on purpose
+        (lambda: design(semi_active=0.1), "give a SemiActiveCondition"),
+        (lambda: design(timing={"sample_time": 1e-3}), "give a LoopTiming"),
+        (lambda: design(semi_active=SemiActiveCondition(share=0.2, damping=(1e3, 1e3))), "devices is 1"),
+        (lambda: LoopTiming(sample_time="1 ms"), "give a number in SI"),  # type: ignore[arg-type] # wrong on purpose
         (lambda: LoopTiming(sample_time=0.0), "give a positive number"),
         (lambda: LoopTiming(delay=1.5e-3), "not a whole number of samples"),
         (lambda: LoopTiming(delay=0.1), "20 at most"),
@@ -178,3 +183,8 @@ def test_a_given_damping_of_the_condition_is_kept() -> None:
 def test_an_extension_that_cannot_be_is_refused(make: Any, words: str) -> None:
     with pytest.raises(SettingError, match=words):
         make()
+
+
+def test_a_budget_beyond_all_use_is_said_to_be_too_large() -> None:
+    with pytest.raises(SettingError, match="give a smaller one"):
+        design(budget=5e4, timing=LoopTiming(delay=1e-3, driver_rate=190.0))

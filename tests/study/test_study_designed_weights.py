@@ -212,7 +212,7 @@ budget = 6
     found = results.laws[0]
     assert found.refused == 0
     assert "sampled loop with its delay is stable" in found.certificate
-    (tmp_path / "chosen.toml").write_text(chosen_study(results, file))
+    (tmp_path / "chosen.toml").write_text(chosen_study(results, mr.read_study(file).file))
     chosen = mr.read_study(tmp_path / "chosen.toml").arrangements
     law = next(each.law for each in chosen if each.row.label == found.label)
     assert law is not None

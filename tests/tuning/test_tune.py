@@ -96,6 +96,48 @@ def test_the_chosen_study_has_the_scores_of_the_tuning(results: TuningResults, t
     assert found.score(row) == pytest.approx(results.laws[0].test.score, rel=1e-12)
 
 
+def test_designed_weights_and_numbers_with_units_are_held(tmp_path: Path) -> None:
+    text = (
+        tuning_samples.TUNE.replace("clipped", "modified_clipped")
+        + 'settings = { full_force = "2 kN", designed = { rms_drift = "2 mm", budget = "0.5 kN" } }\n'
+        + "free = { control_weight = [1e-4, 10] }\n"
+    )
+    source = tuning_samples.study_file(tmp_path, tune=text)
+    found = tune(mr.read_study(source), threads=1)
+    settings = found.laws[0].settings
+    assert settings["full_force"] == 2000.0
+    assert settings["designed"] == {"rms_drift": 0.002, "budget": 500.0}
+    assert "rms_drift 0.002" in str(found)
+    (tmp_path / "chosen.toml").write_text(chosen_study(found, mr.read_study(source).file), encoding="utf-8")
+    again = mr.run_study(mr.read_study(tmp_path / "chosen.toml"), threads=1)
+    row = [each.label for each in again.rows].index(found.laws[0].label)
+    assert found.laws[0].test is not None
+    assert again.score(row) == pytest.approx(found.laws[0].test.score, rel=1e-12)
+
+
+def test_a_label_of_the_study_is_not_given_again(tmp_path: Path, results: TuningResults) -> None:
+    source = tuning_samples.study_file(tmp_path)
+    chosen = tmp_path / "chosen.toml"
+    chosen.write_text(chosen_study(results, mr.read_study(source).file), encoding="utf-8")
+    with pytest.raises(SettingError, match="give a table another label"):
+        tune(mr.read_study(chosen), threads=1)
+
+
+def test_the_chosen_study_finds_the_files_of_a_study_that_names_a_folder(
+    results: TuningResults, tmp_path: Path
+) -> None:
+    source = tuning_samples.study_file(tmp_path)
+    (tmp_path / "data").mkdir()
+    time = np.linspace(0.0, 2.0, 201)
+    np.savetxt(tmp_path / "data" / "m.csv", np.c_[time, np.sin(9.0 * time)], delimiter=",", header="t,a")
+    text = source.read_text(encoding="utf-8").replace("title", 'folder = "data"\ntitle')
+    source.write_text(text + '\n[[motion]]\nfile = "m.csv"\nunit = "m/s2"\n', encoding="utf-8")
+    (tmp_path / "out").mkdir()
+    chosen = tmp_path / "out" / "chosen.toml"
+    chosen.write_text(chosen_study(results, mr.read_study(source).file), encoding="utf-8")
+    assert len(mr.read_study(chosen).motions) == len(mr.read_study(source).motions)
+
+
 def test_an_interrupted_tuning_keeps_the_laws_so_far(study: mr.Study) -> None:
     def interrupt(progress: object) -> None:
         calls.append(progress)
@@ -197,9 +239,29 @@ def test_bands_are_those_of_the_test_motions_where_no_table_is_robust(tmp_path: 
         ('[[tune]]\nlaws = ["lyapunov"]\nsearch = "genetics"', "did you mean genetic"),
         ('[[tune]]\nlaws = ["lyapunov"]\nrobust = true', "needs an .uncertainty."),
         ('[[tune]]\nlaws = ["lyapunov", "lyapunov"]', "give a table another label"),
-        ('[[tune]]\nlaws = ["lyapunov"]\nbudget = 4\npopulation = 8', "one generation takes 8"),
+        ('[[tune]]\nlaws = ["lyapunov"]\nbudget = 6\npopulation = 8', "one generation takes 8"),
+        ('[[tune]]\nlaws = ["lyapunov"]\nbudget = 8\npopulation = 4', "no less than 5"),
+        ('[[tune]]\nlaws = "lyapunov"', r'give an array, as \["name"\]'),
+        ('[[tune]]\nlaws = ["clipped_optimal"]\nsettings = { drifts = -1 }', "line 39: drifts is -1"),
+        ('[[tune]]\nlaws = ["clipped_optimal"]\nsettings = { drifts = [1, 2] }', "line 39: .*5 storeys"),
+        ('[[tune]]\nlaws = ["clipped_optimal"]\nsettings = { drifts = 1, energy = 1 }', "keep one"),
+        ('[[tune]]\nlaws = ["clipped_optimal"]\nfree = { control_weight = [1e-200, 1] }', "may differ by"),
+        ('[[tune]]\nlaws = ["lyapunov"]\ncriteria = ["rms_current"]', "is 0 at i = 0"),
+        (
+            '[[tune]]\nlaws = ["lyapunov"]\nobjectives = ["peak_drift", "mean_current"]',
+            "line 39: mean_current is 0 at i = 0",
+        ),
     ],
 )
 def test_what_cannot_be_tuned_is_refused(tmp_path: Path, text: str, sentence: str) -> None:
     with pytest.raises(SettingError, match=sentence):
         tune(mr.read_study(tuning_samples.study_file(tmp_path, tune=text)), threads=1)
+
+
+def test_points_of_a_front_are_ratios_whatever_the_limits(tmp_path: Path) -> None:
+    pytest.importorskip("pymoo")
+    text = '[[tune]]\nlaws = ["clipped_optimal"]\nbudget = 5\npopulation = 5\n'
+    text += 'objectives = ["peak_drift", "rms_drift"]\n'
+    limit = "constraints = { peak_stroke = 1e-9 }\n"
+    front = tune(mr.read_study(tuning_samples.study_file(tmp_path, tune=text + limit)), threads=1).fronts[0]
+    assert all(0.0 < ratio < 3.0 for point in front.points for ratio in point.train.values())

@@ -126,9 +126,10 @@ class UserLaw(Summarised):
                 "memory"
             )
         for name, least in (("n_candidates", 1), ("n_memory", 0)):
-            if getattr(self, name) < least:
+            given = getattr(self, name)
+            if not isinstance(given, int) or given < least:
                 raise SettingError(
-                    f"`{name}` of {self.name} is {getattr(self, name)}; it can be no less than {least}"
+                    f"`{name}` of {self.name} is {given!r}; give a whole number from {least} on"
                 )
 
     def placeholder(self, devices: Sequence[Device]) -> ControlLaw:

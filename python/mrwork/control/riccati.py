@@ -163,7 +163,7 @@ def regulator_gains(
     if cross_weight is not None:
         given["cross_weight"] = _stack("cross_weight", cross_weight, n, m)
     if scaling is not None:
-        given["scaling"] = _stack("scaling", scaling, n, n)
+        given["scaling"] = _scaling(scaling, n)
     return _solved(given, time, threads)
 
 
@@ -236,7 +236,7 @@ def kalman_gains(
     if cross_noise is not None:
         given["cross_weight"] = _stack("cross_noise", cross_noise, n, m)
     if scaling is not None:
-        given["scaling"] = _dual(_stack("scaling", scaling, n, n))
+        given["scaling"] = _dual(_scaling(scaling, n))
     dual = _solved(given, time, threads)
     return RiccatiSolutions(gain=_transposed(dual.gain), P=dual.P, residual=dual.residual, status=dual.status)
 
@@ -279,7 +279,7 @@ def lyapunov_solutions(
         "control_weight": np.zeros((1, 0, 0)),
     }
     if scaling is not None:
-        given["scaling"] = _stack("scaling", scaling, n, n)
+        given["scaling"] = _scaling(scaling, n)
     return _solved(given, time, threads)
 
 
@@ -290,7 +290,7 @@ def _solved(given: dict[str, Floats], time: Time, threads: int) -> RiccatiSoluti
             f"the matrices have {', '.join(str(count) for count in sorted(counts))} rows; give the same number of "
             "each, or one that all rows share"
         )
-    if threads < 0:
+    if not isinstance(threads, int) or threads < 0:
         raise SettingError(f"`threads` is {threads}; give 0 for all processors, or their number")
     try:
         gain, P, residual, status = _rust.riccati_equations(time, **given, threads=threads)
@@ -310,7 +310,12 @@ def _columns(name: str, matrix: ArrayLike) -> int:
 
 def _stack(name: str, given: ArrayLike, rows: int, columns: int) -> Floats:
     """As the core takes it: with a leading axis of the batch, which has length one if all rows share the matrix."""
-    matrices = np.asarray(given, dtype=np.float64)
+    if np.iscomplexobj(given):
+        raise SettingError(f"`{name}` is complex; give a real matrix")
+    try:
+        matrices = np.asarray(given, dtype=np.float64)
+    except ValueError:
+        raise SettingError(f"`{name}` holds what is no number, or rows of different lengths") from None
     if matrices.ndim not in (2, 3) or matrices.shape[-2:] != (rows, columns):
         raise SettingError(
             f"`{name}` has shape {matrices.shape}; give ({rows}, {columns}), or a stack of such matrices, one for each "
@@ -325,9 +330,14 @@ def _transposed(matrices: Floats) -> Floats:
     return np.ascontiguousarray(np.swapaxes(matrices, 1, 2))
 
 
+def _scaling(given: ArrayLike, n: int) -> Floats:
+    """Invertible coordinates of the state."""
+    scaling = _stack("scaling", given, n, n)
+    if np.any(np.linalg.slogdet(scaling)[0] == 0.0):
+        raise SettingError("`scaling` is singular; give coordinates of the whole state")
+    return scaling
+
+
 def _dual(scaling: Floats) -> Floats:
     """The scaling of A' that goes with the scaling of A."""
-    try:
-        return _transposed(np.asarray(np.linalg.inv(scaling), dtype=np.float64))
-    except np.linalg.LinAlgError:
-        raise SettingError("`scaling` is singular; give coordinates of the whole state") from None
+    return _transposed(np.asarray(np.linalg.inv(scaling), dtype=np.float64))

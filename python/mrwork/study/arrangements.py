@@ -16,16 +16,18 @@ from mrwork.buildings.from_file import building_from_table
 from mrwork.buildings.matrix_files import read_matrix
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.closed_loop.user_law import UserLaw
+from mrwork.control.design.wishes import WeightWishes
 from mrwork.control.design_problem import DesignProblem
 from mrwork.control.law_design import design_law
 from mrwork.control.law_settings import SETTINGS
 from mrwork.control.laws import ControlLaw, control_laws
 from mrwork.control.setting_base import LawSettings
 from mrwork.keys import Place, keys_of, suggestion
-from mrwork.study.declared import located, read_table
+from mrwork.study.declared import given_values, located, read_table
 from mrwork.study.law_file import law_of_file
 from mrwork.study.schema import BaselineTable, ControllerTable, DamperTable, StudyTable
 from mrwork.study.study import Arrangement, Kind, Row, StudyLaw, arranged
+from mrwork.study.tuning_schema import TuneTable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -215,6 +217,40 @@ def chosen_law(
     with located(place.within("settings")):
         settings: LawSettings = read_table(kind, given, place.within("settings"))
         return specs[table.law].title, design_law(table.law, problem, settings)
+
+
+def held_settings(table: TuneTable, folder: Path) -> TuneTable:
+    """A table whose settings, if any, are in SI, with the matrices of the files that they name.
+
+    Settings that a law does not have are left to the tuning, which refuses them.
+
+    Raises
+    ------
+    SettingError
+        If a setting is of another type or out of range; the message has the line.
+    """
+    if table.settings is None or table.place is None:
+        return table
+    place, found = table.place.within("settings"), dict(table.settings)
+    for law in table.laws:
+        if law not in SETTINGS:
+            continue
+        names = {entry.name for entry in keys_of(SETTINGS[law])}
+        given = {name: value for name, value in table.settings.items() if name in names}
+        values = given_values(SETTINGS[law], _with_matrices(SETTINGS[law], given, place, folder), place)
+        found |= {name: _without_defaults(value) for name, value in values.items()}
+    return replace(table, settings=found)
+
+
+def _without_defaults(value: Any) -> Any:
+    """A table as its values that are not the defaults, by name; any other value as it is."""
+    if not isinstance(value, WeightWishes):
+        return value
+    return {
+        entry.name: given
+        for entry in keys_of(WeightWishes)
+        if (given := getattr(value, entry.name)) != entry.default
+    }
 
 
 def _with_matrices(

@@ -41,21 +41,34 @@ def read_table(kind: type[T], table: Mapping[str, Any], place: Place) -> T:
     SettingError
         If a key is unknown, missing, of another type or out of range; the message has the line.
     """
+    values = given_values(kind, table, place)
+    for entry in keys_of(kind):
+        if entry.name not in values and is_required(entry):
+            place.refuse(f"{place.table} has no {entry.name}; give {described(entry)}")
+    if "place" in get_type_hints(kind):
+        values["place"] = place
+    return kind(**values)
+
+
+def given_values(kind: type, table: Mapping[str, Any], place: Place) -> dict[str, Any]:
+    """The values of the keys that a table gives, in the types of the dataclass `kind` and in SI.
+
+    Raises
+    ------
+    SettingError
+        If a key is unknown, of another type or out of range; the message has the line.
+    """
     known = {entry.name: entry for entry in keys_of(kind)}
     for name in table:
         if name not in known:
             near = suggestion(name, list(known), otherwise="it has")
             place.within(name).refuse(f"{place.table} has no key {name!r}{near}")
     hints = get_type_hints(kind)
-    values: dict[str, Any] = {}
-    for name, entry in known.items():
-        if name in table:
-            values[name] = _value(hints[name], table[name], place.within(name), entry)
-        elif is_required(entry):
-            place.refuse(f"{place.table} has no {name}; give {described(entry)}")
-    if "place" in hints:
-        values["place"] = place
-    return kind(**values)
+    return {
+        name: _value(hints[name], table[name], place.within(name), entry)
+        for name, entry in known.items()
+        if name in table
+    }
 
 
 def _value(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
@@ -74,7 +87,7 @@ def _value(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
         return value
     if origin is tuple:
         if not isinstance(value, list):
-            _refuse(place, value, "an array, as [1, 2]")
+            _refuse(place, value, 'an array, as ["name"]' if arguments[0] is str else "an array, as [1, 2]")
         # Bounds are those of a number or of an array of numbers; entries beside the diagonal of a matrix have none.
         notes = {**entry.metadata, "least": -math.inf, "above": -math.inf} if _is_nested(kind) else {}
         inner = field(metadata=notes) if notes else entry

@@ -13,10 +13,9 @@ from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
 from mrwork.buildings.from_file import building_from_table
 from mrwork.closed_loop.hardware import Fault, Hardware
-from mrwork.control.design.wishes import WeightWishes
 from mrwork.errors import RecordError
-from mrwork.keys import Place, keys_of, suggestion
-from mrwork.study.arrangements import arrangements, problem_of
+from mrwork.keys import Place, suggestion
+from mrwork.study.arrangements import arrangements, held_settings, problem_of
 from mrwork.study.clairvoyant_row import clairvoyant_row
 from mrwork.study.dampers import (
     ChosenDamper,
@@ -32,7 +31,6 @@ from mrwork.study.motions import motions_of_study
 from mrwork.study.realisations import Realisations, posterior_draws, realisations_of
 from mrwork.study.schema import DamperTable, HardwareTable, ReportTable, StudyTable
 from mrwork.study.study import MotionOfStudy, Study, StudyFile
-from mrwork.study.tuning_schema import TuneTable
 
 
 def read_study(path: str | Path, identified: Identified = identified_damper, *, seed: int = 0) -> Study:
@@ -104,7 +102,7 @@ def read_study(path: str | Path, identified: Identified = identified_damper, *, 
             table.report.histories
         ],
         problem=problem,
-        tunes=tuple(_with_wishes(each, folder) for each in table.tune),
+        tunes=tuple(held_settings(each, folder) for each in table.tune),
         realisations=_realisations(table, place, devices, folder, identified),
         clairvoyant=clairvoyant,
     )
@@ -134,22 +132,6 @@ def _realisations(
         )
     with located(where):
         return realisations_of(given, devices, drawn)
-
-
-def _with_wishes(table: TuneTable, folder: Path) -> TuneTable:
-    """With the designed weights among its settings in SI, and the whole path of their record."""
-    given, place = (table.settings or {}).get("designed"), table.place
-    if not isinstance(given, dict) or place is None:
-        return table
-    wishes = read_table(WeightWishes, given, place.within("settings", "designed"))
-    found = {
-        entry.name: value
-        for entry in keys_of(WeightWishes)
-        if (value := getattr(wishes, entry.name)) != entry.default
-    }
-    if wishes.record is not None:
-        found["record"] = str((folder / wishes.record).resolve())
-    return replace(table, settings={**(table.settings or {}), "designed": found})
 
 
 def _with_parameters(

@@ -86,8 +86,8 @@ class TuneTable:
         "search algorithm; cma (extra peers) for laws of many numbers, as signal_network",
         default="differential_evolution",
     )
-    population: int = key("candidates of a generation", default=24, least=4)
-    budget: int = key("candidates of each law, apart from the first ones", default=384, least=4)
+    population: int = key("candidates of a generation", default=24, least=5)
+    budget: int = key("candidates of each law, apart from the first ones", default=384, least=5)
     gradient_steps: int = key(
         "steps of L-BFGS-B on the twin after the search, for laws that are smooth: proportional_direct, signal_network",
         default=0,

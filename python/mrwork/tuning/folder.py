@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import re
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -99,19 +100,19 @@ def chosen_study(results: TuningResults, study_file: StudyFile) -> str:
     blocks = [_controller(each) for each in results.laws]
     if not re.search(r'^\s*law\s*=\s*"best_passive"', text, flags=re.MULTILINE):
         blocks.append('[[controller]]\nlaw = "best_passive"\n')
-    folder = _text(str(study_file.path.parent))
+    folder = study_file.path.parent / tomllib.loads(text).get("folder", "")
     head = (
         f"# The study {study_file.path.name} with the settings that mrwork tune has chosen; for mrwork respond.\n"
-        + ("" if _names_folder(text) else f"folder = {folder} # of the files that the study names\n")
-        + "\n"
+        f"folder = {_text(str(folder))} # of the files that the study names\n\n"
     )
-    return head + text.rstrip() + "\n\n# Chosen by mrwork tune.\n\n" + "\n".join(blocks)
+    return head + _without_folder(text).rstrip() + "\n\n# Chosen by mrwork tune.\n\n" + "\n".join(blocks)
 
 
-def _names_folder(text: str) -> bool:
-    """Whether the study has a `folder` of its own already, before its first table."""
-    top = re.split(r"^\s*\[", text, maxsplit=1, flags=re.MULTILINE)[0]
-    return re.search(r"^\s*folder\s*=", top, flags=re.MULTILINE) is not None
+def _without_folder(text: str) -> str:
+    """The study without a `folder` of its own, which stands before its first table."""
+    first = re.search(r"^\s*\[", text, flags=re.MULTILINE)
+    end = len(text) if first is None else first.start()
+    return re.sub(r"^[ \t]*folder[ \t]*=.*\n?", "", text[:end], flags=re.MULTILINE) + text[end:]
 
 
 def _controller(law: LawResult) -> str:

@@ -35,7 +35,8 @@ def front_of(plan: Plan, benches: Benches, basis: Basis, *, rng: int, report: Re
 
     def objectives(units: Floats) -> Floats:
         candidates = [space.candidate(unit) for unit in units]
-        return _values(bench, bench.run(plan.law, candidates), parts)
+        found = bench.run(plan.law, candidates)
+        return _ratios(found, bench, parts) + PENALTY * parts[0].violation(found)[:, None]
 
     firsts = [each.candidate for each in first_candidates(space, basis)]
     starts = [unit for each in firsts if (unit := space.unit(each)) is not None]
@@ -51,9 +52,9 @@ def front_of(plan: Plan, benches: Benches, basis: Basis, *, rng: int, report: Re
         on_generation=lambda evaluations: report(evaluations, float("nan")),
     )
     candidates = _distinct([space.candidate(unit) for unit in found.units])
-    train = _ratios(benches, bench, plan, parts, candidates)
+    train = _evaluated(benches, bench, plan, parts, candidates)
     testing = benches.tested(robust=table.robust)
-    test = None if testing is None else _ratios(benches, testing, plan, parts, candidates)
+    test = None if testing is None else _evaluated(benches, testing, plan, parts, candidates)
     points = [
         FrontPoint(
             settings=dict(described(candidate)),
@@ -72,18 +73,17 @@ def front_of(plan: Plan, benches: Benches, basis: Basis, *, rng: int, report: Re
     )
 
 
-def _values(bench: Bench, found: RunCriteria, parts: list[Objective]) -> Floats:
-    violation = parts[0].violation(found)
-    columns = [part.value(part.run_scores(found, bench.baseline(part))) for part in parts]
-    return np.asarray(np.column_stack(columns) + PENALTY * violation[:, None])
+def _ratios(found: RunCriteria, bench: Bench, parts: list[Objective]) -> Floats:
+    """The objectives of candidates over their baseline, shape (n_candidates, n_objectives)."""
+    return np.column_stack([part.value(part.run_scores(found, bench.baseline(part))) for part in parts])
 
 
-def _ratios(
+def _evaluated(
     benches: Benches, bench: Bench, plan: Plan, parts: list[Objective], candidates: list[Candidate]
 ) -> Floats:
     inputs = digest_of(plan.label, candidates, [motion.name for motion in bench.motions])
     found = recorded(benches.journal, "front", inputs, RunCriteria, lambda: bench.run(plan.law, candidates))
-    return _values(bench, found, parts)
+    return _ratios(found, bench, parts)
 
 
 def _distinct(candidates: list[Candidate]) -> list[Candidate]:

@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.control.law_design import design_law, settings_of
 from mrwork.control.law_settings import SETTINGS
 from mrwork.control.laws import control_law
-from mrwork.errors import Interrupted
+from mrwork.errors import Interrupted, InvalidSettingError, SettingError
 from mrwork.search.loop import GenerationEvent, Optimiser, run_search
 from mrwork.search.peers import CMAEvolution
 from mrwork.search.registry import OPTIMISERS, PEERS
@@ -67,6 +68,26 @@ class Plan:
     objective: Objective
     space: SettingSpace
     label: str
+
+
+def check_settings(plan: Plan, bench: Bench) -> None:
+    """Refuse settings of a table that no candidate can have, as weights of other floors than those of the building.
+
+    Raises
+    ------
+    InvalidSettingError
+        If the law cannot be designed with them; the message has the line.
+    """
+    candidate = plan.space.candidate(plan.space.start)
+    try:
+        design_law(plan.law, bench.problem, settings_of(plan.law, candidate.settings))
+    except InvalidSettingError as error:
+        if plan.table.place is None:
+            raise
+        raise plan.table.place.within("settings", error.key).error(SettingError, str(error)) from error
+    except SettingError:
+        # The middle of the ranges may have no gain where other places of them do.
+        return
 
 
 def tuned_law(plan: Plan, benches: Benches, basis: Basis, *, rng: int, report: Report) -> LawResult:

@@ -20,6 +20,8 @@ from mrwork.units import number_in
 
 Floats = NDArray[np.float64]
 
+COMMAND = "A or V"
+"""Unit of the criteria of the command."""
 PENALTY = 10.0
 """What is added to the objective for a constraint that is exceeded by its own limit."""
 
@@ -127,7 +129,7 @@ def objective_of(table: TuneTable, command_unit: str) -> Objective:
     given = table.criteria or SCORE
     weights = dict(given) if isinstance(given, Mapping) else dict.fromkeys(given, 1.0)
     for name, weight in weights.items():
-        known_criterion(table, "criteria", name)
+        scored_criterion(table, "criteria", name)
         if not (weight > 0.0 and math.isfinite(weight)):
             _refuse(table, "criteria", f"the weight of {name} is {weight:g}; give a positive number")
     if table.tail > 1.0:
@@ -155,11 +157,18 @@ def known_criterion(table: TuneTable, key: str, name: str) -> None:
         _refuse(table, key, f"no criterion is called {name!r}{suggestion(name, known)}")
 
 
+def scored_criterion(table: TuneTable, key: str, name: str) -> None:
+    """Refuse a name that is no criterion, or one that is zero at i = 0 and so has no ratio to it."""
+    known_criterion(table, key, name)
+    if criterion(name).unit == COMMAND:
+        _refuse(table, key, f"{name} is 0 at i = 0, so no ratio to it exists; limit it among the constraints")
+
+
 def _limit(table: TuneTable, name: str, value: float | str, command_unit: str) -> float:
     known_criterion(table, "constraints", name)
     unit = criterion(name).unit
     if isinstance(value, str):
-        number = number_in(value, command_unit if unit == "A or V" else unit)
+        number = number_in(value, command_unit if unit == COMMAND else unit)
         if isinstance(number, str):
             _refuse(table, "constraints", f"{name} {number}")
         value = number

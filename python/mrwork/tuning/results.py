@@ -246,8 +246,12 @@ def settings_in_words(settings: Mapping[str, Any], command_unit: str) -> str:
 
 
 def _value(value: Any) -> str:
+    if isinstance(value, str):
+        return value
     if isinstance(value, int | float):
         return rounded(float(value))
+    if isinstance(value, Mapping):
+        return f"({', '.join(f'{name} {_value(each)}' for name, each in value.items())})"
     if len(value) > _MOST_IN_WORDS:
         return f"{len(value)} numbers"
     return f"[{', '.join(_value(each) for each in value)}]"

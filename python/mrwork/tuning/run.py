@@ -20,8 +20,8 @@ from mrwork.tuning.benches import benches_of
 from mrwork.tuning.first_candidates import basis_of
 from mrwork.tuning.front import front_of
 from mrwork.tuning.gradient_finish import check_finish
-from mrwork.tuning.law_tuning import Plan, TuningProgress, tuned_law
-from mrwork.tuning.objective import Objective, known_criterion, objective_of, refuse_within
+from mrwork.tuning.law_tuning import Plan, TuningProgress, check_settings, tuned_law
+from mrwork.tuning.objective import Objective, objective_of, refuse_within, scored_criterion
 from mrwork.tuning.problem import Clock, check_controllable, magnitudes_of
 from mrwork.tuning.references import BEST_CONSTANT, best_constant, references_of
 from mrwork.tuning.results import Front, LawResult, TuningResults, compared_to
@@ -95,7 +95,9 @@ def tune(
         robust = any(table.robust for table in tables)
         benches = benches_of(study, journal=journal, threads=threads, clock=clock, robust=robust)
         basis = basis_of(benches.training, magnitudes_of(benches.training))
-        plans = _plans(tables, objectives, basis.magnitudes)
+        plans = _plans(study, tables, objectives, basis.magnitudes)
+        for plan in plans:
+            check_settings(plan, benches.training)
         references.extend(references_of(benches, objectives[0], basis))
         if any(each.relative_to == "best_passive" for each in objectives):
             benches = benches.with_constant(best_constant(references))
@@ -164,7 +166,7 @@ def _beside(law: LawResult, constant: LawResult | None) -> LawResult:
 
 
 def _plans(
-    tables: Sequence[TuneTable], objectives: Sequence[Objective], magnitudes: Magnitudes
+    study: Study, tables: Sequence[TuneTable], objectives: Sequence[Objective], magnitudes: Magnitudes
 ) -> list[Plan]:
     plans = [
         Plan(
@@ -177,7 +179,7 @@ def _plans(
         for table, objective in zip(tables, objectives, strict=True)
         for law in table.laws
     ]
-    _check_labels(plans)
+    _check_labels(plans, [each.row.label for each in study.arrangements])
     return plans
 
 
@@ -229,7 +231,7 @@ def _check_objectives(table: TuneTable) -> None:
     if not table.objectives:
         return
     for name in table.objectives:
-        known_criterion(table, "objectives", name)
+        scored_criterion(table, "objectives", name)
     if len(set(table.objectives)) < max(2, len(table.objectives)):
         refuse_within(
             table,
@@ -247,8 +249,9 @@ def _label(table: TuneTable, law: str) -> str:
     return f"{title}, {table.label or 'tuned'}"
 
 
-def _check_labels(plans: Sequence[Plan]) -> None:
-    seen: set[str] = set()
+def _check_labels(plans: Sequence[Plan], others: Sequence[str]) -> None:
+    """Refuse a label that another result or an arrangement of the study has, since `chosen.toml` has both."""
+    seen = set(others)
     for plan in plans:
         if plan.label in seen:
             refuse_within(

@@ -15,7 +15,6 @@ from mrwork.control.laws import control_law, control_laws
 from mrwork.control.setting_base import LawSettings, Magnitudes, Span
 from mrwork.control.weights import CostWeights
 from mrwork.keys import is_required, keys_of, suggestion
-from mrwork.study.declared import read_table
 from mrwork.study.tuning_schema import TuneTable
 from mrwork.summary import Summarised, of_unit
 from mrwork.tuning.objective import refuse_within
@@ -27,6 +26,8 @@ LARGEST = "largest_command"
 _SHARES = 10
 # What a study file states of a setting.
 _DIGITS = 4
+# Ratio of the ends of a range beyond which its logarithm is no longer a number.
+_WIDEST = 1e100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,21 +148,6 @@ class SettingSpace(Summarised):
         return tuple(f"{each.label} from {each.lower:g} to {each.upper:g}" for each in self.free)
 
 
-def settings_from(table: TuneTable, law: str, given: Mapping[str, Any]) -> LawSettings:
-    """The settings of a law from values by name, as a study file gives them.
-
-    Raises
-    ------
-    SettingError
-        If one is unknown, missing or out of range.
-    """
-    if table.place is not None:
-        return read_table(SETTINGS[law], given, table.place.within("settings"))
-    from mrwork.control.law_design import settings_of
-
-    return settings_of(law, given)
-
-
 def space_of(table: TuneTable, law: str, magnitudes: Magnitudes) -> SettingSpace:
     """The free settings of a law with their ranges, from a table and from what the law declares.
 
@@ -249,8 +235,8 @@ def _free_names(
             if name in (table.settings or {}):
                 refuse_within(table, f"{name} is held among the settings and free; keep one", "free", name)
         return list(table.free)
-    # A weight of the energy excludes other weights.
-    alone = "energy" in held
+    # A weight of the energy and designed weights exclude other weights.
+    alone = "energy" in held or "designed" in held
     names = [
         name
         for name, span in spans.items()
@@ -271,6 +257,13 @@ def _free(
         if len(given) != 2 or not given[0] < given[1] or (scale == "log" and given[0] <= 0.0):
             _refuse_range(table, name, scale)
         lower, upper = given
+        if scale == "log" and upper > _WIDEST * lower:
+            refuse_within(
+                table,
+                f"the range of {name} is from {lower:g} to {upper:g}; its ends may differ by {_WIDEST:g} times",
+                "free",
+                name,
+            )
     elif span is None:
         lower, upper = magnitudes.command / _SHARES, magnitudes.command
     else:

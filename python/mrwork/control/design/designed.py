@@ -31,6 +31,9 @@ _SETTING = {
     "rms_acceleration": "accelerations",
     "rms_displacement": "displacements",
 }
+# Excess of the gain of the law over ratio and budget, as a factor, beyond which it is said in words.
+_NEAR = 1.05
+_FORECAST = "the least ratio is that of a law that also knows the state of the soil and of the driver."
 # Outputs and sentences on what binds that the summary shows.
 _SHOWN = 4
 # Shares of the multipliers below this one belong to limits that do not bind.
@@ -153,7 +156,11 @@ class DesignedWeights(Summarised):
                 f"The limits cannot be met: the least factor by which all are met at once is {ratio:.3g}, and 100 "
                 "times the budget does not bring it to 1."
             )
-        return (first, *self.binding)
+        check = self.certificate
+        if check.law_ratio <= _NEAR * ratio and check.law_force <= _NEAR:
+            return (first, *self.binding)
+        own = f"The gain of the law reaches {check.law_in_words}: {_FORECAST}"
+        return (first, own, *self.binding)
 
     def _summary(self) -> Summary:
         check = self.certificate
@@ -174,7 +181,7 @@ class DesignedWeights(Summarised):
                     key=lambda each: -each[2] / each[3],
                 )[:_SHOWN]
             ],
-            notes=(*self.in_words[: 1 + _SHOWN], SCAN),
+            notes=(*self.in_words[: 2 + _SHOWN], SCAN),
         )
 
 

@@ -59,8 +59,8 @@ class WeightDesigner:
         building: Building,
         devices: Sequence[Device] | ArrayLike,
         *,
-        limits: RmsLimits | Mapping[str, Limit],
-        budget: float | str | Sequence[float],
+        limits: RmsLimits | Mapping[str, Limit | str],
+        budget: float | str | Sequence[float | str],
         spectrum: SpectralDensity | None = None,
         cases: Sequence[DesignCase] = (),
         timing: LoopTiming | None = None,
@@ -73,6 +73,12 @@ class WeightDesigner:
         self._budgets = as_forces(budget, self.plant)
         nominal = KanaiTajimi() if spectrum is None else spectrum
         self._cases = tuple(cases) or (DesignCase(name=building.name, building=building, spectrum=nominal),)
+        for name, given, kind in (
+            ("timing", timing, LoopTiming),
+            ("semi_active", semi_active, SemiActiveCondition),
+        ):
+            if given is not None and not isinstance(given, kind):
+                raise SettingError(f"`{name}` is {given!r}; give a {kind.__name__}")
         self._timing, self._semi_active = timing, semi_active
         self._plants = [_plant_of_case(case, building, rows, names) for case in self._cases]
         self._systems = self._systems_of(None)
@@ -83,8 +89,8 @@ class WeightDesigner:
 
     def design(
         self,
-        limits: RmsLimits | Mapping[str, Limit] | None = None,
-        budget: float | str | Sequence[float] | None = None,
+        limits: RmsLimits | Mapping[str, Limit | str] | None = None,
+        budget: float | str | Sequence[float | str] | None = None,
     ) -> DesignedWeights:
         """The weights for these limits and this budget, those of the designer by default.
 
@@ -166,7 +172,13 @@ class WeightDesigner:
         if self._semi_active is None:
             return np.zeros(m)
         if self._semi_active.damping is not None:
-            return np.broadcast_to(np.asarray(self._semi_active.damping, dtype=np.float64), m).copy()
+            given = np.asarray(self._semi_active.damping, dtype=np.float64)
+            if given.shape not in ((), (m,)):
+                raise SettingError(
+                    f"the semi-active condition has {given.size} dampings, and the number of devices is {m}; give one "
+                    "for each, or one for all"
+                )
+            return np.broadcast_to(given, m).copy()
         scale = np.max([system.rms_without_control() for system in self._systems], axis=0)
         level = float(np.max(scale / self._outputs.limits))
         rows = [rows_of(system, level * self._outputs.limits, self._budgets) for system in self._systems]

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,17 +49,21 @@ class RmsLimits:
         check_keys(self)
 
     @classmethod
-    def of(cls, given: RmsLimits | Mapping[str, Limit]) -> RmsLimits:
-        """The limits from values by name.
+    def of(cls, given: RmsLimits | Mapping[str, Limit | str]) -> RmsLimits:
+        """The limits from values by name, numbers in SI or texts with a unit.
 
         Raises
         ------
         SettingError
-            If one has an unknown name.
+            If one has an unknown name, or is no number.
         """
         if isinstance(given, RmsLimits):
             return given
-        known = [entry.name for entry in fields(cls)]
+        if not isinstance(given, Mapping):
+            raise SettingError(
+                f'limits are {type(given).__name__}; give them by name, as {{"rms_drift": 2e-3}}, or RmsLimits'
+            )
+        known = {entry.name: entry.metadata["unit"] for entry in fields(cls)}
         for name in given:
             if name not in known:
                 hint = (
@@ -67,7 +72,19 @@ class RmsLimits:
                     else f"there are {', '.join(known)}"
                 )
                 raise SettingError(f"no limit is called {name!r}; {hint}")
-        return cls(**given)
+        return cls(**{name: _in_si(name, value, known[name]) for name, value in given.items()})
+
+
+def _in_si(name: str, given: object, unit: str) -> Any:
+    """A number, or several, of which a text has a unit; `None` stays."""
+    if isinstance(given, str):
+        number = number_in(given, unit)
+        if isinstance(number, str):
+            raise SettingError(f"{name} {number}")
+        return number
+    if isinstance(given, Sequence):
+        return tuple(_in_si(name, each, unit) for each in given)
+    return given
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -169,7 +186,7 @@ class SemiActiveCondition:
 
     def __post_init__(self) -> None:
         plain_values(self)
-        if not 0.0 < self.share < 1.0:
+        if not (isinstance(self.share, int | float) and 0.0 < self.share < 1.0):
             raise SettingError(
                 f"the share of a semi-active condition is {self.share}; give one between 0 and 1"
             )
@@ -199,6 +216,9 @@ class LoopTiming:
 
     def __post_init__(self) -> None:
         rate = 1.0 if self.driver_rate is None else self.driver_rate
+        for name, value in (("sample_time", self.sample_time), ("delay", self.delay), ("driver_rate", rate)):
+            if not isinstance(value, int | float):
+                raise SettingError(f"{name} of the loop is {value!r}; give a number in SI")
         for name, value in (("sample_time", self.sample_time), ("driver_rate", rate)):
             if not 0.0 < value < math.inf:
                 raise SettingError(f"{name} of the loop is {value}; give a positive number")
@@ -224,7 +244,7 @@ class LoopTiming:
 _MOST_DELAY = 20
 
 
-def as_forces(budget: float | str | Sequence[float] | Floats, plant: Plant) -> Floats:
+def as_forces(budget: float | str | Sequence[float | str] | Floats, plant: Plant) -> Floats:
     """The budget of each device [N], shape (n_devices,); a text has a unit, as "1.5 kN".
 
     Raises
@@ -232,12 +252,7 @@ def as_forces(budget: float | str | Sequence[float] | Floats, plant: Plant) -> F
     SettingError
         If the number of budgets is wrong, or one is not positive.
     """
-    if isinstance(budget, str):
-        number = number_in(budget, "N")
-        if isinstance(number, str):
-            raise SettingError(f"budget {number}")
-        budget = number
-    values = np.asarray(budget, dtype=np.float64)
+    values = np.asarray(_in_si("budget", budget, "N"), dtype=np.float64)
     if values.shape not in ((), (plant.n_devices,)):
         raise SettingError(
             f"budget has {values.size} forces, and the number of devices is {plant.n_devices}; give one for each, or "

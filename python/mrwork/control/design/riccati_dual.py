@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.control.design.lyapunov_equations import LyapunovEquations
-from mrwork.control.design.sampled_riccati import sampled_gain
+from mrwork.control.design.sampled_riccati import SMALLER_BUDGET, sampled_gain
 from mrwork.control.design.system import DesignSystem
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError
@@ -87,7 +87,13 @@ def regulated(system: DesignSystem, rows: Rows, multipliers: Floats) -> Regulate
 
 
 def _under(system: DesignSystem, rows: Rows, gain: Floats, P: Floats) -> Regulated:
-    X = LyapunovEquations(system.A - system.B @ gain, system.step).covariance(system.noise)
+    try:
+        loop = LyapunovEquations(system.A - system.B @ gain, system.step)
+    except SettingError as error:
+        raise SettingError(
+            f"the gain of the weights does not stabilise the loop; {SMALLER_BUDGET}"
+        ) from error
+    X = loop.covariance(system.noise)
     closed = rows.C - rows.D @ gain
     return Regulated(
         gain=gain,
@@ -228,7 +234,7 @@ def _moved(
             ], length
         except SettingError:
             length *= 0.5
-    raise SettingError("no step of the weights keeps the Riccati equation solvable; give a larger budget")
+    raise SettingError(f"no step of the weights keeps the Riccati equation solvable; {SMALLER_BUDGET}")
 
 
 def _inside(start: Floats, n_limits: int) -> Floats:

@@ -14,6 +14,12 @@ from mrwork.errors import SettingError
 
 Floats = NDArray[np.float64]
 
+SMALLER_BUDGET = (
+    "where the budget is more force than the limits have use for, force costs nothing and the gain is not determined: "
+    "give a smaller one"
+)
+"""What to do where an equation of a design has no solution in double precision."""
+
 _DOUBLINGS = 60
 _LARGEST_NORM = 1e60
 
@@ -48,7 +54,7 @@ def sampled_gain(A: Floats, B: Floats, Q: Floats, R: Floats, N: Floats, step: fl
             gain = np.linalg.solve(R + step * B.T @ H @ B, B.T @ H @ forward + N.T)
             return np.asarray(gain, dtype=np.float64), H
     raise SettingError(
-        "the Riccati equation of the sampled loop has no stabilising solution; give a larger budget"
+        f"the Riccati equation of the sampled loop has no stabilising solution; {SMALLER_BUDGET}"
     )
 
 

@@ -19,8 +19,8 @@ def design_weights(
     building: Building,
     devices: Sequence[Device] | ArrayLike,
     *,
-    limits: RmsLimits | Mapping[str, Limit],
-    budget: float | str | Sequence[float],
+    limits: RmsLimits | Mapping[str, Limit | str],
+    budget: float | str | Sequence[float | str],
     spectrum: SpectralDensity | None = None,
     cases: Sequence[DesignCase] = (),
     timing: LoopTiming | None = None,
@@ -38,7 +38,8 @@ def design_weights(
     devices
         Devices, or their rows of elongation, shape (n_devices, n).
     limits
-        Limits on rms drift [m], absolute acceleration [m/s^2], displacement [m] and force [N]; see `RmsLimits`.
+        Limits on rms drift [m], absolute acceleration [m/s^2], displacement [m] and force [N], or as "2 mm"; see
+        `RmsLimits`.
     budget
         Largest rms wanted force of each device, of all its dampers together: one for all [N], or as "1.5 kN", or one
         for each.

@@ -164,6 +164,10 @@ def _settings_section(results: TuningResults) -> Section | None:
 def _shown(value: Any) -> str:
     if isinstance(value, int | float):
         return significant(float(value), 4)
+    if isinstance(value, str):
+        return value
+    if isinstance(value, Mapping):
+        return f"({_in_line(value)})"
     return f"{len(value)} numbers"
 
 
