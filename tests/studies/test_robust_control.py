@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import tuning_samples
 import mrwork as mr
 import robust_damper
 import robust_runs
+from mrwork.control import settings_of
 from robust_damper import CURRENTS, MOTIONS, write_tests
 from robust_findings import level_found
 from robust_page import score_figure
@@ -99,3 +101,13 @@ def test_a_tuning_is_made_by_the_command_line_and_read_again(
     again = robust_runs.tuned(file, tmp_path / "run", threads=1, quick=True, resume=True)
     assert "--resume" in asked[0]
     assert again.laws[0].settings == first.laws[0].settings
+
+
+@pytest.mark.parametrize("level", ["01", "03"])
+def test_the_chosen_settings_are_those_of_laws(level: str) -> None:
+    file = Path(robust_runs.__file__).parent / f"chosen_{level}.toml"
+    tables = tomllib.loads(file.read_text(encoding="utf-8"))["controller"]
+    chosen = [each for each in tables if "settings" in each]
+    assert {each["law"] for each in chosen} >= {"clipped_optimal", "signal_network"}
+    for each in chosen:
+        settings_of(each["law"], each["settings"])
