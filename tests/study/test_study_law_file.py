@@ -136,7 +136,7 @@ def test_a_row_without_any_law_is_refused(tmp_path: Path) -> None:
 
 def test_a_passive_damper_takes_no_law_in_python(tmp_path: Path) -> None:
     study = write(tmp_path)
-    passive = 'model = "dahl"\nparameters = { k = 1e4, c = 1e3 }\npassive = true'
+    passive = 'model = "dahl"\nparameters = { k_w = 1e3, rho = 1e3, f0 = 0.0 }\npassive = true'
     study.write_text(study.read_text().replace('preset = "kwok2006"', passive))
     with pytest.raises(SettingError, match="a law in Python commands the dampers, and they are passive"):
         mr.read_study(study)
