@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib import import_module
-from typing import Any, NoReturn
+from typing import NoReturn, TextIO
 
 from mrwork.cli.signals import Signals
 from mrwork.cli.terminal import note, show_all
@@ -118,7 +118,14 @@ def sentence_on(error: BaseException) -> str:
 def warnings_in_one_line() -> Iterator[None]:
     """Warnings of this package and of libraries as notes, in one line each."""
 
-    def show(message: Warning | str, category: type[Warning], *place: Any) -> None:
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
         of_library = not issubclass(category, MrworkWarning)
         note(f"warning: {f'a library reports {category.__name__}: ' if of_library else ''}{message}")
 

@@ -63,7 +63,7 @@ def _saved(figure: Figure, *, font_type: str) -> str:
 def _without_controls(figure: Figure) -> None:
     """Show control characters of names as escapes: no font has them, and no XML may."""
     for text in figure.findobj(Text):
-        text.set_text(escaped_lines(text.get_text()))  # type: ignore[attr-defined] # one of the class asked for
+        text.set_text(escaped_lines(text.get_text()))
 
 
 def _two_decimals(element: re.Match[str]) -> str:
