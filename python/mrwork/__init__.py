@@ -4,6 +4,18 @@ The public names stand in `__init__.pyi`, here and in each namespace; a module i
 used, so that `import mrwork` costs little more than the interpreter.
 """
 
-import lazy_loader
+from __future__ import annotations
 
-__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
+
+def __getattr__(name: str) -> object:
+    # The reader of stubs takes longer to load than all else of a command that has only started.
+    import lazy_loader
+
+    found, names, listed = lazy_loader.attach_stub(__name__, __file__)
+    globals().update(__getattr__=found, __dir__=names, __all__=listed)
+    return listed if name == "__all__" else found(name)
+
+
+def __dir__() -> list[str]:
+    __getattr__("__all__")
+    return sorted(globals()["__all__"])

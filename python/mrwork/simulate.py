@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import ClassVar
+from typing import ClassVar, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -65,8 +65,12 @@ class Loading(Summarised):
         Raises
         ------
         SettingError
-            If the arrays do not fit together or hold a value that is not finite.
+            If the arrays do not fit together or hold a value that is not finite, or the unit is none of a command.
         """
+        if self.command_unit not in (None, *get_args(CommandUnit)):
+            raise SettingError(
+                f"`command_unit` is {self.command_unit!r}; give {' or '.join(get_args(CommandUnit))}, or leave it out"
+            )
         displacement = np.ascontiguousarray(self.displacement, dtype=np.float64)
         velocity = None if self.velocity is None else np.ascontiguousarray(self.velocity, dtype=np.float64)
         command = None

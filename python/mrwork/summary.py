@@ -12,6 +12,8 @@ from math import isnan
 from textwrap import wrap
 from typing import Any, ClassVar
 
+from mrwork.escaping import escaped
+
 # Rows of a table and characters of a line that fit on one screen.
 _MOST_ROWS = 16
 _MOST_CHARACTERS = 100
@@ -102,6 +104,7 @@ class Summarised:
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     """Rows of cells as lines: the first column to the left, others to the right where all their cells are numbers."""
+    rows = [[escaped(cell) for cell in row] for row in rows]
     columns = list(zip(*rows, strict=True))
     numeric = [number > 0 and all(map(_is_numeric, column[1:])) for number, column in enumerate(columns)]
     widths = [max(map(len, column)) for column in columns]

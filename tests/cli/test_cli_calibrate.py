@@ -99,6 +99,6 @@ def test_without_files_the_tests_of_the_run_are_left_out_in_turn_and_kept(place:
 def test_an_impossible_level_and_a_lone_fold_are_refused(place: Path) -> None:
     assert mrwork("calibrate", place, OTHERS[0]).returncode == 0
     level = mrwork("predict", place, OTHERS[0], "--level", "90")
-    assert (level.returncode, "between 0 and 1, got 90" in level.stderr) == (2, True)
+    assert (level.returncode, "from 0.001 to 0.999999" in level.stderr) == (2, True)
     alone = mrwork("calibrate", place, "--leave-out", "command")
     assert (alone.returncode, "have one command in common" in alone.stderr) == (2, True)

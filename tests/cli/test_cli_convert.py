@@ -79,7 +79,7 @@ def test_opensees_is_printed_as_its_command_with_the_dashpot_beside_it(convert) 
         (["spencer", *SPENCER, "x0=nan", "--to", "normalised"], ["not a number"]),
         (["spencer", *SPENCER, "x0=0.038", "--to", "opensees"], ["constant load"]),
         (["spencer", *SPENCER, "--to", "normalised", "--scale", "3"], ["leave it out"]),
-        (["spencer", *SPENCER, "--to", "opensees", "--scale", "-3"], ["positive"]),
+        (["spencer", *SPENCER, "--to", "opensees", "--scale", "-3"], ["from 1e-12 to 1e+12"]),
         (["normalised", "k_w=1", "rho=0", "sigma=1", "n=1", "--to", "spencer"], ["rho", "positive"]),
         (
             ["opensees", "ko=1", "alpha=.1", "n=1", "gamma=-1", "beta=1", "Ao=1", "--to", "normalised"],

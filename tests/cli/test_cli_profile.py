@@ -72,7 +72,7 @@ def test_json_is_one_object_and_what_is_written(valley: Path, capsys: pytest.Cap
     ("arguments", "words"),
     [
         (["--parameter", "stiffness"], "'stiffness'"),
-        (["--level", "95"], "0.95"),
+        (["--level", "95"], "from 0.001 to 0.999999"),
         (["--threads", "-1"], "--threads"),
     ],
 )

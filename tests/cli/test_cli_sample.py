@@ -80,7 +80,7 @@ def test_what_cannot_be_is_one_sentence(
         ([run, "--noise", "pink"], "iid, student_t"),
         ([run, "--tempering", "some"], "--tempering"),
         ([run, "--walkers", "4"], "an even number"),
-        ([run, "--seed", "-1"], "negative"),
+        ([run, "--seed", "-1"], "from 0 to"),
         ([run, "--seed", "9", "--resume"], "another sampling"),
     ):
         with pytest.raises(SystemExit) as ended:

@@ -340,13 +340,15 @@ def test_gains_of_the_wrong_shape_are_refused(spec: ControlLawSpec) -> None:
                 simulate_loop(five_storeys(), loop, replace(law, gains={**law.gains, name: wrong}), [SHORT])
     with pytest.raises(SettingError, match="has no gain 'more'"):
         replace(law, gains={**law.gains, "more": 1.0})
-    for name in law.gains:
+    for name, gain in law.gains.items():
         with pytest.raises(SettingError, match=f"has no gain '{name}s', did you mean {name}"):
             replace(law, gains={**law.gains, f"{name}s": 1.0})
         with pytest.raises(SettingError, match=f"{spec.name} lacks the gain '{name}'"):
             replace(law, gains={key: gain for key, gain in law.gains.items() if key != name})
         with pytest.raises(SettingError, match=f"'{name}' of {spec.name} is not an array of numbers"):
             replace(law, gains={**law.gains, name: "large"})
+        with pytest.raises(SettingError, match=f"'{name}' of {spec.name} has NaN"):
+            replace(law, gains={**law.gains, name: np.full(np.shape(gain), np.nan)})
 
 
 @pytest.mark.parametrize("spec", [spec for spec in control_laws() if spec.needs_curve], ids=name_of)

@@ -92,6 +92,8 @@ def test_a_column_option_is_split_once_checked() -> None:
         ("force=F", SettingError, "COLUMN:UNIT"),
         ("force=:N", SettingError, "COLUMN:UNIT"),
         ("force=F:furlong", UnitError, "N, kN, lbf"),
+        ("command=-5A", SettingError, "from 0 to 1000 A"),
+        ("command=1e9 A", SettingError, "from 0 to 1000 A"),
     ],
 )
 def test_a_wrong_column_option_is_refused(option: str, error: type[MrworkError], expected: str) -> None:

@@ -74,8 +74,19 @@ def test_values_are_given_in_seconds_or_periods(smoothed: DamperTest) -> None:
         ["gain=0"],
         ["lowpass=0.1T"],
         ["delay=inf"],
+        ["lowpass=0"],
+        ["average=1e9"],
+        ["delay=-1e9"],
+        ["offset=1e300"],
     ],
 )
 def test_other_words_are_refused(words: list[str]) -> None:
     with pytest.raises(SettingError, match="observ"):
         as_words(words)
+
+
+@pytest.mark.parametrize("word", ["average=10", "average=100T", "delay=10", "delay=-10"])
+def test_an_average_or_a_delay_longer_than_the_record_is_refused(smoothed: DamperTest, word: str) -> None:
+    short = replace(smoothed.part(0, 100), frequency=1.0)
+    with pytest.raises(SettingError, match="the record lasts"):
+        observed(short, [word])

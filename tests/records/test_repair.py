@@ -134,3 +134,11 @@ def test_every_repair_is_in_the_log_in_its_order(clean: DamperTest) -> None:
 def test_impossible_amounts_are_refused(clean: DamperTest, amounts: dict[RepairKind, float]) -> None:
     with pytest.raises(SettingError):
         repair(clean, [], amounts=amounts)
+
+
+@pytest.mark.parametrize(
+    ("kind", "amount"), [("mass", -1.0), ("mass", 1e9), ("offset", 1e30), ("delay", -1e9)]
+)
+def test_an_impossible_amount_is_refused(clean: DamperTest, kind: RepairKind, amount: float) -> None:
+    with pytest.raises(SettingError, match="give one from"):
+        repair(clean, [kind], amounts={kind: amount})

@@ -12,7 +12,7 @@ import pytest
 from command_line import mrwork
 from sinusoidal_tests import MOTIONS, PER_CYCLE, sinusoidal_test
 
-from mrwork.cli import parser
+from mrwork.cli.door import parser
 from mrwork.errors import Interrupted, MrworkError, SettingError, UnknownNameError
 from mrwork.identification.multistart import Multistart
 from mrwork.identification.settings import FitSettings

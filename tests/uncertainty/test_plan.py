@@ -230,3 +230,20 @@ def test_a_band_that_is_none_is_named(
 ) -> None:
     with pytest.raises(error, match=words):
         mr.plan(fit, [test], GRID[:1], band=band)
+
+
+@pytest.mark.parametrize(
+    ("candidate", "words"),
+    [
+        (Candidate(amplitude=0.01, frequency=1e-9), "frequency of a candidate is 1e-09 Hz"),
+        (Candidate(amplitude=1e6, frequency=1.0), "amplitude of a candidate is 1e"),
+        (Candidate(amplitude=0.01, frequency=1.0, command=-5.0), "command of a candidate is -5"),
+        (Candidate(amplitude=0.01, frequency=1.0, command=1e9), "command of a candidate is 1e"),
+    ],
+)
+def test_what_no_rig_can_run_is_refused(fit: Fit, test: DamperTest, candidate: Candidate, words: str) -> None:
+    possible = Candidate(amplitude=0.01, frequency=1.0)
+    with pytest.raises(SettingError, match=words):
+        mr.plan(fit, test, [possible, candidate])
+    with pytest.raises(SettingError, match=words):
+        mr.plan(fit, test, [possible], targets=[candidate])

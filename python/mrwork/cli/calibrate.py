@@ -21,8 +21,9 @@ from mrwork.cli.options import (
     observation_of,
     read_tests,
 )
-from mrwork.cli.output import note, print_json, renew_page, table_lines
+from mrwork.cli.output import print_json, renew_page, table_lines
 from mrwork.cli.progress import IdentificationInWords, ProgressLine
+from mrwork.cli.terminal import note, show
 from mrwork.errors import SettingError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import read_fit, reopen
@@ -81,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print_json(_summary(calibration, coverage))
     else:
-        print(_text(calibration, coverage, options.run_folder))
+        show(_text(calibration, coverage, options.run_folder))
     return status
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
-import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -13,7 +11,10 @@ from typing import Any
 import numpy as np
 
 from mrwork.cli.options import add_files, add_json, reading_of
+from mrwork.cli.output import print_json
+from mrwork.cli.terminal import note, show
 from mrwork.errors import MrworkError, SettingError
+from mrwork.escaping import escaped
 from mrwork.identification.settings import is_synthetic
 from mrwork.records import DamperTest, Finding, guess_tests, mislabelled, write_test_table
 from mrwork.records.command_signal import Command, command_range
@@ -32,7 +33,8 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--table",
         nargs="?",
-        const="",
+        type=Path,
+        const=Path(),
         metavar="TABLE",
         help="write a table of the tests with a first guess of columns, units and commands, and with what is in doubt; "
         "default tests.csv beside the first record",
@@ -55,7 +57,7 @@ def run(options: argparse.Namespace) -> int:
         except MrworkError as error:
             status = 2
             rows.append({"file": path, "error": str(error)})
-            print(f"mrwork: {error}", file=sys.stderr)
+            note(str(error))
             continue
         tests.append(test)
         rows.append(_facts(test))
@@ -63,13 +65,13 @@ def run(options: argparse.Namespace) -> int:
     gathered = gathered_findings(tests)
     if options.json:
         document = {"files": rows, "set": [asdict(finding) for finding in together]}
-        print(json.dumps(document | {"shared": [asdict(each) for each in gathered.shared]}))
+        print_json(document | {"shared": [asdict(each) for each in gathered.shared]})
         return status
     for test, own in zip(tests, gathered.own, strict=True):
-        print(_report(test, own))
+        show(_report(test, own))
     lines = [*_lines(together), *(f"  {each.in_words}" for each in gathered.shared)]
     if lines:
-        print("\n".join(["all files together:", *lines]))
+        show("\n".join(["all files together:", *lines]))
     return status
 
 
@@ -79,20 +81,20 @@ def _write_table(options: argparse.Namespace) -> int:
     files = [inside for path in named for inside in (records_in(path) if path.is_dir() else (path,))]
     if not files:
         raise SettingError("--table lists files; name a folder or the records")
-    table = Path(options.table) if options.table else files[0].parent / TABLE_NAME
+    table = files[0].parent / TABLE_NAME if options.table == Path() else options.table
     rows = guess_tests(files)
     write_test_table(table, rows)
     doubtful = [row for row in rows if row.doubt]
     if options.json:
-        print(json.dumps({"table": str(table), "tests": [asdict(row) for row in rows]}))
+        print_json({"table": str(table), "tests": [asdict(row) for row in rows]})
         return 0
     for row in rows:
         entries = ", ".join(f"{key} {entry}" for key, entry in row.columns.items())
-        print(f"{row.file}: {entries or 'not used'}")
+        show(f"{escaped(row.file)}: {entries or 'not used'}")
         if row.doubt:
-            print(f"  in doubt: {row.doubt}")
-    print(f"Written: {table}, {len(rows)} tests, {len(doubtful)} in doubt.")
-    print(
+            show(f"  in doubt: {row.doubt}")
+    show(f"Written: {table}, {len(rows)} tests, {len(doubtful)} in doubt.")
+    show(
         "Check its entries, replace each ?, and set the use of tests that are kept back to calibration or test; "
         f"then give {table} in place of the files."
     )
@@ -128,7 +130,7 @@ def _report(test: DamperTest, own: Sequence[Finding]) -> str:
     facts = _facts(test)
     command = f", {test.command_in_words}" if test.commands else ""
     head = (
-        f"{test.label}: {test.n_time} samples at {1.0 / test.dt:g} Hz, "
+        f"{escaped(test.label)}: {test.n_time} samples at {1.0 / test.dt:g} Hz, "
         f"{1e3 * facts['peak_displacement_m']:.3g} mm, {1e3 * facts['peak_velocity_mps']:.3g} mm/s, "
         f"{facts['peak_force_n']:.4g} N{command}"
     )

@@ -18,8 +18,8 @@ from mrwork.cli.identified import (
     write_identification,
 )
 from mrwork.cli.options import command_unit, laws_are_chosen, laws_of, reading_of
-from mrwork.cli.output import note
 from mrwork.cli.progress import choice_described
+from mrwork.cli.terminal import note
 from mrwork.errors import SettingError
 from mrwork.identification.settings import FitSettings
 from mrwork.records import observed

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import asdict
 from math import isfinite
 from typing import Any, Literal, get_args
@@ -11,7 +10,10 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.cli.numbers import SCALE, add_number
 from mrwork.cli.options import add_json
+from mrwork.cli.output import print_json
+from mrwork.cli.terminal import show
 from mrwork.dampers.conversions import (
     OpenSeesBoucWen,
     bouc_wen_from_normalised,
@@ -59,12 +61,13 @@ def add_parser(verbs: Any) -> None:
         help="spencer, normalised or opensees",
     )
     parser.add_argument("values", nargs="+", metavar="NAME=VALUE", help="parameters, as in n=2")
-    parser.add_argument(
+    add_number(
+        parser,
         "--scale",
-        type=float,
-        metavar="VALUE",
-        help="A of spencer or Ao of opensees, a scale that does not affect the force; default: that of the source, 120 "
+        SCALE,
+        "A of spencer or Ao of opensees, a scale that does not affect the force; default: that of the source, 120 "
         "from normalised, Ao 1",
+        metavar="VALUE",
     )
     add_json(parser)
     parser.set_defaults(run=run)
@@ -78,19 +81,19 @@ def run(options: argparse.Namespace) -> int:
     if options.source != "normalised":
         remarks = (*convention_remarks(theta), *remarks)
     if options.json:
-        print(json.dumps({"convention": options.to, "parameters": converted, "remarks": list(remarks)}))
+        print_json({"convention": options.to, "parameters": converted, "remarks": list(remarks)})
         return 0
     units = dict.fromkeys(converted, "") | _units(options.to)
     width = max(map(len, converted))
     for name, value in converted.items():
-        print(f"{name:<{width}}  {value:.12g}  {units[name]}".rstrip())
+        show(f"{name:<{width}}  {value:.12g}  {units[name]}".rstrip())
     if options.to == "opensees":
         arguments = " ".join(f"{converted[name]:.12g}" for name in _OPENSEES if name != "c0")
-        print(f"\nuniaxialMaterial BoucWen $tag {arguments}")
+        show(f"\nuniaxialMaterial BoucWen $tag {arguments}")
         if converted["c0"]:
-            print(f"uniaxialMaterial Viscous $tag {converted['c0']:.12g} 1  ;# in parallel")
+            show(f"uniaxialMaterial Viscous $tag {converted['c0']:.12g} 1  ;# in parallel")
     for remark in remarks:
-        print(f"note: {remark}")
+        show(f"note: {remark}")
     return 0
 
 
@@ -101,8 +104,6 @@ def _check_scale(options: argparse.Namespace) -> None:
         return
     if options.to == "normalised":
         raise SettingError("--scale sets A or Ao, and normalised has neither; leave it out")
-    if not (isfinite(options.scale) and options.scale > 0.0):
-        raise SettingError(f"--scale is {options.scale:g}; give a positive number, as in 120")
 
 
 def _parse(convention: Convention, texts: list[str]) -> dict[str, float]:

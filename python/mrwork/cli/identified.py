@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import shlex
 import sys
@@ -13,10 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from mrwork.cli.options import cannot_be_resumed
-from mrwork.cli.output import drawing, note, result_lines
+from mrwork.cli.output import drawing, print_json, result_lines
 from mrwork.cli.progress import ProgressLine
+from mrwork.cli.terminal import note, show
 from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted, MrworkError
+from mrwork.escaping import escaped
 from mrwork.identification.fit import Estimate, Fit
 from mrwork.identification.fit_file import write_run
 from mrwork.identification.result import FitSpread
@@ -156,16 +157,16 @@ def close_run(
     `document` is printed with --json in place of `text`.
     """
     if not options.json:
-        print(text, flush=True)
+        show(text)
     if status == 130:
         note(f"interrupted; {kept} so far is in {folder}; run the same command with --resume to continue")
     else:
         quiet = options.quiet or options.json
         status = write_fit_page(folder, fit, tests, quiet=quiet, ranking=ranking, laws=laws)
     if options.json:
-        print(json.dumps(document))
+        print_json(document)
     elif status == 0:
-        print(f"\nReport: {folder / REPORT}")
+        show(f"\nReport: {folder / REPORT}")
     return status
 
 
@@ -264,7 +265,7 @@ def text_of(fit: Fit, tests: tuple[DamperTest, ...]) -> str:
         settle = f", first {quality.settle_seconds:.2g} s not compared" if quality.settle_seconds > 0 else ""
         recorded = ", ".join(filter(None, (quality.observation.in_words, quality.nuisance.in_words)))
         lines.append(
-            f"  {test.label}: fit {quality.fit_percent:.2f} %, RMSE {quality.rmse_n:.4g} N "
+            f"  {escaped(test.label)}: fit {quality.fit_percent:.2f} %, RMSE {quality.rmse_n:.4g} N "
             f"over {quality.n_time} samples{settle}{f'; the model force {recorded}' if recorded else ''}"
         )
         lines += [f"    {finding.severity}: {finding.message}" for finding in findings]

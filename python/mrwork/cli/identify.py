@@ -19,13 +19,14 @@ from mrwork.cli.identified import (
     with_identifiability,
     write_identification,
 )
+from mrwork.cli.numbers import FORCE_EXPONENT, GENERATIONS, POPULATION, POWER, add_number
 from mrwork.cli.options import (
     add_files,
     add_json,
     add_observation,
     add_quiet,
+    add_seed,
     add_threads,
-    check_not_negative,
     command_unit,
     laws_are_chosen,
     laws_of,
@@ -34,8 +35,8 @@ from mrwork.cli.options import (
     parse_bounds,
     reading_of,
 )
-from mrwork.cli.output import note
 from mrwork.cli.progress import IdentificationInWords
+from mrwork.cli.terminal import note
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.identification.fit_file import read_fit
@@ -105,23 +106,25 @@ def add_parser(verbs: Any) -> None:
         metavar="RUN",
         help="also start from an earlier fit of this model, or of a model with some of its parameters; repeat for more",
     )
-    parser.add_argument(
+    add_number(
+        parser,
         "--power",
-        type=float,
+        POWER,
+        "minimise (mean NRMSE^P)^(1/P) over the files: 2, the default, is the root mean square; a higher power gives "
+        "more weight to the worst file",
         default=2.0,
         metavar="P",
-        help="minimise (mean NRMSE^P)^(1/P) over the files: 2, the default, is the root mean square; a higher power "
-        "gives more weight to the worst file",
     )
-    parser.add_argument(
+    add_number(
+        parser,
         "--force-exponent",
-        type=float,
+        FORCE_EXPONENT,
+        "assume that errors grow between files with their force to this power: 1, the default, gives all files the "
+        "same weight, 0 compares errors in newtons",
         default=1.0,
         metavar="E",
-        help="assume that errors grow between files with their force to this power: 1, the default, gives all files "
-        "the same weight, 0 compares errors in newtons",
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the search, default 0")
+    add_seed(parser, "the search")
     parser.add_argument(
         "--search",
         choices=list(searches()),
@@ -134,14 +137,19 @@ def add_parser(verbs: Any) -> None:
         default="lanes",
         help="engine of the final fit: lanes (default), or twin (JAX), which is slower and serves comparisons",
     )
-    parser.add_argument(
+    add_number(
+        parser,
         "--population",
-        type=int,
+        POPULATION,
+        "number of candidates in a generation; not for multistart",
         metavar="N",
-        help="number of candidates in a generation; not for multistart",
     )
-    parser.add_argument(
-        "--generations", type=int, metavar="N", help="largest number of generations; not for multistart"
+    add_number(
+        parser,
+        "--generations",
+        GENERATIONS,
+        "largest number of generations; not for multistart",
+        metavar="N",
     )
     add_threads(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="run folder, default out/TEST-MODEL")
@@ -172,7 +180,6 @@ def settings_of(options: argparse.Namespace) -> FitSettings:
 def run(options: argparse.Namespace) -> int:
     """Identify, write the run folder, print the result."""
     settings = settings_of(options)
-    check_not_negative(options)
     if is_choice(options):
         if options.engine != "lanes":
             raise SettingError(

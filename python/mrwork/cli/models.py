@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import asdict
 from typing import Any
 
 from mrwork.cli.options import add_json
+from mrwork.cli.output import print_json
+from mrwork.cli.terminal import show
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
 from mrwork.summary import aligned
 
@@ -24,13 +25,16 @@ def run(options: argparse.Namespace) -> int:
     """Print the list or the model."""
     if options.name is None:
         if options.json:
-            print(json.dumps({"models": [_as_dict(spec) for spec in damper_models()]}))
+            print_json({"models": [_as_dict(spec) for spec in damper_models()]})
             return 0
         listed = [(spec.name, f"{len(spec.parameters)} parameters", spec.title) for spec in damper_models()]
-        print("\n".join(aligned(listed)))
+        show("\n".join(aligned(listed)))
         return 0
     spec = damper(options.name)
-    print(json.dumps(_as_dict(spec)) if options.json else _in_full(spec))
+    if options.json:
+        print_json(_as_dict(spec))
+    else:
+        show(_in_full(spec))
     return 0
 
 

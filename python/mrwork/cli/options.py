@@ -8,13 +8,14 @@ from math import isfinite
 from pathlib import Path
 from typing import get_args
 
+from mrwork.cli.numbers import EVERY, INSTANT, SEED, SETTLE, THREADS, add_number
 from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.settings import Reading, is_synthetic
 from mrwork.records import DamperTest, parse_column_option
-from mrwork.records.observing import DETECT, as_words
-from mrwork.records.repairs import REPAIR_KINDS, RepairKind
+from mrwork.records.observing import DETECT, VALUES_IN_WORDS, as_words
+from mrwork.records.repairs import AMOUNTS_IN_WORDS, REPAIR_KINDS, RepairKind
 from mrwork.records.rig_table import ListedTest, Use, check_given_once, listed_tests
 
 _NONE = "none"
@@ -39,27 +40,24 @@ def add_files(parser: argparse.ArgumentParser, *, required: bool = True) -> None
         help="heading and unit of a column that is not recognised, as in force=F:kN, or the command as a number, as in "
         "command=0.5A; repeat for more",
     )
-    parser.add_argument(
-        "--from", dest="start", type=float, metavar="S", help="use the record from this time [s]"
-    )
-    parser.add_argument(
-        "--until", dest="end", type=float, metavar="S", help="use the record up to this time [s]"
-    )
-    parser.add_argument("--every", type=int, default=1, metavar="N", help="use every N-th sample")
+    add_number(parser, "--from", INSTANT, "use the record from this time on", dest="start", metavar="S")
+    add_number(parser, "--until", INSTANT, "use the record up to this time", dest="end", metavar="S")
+    add_number(parser, "--every", EVERY, "use every N-th sample", default=1, metavar="N")
     parser.add_argument(
         "--repair",
         action="append",
         default=[],
         metavar="KIND[=AMOUNT]",
-        help=f"repair the records: {', '.join(REPAIR_KINDS)}; an amount [s, N, kg] replaces the estimate from "
-        "the record, as in delay=0.002; repeat for more",
+        help=f"repair the records: {', '.join(REPAIR_KINDS)}; an amount replaces the estimate from the record, as "
+        f"in delay=0.002: {AMOUNTS_IN_WORDS}; repeat for more",
     )
-    parser.add_argument(
+    add_number(
+        parser,
         "--settle",
-        type=float,
+        SETTLE,
+        "time at the start that is simulated but not compared; default: until the damper has travelled half its "
+        "peak-to-peak stroke",
         metavar="S",
-        help="seconds at the start that are simulated but not compared; "
-        "default: until the damper has travelled half its peak-to-peak stroke",
     )
 
 
@@ -74,8 +72,8 @@ def add_observation(
         metavar="WHAT=VALUE",
         help="observation model: effect of the measurement on the force, which is applied to the model force before "
         "the comparison: detect applies a moving average that is found in the record, none has no effect; average=S "
-        "(or 0.1T, a share of the period), lowpass=HZ, delay=S, gain=G, offset=N; repeat for more; default: "
-        f"{default}",
+        f"(or 0.1T, a share of the period), lowpass=HZ, delay=S, gain=G, offset=N: {VALUES_IN_WORDS}; repeat for more; "
+        f"default: {default}",
     )
     parser.add_argument(
         "--nuisance",
@@ -94,7 +92,12 @@ def add_run(parser: argparse.ArgumentParser) -> None:
 
 def add_threads(parser: argparse.ArgumentParser) -> None:
     """--threads."""
-    parser.add_argument("--threads", type=int, default=0, metavar="N", help="number of threads, default all")
+    add_number(parser, "--threads", THREADS, "number of threads, default 0, all", default=0, metavar="N")
+
+
+def add_seed(parser: argparse.ArgumentParser, of: str) -> None:
+    """--seed, of what `of` names."""
+    add_number(parser, "--seed", SEED, f"seed of {of}, default 0", default=0, metavar="N")
 
 
 def add_quiet(parser: argparse.ArgumentParser, help: str = "no progress line") -> None:
@@ -107,14 +110,6 @@ def add_json(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--json", action="store_true", help="print one JSON object on stdout and nothing else"
     )
-
-
-def check_not_negative(options: argparse.Namespace) -> None:
-    """Refuse a negative --seed or --threads."""
-    if options.seed < 0 or options.threads < 0:
-        raise SettingError(
-            f"--seed is {options.seed} and --threads {options.threads}; neither can be negative"
-        )
 
 
 def cannot_be_resumed(error: MrworkError, options: argparse.Namespace) -> bool:

@@ -1,30 +1,25 @@
-"""Output that verbs share: messages, JSON, tables, and the page of a run, which is written again."""
+"""Output that verbs share: JSON, tables, and the page of a run, which is written again."""
 
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from mrwork.cli.progress import PATIENCE, ProgressLine, page_described
+from mrwork.cli.terminal import note, show
 from mrwork.errors import MrworkError
-from mrwork.store.codec import json_document
+from mrwork.store.codec import finite
 from mrwork.summary import Summarised, aligned
 
 if TYPE_CHECKING:
     from mrwork.report.progress import OnDrawn
 
 
-def note(sentence: str) -> None:
-    """Print a message on stderr."""
-    print(f"mrwork: {sentence}", file=sys.stderr)
-
-
 def print_json(document: object) -> None:
-    """Print an object in one line; numbers that are not finite become null, as in the files."""
-    print(json.dumps(json.loads(json_document(document))))
+    """Print an object in one line of strict JSON; numbers that are not finite become null, as in the files."""
+    show(json.dumps(finite(document), allow_nan=False))
 
 
 def table_lines(rows: Sequence[Sequence[str]]) -> list[str]:

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.cli.options import add_json, add_quiet, add_run, add_threads, check_not_negative
-from mrwork.cli.output import note, print_json, renew_page, table_lines
+from mrwork.cli.numbers import AMPLITUDES, COMMANDS, FREQUENCIES, STROKE, VELOCITY, add_number
+from mrwork.cli.options import add_json, add_quiet, add_run, add_seed, add_threads
+from mrwork.cli.output import print_json, renew_page, table_lines
+from mrwork.cli.terminal import note, show
 from mrwork.dampers.parameters import CommandUnit
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
@@ -48,27 +50,28 @@ def add_parser(verbs: Any) -> None:
         metavar="FILE",
         help="CSV with the columns amplitude [m], frequency [Hz] and, with current laws, current",
     )
-    for name, what in (
-        ("amplitudes", "amplitudes [m] of the candidates, as in 0.005,0.01"),
-        ("frequencies", "their frequencies [Hz]"),
-        ("currents", "their currents or voltages, where the model has current laws"),
+    for name, numbers, what in (
+        ("amplitudes", AMPLITUDES, "amplitudes of the candidates, as in 0.005,0.01"),
+        ("frequencies", FREQUENCIES, "their frequencies"),
+        ("currents", COMMANDS, "their currents or voltages, where the model has current laws"),
     ):
-        parser.add_argument(
-            f"--{name}", default="", metavar="LIST", help=f"{what}; default: about those of the tests"
+        add_number(
+            parser,
+            f"--{name}",
+            numbers,
+            f"{what}; default: about those of the tests",
+            default=(),
+            metavar="LIST",
         )
-    parser.add_argument(
-        "--stroke", type=float, metavar="M", help="largest stroke of the rig, peak to peak [m]"
-    )
-    parser.add_argument("--peak-velocity", type=float, metavar="V", help="largest velocity of the rig [m/s]")
+    add_number(parser, "--stroke", STROKE, "largest stroke of the rig, peak to peak", metavar="M")
+    add_number(parser, "--peak-velocity", VELOCITY, "largest velocity of the rig", metavar="V")
     parser.add_argument(
         "--targets",
         type=Path,
         metavar="FILE",
         help="CSV as in --candidates with the excitations for which the band is computed; default: the candidates",
     )
-    parser.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="seed of the draws that check the ranking"
-    )
+    add_seed(parser, "the draws that check the ranking")
     add_threads(parser)
     add_quiet(parser, "no note on candidates that could not be simulated")
     add_json(parser)
@@ -77,7 +80,6 @@ def add_parser(verbs: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Rank the candidates, check the reductions with draws, write and print."""
-    check_not_negative(options)
     # SciPy's optimisers are slow to load, and the help does not need them.
     from mrwork.uncertainty.planning.plan import LinearisedPosterior, plan
     from mrwork.uncertainty.planning.plan_draws import checked_with_draws
@@ -101,7 +103,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print_json(document | {"out": str(opened.place / PLAN)})
     else:
-        print(_text(check, origin, unit, opened.place))
+        show(_text(check, origin, unit, opened.place))
     if ranked.left_out and not options.quiet:
         failed = "; ".join(each.in_words(unit) for each in ranked.left_out)
         note(f"not ranked, as they could not be simulated: {failed}")
@@ -113,9 +115,9 @@ def _candidates(options: argparse.Namespace, opened: OpenedRun, limits: Limits) 
         return candidate_grid(
             opened.fit.spec,
             opened.tests,
-            amplitudes=_numbers(options.amplitudes, "--amplitudes"),
-            frequencies=_numbers(options.frequencies, "--frequencies"),
-            commands=_numbers(options.currents, "--currents"),
+            amplitudes=options.amplitudes,
+            frequencies=options.frequencies,
+            commands=options.currents,
             limits=limits,
         )
     if options.amplitudes or options.frequencies or options.currents:
@@ -139,13 +141,6 @@ def _draws(
     chosen = stored[rng.choice(len(stored), size=min(2 * _DRAWS, len(stored)), replace=False)]
     form = identifiable_form(opened.fit.spec, opened.fit.settings.bounds)
     return np.asarray(form.from_model(chosen)), "the posterior"
-
-
-def _numbers(text: str, option: str) -> list[float]:
-    try:
-        return [float(part) for part in text.split(",") if part.strip()]
-    except ValueError:
-        raise SettingError(f"{option} is {text!r}; give numbers with commas between, as 0.005,0.01") from None
 
 
 def _text(check: CheckedPlan, origin: str, unit: CommandUnit | None, place: Path) -> str:

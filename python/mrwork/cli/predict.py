@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 
+from mrwork.cli.numbers import SHARE, SUBSTEP_FACTOR, add_number
 from mrwork.cli.options import (
     add_files,
     add_json,
@@ -18,6 +18,8 @@ from mrwork.cli.options import (
     observation_of,
     read_tests,
 )
+from mrwork.cli.output import print_json
+from mrwork.cli.terminal import show
 from mrwork.dampers.law_limits import LawLimit, worst_laws
 from mrwork.identification.fit_file import read_fit
 from mrwork.identification.nuisance import estimated_in_words, missing_warnings
@@ -45,19 +47,21 @@ def add_parser(verbs: Any) -> None:
     add_run(parser)
     add_files(parser)
     add_observation(parser, default=_AS_FITTED, nuisances=_AS_FITTED)
-    parser.add_argument(
+    add_number(
+        parser,
         "--substep-factor",
-        type=int,
+        SUBSTEP_FACTOR,
+        "multiply the integration steps by N = 2, 4, ... to check that the result does not change",
         default=1,
         metavar="N",
-        help="multiply the integration steps by N = 2, 4, ... to check that the result does not change",
     )
-    parser.add_argument(
+    add_number(
+        parser,
         "--level",
-        type=float,
+        SHARE,
+        "also print the half width and the coverage of the prediction band of this level, such as 0.9; needs mrwork "
+        "calibrate RUN",
         metavar="SHARE",
-        help="also print the half width and the coverage of the prediction band of this level, such as 0.9; needs "
-        "mrwork calibrate RUN",
     )
     add_json(parser)
     parser.set_defaults(run=run)
@@ -135,7 +139,7 @@ def run(options: argparse.Namespace) -> int:
         }
         document |= {"spread": asdict(spread)} if spread is not None else {}
         document |= {"spread_unseen": asdict(spread_unseen)} if spread_unseen is not None else {}
-        print(json.dumps(document | ({"basis": basis} if basis else {})))
+        print_json(document | ({"basis": basis} if basis else {}))
         return 0
     heads = ["file", "fit %", "NRMSE", "RMSE [N]", "samples", "sub-steps"]
     cells = [
@@ -153,28 +157,28 @@ def run(options: argparse.Namespace) -> int:
         heads += ["+- [N]", "inside %"]
         for cell, row in zip(cells, rows, strict=True):
             cell += [f"{row['band']['half_width_n']:.4g}", f"{100.0 * row['band']['inside']:.1f}"]
-    print("\n".join(aligned([heads, *cells])))
+    show("\n".join(aligned([heads, *cells])))
     if spread is not None:
-        print(spread.in_words)
+        show(spread.in_words)
     if nuisances:
-        print(f"Estimated from the measured force of each test: {estimated_in_words(nuisances)}.")
+        show(f"Estimated from the measured force of each test: {estimated_in_words(nuisances)}.")
     for warning in warnings:
-        print(f"warning: {warning}")
+        show(f"warning: {warning}")
     if fit.tested is None:
-        print("The tested ranges of this fit are not known: its tests cannot be read as they were.")
+        show("The tested ranges of this fit are not known: its tests cannot be read as they were.")
     if not fit.motions:
-        print("Nor are the motions of its tests: only identical files are recognised as seen.")
+        show("Nor are the motions of its tests: only identical files are recognised as seen.")
     if basis:
-        print(f"Bands of {100.0 * options.level:g} %, {basis}.")
+        show(f"Bands of {100.0 * options.level:g} %, {basis}.")
         beyond = sum(bool(row["outside_tested_range"]) for row in rows)
         if beyond:
-            print(f"{beyond} of {len(rows)} files are outside the tested range of the fit: {BEYOND_TESTED}.")
+            show(f"{beyond} of {len(rows)} files are outside the tested range of the fit: {BEYOND_TESTED}.")
     if known:
-        print(f"Seen by the fit: {likenesses_in_words(known)}.")
+        show(f"Seen by the fit: {likenesses_in_words(known)}.")
     if spread_unseen is not None:
-        print(f"Not seen by the fit: {spread_unseen.in_words}")
+        show(f"Not seen by the fit: {spread_unseen.in_words}")
     if calibrated_on:
-        print(f"Used for the calibration of the bands: {likenesses_in_words(calibrated_on)}.")
+        show(f"Used for the calibration of the bands: {likenesses_in_words(calibrated_on)}.")
     return 0
 
 

@@ -7,10 +7,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mrwork.cli.numbers import SHARE, add_number
 from mrwork.cli.options import add_json, add_quiet, add_run, add_threads
-from mrwork.cli.output import note, print_json, renew_page, result_lines
+from mrwork.cli.output import print_json, renew_page, result_lines
 from mrwork.cli.progress import PATIENCE, ProgressLine, profile_described
-from mrwork.errors import Interrupted, SettingError
+from mrwork.cli.terminal import note, show
+from mrwork.errors import Interrupted
 from mrwork.identification.certainty import Identifiability
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import reopen
@@ -37,9 +39,7 @@ def add_parser(verbs: Any) -> None:
         metavar="NAME",
         help="profile this parameter only; repeat for more",
     )
-    parser.add_argument(
-        "--level", type=float, default=0.95, metavar="P", help="level of the intervals, default 0.95"
-    )
+    add_number(parser, "--level", SHARE, "level of the intervals, default 0.95", default=0.95, metavar="P")
     add_threads(parser)
     add_quiet(parser)
     add_json(parser)
@@ -48,8 +48,6 @@ def add_parser(verbs: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Profile, write the document and the figure into the run folder, print the table."""
-    if options.threads < 0:
-        raise SettingError(f"--threads is {options.threads}; it cannot be negative")
     # SciPy's optimisers are slow to load, and the help does not need them.
     from mrwork.stored import record_intervals
     from mrwork.uncertainty.identifiability.profile_likelihood import profile
@@ -79,7 +77,7 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print_json(document | {"out": str(opened.place / PROFILES)})
     else:
-        print(_text(opened.fit, profiles, identifiability, opened.place))
+        show(_text(opened.fit, profiles, identifiability, opened.place))
     if status == 130:
         note(f"interrupted; the profiles computed so far are in {opened.place / PROFILES}")
     return status or drawn

@@ -8,6 +8,8 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Generic, TypeVar
 
+from mrwork.cli.terminal import note, write_stderr
+from mrwork.escaping import escaped
 from mrwork.identification.progress import Progress
 
 if TYPE_CHECKING:
@@ -48,7 +50,7 @@ class ProgressLine(Generic[Report]):
         """Show a progress report."""
         if not self._active:
             return
-        text = self._described(progress)
+        text = escaped(self._described(progress))
         if time.monotonic() >= self._next:
             self._next = time.monotonic() + (_EVERY_PLAIN if self._plain else _EVERY)
             self._write(text)
@@ -57,13 +59,13 @@ class ProgressLine(Generic[Report]):
         """Clear the line."""
         if self._width:
             self._write("")
-            print("\r", end="", file=sys.stderr, flush=True)
+            write_stderr("\r")
 
     def _write(self, text: str) -> None:
         if self._plain:
-            print(f"mrwork: {text}", file=sys.stderr, flush=True)
+            note(text)
             return
-        print("\r" + text.ljust(self._width), end="", file=sys.stderr, flush=True)
+        write_stderr("\r" + text.ljust(self._width))
         self._width = len(text)
 
 

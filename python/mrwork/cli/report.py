@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from mrwork.cli.options import add_json, add_quiet, add_run
 from mrwork.cli.output import drawing, print_json
+from mrwork.cli.terminal import show
 from mrwork.store.run_folder import FIGURES, REPORT
 
 if TYPE_CHECKING:
@@ -55,7 +56,7 @@ def run(options: argparse.Namespace) -> int:
         if options.json:
             print_json({"out": str(place), "report": str(place / REPORT), "figures": names})
         else:
-            print(f"Report: {place / REPORT}")
+            show(f"Report: {place / REPORT}")
             if names:
-                print(f"Figures: {2 * len(names)} files in {place / FIGURES}")
+                show(f"Figures: {2 * len(names)} files in {place / FIGURES}")
     return status

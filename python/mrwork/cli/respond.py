@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrwork.cli.options import add_json, add_quiet, add_threads, cannot_be_resumed, check_not_negative
-from mrwork.cli.output import note
+from mrwork.cli.options import add_json, add_quiet, add_seed, add_threads, cannot_be_resumed
+from mrwork.cli.output import print_json
 from mrwork.cli.progress import PATIENCE, ProgressLine, study_described
 from mrwork.cli.study_manifest import command_line, study_manifest
+from mrwork.cli.terminal import note, show
 from mrwork.errors import Interrupted, MrworkError, SettingError
 
 if TYPE_CHECKING:
@@ -33,9 +33,7 @@ def add_parser(verbs: Any) -> None:
     parser.add_argument(
         "--laws", action="store_true", help="print the control laws with their settings and exit"
     )
-    parser.add_argument(
-        "--seed", type=int, default=0, metavar="N", help="seed of noise and synthetic motions, default 0"
-    )
+    add_seed(parser, "noise and synthetic motions")
     parser.add_argument(
         "--motions",
         choices=("test", "training", "all"),
@@ -63,11 +61,12 @@ def add_parser(verbs: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Simulate, write the folder, print the result."""
     if options.schema or options.laws:
-        print(_listing(options))
+        if options.json:
+            raise SettingError("--schema and --laws print text; leave --json out")
+        show(_listing(options))
         return 0
     if options.study is None:
         raise SettingError("no study is given; give a STUDY.toml, or --schema to print its keys")
-    check_not_negative(options)
     # SciPy and the simulation are slow to load.
     from mrwork.store.run_folder import check_destination
     from mrwork.store.unfinished import begin_journal, discard_journal, is_copy, resume_journal
@@ -113,13 +112,13 @@ def run(options: argparse.Namespace) -> int:
 
         notes = [{"controller": label, "notes": list(each)} for label, each in study.design_notes]
         document = study_document(results) | ({"weights": notes} if notes else {}) | {"out": str(place)}
-        print(json.dumps(document, allow_nan=False, ensure_ascii=False))
+        print_json(document)
     else:
         from mrwork.cli.study_text import study_text
 
         for label, each in study.design_notes:
-            print("\n".join([f"Weights of {label}", *(f"  {sentence}" for sentence in each), ""]))
-        print(study_text(results, place))
+            show("\n".join([f"Weights of {label}", *(f"  {sentence}" for sentence in each), ""]))
+        show(study_text(results, place))
     if status == 130:
         note(
             f"interrupted; the completed runs are in {place}; run the same command with --resume to continue"

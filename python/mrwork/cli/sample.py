@@ -7,10 +7,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrwork.cli.options import add_json, add_quiet, add_run, add_threads, check_not_negative
-from mrwork.cli.output import note, print_json, renew_page, result_lines
+from mrwork.cli.numbers import STEPS, TEMPERING, WALKERS, add_number
+from mrwork.cli.options import add_json, add_quiet, add_run, add_seed, add_threads
+from mrwork.cli.output import print_json, renew_page, result_lines
 from mrwork.cli.progress import PATIENCE, ProgressLine, sampling_described
-from mrwork.errors import Interrupted, SettingError
+from mrwork.cli.terminal import note, show
+from mrwork.errors import Interrupted
 from mrwork.identification.fit_file import reopen
 from mrwork.store.run_folder import CHAIN, DRAWS
 from mrwork.uncertainty.noise import NOISES, names_in_words
@@ -42,17 +44,19 @@ def add_parser(verbs: Any) -> None:
         help="normal:MEAN:DEVIATION, lognormal:MEDIAN:DEVIATION_OF_LOG or uniform:LOWER:UPPER, as in "
         "k_w=normal:650:50; repeat for more. The default is uniform over the range of the parameter",
     )
-    parser.add_argument(
+    add_number(
+        parser,
         "--tempering",
+        TEMPERING,
+        "factor of the log-likelihood, or effective: the ratio of effective to all samples at the fit. Default "
+        "effective, 1 for noise models with correlation",
         metavar="SHARE",
-        help="factor of the log-likelihood, or effective: the ratio of effective to all samples at the fit. "
-        "Default effective, 1 for noise models with correlation",
     )
-    parser.add_argument("--walkers", type=int, default=64, metavar="N", help="number of walkers, default 64")
-    parser.add_argument(
-        "--steps", type=int, default=20_000, metavar="N", help="largest number of steps, default 20000"
+    add_number(parser, "--walkers", WALKERS, "number of walkers, default 64", default=64, metavar="N")
+    add_number(
+        parser, "--steps", STEPS, "largest number of steps, default 20000", default=20_000, metavar="N"
     )
-    parser.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the walkers, default 0")
+    add_seed(parser, "the walkers")
     add_threads(parser)
     parser.add_argument(
         "--resume", action="store_true", help=f"continue {CHAIN}; only --steps and --threads may differ"
@@ -64,7 +68,6 @@ def add_parser(verbs: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Sample, write the draws, print the result."""
-    check_not_negative(options)
     priors = dict(parse_prior(text) for text in options.prior)
     opened = reopen(options.run_folder)
     # ArviZ, emcee and HDF5 take seconds to load.
@@ -79,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
             opened.tests,
             noise=options.noise,
             priors=priors,
-            tempering=_tempering(options.tempering),
+            tempering=options.tempering,
             walkers=options.walkers,
             most_steps=options.steps,
             rng=options.seed,
@@ -103,17 +106,8 @@ def run(options: argparse.Namespace) -> int:
     if options.json:
         print_json(_summary(draws, opened.place))
     else:
-        print(_text(draws, opened.place))
+        show(_text(draws, opened.place))
     return status
-
-
-def _tempering(text: str | None) -> Any:
-    if text is None or text == "effective":
-        return text
-    try:
-        return float(text)
-    except ValueError:
-        raise SettingError(f"--tempering is {text!r}; give effective, or a share such as 0.1") from None
 
 
 def _summary(draws: Draws, place: Path) -> dict[str, Any]:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrwork.cli.options import add_json, add_quiet, add_threads, cannot_be_resumed, check_not_negative
-from mrwork.cli.output import note, table_lines
+from mrwork.cli.options import add_json, add_quiet, add_seed, add_threads, cannot_be_resumed
+from mrwork.cli.output import print_json, table_lines
 from mrwork.cli.progress import PATIENCE, ProgressLine, tuning_described
 from mrwork.cli.study_manifest import command_line, study_manifest
+from mrwork.cli.terminal import note, show
 from mrwork.errors import Interrupted, MrworkError
 from mrwork.summary import with_decimals
 
@@ -48,13 +48,7 @@ def add_parser(verbs: Any) -> None:
         action="store_true",
         help=f"at most {_QUICK[0]} candidates of each law in generations of {_QUICK[1]}: a first look, not a result",
     )
-    parser.add_argument(
-        "--seed",
-        type=int,
-        default=0,
-        metavar="N",
-        help="seed of the searches, of noise and synthetic motions, default 0",
-    )
+    add_seed(parser, "the searches, of noise and synthetic motions")
     add_threads(parser)
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="folder of the results, default out/STUDY-tuned"
@@ -71,7 +65,6 @@ def add_parser(verbs: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Tune, write the folder, print the result."""
-    check_not_negative(options)
     # SciPy and the simulation are slow to load.
     from mrwork.store.run_folder import check_destination
     from mrwork.store.unfinished import begin_journal, discard_journal, is_copy, resume_journal
@@ -105,9 +98,9 @@ def run(options: argparse.Namespace) -> int:
         discard_journal(journal)
     if options.json:
         document = tuning_document(results) | {"out": str(place)}
-        print(json.dumps(document, allow_nan=False, ensure_ascii=False))
+        print_json(document)
     else:
-        print(_text(results, place))
+        show(_text(results, place))
     if status == 130:
         note(f"interrupted; what was found is in {place}; run the same command with --resume to continue")
     return status

@@ -87,7 +87,8 @@ class ControlLaw(Summarised):
     UnknownNameError
         If there is no such law.
     SettingError
-        If a gain or table is unknown or missing or is not an array of numbers, the law has no `curve` and needs one, or
+        If a gain or table is unknown or missing, is not an array of numbers or has NaN, the law has no `curve` and
+        needs one, or
         the gains differ in their number of candidates.
     """
 
@@ -101,6 +102,8 @@ class ControlLaw(Summarised):
         spec = self.spec
         _check_names(spec, "gain", self.gains, [gain.name for gain in spec.gains])
         _check_names(spec, "table", self.tables, spec.tables)
+        for name in spec.tables:
+            _numbers(spec, "table", name, self.tables[name])
         counts = [count for gain in spec.gains if (count := self._candidates(gain)) > 1]
         if len(set(counts)) > 1:
             raise SettingError(
@@ -215,6 +218,10 @@ def _check_names(
 
 def _numbers(spec: ControlLawSpec, kind: str, name: str, value: ArrayLike) -> Floats:
     try:
-        return np.asarray(value, dtype=np.float64)
+        numbers = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise SettingError(f"the {kind} {name!r} of {spec.name} is not an array of numbers") from None
+    # The gain of a design without a solution is infinite.
+    if np.isnan(numbers).any():
+        raise SettingError(f"the {kind} {name!r} of {spec.name} has NaN; give numbers")
+    return numbers

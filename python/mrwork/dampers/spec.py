@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,7 +100,7 @@ class DamperSpec(Summarised):
         UnknownNameError
             If the model has no such parameter, or there is no such law.
         SettingError
-            If the model already has current laws.
+            If the model already has current laws, or the unit is none of a command.
 
         Examples
         --------
@@ -112,6 +112,10 @@ class DamperSpec(Summarised):
         if self.current is not None:
             raise SettingError(
                 f"{self.name} has current laws already; give them to the plain model, all at once"
+            )
+        if unit not in get_args(CommandUnit):
+            raise SettingError(
+                f"the unit of the command is {unit!r}; give {' or '.join(get_args(CommandUnit))}"
             )
         current = CurrentLaws(unit=unit, laws=laws_in_order(self.plain, laws, self.name), lagged=lagged)
         return replace(

@@ -26,7 +26,7 @@ Start = Mapping[str, float]
 _SYNTHETIC = "synthetic:"
 
 # With a higher power the better tests are lost in rounding errors, and local minimisations no longer converge.
-_LARGEST_POWER = 16.0
+LARGEST_POWER = 16.0
 
 
 def is_synthetic(file: str) -> bool:
@@ -133,10 +133,10 @@ class FitSettings:
         object.__setattr__(self, "observe", as_words(self.observe))
         if self.engine not in get_args(Engine):
             raise SettingError(f"`engine` is {self.engine!r}; choose one of {', '.join(get_args(Engine))}")
-        if not ROOT_MEAN_SQUARE <= self.power <= _LARGEST_POWER:
+        if not ROOT_MEAN_SQUARE <= self.power <= LARGEST_POWER:
             raise SettingError(
                 f"the power of the mean over tests is {self.power:g}; give 2, where all weigh the same, "
-                f"up to {_LARGEST_POWER:g}, where hardly any but the worst counts"
+                f"up to {LARGEST_POWER:g}, where hardly any but the worst counts"
             )
         if not 0.0 <= self.force_exponent <= EQUAL_SHARES:
             raise SettingError(

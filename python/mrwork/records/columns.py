@@ -92,6 +92,10 @@ def check_specification(name: str, specification: str) -> None:
         _parse_specification(_quantity(name), specification)
 
 
+LARGEST_COMMAND = 1000.0
+"""Largest command [A or V] that a test may have."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StatedCommand:
     """The command as it is stated for a test: a number in SI, or a column, with its unit or the file's.
@@ -158,7 +162,13 @@ class StatedCommand:
             _parse_specification(quantity, text)
             return cls(quantity=quantity, column=text.strip())
         factor = factor_to_si(unit, quantity, context=f"the command '{text.strip()}'")
-        return cls(quantity=quantity, value=factor * float(number[1].replace(",", ".")))
+        value = factor * float(number[1].replace(",", "."))
+        if not 0.0 <= value <= LARGEST_COMMAND:
+            raise SettingError(
+                f"the command is '{text.strip()}'; give one from 0 to {LARGEST_COMMAND:g} A or V: the force does not "
+                "depend on its direction"
+            )
+        return cls(quantity=quantity, value=value)
 
 
 def choose_columns(

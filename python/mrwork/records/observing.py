@@ -22,6 +22,18 @@ _FIELDS: Final = {
     "gain": "gain",
     "offset": "offset",
 }
+# Least and largest value of each. An average and a delay are also shorter than the record.
+_RANGES: Final = {
+    "average": (0.0, 1e6, "s"),
+    "lowpass": (1e-3, 1e6, "Hz"),
+    "delay": (-1e6, 1e6, "s"),
+    "gain": (-1e6, 1e6, ""),
+    "offset": (-1e9, 1e9, "N"),
+}
+VALUES_IN_WORDS: Final = "; ".join(
+    f"{name} from {least:g} to {most:g} {unit}".rstrip() for name, (least, most, unit) in _RANGES.items()
+)
+"""The range of each value, for help."""
 # Quantities that may be given as a share of the dominant period.
 _OF_PERIOD: Final = ("average", "delay")
 
@@ -54,7 +66,7 @@ def observed(test: DamperTest, observe: Sequence[str]) -> DamperTest:
     Raises
     ------
     SettingError
-        Where a word is not understood, or its value is impossible.
+        Where a word is not understood, or its value is impossible for this record.
     """
     if test.observation != AS_IT_IS:
         return test
@@ -66,6 +78,10 @@ def observed(test: DamperTest, observe: Sequence[str]) -> DamperTest:
                 values["average_seconds"] = test.smoothing.window_seconds
         elif word != NONE:
             name, value = _value(word, period=_period(test) if word.endswith("T") else 1.0)
+            if name in _OF_PERIOD and abs(value) >= (duration := (test.n_time - 1) * test.dt):
+                raise SettingError(
+                    f"{test.label}: --observe is {word!r}, the record lasts {duration:.4g} s; give less"
+                )
             values[_FIELDS[name]] = value
     return replace(test, observation=Observation(**values)) if values else test
 
@@ -89,5 +105,8 @@ def _value(word: str, *, period: float) -> tuple[str, float]:
     if not isfinite(value):
         raise SettingError(f"{text!r} in --observe {word} is not a number; write it as 0.002, or 0.1T")
     value = value * period if share else value
+    least, most, unit = _RANGES[name]
+    if not least <= value <= most:
+        raise SettingError(f"--observe is {word!r}; give {name} from {least:g} to {most:g} {unit}".rstrip())
     Observation(**{_FIELDS[name]: value})
     return name, value

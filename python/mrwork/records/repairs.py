@@ -28,6 +28,16 @@ _CURED: Final[dict[RepairKind, tuple[str, ...]]] = {
     "velocity": ("velocity_late", "velocity_inconsistent"),
 }
 _UNIT: Final[dict[RepairKind, str]] = {"delay": "s", "offset": "N", "mass": "kg"}
+# Least and largest amount of each.
+_RANGES: Final[dict[RepairKind, tuple[float, float]]] = {
+    "delay": (-1e6, 1e6),
+    "offset": (-1e9, 1e9),
+    "mass": (0.0, 1e6),
+}
+AMOUNTS_IN_WORDS: Final = ", ".join(
+    f"{kind} from {least:g} to {most:g} {_UNIT[kind]}" for kind, (least, most) in _RANGES.items()
+)
+"""The range of each amount, for help."""
 
 
 def repair(
@@ -54,7 +64,7 @@ def repair(
     Raises
     ------
     SettingError
-        An amount is given for another kind, is not finite, or leaves too few samples.
+        An amount is given for another kind, is outside its range, or leaves too few samples.
 
     Examples
     --------
@@ -68,6 +78,11 @@ def repair(
         if kind not in _UNIT or not np.isfinite(amount):
             raise SettingError(
                 f"repair {kind} was given {amount:g}; a finite number goes with {', '.join(_UNIT)} alone"
+            )
+        least, most = _RANGES[kind]
+        if not least <= amount <= most:
+            raise SettingError(
+                f"repair {kind} was given {amount:g} {_UNIT[kind]}; give one from {least:g} to {most:g} {_UNIT[kind]}"
             )
     wanted = set(kinds) | set(given)
     repaired, log = test, list[Finding]()

@@ -9,6 +9,7 @@ from typing import Any
 from jinja2 import Environment, FunctionLoader, StrictUndefined
 from markupsafe import Markup
 
+from mrwork.escaping import escaped_lines
 from mrwork.report import font, style
 from mrwork.report.typeset import breakable, coded, symbol
 
@@ -22,15 +23,15 @@ _STROKES = {
 
 
 def filled_in(name: str, **content: Any) -> str:
-    """A template of the package with its content; it may use `styles`."""
-    return _environment().get_template(name).render(**content)
+    """A template of the package with its content, whose control characters are shown; it may use `styles`."""
+    return escaped_lines(_environment().get_template(name).render(**content))
 
 
 def write_study_page(template: Path, path: Path, **content: Any) -> None:
     """Fill in a Jinja template, which may use `styles`, and write it."""
     page = _environment().from_string(template.read_text(encoding="utf-8"))
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(page.render(**content), encoding="utf-8")
+    path.write_text(escaped_lines(page.render(**content)), encoding="utf-8")
 
 
 def swatch(colour: str, kind: str) -> Markup:

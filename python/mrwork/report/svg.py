@@ -8,7 +8,9 @@ from html import escape
 
 import matplotlib
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
+from mrwork.escaping import escaped_lines
 from mrwork.report import style
 
 # Without a date, equal figures are equal files.
@@ -24,6 +26,7 @@ def svg_bytes(figure: Figure) -> bytes:
 def png_bytes(figure: Figure) -> bytes:
     """A picture for a slide or a text processor, 200 dots per inch."""
     target = io.BytesIO()
+    _without_controls(figure)
     with style.drawn_in_style():
         figure.savefig(target, format="png", dpi=_PNG_DOTS_PER_INCH)
     return target.getvalue()
@@ -51,9 +54,16 @@ def inline_svg(figure: Figure, *, identifier: str, description: str) -> str:
 
 def _saved(figure: Figure, *, font_type: str) -> str:
     target = io.StringIO()
+    _without_controls(figure)
     with style.drawn_in_style(), matplotlib.rc_context({"svg.fonttype": font_type}):
         figure.savefig(target, format="svg", metadata=_NO_DATE)
     return target.getvalue()
+
+
+def _without_controls(figure: Figure) -> None:
+    """Show control characters of names as escapes: no font has them, and no XML may."""
+    for text in figure.findobj(Text):
+        text.set_text(escaped_lines(text.get_text()))
 
 
 def _two_decimals(element: re.Match[str]) -> str:

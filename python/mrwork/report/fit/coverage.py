@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from mrwork.escaping import escaped
 from mrwork.records import DamperTest
 from mrwork.report import numbers, style
 from mrwork.report.canvas import column_axes, draw_points, room_for
@@ -64,7 +65,7 @@ def coverage_figure(rows: list[dict[float, LeftOutCoverage]], names: list[str]) 
         covered = [100 * row[level].samples.coverage for row in rows]
         label = f"{100 * level:.0f} %"
         draw_points(axes, covered, range(len(rows)), size=5.5, colour=_COLOURS[level], label=label)
-    axes.set_yticks(range(len(rows)), names)
+    axes.set_yticks(range(len(rows)), list(map(escaped, names)))
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_xlim(0, 102)
     axes.set_xlabel("Samples inside (%)")

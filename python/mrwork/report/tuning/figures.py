@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from mrwork.closed_loop.evaluation import criterion
+from mrwork.escaping import escaped
 from mrwork.report import style
 from mrwork.report.canvas import column_axes, room_for
 from mrwork.tuning.results import Front, LawResult
@@ -47,7 +48,7 @@ def score_figure(laws: Sequence[LawResult]) -> Figure:
             if each.test is not None:
                 axes.plot([], [], "o", markersize=5, color=style.MODEL, label="test")
             axes.plot([], [], color=style.BAND_EDGE, linewidth=5.0, label="middle half of the motions")
-    axes.set_yticks(range(len(laws)), list(reversed(names)))
+    axes.set_yticks(range(len(laws)), [escaped(name) for name in reversed(names)])
     axes.set_ylim(-0.6, len(laws) - 0.4)
     axes.set_xlabel("Score over i = 0")
     axes.grid(visible=False, axis="y")

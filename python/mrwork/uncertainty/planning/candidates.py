@@ -14,6 +14,7 @@ from mrwork.dampers.parameters import CommandUnit
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest
+from mrwork.records.columns import LARGEST_COMMAND
 from mrwork.records.command import command_level
 from mrwork.records.command_signal import Command, levels_of_command
 from mrwork.records.damper_test import as_tests
@@ -28,6 +29,13 @@ _SAMPLES_PER_CYCLE = 200
 # The first cycle settles the transient, the other two count.
 _CYCLES = 3
 _COLUMNS = ("amplitude", "frequency", "current")
+
+AMPLITUDE_RANGE = (1e-6, 100.0)
+"""Amplitudes [m] that a test may have."""
+FREQUENCY_RANGE = (1e-4, 1e4)
+"""Frequencies [Hz] that a test may have: a slower one lasts for hours."""
+COMMAND_RANGE = (0.0, LARGEST_COMMAND)
+"""Commands [A or V] that a test may have."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +55,26 @@ class Candidate:
         """Description such as "10 mm, 1 Hz, 0.5 A"."""
         command = "" if self.command is None else f", {self.command:g} {unit}"
         return f"{1e3 * self.amplitude:.3g} mm, {self.frequency:.3g} Hz{command}"
+
+
+def check_possible(candidates: Sequence[Candidate]) -> None:
+    """Refuse a candidate that no rig can run.
+
+    Raises
+    ------
+    SettingError
+        Where an amplitude, a frequency or a command is outside its range.
+    """
+    for each in candidates:
+        for name, value, (lower, upper), unit in (
+            ("amplitude", each.amplitude, AMPLITUDE_RANGE, "m"),
+            ("frequency", each.frequency, FREQUENCY_RANGE, "Hz"),
+            ("command", each.command, COMMAND_RANGE, "A or V"),
+        ):
+            if value is not None and not lower <= value <= upper:
+                raise SettingError(
+                    f"the {name} of a candidate is {value:g} {unit}; give one from {lower:g} to {upper:g} {unit}"
+                )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

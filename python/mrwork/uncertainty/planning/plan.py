@@ -19,7 +19,7 @@ from mrwork.records.damper_test import as_tests
 from mrwork.simulate import Outcome, simulate_forces
 from mrwork.summary import Summarised, Summary, of_unit, rounded
 from mrwork.uncertainty.identifiability.curvature import Scale, Scaled, curvature, linearise
-from mrwork.uncertainty.planning.candidates import Candidate, motion_of
+from mrwork.uncertainty.planning.candidates import Candidate, check_possible, motion_of
 
 # Finite-difference step in scaled coordinates.
 _STEP = 1e-5
@@ -171,10 +171,11 @@ def plan(
     UnknownNameError
         Where the band is no parameter of the model.
     SettingError
-        Where the parameter was held fixed.
+        Where the parameter was held fixed, or no rig could run a candidate or target.
     SimulationError
         Where no candidate could be simulated.
     """
+    check_possible((*candidates, *targets))
     posterior = LinearisedPosterior.of(fit, tests, threads=threads)
     possible = responses(posterior, candidates)
     of_targets = responses(posterior, targets) if targets else possible

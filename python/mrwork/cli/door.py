@@ -1,0 +1,148 @@
+"""The door of the command line: from its words to the exit status, with one sentence for whatever goes wrong."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib import import_module
+from typing import NoReturn, TextIO
+
+from mrwork.cli.signals import Signals
+from mrwork.cli.terminal import note, show_all
+from mrwork.errors import MrworkError, MrworkWarning
+from mrwork.escaping import escaped
+
+_VERBS = {
+    "models": "list the damper models, or show one in full",
+    "check": "check test records without fitting",
+    "identify": "identify a damper model from test records",
+    "profile": "compute intervals of the parameters of a fit by profile likelihood",
+    "sample": "sample the posterior of the parameters of a fit",
+    "calibrate": "calibrate prediction bands of a fit on tests that were not used for it",
+    "predict": "simulate other tests with a fit and compare the force",
+    "report": "draw the page of a run again, and its figures as files",
+    "plan": "rank possible next tests by the variance reduction of a band",
+    "respond": "simulate a building with MR dampers under earthquakes",
+    "tune": "tune control laws on training motions and judge them on test motions",
+    "convert": "convert Bouc-Wen parameters between conventions",
+}
+
+
+class _Parser(argparse.ArgumentParser):
+    """Reports a wrong command line in one line, without the usage."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {escaped(message)}; see {self.prog} --help\n")
+
+
+def verbs() -> tuple[str, ...]:
+    """The verbs, in the order of the help."""
+    return tuple(_VERBS)
+
+
+def parser(arguments: Sequence[str] = ()) -> argparse.ArgumentParser:
+    """Command line parser, with the options of the first verb among `arguments` only.
+
+    A verb may need libraries that take a second to load, which should not delay the other verbs and the help.
+    """
+    from mrwork import __version__
+
+    requested = next((each for each in arguments if each in _VERBS), "")
+    root = _Parser(
+        prog="mrwork",
+        description="Identify magnetorheological dampers from test records.",
+        epilog="mrwork VERB --help describes a verb and its options.",
+    )
+    root.add_argument("--version", action="version", version=f"mrwork {__version__}")
+    commands = root.add_subparsers(title="verbs", metavar="VERB", required=True, parser_class=_Parser)
+    for verb, purpose in _VERBS.items():
+        if verb == requested:
+            import_module(f"mrwork.cli.{verb}").add_parser(commands)
+        else:
+            commands.add_parser(verb, help=purpose)
+    return root
+
+
+def status_of(arguments: Sequence[str], signals: Signals) -> int:
+    """Run a command line; return its exit status."""
+    try:
+        with warnings_in_one_line():
+            status = _ended(arguments, signals)
+            show_all()
+    except KeyboardInterrupt:
+        note("interrupted")
+        return signals.status
+    except _SAID as error:
+        note(sentence_on(error))
+        return 2
+    return signals.status if status == 130 else status
+
+
+def _ended(arguments: Sequence[str], signals: Signals) -> int:
+    try:
+        options = parser(arguments).parse_args(arguments)
+        signals.interrupt()
+        return int(options.run(options))
+    except SystemExit as end:
+        # The parser has printed its help, or what is wrong.
+        return int(end.code or 0)
+
+
+# What ends a command in a sentence. Any other error is a defect of mrwork, whose traceback is wanted.
+_SAID = (MrworkError, OSError, MemoryError, RecursionError, OverflowError, UnicodeError, ImportError)
+
+
+def sentence_on(error: BaseException) -> str:
+    """What happened and what to do."""
+    if isinstance(error, MrworkError):
+        return str(error)
+    if isinstance(error, OSError):
+        where = f"{error.filename}: " if error.filename else ""
+        what = error.strerror or str(error) or "a file could not be read or written"
+        return f"{where}{what}; check the path, its permissions and the free space"
+    if isinstance(error, MemoryError):
+        return "there is not enough memory; give fewer or shorter records, or smaller sizes"
+    if isinstance(error, RecursionError):
+        return "an input is nested too deeply; give it fewer levels"
+    if isinstance(error, OverflowError):
+        return f"a number is too large ({error}); give a smaller one"
+    if isinstance(error, UnicodeError):
+        return f"a text cannot be read or written ({error}); save it as UTF-8"
+    return f"a library cannot be loaded ({error}); install mrwork again"
+
+
+@contextmanager
+def warnings_in_one_line() -> Iterator[None]:
+    """Warnings of this package and of libraries as notes, in one line each."""
+
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
+        of_library = not issubclass(category, MrworkWarning)
+        note(f"warning: {f'a library reports {category.__name__}: ' if of_library else ''}{message}")
+
+    last_resort = logging.lastResort
+    logging.lastResort = _Noted(logging.WARNING)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("always", MrworkWarning)
+            warnings.showwarning = show
+            yield
+    finally:
+        logging.lastResort = last_resort
+
+
+class _Noted(logging.Handler):
+    """Messages that libraries log, as notes."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Print one."""
+        note(f"warning: a library reports: {record.getMessage()}")

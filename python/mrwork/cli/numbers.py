@@ -1,0 +1,158 @@
+"""Numbers of the command line: every option that takes one has a range, which its help states.
+
+A number outside its range is refused before anything is read, in one sentence that states the range.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from typing import Any
+
+from mrwork.identification.objective import EQUAL_SHARES, ROOT_MEAN_SQUARE
+from mrwork.identification.settings import LARGEST_POWER
+from mrwork.uncertainty.planning.candidates import AMPLITUDE_RANGE, COMMAND_RANGE, FREQUENCY_RANGE
+
+# As many digits of a number as a message repeats.
+_SHOWN = 40
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Range:
+    """The numbers from `lower` to `upper`, in `unit`; integers where `whole`."""
+
+    lower: float
+    upper: float
+    unit: str = ""
+    whole: bool = False
+
+    @property
+    def in_words(self) -> str:
+        """The range as the help and messages state it."""
+        lower, upper = (f"{end:d}" if self.whole else f"{end:g}" for end in (self.lower, self.upper))
+        return f"from {lower} to {upper} {self.unit}".rstrip()
+
+    def __call__(self, text: str) -> float:
+        """The number that a text gives.
+
+        Raises
+        ------
+        argparse.ArgumentTypeError
+            Where it is none, or is outside the range.
+        """
+        try:
+            value = int(text) if self.whole else float(text)
+        except ValueError:
+            raise self._refusal(text) from None
+        if not self.lower <= value <= self.upper:
+            raise self._refusal(text)
+        return value
+
+    def _refusal(self, text: str) -> argparse.ArgumentTypeError:
+        shown = repr(text if len(text) <= _SHOWN else f"{text[:_SHOWN]}…")
+        kind = "a whole number" if self.whole else "a number"
+        return argparse.ArgumentTypeError(f"{shown} is not {kind} {self.in_words}")
+
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """Numbers of a range with commas between, as in 0.005,0.01."""
+
+    of: Range
+
+    @property
+    def in_words(self) -> str:
+        """The range as the help and messages state it."""
+        return f"several with commas between, each {self.of.in_words}"
+
+    def __call__(self, text: str) -> tuple[float, ...]:
+        """The numbers that a text gives.
+
+        Raises
+        ------
+        argparse.ArgumentTypeError
+            Where there is none, or one is outside the range.
+        """
+        try:
+            numbers = tuple(self.of(part.strip()) for part in text.split(",") if part.strip())
+        except argparse.ArgumentTypeError as refusal:
+            raise argparse.ArgumentTypeError(f"{refusal}; write {self.in_words}") from None
+        if not numbers:
+            raise argparse.ArgumentTypeError(f"{text!r} has no number; write {self.in_words}")
+        return numbers
+
+
+@dataclass(frozen=True, slots=True)
+class OrWord:
+    """A number of a range, or a word in its place."""
+
+    word: str
+    of: Range
+
+    @property
+    def in_words(self) -> str:
+        """The range as the help and messages state it."""
+        return f"{self.word}, or {self.of.in_words}"
+
+    def __call__(self, text: str) -> float | str:
+        """The number or the word that a text gives.
+
+        Raises
+        ------
+        argparse.ArgumentTypeError
+            Where it is neither.
+        """
+        if text == self.word:
+            return text
+        try:
+            return self.of(text)
+        except argparse.ArgumentTypeError as refusal:
+            raise argparse.ArgumentTypeError(f"{refusal}, nor {self.word}") from None
+
+
+Numeric = Range | Listed | OrWord
+
+
+def _of(ends: tuple[float, float], unit: str) -> Range:
+    return Range(lower=ends[0], upper=ends[1], unit=unit)
+
+
+# An integer that every reader of JSON keeps.
+SEED = Range(lower=0, upper=2**53 - 1, whole=True)
+THREADS = Range(lower=0, upper=1024, whole=True)
+# Instants of a record may count from a far epoch, in seconds.
+INSTANT = Range(lower=-1e10, upper=1e10, unit="s")
+SETTLE = Range(lower=0.0, upper=1e6, unit="s")
+EVERY = Range(lower=1, upper=1_000_000, whole=True)
+POWER = Range(lower=ROOT_MEAN_SQUARE, upper=LARGEST_POWER)
+FORCE_EXPONENT = Range(lower=0.0, upper=EQUAL_SHARES)
+# The largest population of six parameters is 50 MB, and its generation takes minutes.
+POPULATION = Range(lower=2, upper=1_000_000, whole=True)
+GENERATIONS = Range(lower=1, upper=1_000_000, whole=True)
+SHARE = Range(lower=0.001, upper=0.999999)
+WALKERS = Range(lower=2, upper=10_000, whole=True)
+STEPS = Range(lower=1, upper=10_000_000, whole=True)
+TEMPERING = OrWord("effective", Range(lower=1e-9, upper=1.0))
+SUBSTEP_FACTOR = Range(lower=1, upper=256, whole=True)
+# What a rig can do, with room.
+STROKE = Range(lower=1e-6, upper=100.0, unit="m")
+VELOCITY = Range(lower=1e-6, upper=1000.0, unit="m/s")
+AMPLITUDES = Listed(_of(AMPLITUDE_RANGE, "m"))
+FREQUENCIES = Listed(_of(FREQUENCY_RANGE, "Hz"))
+COMMANDS = Listed(_of(COMMAND_RANGE, "A or V"))
+SCALE = Range(lower=1e-12, upper=1e12)
+
+
+def add_number(
+    parser: Any,
+    option: str,
+    numeric: Numeric,
+    help: str,
+    *,
+    metavar: str,
+    default: float | tuple[float, ...] | None = None,
+    dest: str | None = None,
+) -> None:
+    """Declare an option that takes a number, or several; its help ends with the range."""
+    says = f"{help}; {numeric.in_words}"
+    parser.add_argument(option, type=numeric, help=says, metavar=metavar, default=default, dest=dest)

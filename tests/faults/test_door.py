@@ -1,0 +1,264 @@
+"""What ends a command that cannot go on: one sentence and its exit status, whatever stdout, stderr or a signal does."""
+
+from __future__ import annotations
+
+import errno
+import io
+import json
+import logging
+import os
+import signal
+import subprocess
+import sys
+import warnings
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import COMMAND, PATIENCE, mrwork
+
+from mrwork.cli.door import sentence_on, warnings_in_one_line
+from mrwork.cli.output import print_json
+from mrwork.cli.terminal import note, show
+
+ROOT = Path(sys.modules["mrwork"].__file__ or "").parent
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "/a/file"), "/a/file: No space left on device"),
+        (OSError(), "a file could not be read or written"),
+        (MemoryError(), "not enough memory"),
+        (RecursionError("maximum recursion depth exceeded"), "nested too deeply"),
+        (OverflowError("int too big to convert"), "int too big to convert"),
+        (UnicodeDecodeError("utf-8", b"\xff", 0, 1, "invalid start byte"), "UTF-8"),
+        (ImportError("libfoo.so: cannot open shared object file"), "libfoo.so"),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+def test_what_the_machine_cannot_do_is_a_sentence_that_says_what_to_do(error: Exception, words: str) -> None:
+    sentence = sentence_on(error)
+    assert words in sentence
+    assert ";" in sentence
+    assert "\n" not in sentence
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [(b"[" * 200_000, "manifest"), (b'{"kind": "\xff"}', "manifest"), (None, "manifest")],
+)
+def test_a_manifest_that_is_none_is_one_sentence(tmp_path: Path, content: bytes | None, words: str) -> None:
+    manifest = tmp_path / "manifest.json"
+    manifest.mkdir() if content is None else manifest.write_bytes(content)
+    ended = mrwork("report", tmp_path)
+    assert (ended.returncode, ended.stdout, ended.stderr.count("\n")) == (2, "", 1), ended.stderr
+
+
+# Streams
+
+
+def in_a_shell(line: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        ["bash", "-c", line, "bash", *COMMAND],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=PATIENCE,
+    )
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ('"$@" models > /dev/full', "No space left"),
+        ('"$@" --help > /dev/full', "No space left"),
+        ('"$@" models >&-', "standard output is closed"),
+    ],
+)
+def test_a_full_or_closed_stdout_is_one_sentence(line: str, words: str) -> None:
+    ended = in_a_shell(line)
+    assert ended.returncode == 2, ended
+    assert words in ended.stderr
+    assert len(ended.stderr.splitlines()) == 1
+
+
+def test_a_reader_that_leaves_is_one_sentence() -> None:
+    with subprocess.Popen(
+        [*COMMAND, "models", "--json"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        said = process.stderr.read()
+    assert process.returncode == 2
+    assert said == "mrwork: standard output was closed before everything was printed\n"
+
+
+@pytest.mark.parametrize("stderr", ["2>&-", "2>/dev/full"])
+def test_without_stderr_the_status_and_stdout_stay(stderr: str) -> None:
+    refused = in_a_shell(f'"$@" models none {stderr}')
+    assert (refused.returncode, refused.stdout) == (2, "")
+    done = in_a_shell(f'"$@" models bingham --json {stderr}')
+    assert done.returncode == 0
+    assert json.loads(done.stdout)["name"] == "bingham"
+
+
+def test_ascii_terminals_show_what_they_can() -> None:
+    ended = subprocess.run(
+        [*COMMAND, "models", "no\udcff\u00b5"],
+        capture_output=True,
+        env=os.environ | {"PYTHONIOENCODING": "ascii:strict"},
+        check=False,
+        timeout=PATIENCE,
+    )
+    assert ended.returncode == 2
+    assert b"Traceback" not in ended.stderr
+    assert rb"\udcff" in ended.stderr
+
+
+# Signals
+
+# The signal comes from the process itself, at one of its imports: a point that no load of the machine moves.
+SIGNALLED = """
+import os, signal, sys
+from mrwork.cli import main
+
+number, point, module = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3]
+del sys.argv[1:4]
+imports = 0
+
+def send(event, arguments):
+    global imports
+    if event == "import" and arguments[0].startswith(module):
+        imports += 1
+        if imports == point:
+            os.kill(os.getpid(), number)
+
+sys.addaudithook(send)
+try:
+    main()
+finally:
+    print(imports, file=sys.stderr)
+"""
+
+
+def signalled(
+    number: int, point: int, *arguments: object, module: str = ""
+) -> subprocess.CompletedProcess[str]:
+    """A command line with a signal at its import of that number, among those of a module."""
+    return subprocess.run(
+        [sys.executable, "-c", SIGNALLED, str(int(number)), str(point), module, *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=PATIENCE,
+    )
+
+
+@pytest.fixture(scope="module")
+def imports() -> int:
+    """How many imports the command of the tests below makes."""
+    ended = signalled(signal.SIGINT, 0, "check", "synthetic:spencer1997")
+    assert ended.returncode == 0, ended.stderr
+    return int(ended.stderr.splitlines()[-1])
+
+
+@pytest.mark.parametrize(
+    ("number", "twelfth"),
+    [*((signal.SIGINT, point) for point in range(12)), *((signal.SIGTERM, point) for point in (0, 4, 8))],
+)
+def test_a_signal_while_modules_are_loaded_is_no_traceback(
+    number: signal.Signals, twelfth: int, imports: int
+) -> None:
+    point = 1 + twelfth * (imports - 1) // 12
+    ended = signalled(number, point, "check", "synthetic:spencer1997")
+    assert ended.returncode == 128 + number, ended.stderr
+    assert ended.stderr == "mrwork: interrupted\n"
+    assert ended.stdout == ""
+
+
+def test_before_signals_are_answered_next_to_nothing_is_loaded() -> None:
+    loaded = "import sys; import mrwork.cli; print(sorted(name for name in sys.modules if 'mrwork' in name))"
+    ended = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, check=True)
+    assert ended.stdout.strip() == "['mrwork', 'mrwork.cli', 'mrwork.cli.signals']"
+
+
+def test_a_terminated_identification_keeps_what_it_has(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    # The optimiser of the last stage is loaded while the search runs.
+    sizes = ("--every", "8", "--search", "genetic", "--population", "16", "--generations", "3", "--quiet")
+    command = ("identify", "synthetic:spencer1997", "--model", "bouc_wen", *sizes, "--out", out)
+    ended = signalled(signal.SIGTERM, 1, *command, module="scipy.optimize")
+    assert ended.returncode == 128 + signal.SIGTERM, ended.stderr
+    assert "with --resume to continue" in ended.stderr
+    assert json.loads((out / "fit.json").read_text())["status"] == "interrupted"
+
+
+# What is printed
+
+
+def test_json_is_strict(capsys: pytest.CaptureFixture[str]) -> None:
+    print_json({"a": float("inf"), "b": [float("nan"), np.float64("-inf"), 1.0], "c": "\x1b\udcff\u00b5"})
+    text = capsys.readouterr().out
+    assert json.loads(text) == {"a": None, "b": [None, None, 1.0], "c": "\x1b\udcff\u00b5"}
+    assert "NaN" not in text
+    assert "Infinity" not in text
+    assert text[:-1].isprintable()
+
+
+def test_one_home_prints() -> None:
+    for file in (ROOT / "cli").glob("*.py"):
+        text = file.read_text()
+        assert "print(" not in text.replace("print_json(", ""), file
+        assert "json.dumps" not in text or file.name == "output.py", file
+
+
+def test_lists_of_keys_are_no_json() -> None:
+    for option in ("--schema", "--laws"):
+        ended = mrwork("respond", option, "--json")
+        assert (ended.returncode, ended.stdout) == (2, "")
+
+
+def test_control_characters_are_shown_as_escapes(capsys: pytest.CaptureFixture[str]) -> None:
+    name = "a\x1b[31m\x07\x9b\u202eb\r"
+    show(f"{name}\nnext")
+    note(f"{name}\nnext")
+    shown = capsys.readouterr()
+    assert shown.out == r"a\x1b[31m\x07\x9b\u202eb\r" + "\nnext\n"
+    assert shown.err == r"mrwork: a\x1b[31m\x07\x9b\u202eb\r\nnext" + "\n"
+
+
+def test_a_name_with_control_characters_commands_no_terminal(tmp_path: Path) -> None:
+    time = np.arange(0.0, 2.0, 0.01)
+    rows = "\n".join(f"{t:.2f},{np.sin(t):.6f},{np.cos(t):.6f}" for t in 6.0 * time)
+    record = tmp_path / "\x1b[31mred\n\u202etest.csv"
+    record.write_text(f"t_s,displacement_mm,force_N\n{rows}\n")
+    ended = mrwork("check", record)
+    assert ended.returncode == 0, ended.stderr
+    assert r"\x1b[31mred\n\u202etest" in ended.stdout.splitlines()[0]
+    assert all(line.isprintable() for line in ended.stdout.splitlines())
+    (facts,) = json.loads(mrwork("check", record, "--json").stdout)["files"]
+    assert facts["file"] == str(record)
+
+
+def test_warnings_of_libraries_are_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with warnings_in_one_line():
+        warnings.simplefilter("always")
+        warnings.warn("overflow\nin \x1b exp", RuntimeWarning, stacklevel=1)
+        logger = logging.getLogger("of_a_library")
+        # The test runner listens at the root.
+        logger.propagate = False
+        logger.warning("no\n%s", "font")
+    assert capsys.readouterr().err.splitlines() == [
+        r"mrwork: warning: a library reports RuntimeWarning: overflow\nin \x1b exp",
+        r"mrwork: warning: a library reports: no\nfont",
+    ]
+
+
+def test_streams_that_are_no_files_are_served() -> None:
+    with redirect_stdout(io.StringIO()) as out, redirect_stderr(io.StringIO()) as err:
+        show("a")
+        note("b")
+    assert (out.getvalue(), err.getvalue()) == ("a\n", "mrwork: b\n")
