@@ -170,7 +170,7 @@ def test_a_program_that_goes_another_way_is_told(path: Path) -> None:
     with pytest.raises(
         JournalError, match=r"line 2 of .* is a descent where this run comes to another generation"
     ):
-        journal.recall("generation", digest_of(0))
+        journal.recall("generation", digest_of(0), dict)
 
 
 def test_a_fresh_journal_takes_the_place_of_an_earlier_one_when_it_writes(path: Path) -> None:

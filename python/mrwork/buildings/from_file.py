@@ -28,7 +28,6 @@ name, source           name of the building, and origin of its numbers
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -44,6 +43,8 @@ from mrwork.buildings.shear import floor_differences, numbered, shear_building
 from mrwork.buildings.table import ADDITIONS, Entries, with_additions
 from mrwork.errors import RecordError
 from mrwork.keys import Place
+from mrwork.store.input_file import TOML, is_folder, text_of
+from mrwork.store.parse import toml_table
 
 Floats = NDArray[np.float64]
 
@@ -73,7 +74,7 @@ def read_building(path: str | Path) -> Building:
 
 def _read(path: Path, readers: tuple[Path, ...]) -> Building:
     """Read a building; `readers` are the files that refer to this one, to detect cycles."""
-    if path.is_dir() or path.suffix.lower() == ".mat":
+    if is_folder(path) or path.suffix.lower() == ".mat":
         return _from_matrices(
             read_matrices(path, _TITLES), Place(origin=str(path)), {"name": path.stem, "source": str(path)}
         )
@@ -82,13 +83,10 @@ def _read(path: Path, readers: tuple[Path, ...]) -> Building:
             f"{path}: a building comes as a .toml or .mat file, or as a folder with M.csv, C.csv and K.csv; "
             "save it as one of these"
         )
+    text = text_of(path, TOML)
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise RecordError(f"{path}: cannot be read ({error.strerror}); check the path") from error
-    except UnicodeDecodeError as error:
-        raise RecordError(f"{path}: byte {error.start} is not UTF-8 text; save the file as UTF-8") from error
-    except tomllib.TOMLDecodeError as error:
+        table = toml_table(text)
+    except ValueError as error:
         raise RecordError(f"{path}: is not TOML ({error}); correct it there") from error
     entries = Entries({"name": path.stem, **table}, Place(origin=str(path)))
     built = _built(entries, path.parent, (*readers, path.resolve()))

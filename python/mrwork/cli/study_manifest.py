@@ -11,6 +11,7 @@ from typing import Any
 
 from mrwork import __version__
 from mrwork.store import digest_of
+from mrwork.store.input_file import TOML, text_of
 
 
 def command_line() -> str:
@@ -30,7 +31,7 @@ def study_manifest(
         "seed": options.seed,
         "study": {
             "path": str(options.study),
-            "content": digest_of(options.study.read_text(encoding="utf-8")),
+            "content": digest_of(text_of(options.study, TOML)),
         },
         "versions": {"mrwork": __version__, "python": platform.python_version()},
         "created": datetime.now(UTC).isoformat(timespec="seconds"),

@@ -13,6 +13,7 @@ from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest, RecordedMotion
 from mrwork.records.operating_range import OperatingRange
 from mrwork.store.codec import json_document, read_document, record_from_json
+from mrwork.store.input_file import exists, is_folder, is_there, stored
 from mrwork.store.run_folder import (
     ADDITIONS,
     FIGURES,
@@ -89,14 +90,14 @@ def read_fit(path: str | Path) -> Fit:
         If there is no such folder, it is not a run folder, or its fit cannot be understood.
     """
     place = Path(path)
-    if not place.is_dir():
-        what = "is a file" if place.exists() else "does not exist"
+    if not is_folder(place):
+        what = "is a file" if exists(place) else "does not exist"
         raise RecordError(f"{path} {what}; give the run folder that `mrwork identify --out` wrote")
     if is_part(place):
         raise RecordError(
             f"{path} is the journal of an unfinished run; run the command that began it again with --resume"
         )
-    if not (place / MANIFEST).is_file():
+    if not is_there(place / MANIFEST, stored("identify", name="the manifest")):
         raise RecordError(
             f"{path} is not a run folder, it has no {MANIFEST}; "
             "give the folder that `mrwork identify --out` wrote"

@@ -13,8 +13,8 @@ from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
 from mrwork.buildings.from_file import building_from_table
 from mrwork.closed_loop.hardware import Fault, Hardware
-from mrwork.errors import RecordError
 from mrwork.keys import Place, suggestion
+from mrwork.store.input_file import TOML, text_of
 from mrwork.study.arrangements import arrangements, problem_of
 from mrwork.study.clairvoyant_row import clairvoyant_row
 from mrwork.study.dampers import (
@@ -141,15 +141,7 @@ def _with_parameters(
 
 
 def _tables(path: Path) -> tuple[StudyTable, Place]:
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        raise RecordError(
-            f"{path} cannot be read ({error.strerror}); give the TOML file of a study"
-        ) from error
-    except UnicodeDecodeError as error:
-        raise RecordError(f"{path}: byte {error.start} is not UTF-8 text; save the file as UTF-8") from error
-    document, lines = parse(text, str(path))
+    document, lines = parse(text_of(path, TOML), str(path))
     place = Place(origin=str(path), lines=lines)
     return read_table(StudyTable, document, place), place
 

@@ -8,10 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
+from mrwork.errors import RecordError
+from mrwork.store.arrays_file import read_arrays
+from mrwork.store.input_file import is_there, stored
 from mrwork.store.run_folder import HISTORIES, real_place, replacing
 from mrwork.store.unfinished import part_of
 from mrwork.study.run_result import RunHistory
 from mrwork.study.study import Study
+
+_KIND = stored("respond", name="the history of a run")
 
 
 class Histories:
@@ -57,14 +62,23 @@ class Histories:
             np.savez(stream, **arrays)  # type: ignore[arg-type] # no array is called allow_pickle
 
     def read(self, row: int, motion: int) -> RunHistory | None:
-        """The history of a run, if it is stored."""
+        """The history of a run, if it is stored.
+
+        Raises
+        ------
+        RecordError
+            Where it is damaged.
+        """
         path = self._path(row, motion)
         if path is None:
             return None
-        with np.load(path) as arrays:
+        arrays = read_arrays(path, _KIND)
+        try:
             return RunHistory(
                 **{entry.name: arrays[entry.name].astype(np.float64) for entry in fields(RunHistory)}
             )
+        except (KeyError, ValueError) as reason:
+            raise RecordError(f"{path} is not a history ({reason}); {_KIND.remedy}") from None
 
     def paths(self) -> list[Path]:
         """Files of all stored histories."""
@@ -80,7 +94,7 @@ class Histories:
 
     def _path(self, row: int, motion: int) -> Path | None:
         name = self._names[row, motion]
-        return next((folder / name for folder in self._folders if (folder / name).is_file()), None)
+        return next((folder / name for folder in self._folders if is_there(folder / name, _KIND)), None)
 
 
 def stem_of(name: str) -> str:

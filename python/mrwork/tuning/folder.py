@@ -7,12 +7,13 @@ import io
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 from mrwork.errors import RecordError
 from mrwork.store.codec import finite, json_document, read_document
+from mrwork.store.input_file import TOML, text_of
 from mrwork.store.run_folder import JOURNAL, MANIFEST, REPORT, RESULTS, STUDY, write_folder
 from mrwork.tuning.results import Judgement, LawResult, TuningResults
 from mrwork.tuning.space import LARGEST
@@ -21,6 +22,13 @@ CHOSEN = "chosen.toml"
 """The study with the chosen settings, for `mrwork respond`."""
 _SCORES = "scores.csv"
 _WRITTEN = frozenset({MANIFEST, JOURNAL, RESULTS, STUDY, REPORT, CHOSEN, _SCORES})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Manifest:
+    """What a manifest says the folder is; that of a fit does not say it."""
+
+    kind: str = ""
 
 
 def write_tuning(
@@ -72,10 +80,10 @@ def read_tuning(folder: str | Path) -> TuningResults:
     """
     place = Path(folder)
     manifest = place / MANIFEST
-    kind = json.loads(manifest.read_text(encoding="utf-8")).get("kind") if manifest.is_file() else None
+    stated = read_document(_Manifest, manifest, name="manifest", verb="tune")
     found = (
         read_document(TuningResults, place / RESULTS, name="tuning", verb="tune")
-        if kind == "tuning"
+        if stated is not None and stated.kind == "tuning"
         else None
     )
     if found is None:
@@ -94,7 +102,7 @@ def chosen_study(results: TuningResults, study_file: Path) -> str:
 
     The text of the study stays; names of files in it are relative to its own folder.
     """
-    text = study_file.read_text(encoding="utf-8")
+    text = text_of(study_file, TOML)
     blocks = [_controller(each) for each in results.laws]
     if not re.search(r'^\s*law\s*=\s*"best_passive"', text, flags=re.MULTILINE):
         blocks.append('[[controller]]\nlaw = "best_passive"\n')

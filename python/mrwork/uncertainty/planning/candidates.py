@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite, pi
@@ -19,6 +20,7 @@ from mrwork.records.command_signal import Command, levels_of_command
 from mrwork.records.damper_test import as_tests
 from mrwork.records.motion import spectrum
 from mrwork.simulate import Loading
+from mrwork.store.input_file import CANDIDATES, text_of
 
 # Default grid: range beyond the tested amplitudes and frequencies either way, number of values, excess of velocity.
 _FURTHER = 2.0
@@ -135,10 +137,10 @@ def read_candidates(path: Path, spec: DamperSpec, limits: Limits | None = None) 
         Where the file cannot be read, lacks a column or a number, or has no candidate within the limits.
     """
     columns = _COLUMNS if spec.current is not None else _COLUMNS[:2]
+    text = text_of(path, CANDIDATES)
     try:
-        with path.open(newline="", encoding="utf-8") as stream:
-            rows = list(csv.DictReader(stream))
-    except (OSError, UnicodeDecodeError, csv.Error) as reason:
+        rows = list(csv.DictReader(io.StringIO(text, newline="")))
+    except csv.Error as reason:
         raise RecordError(
             f"{path} cannot be read as CSV ({reason}); give a table with {', '.join(columns)}"
         ) from None
