@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 from mrwork.buildings.matrices import Building
 from mrwork.buildings.matrix_files import read_matrices, read_matrix
 from mrwork.buildings.published import building as published_building
-from mrwork.buildings.shear import floor_differences, numbered, shear_building
+from mrwork.buildings.shear import check_storeys, floor_differences, numbered, shear_building
 from mrwork.buildings.table import ADDITIONS, Entries, with_additions
 from mrwork.errors import RecordError
 from mrwork.keys import Place
@@ -171,6 +171,8 @@ def _each(entries: Entries, key: str) -> tuple[float, ...]:
     count = entries.whole("n_storeys")
     if count < 1:
         entries.refuse(f"n_storeys is {count}; give 1 or more", "n_storeys")
+    with entries.place.within("n_storeys").prefixed():
+        check_storeys(count)
     if len(values) not in (1, count):
         entries.refuse(f"{key} has {len(values)} numbers for {count} storeys; give one, or one for each", key)
     return values * count if len(values) == 1 else values

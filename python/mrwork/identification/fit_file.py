@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import sqrt
+from math import isfinite, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from mrwork.store.run_folder import (
     write_folder,
 )
 from mrwork.store.unfinished import is_part
+from mrwork.summary import listed
 
 _WRITTEN = ADDITIONS | {MANIFEST, FIT, JOURNAL, REPORT, FIGURES, RANKING, LAWS, MODELS}
 
@@ -105,7 +106,7 @@ def read_fit(path: str | Path) -> Fit:
     fit = read_document(Fit, place / FIT, name="fit", verb="identify")
     if fit is None:
         raise RecordError(f"{place / FIT} cannot be read (it does not exist); run `mrwork identify` again")
-    fit = _with_effective_samples(fit)
+    fit = _with_effective_samples(_checked(fit, str(place / FIT)))
     return fit if fit.tested is not None and fit.motions else _with_ranges(fit)
 
 
@@ -133,7 +134,31 @@ def fit_from_json(text: str, *, origin: str) -> Fit:
         If the text is not JSON or not a fit; the message names the field.
     """
     fit = record_from_json(Fit, text, origin=origin, name="fit", verb="identify")
-    return _with_effective_samples(fit)
+    return _with_effective_samples(_checked(fit, origin))
+
+
+def _checked(fit: Fit, origin: str) -> Fit:
+    """The fit, if its estimates are those of its model.
+
+    Raises
+    ------
+    RecordError
+        There is no such model, its parameters are others, or a value is not a number.
+    """
+    try:
+        names = fit.spec.names
+    except MrworkError as reason:
+        raise RecordError(f"{origin} is not a fit: {reason}; run `mrwork identify` again") from None
+    found = tuple(each.name for each in fit.estimates)
+    without = next((each.name for each in fit.estimates if not isfinite(each.value)), None)
+    if found == names and without is None:
+        return fit
+    damage = (
+        f"`fit.estimates` are of {listed(found, 8) or 'nothing'} where {fit.model} has {listed(names, 8)}"
+        if without is None
+        else f"the value of {without} is not a number"
+    )
+    raise RecordError(f"{origin} is not a fit: {damage}; run `mrwork identify` again")
 
 
 def _with_effective_samples(fit: Fit) -> Fit:

@@ -29,6 +29,8 @@ _FASTER = 1.5
 _SAMPLES_PER_CYCLE = 200
 # The first cycle settles the transient, the other two count.
 _CYCLES = 3
+# Bytes of the derivatives that a plan keeps of all its candidates.
+_MOST_BYTES = 512 << 20
 _COLUMNS = ("amplitude", "frequency", "current")
 
 
@@ -112,6 +114,7 @@ def candidate_grid(
     if spec.current is not None:
         known = [command for test in tests for command, unit in test.commands if unit == spec.current.unit]
         levels = commands or sorted({level for command in known for level in _ends(command)})
+    _check_count(len(levels) * len(amplitudes) * len(frequencies), spec)
     grid = tuple(
         candidate
         for command in levels
@@ -144,6 +147,7 @@ def read_candidates(path: Path, spec: DamperSpec, limits: Limits | None = None) 
         raise RecordError(
             f"{path} cannot be read as CSV ({reason}); give a table with {', '.join(columns)}"
         ) from None
+    _check_count(len(rows), spec)
     candidates = []
     for number, row in enumerate(rows, start=2):
         try:
@@ -163,6 +167,22 @@ def read_candidates(path: Path, spec: DamperSpec, limits: Limits | None = None) 
             f"{path} has no candidate within the limits of the rig; add some, or raise the limits"
         )
     return allowed
+
+
+def _check_count(count: int, spec: DamperSpec) -> None:
+    """Refuse more candidates than a plan can keep.
+
+    Raises
+    ------
+    SettingError
+        Their derivatives, two in each counted sample for each parameter, do not fit into memory.
+    """
+    each = 8 * (_CYCLES - 1) * _SAMPLES_PER_CYCLE * (2 * len(spec.names) + 1)
+    if count * each > _MOST_BYTES:
+        raise SettingError(
+            f"{count:,} candidates of {spec.name} would take {count * each / 1e9:,.1f} GB and "
+            f"{count * (2 * len(spec.names) + 1):,} simulations; give {_MOST_BYTES // each:,} at most"
+        )
 
 
 def motion_of(candidate: Candidate, spec: DamperSpec) -> tuple[Loading, slice]:
