@@ -10,6 +10,7 @@ from mrwork.identification.certainty import Intervals
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import read_fit
 from mrwork.store.codec import json_document, read_document
+from mrwork.store.input_file import exists, is_file
 from mrwork.store.run_folder import FIT, LAWS, PLAN, PROFILES, RANKING, RESULTS, write_files
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.calibration_files import StoredBands, read_bands
@@ -78,7 +79,7 @@ def load(run: str | Path) -> StoredRun:
     (99.41, True)
     """
     place = Path(run)
-    if not (place / FIT).exists() and (place / RESULTS).is_file():
+    if not exists(place / FIT) and is_file(place / RESULTS):
         raise RecordError(
             f"{place} is the folder of a study, and a run of `mrwork identify` was expected; "
             "read it with `mr.study.read_results`"

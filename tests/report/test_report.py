@@ -133,7 +133,7 @@ def test_every_parameter_stands_in_the_table_with_its_error_bounds_and_remark(tw
     assert rows["c"] == ["c", "c", "1843.7", "6.2", "0.34", "N\N{NO-BREAK SPACE}s/m", "0", "100 000", ""]
     assert rows["x0"] == ["x0", "x0", "−0.000123", "0.000021", "17", "m", "−0.02", "0.02", ""]
     assert rows["sigma"] == ["σ", "sigma", "0.5", "–", "–", "", "0.5", "10", "at lower bound"]
-    assert rows["f0"] == ["f0", "f0", "0", "–", "–", "N", "−500", "500", "fixed"]
+    assert rows["n"] == ["n", "n", "2", "–", "–", "", "1", "4", "fixed"]
 
 
 def test_the_page_says_how_many_samples_the_standard_errors_count() -> None:

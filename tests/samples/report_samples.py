@@ -100,10 +100,7 @@ def fit(
                 upper=10,
                 remark="at lower bound",
             ),
-            Estimate(name="n", unit="", value=1.2038, standard_error=0.011, lower=1, upper=4),
-            Estimate(
-                name="f0", unit="N", value=0.0, standard_error=None, lower=-500, upper=500, remark="fixed"
-            ),
+            Estimate(name="n", unit="", value=2.0, standard_error=None, lower=1, upper=4, remark="fixed"),
         ),
         status=status,
         stop_reason=stop_reason,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import JournalError, OutputError
 from mrwork.store import Journal, digest_of
+from mrwork.store.journal_file import line_of
 
 FACTS = {"seed": 1, "bounds": {"n": [1.0, 2.0]}, "files": [{"sha256": "ab"}]}
 
@@ -170,7 +172,26 @@ def test_a_program_that_goes_another_way_is_told(path: Path) -> None:
     with pytest.raises(
         JournalError, match=r"line 2 of .* is a descent where this run comes to another generation"
     ):
-        journal.recall("generation", digest_of(0))
+        journal.recall("generation", digest_of(0), dict)
+
+
+def test_lines_with_a_right_checksum_and_a_wrong_content_are_refused(path: Path) -> None:
+    lines = path.read_bytes().splitlines(keepends=True)
+    entry = json.loads(lines[1])
+    del entry["crc32"]
+    wrong_results: list[object] = [None, [], {}, {"theta": 1}, entry["result"] | {"steps": "3"}]
+    for number, result in enumerate(wrong_results):
+        # The run that fails keeps its journal.
+        forged = path.with_name(f"{number}.jsonl")
+        forged.write_bytes(b"".join([lines[0], line_of(entry | {"result": result}), *lines[2:]]))
+        refuses(forged, "line 2 of .* does not hold the result of a descent")
+    for change in ({"seconds": None}, {"seconds": "1"}, {"step": 1}, {"facts": 10**400}):
+        path.write_bytes(b"".join([lines[0], line_of(entry | change), *lines[2:]]))
+        refuses(path, "damaged in line 2")
+    deep = line_of({"line": 2, "step": "descent", "seconds": 1.0, "facts": "here"})
+    body = deep.rpartition(b', "crc32"')[0].replace(b'"here"', b"[" * 5000 + b"]" * 5000)
+    path.write_bytes(lines[0] + body + f', "crc32": "{zlib.crc32(body):08x}"}}\n'.encode() + lines[2])
+    refuses(path, "damaged in line 2")
 
 
 def test_a_fresh_journal_takes_the_place_of_an_earlier_one_when_it_writes(path: Path) -> None:

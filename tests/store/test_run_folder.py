@@ -2,26 +2,45 @@
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import os
 import resource
 import shutil
+import struct
 import subprocess
 import sys
 import tempfile
+import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from report_samples import comparison, fit
 
 from mrwork.errors import OutputError, RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import read_fit, write_run
-from mrwork.store.run_folder import JOURNAL, MANIFEST, check_destination, write_folder
+from mrwork.store.run_folder import (
+    CALIBRATION,
+    DRAWS,
+    JOURNAL,
+    LAWS,
+    MANIFEST,
+    PLAN,
+    PREDICTIONS,
+    PROFILES,
+    RANKING,
+    check_destination,
+    write_folder,
+)
+from mrwork.store.run_folder import FIT as FIT_FILE
+from mrwork.stored import load
+from mrwork.uncertainty.bands.calibration_files import read_predictions
 
 FIT = fit(comparison())
 # What is in a journal does not matter to the run folder: any file will do.
@@ -339,6 +358,20 @@ def damaged(change: Any) -> str:
             damaged(lambda fit: fit["estimates"][2].update(value="big")).encode(),
             r"`fit\.estimates\[2\]\.value` should be a number, it is 'big'",
         ),
+        (
+            damaged(lambda fit: fit.update(estimates=[])).encode(),
+            "are of nothing where normalised_bouc_wen has",
+        ),
+        (damaged(lambda fit: fit["estimates"].pop()).encode(), "`fit.estimates` are of c, k, x0"),
+        (
+            damaged(lambda fit: fit["estimates"][0].update(name="d")).encode(),
+            "`fit.estimates` are of d, k, x0",
+        ),
+        (damaged(lambda fit: fit["estimates"][0].update(value=None)).encode(), "value of c is not a number"),
+        (damaged(lambda fit: fit.update(estimates=None)).encode(), "`fit.estimates` should be a list"),
+        (damaged(lambda fit: fit.update(model="bingam")).encode(), "bingam"),
+        (damaged(lambda fit: fit.update(nrmse=10**400)).encode(), "a whole number has 401 digits"),
+        (b'{"model": ' + b"[" * 5000 + b"]" * 5000 + b"}", "nested more than 100 deep"),
         (damaged(lambda fit: fit["error_norms"].pop("time")).encode(), "`fit.error_norms` lacks time"),
         (
             damaged(lambda fit: fit["provenance"]["inputs"].update(a=1)).encode(),
@@ -356,6 +389,41 @@ def test_a_damaged_fit_is_refused_with_the_place_named(
     with pytest.raises(RecordError, match=message) as caught:
         read_fit(place)
     assert str(place / "fit.json") in str(caught.value)
+
+
+@pytest.mark.parametrize("name", [FIT_FILE, MANIFEST, PROFILES, PLAN, CALIBRATION, RANKING, LAWS, DRAWS])
+def test_a_folder_in_the_place_of_a_file_of_the_run_is_refused_by_its_name(tmp_path: Path, name: str) -> None:
+    place = write(tmp_path / "run")
+    (place / name).unlink(missing_ok=True)
+    (place / name).mkdir()
+    with pytest.raises(RecordError, match=f"{name}: is a directory"):
+        load(place)
+
+
+@pytest.mark.parametrize("name", [PROFILES, PLAN, CALIBRATION, RANKING, LAWS])
+@pytest.mark.parametrize("content", [b"\xff\xfe", b"", b"[", b"[]", b"{}", b"null", b"NaN", b"[" * 9999])
+def test_damaged_documents_of_a_run_are_refused_by_their_name(
+    tmp_path: Path, name: str, content: bytes
+) -> None:
+    place = write(tmp_path / "run")
+    (place / name).write_bytes(content)
+    with pytest.raises(RecordError, match=name) as caught:
+        load(place)
+    assert "again" in str(caught.value)
+
+
+def test_predictions_that_are_cut_or_forged_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / PREDICTIONS
+    np.savez_compressed(path, facts=np.array("[{}]"), model_0=np.zeros(100))
+    whole = path.read_bytes()
+    forged = io.BytesIO()
+    with zipfile.ZipFile(forged, "w") as archive:
+        header = b"{'descr': '<f8', 'fortran_order': False, 'shape': (1000000000000,), }\n"
+        archive.writestr("facts.npy", b"\x93NUMPY\x01\x00" + struct.pack("<H", len(header)) + header)
+    for content in (*(whole[:length] for length in range(0, len(whole), 7)), whole, forged.getvalue()):
+        path.write_bytes(content)
+        with pytest.raises(RecordError, match=r"predictions\.npz is damaged"):
+            read_predictions(tmp_path)
 
 
 def test_what_is_not_a_run_is_refused(tmp_path: Path) -> None:

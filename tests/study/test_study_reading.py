@@ -198,7 +198,7 @@ def test_dampers_of_two_models_are_refused(tmp_path: Path) -> None:
 
 
 def test_a_study_that_is_not_there_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(RecordError, match=r"gone\.toml cannot be read"):
+    with pytest.raises(RecordError, match=r"gone\.toml: there is no such file"):
         read_study(tmp_path / "gone.toml", unknown_run)
 
 

@@ -381,7 +381,7 @@ def test_the_verb_prints_its_schema_and_its_laws(capsys: pytest.CaptureFixture[s
     ("arguments", "word"),
     [
         ([], "no study is given"),
-        (["gone.toml"], "cannot be read"),
+        (["gone.toml"], "there is no such file"),
         (["gone.toml", "--seed", "-1"], "negative"),
     ],
 )

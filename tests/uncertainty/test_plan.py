@@ -217,7 +217,7 @@ def test_candidates_come_from_a_file(tmp_path: Path) -> None:
     table.write_text("amplitude,frequency\n0.01,0\n")
     with pytest.raises(RecordError, match="line 2"):
         read_candidates(table, STATIC)
-    with pytest.raises(RecordError, match="cannot be read"):
+    with pytest.raises(RecordError, match="no such file"):
         read_candidates(tmp_path / "none.csv", STATIC)
 
 

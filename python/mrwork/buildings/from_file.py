@@ -28,7 +28,6 @@ name, source           name of the building, and origin of its numbers
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -40,10 +39,12 @@ from numpy.typing import NDArray
 from mrwork.buildings.matrices import Building
 from mrwork.buildings.matrix_files import read_matrices, read_matrix
 from mrwork.buildings.published import building as published_building
-from mrwork.buildings.shear import floor_differences, numbered, shear_building
+from mrwork.buildings.shear import check_storeys, floor_differences, numbered, shear_building
 from mrwork.buildings.table import ADDITIONS, Entries, with_additions
 from mrwork.errors import RecordError
 from mrwork.keys import Place
+from mrwork.store.input_file import TOML, is_folder, text_of
+from mrwork.store.parse import toml_table
 
 Floats = NDArray[np.float64]
 
@@ -73,7 +74,7 @@ def read_building(path: str | Path) -> Building:
 
 def _read(path: Path, readers: tuple[Path, ...]) -> Building:
     """Read a building; `readers` are the files that refer to this one, to detect cycles."""
-    if path.is_dir() or path.suffix.lower() == ".mat":
+    if is_folder(path) or path.suffix.lower() == ".mat":
         return _from_matrices(
             read_matrices(path, _TITLES), Place(origin=str(path)), {"name": path.stem, "source": str(path)}
         )
@@ -82,13 +83,10 @@ def _read(path: Path, readers: tuple[Path, ...]) -> Building:
             f"{path}: a building comes as a .toml or .mat file, or as a folder with M.csv, C.csv and K.csv; "
             "save it as one of these"
         )
+    text = text_of(path, TOML)
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise RecordError(f"{path}: cannot be read ({error.strerror}); check the path") from error
-    except UnicodeDecodeError as error:
-        raise RecordError(f"{path}: byte {error.start} is not UTF-8 text; save the file as UTF-8") from error
-    except tomllib.TOMLDecodeError as error:
+        table = toml_table(text)
+    except ValueError as error:
         raise RecordError(f"{path}: is not TOML ({error}); correct it there") from error
     entries = Entries({"name": path.stem, **table}, Place(origin=str(path)))
     built = _built(entries, path.parent, (*readers, path.resolve()))
@@ -173,6 +171,8 @@ def _each(entries: Entries, key: str) -> tuple[float, ...]:
     count = entries.whole("n_storeys")
     if count < 1:
         entries.refuse(f"n_storeys is {count}; give 1 or more", "n_storeys")
+    with entries.place.within("n_storeys").prefixed():
+        check_storeys(count)
     if len(values) not in (1, count):
         entries.refuse(f"{key} has {len(values)} numbers for {count} storeys; give one, or one for each", key)
     return values * count if len(values) == 1 else values

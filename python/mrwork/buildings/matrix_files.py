@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
 from mrwork.records.formats.matlab import read_matlab_matrices
+from mrwork.store.input_file import MATRIX, is_folder, text_of
 
 Floats = NDArray[np.float64]
 
@@ -33,10 +34,7 @@ def read_matrix(path: Path) -> Floats:
         raise RecordError(
             f"{path}: a matrix is read from a {', '.join(_SUFFIXES)} file; save it as one of these"
         )
-    try:
-        text = _bytes(path).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise RecordError(f"{path}: byte {error.start} is not UTF-8 text; save the matrix as text") from error
+    text = text_of(path, MATRIX)
     rows: list[list[float]] = []
     for number, line in enumerate(text.splitlines(), start=1):
         content = line.partition("#")[0].strip()
@@ -65,24 +63,10 @@ def read_matrices(path: Path, names: Collection[str]) -> dict[str, Floats]:
     RecordError
         The path is missing, or a file is damaged.
     """
-    if path.is_dir():
+    if is_folder(path):
         files = sorted(file for file in path.iterdir() if file.suffix.lower() in _SUFFIXES)
         return {file.stem: read_matrix(file) for file in files if file.stem in names}
-    _bytes(path, 0)
-    try:
-        return read_matlab_matrices(path)
-    except OSError as error:
-        raise RecordError(f"{path}: cannot be read ({error}); check the file and its permissions") from error
-
-
-def _bytes(path: Path, most: int = -1) -> bytes:
-    try:
-        if not path.exists():
-            raise RecordError(f"{path}: there is no such file; check the path")
-        with path.open("rb") as stream:
-            return stream.read(most)
-    except OSError as error:
-        raise RecordError(f"{path}: cannot be read ({error}); check the file and its permissions") from error
+    return read_matlab_matrices(path)
 
 
 def _number(field: str, where: str) -> float:

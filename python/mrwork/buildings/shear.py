@@ -13,6 +13,25 @@ from mrwork.errors import SettingError
 Floats = NDArray[np.float64]
 
 
+# Three matrices of 134 MB; natural frequencies take minutes.
+_MOST_STOREYS = 4096
+
+
+def check_storeys(count: int) -> None:
+    """Refuse a building whose matrices would not fit into memory.
+
+    Raises
+    ------
+    SettingError
+        It would have more than 4096 storeys.
+    """
+    if count > _MOST_STOREYS:
+        raise SettingError(
+            f"a building of {count:,} storeys would have matrices of {8e-9 * count * count:,.1f} GB each; "
+            f"give {_MOST_STOREYS} storeys at most"
+        )
+
+
 def shear_building(
     *,
     name: str,
@@ -48,6 +67,7 @@ def shear_building(
     3.0
     """
     n = len(masses)
+    check_storeys(n)
     damping = tuple(storey_damping) or (0.0,) * n
     for title, values in (("stiffnesses", stiffnesses), ("storey_damping", damping)):
         if len(values) != n:

@@ -20,6 +20,7 @@ from mrwork.records import DamperTest, Finding, guess_tests, mislabelled, write_
 from mrwork.records.command_signal import Command, command_range
 from mrwork.records.findings import gathered_findings
 from mrwork.records.rig_table import TABLE_NAME, records_in
+from mrwork.store.input_file import is_folder
 
 
 def add_parser(verbs: Any) -> None:
@@ -78,7 +79,7 @@ def run(options: argparse.Namespace) -> int:
 def _write_table(options: argparse.Namespace) -> int:
     """Write a table of tests with a first guess of its entries, and print it with what is in doubt."""
     named = [Path(file) for file in options.files if not is_synthetic(file)]
-    files = [inside for path in named for inside in (records_in(path) if path.is_dir() else (path,))]
+    files = [inside for path in named for inside in (records_in(path) if is_folder(path) else (path,))]
     if not files:
         raise SettingError("--table lists files; name a folder or the records")
     table = files[0].parent / TABLE_NAME if options.table == Path() else options.table

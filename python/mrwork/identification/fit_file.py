@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import sqrt
+from math import isfinite, sqrt
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest, RecordedMotion
 from mrwork.records.operating_range import OperatingRange
 from mrwork.store.codec import json_document, read_document, record_from_json
+from mrwork.store.input_file import exists, is_folder, is_there, stored
 from mrwork.store.run_folder import (
     ADDITIONS,
     FIGURES,
@@ -26,6 +27,7 @@ from mrwork.store.run_folder import (
     write_folder,
 )
 from mrwork.store.unfinished import is_part
+from mrwork.summary import listed
 
 _WRITTEN = ADDITIONS | {MANIFEST, FIT, JOURNAL, REPORT, FIGURES, RANKING, LAWS, MODELS}
 
@@ -89,14 +91,14 @@ def read_fit(path: str | Path) -> Fit:
         If there is no such folder, it is not a run folder, or its fit cannot be understood.
     """
     place = Path(path)
-    if not place.is_dir():
-        what = "is a file" if place.exists() else "does not exist"
+    if not is_folder(place):
+        what = "is a file" if exists(place) else "does not exist"
         raise RecordError(f"{path} {what}; give the run folder that `mrwork identify --out` wrote")
     if is_part(place):
         raise RecordError(
             f"{path} is the journal of an unfinished run; run the command that began it again with --resume"
         )
-    if not (place / MANIFEST).is_file():
+    if not is_there(place / MANIFEST, stored("identify", name="the manifest")):
         raise RecordError(
             f"{path} is not a run folder, it has no {MANIFEST}; "
             "give the folder that `mrwork identify --out` wrote"
@@ -104,7 +106,7 @@ def read_fit(path: str | Path) -> Fit:
     fit = read_document(Fit, place / FIT, name="fit", verb="identify")
     if fit is None:
         raise RecordError(f"{place / FIT} cannot be read (it does not exist); run `mrwork identify` again")
-    fit = _with_effective_samples(fit)
+    fit = _with_effective_samples(_checked(fit, str(place / FIT)))
     return fit if fit.tested is not None and fit.motions else _with_ranges(fit)
 
 
@@ -132,7 +134,31 @@ def fit_from_json(text: str, *, origin: str) -> Fit:
         If the text is not JSON or not a fit; the message names the field.
     """
     fit = record_from_json(Fit, text, origin=origin, name="fit", verb="identify")
-    return _with_effective_samples(fit)
+    return _with_effective_samples(_checked(fit, origin))
+
+
+def _checked(fit: Fit, origin: str) -> Fit:
+    """The fit, if its estimates are those of its model.
+
+    Raises
+    ------
+    RecordError
+        There is no such model, its parameters are others, or a value is not a number.
+    """
+    try:
+        names = fit.spec.names
+    except MrworkError as reason:
+        raise RecordError(f"{origin} is not a fit: {reason}; run `mrwork identify` again") from None
+    found = tuple(each.name for each in fit.estimates)
+    without = next((each.name for each in fit.estimates if not isfinite(each.value)), None)
+    if found == names and without is None:
+        return fit
+    damage = (
+        f"`fit.estimates` are of {listed(found, 8) or 'nothing'} where {fit.model} has {listed(names, 8)}"
+        if without is None
+        else f"the value of {without} is not a number"
+    )
+    raise RecordError(f"{origin} is not a fit: {damage}; run `mrwork identify` again")
 
 
 def _with_effective_samples(fit: Fit) -> Fit:

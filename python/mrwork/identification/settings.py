@@ -15,6 +15,7 @@ from mrwork.records import DamperTest, read_damper_test, repair
 from mrwork.records.observing import DETECT, NONE, as_words
 from mrwork.records.repairs import RepairKind
 from mrwork.records.window import counted_from, cut
+from mrwork.store.input_file import exists
 from mrwork.synthetic import synthetic_test
 
 # Where the final fit runs: in lanes, with derivatives by dual numbers, or on the JAX twin.
@@ -100,7 +101,7 @@ class Reading:
 
     def _path(self, file: str) -> str:
         """Path of a file from the current folder, or else from the folder where it was read."""
-        return file if Path(file).exists() or not self.folder else str(Path(self.folder) / file)
+        return file if exists(file) or not self.folder else str(Path(self.folder) / file)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,7 +17,8 @@ from mrwork.motions.formats.format import Format, Stated, open_lines, refuse_abs
 from mrwork.motions.formats.knet import K_NET
 from mrwork.motions.formats.table import TABLE, read_matrix_motion
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.records.table import check_is_file, listed_files
+from mrwork.records.table import listed_files
+from mrwork.store.input_file import RECORD, is_file, is_folder, start_of
 
 # Each format recognises its content; a table is the fallback and comes last.
 FORMATS: Final[tuple[Format, ...]] = (PEER_AT2, K_NET, COSMOS, ESM, TABLE)
@@ -75,13 +76,9 @@ def read_motion(
     """
     file = Path(path)
     stated = Stated(unit=unit, dt=dt, column=column, channel=channel)
-    check_is_file(file)
-    try:
-        # Overflowing values become infinite, and the readers refuse them.
-        with np.errstate(over="ignore", invalid="ignore"):
-            motion = _read(file, stated)
-    except OSError as error:
-        raise RecordError(f"{file}: cannot be read ({error}); check the file and its permissions") from error
+    # Overflowing values become infinite, and the readers refuse them.
+    with np.errstate(over="ignore", invalid="ignore"):
+        motion = _read(file, stated)
     refuse_absurd(motion.acceleration, source=str(file))
     return motion
 
@@ -112,13 +109,13 @@ def motion_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]
     RecordError
         No file matches the pattern, the folder has no files, or there is no path.
     """
-    if isinstance(paths, str | os.PathLike) and Path(paths).is_dir():
-        found = [path for path in sorted(Path(paths).iterdir()) if path.is_file() and not _is_document(path)]
+    if isinstance(paths, str | os.PathLike) and is_folder(Path(paths)):
+        found = [path for path in sorted(Path(paths).iterdir()) if is_file(path) and not _is_document(path)]
         if not found:
             raise RecordError(f"{paths}: the folder has no file of a ground motion; check the path")
         return tuple(found)
     files = listed_files(paths, none="no ground motion given; name at least one file")
-    return tuple(Path(file) for file in files if len(files) == 1 or not Path(file).is_dir())
+    return tuple(Path(file) for file in files if len(files) == 1 or not is_folder(file))
 
 
 def _is_document(path: Path) -> bool:
@@ -131,8 +128,7 @@ def _is_document(path: Path) -> bool:
 
 def _read(path: Path, stated: Stated) -> GroundMotion:
     source = str(path)
-    with path.open("rb") as stream:
-        head = stream.read(len(_MATLAB_5))
+    head = start_of(path, RECORD, len(_MATLAB_5))
     if head == _MATLAB_5 or path.suffix.lower() == ".mat":
         refuse_needless(stated, TABLE.needs, source=source, kind="a .mat file")
         return read_matrix_motion(path, stated)

@@ -15,6 +15,9 @@ from mrwork.motions.spectral_density import CloughPenzien, SpectralDensity
 
 # Run-in time of the filter before the motion begins, in its longest time constant.
 _RUN_IN = 8.0
+# Of a motion, and the bytes of each in the arrays of its Fourier transform.
+_MOST_SAMPLES = 10_000_000
+_BYTES = 48
 
 
 def synthetic_motion(
@@ -64,8 +67,10 @@ def synthetic_motion(
         )
     seed = f"seed {rng}" if isinstance(rng, int) else "a generator that was passed"
     generator = np.random.default_rng(rng)
+    run_in = _RUN_IN * _memory(spectrum)
+    _check_samples(duration + run_in, dt)
     n_time = round(duration / dt) + 1
-    n_run_in = math.ceil(_RUN_IN * _memory(spectrum) / dt)
+    n_run_in = math.ceil(run_in / dt)
     n_noise = n_time + n_run_in
     # Samples of white noise of two-sided density S0 over circular frequency have the variance 2 pi S0 / dt.
     noise = math.sqrt(2.0 * math.pi * spectrum.intensity / dt) * generator.standard_normal(n_noise)
@@ -222,9 +227,25 @@ def near_fault_pulse(
     )
 
 
+def _check_samples(duration: float, dt: float) -> None:
+    """Refuse a motion that would not fit into memory.
+
+    Raises
+    ------
+    SettingError
+        It would have more than ten million samples.
+    """
+    if duration / dt > _MOST_SAMPLES:
+        raise SettingError(
+            f"a motion of {duration:g} s every {dt:g} s would have {duration / dt:.3g} samples and take "
+            f"{_BYTES * duration / dt / 1e9:.3g} GB; give a shorter duration, or a longer step"
+        )
+
+
 def _time(duration: float, dt: float) -> NDArray[np.float64]:
     if not (math.isfinite(duration) and 0.0 < dt <= duration):
         raise SettingError(f"pulse of {duration} s every {dt} s; give a positive step below the duration")
+    _check_samples(duration, dt)
     return dt * np.arange(round(duration / dt) + 1, dtype=np.float64)
 
 

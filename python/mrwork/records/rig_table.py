@@ -16,6 +16,7 @@ from mrwork.records.formats.delimited import decoded, read_text_bytes
 from mrwork.records.formats.layout import delimiter_of, is_data, split
 from mrwork.records.formats.open import EXTENSIONS, TEXT_EXTENSIONS
 from mrwork.records.table import listed_files
+from mrwork.store.input_file import RECORD, exists, is_file, is_folder, start_of
 from mrwork.store.run_folder import replacing
 from mrwork.summary import Summarised, listed
 
@@ -64,7 +65,7 @@ def listed_tests(
     rows: list[ListedTest] = []
     for file in listed_files(paths, none="no record given; name at least one file, folder or table of tests"):
         path = Path(file)
-        if path.is_dir():
+        if is_folder(path):
             rows += _rows_of_folder(path, use)
         elif is_test_table(path):
             rows += _used(read_test_table(path), path, use)
@@ -106,7 +107,7 @@ def records_in(folder: Path) -> tuple[Path, ...]:
     files = tuple(
         path
         for path in inside
-        if path.suffix.lower() in EXTENSIONS and not path.name.startswith(".") and path.is_file()
+        if path.suffix.lower() in EXTENSIONS and not path.name.startswith(".") and is_file(path)
         if not is_test_table(path)
     )
     if not files:
@@ -118,12 +119,11 @@ def records_in(folder: Path) -> tuple[Path, ...]:
 
 def is_test_table(path: Path) -> bool:
     """Whether a file is a table of tests: its first line names a column `file` and one of its others."""
-    if path.suffix.lower() not in TEXT_EXTENSIONS or not path.is_file():
+    if path.suffix.lower() not in TEXT_EXTENSIONS or not is_file(path):
         return False
     try:
-        with path.open("rb") as stream:
-            start = decoded(stream.read(4096))
-    except OSError:
+        start = decoded(start_of(path, RECORD, 4096))
+    except RecordError:
         return False
     line = next(filter(is_data, start.splitlines()), "")
     names = {name.strip().casefold() for name in split(line, delimiter_of(line))}
@@ -193,7 +193,7 @@ def write_test_table(path: str | os.PathLike[str], rows: Sequence[ListedTest]) -
         The file exists already, or cannot be written.
     """
     place = Path(path)
-    if place.exists():
+    if exists(place):
         raise OutputError(f"{place} exists already; delete it, or choose another name for the table")
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

@@ -14,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
+from mrwork.records.allowance import Allowance
+from mrwork.store.input_file import RECORD, bytes_of, exists
 
-# Bytes of a file; a thousand channels of an hour at 1 kHz are more.
-_LARGEST_FILE: Final = 1 << 30
+# Bytes of a number of a column that is read.
+_ITEM: Final = 8
 
 
 class ColumnTable(ABC):
@@ -85,7 +87,7 @@ class VectorTable(ColumnTable):
                 f"{self._source}: column '{name}' holds {vector.dtype} values where real numbers were "
                 "expected; convert it before saving"
             )
-        return vector.astype(np.float64)
+        return vector.astype(np.float64, copy=False)
 
 
 def open_parquet(path: Path) -> ColumnTable:
@@ -103,47 +105,38 @@ def open_parquet(path: Path) -> ColumnTable:
         raise RecordError(
             f"{path}: reading Parquet needs pyarrow; run: pip install 'mrwork[parquet]'"
         ) from error
-    check_size(path)
-    data = path.read_bytes()
+    data = bytes_of(path, RECORD)
     try:
-        table = pyarrow.parquet.ParquetFile(pyarrow.BufferReader(data)).read()
-        vectors = {name: table.column(name).to_numpy() for name in table.column_names}
+        file = pyarrow.parquet.ParquetFile(pyarrow.BufferReader(data))
+        numeric = [
+            field.name
+            for field in file.schema_arrow
+            if pyarrow.types.is_integer(field.type) or pyarrow.types.is_floating(field.type)
+        ]
+        # Repeated numbers take no space in the file; a page cannot unpack to more than it claims.
+        claimed = file.metadata.num_rows * len(numeric) * _ITEM
+        groups = [file.metadata.row_group(number) for number in range(file.metadata.num_row_groups)]
+        packed = sum(
+            group.column(number).total_uncompressed_size
+            for group in groups
+            for number in range(group.num_columns)
+            if group.column(number).path_in_schema in numeric
+        )
+        Allowance(path, len(data)).take(max(claimed, packed), "a table of numbers")
+        table = file.read(columns=numeric)
+        # A column of other contents is refused when it is asked for.
+        vectors = {
+            field.name: table.column(field.name).to_numpy()
+            if field.name in numeric
+            else np.empty(file.metadata.num_rows and 1, dtype=np.object_)
+            for field in file.schema_arrow
+        }
+    except RecordError:
+        raise
     except (pyarrow.ArrowException, OSError, KeyError, ValueError) as error:
         first_line = str(error).partition("\n")[0]
         raise RecordError(f"{path}: not a readable Parquet file ({first_line}); write it again") from error
     return VectorTable(source=str(path), sha256=hashlib.sha256(data).hexdigest(), vectors=vectors)
-
-
-def check_size(path: Path) -> None:
-    """Refuse a file that is too large for the memory of most machines.
-
-    Raises
-    ------
-    RecordError
-        The file is larger than any test of a damper.
-    """
-    size = path.stat().st_size
-    if size > _LARGEST_FILE:
-        raise RecordError(
-            f"{path}: has {size / 1e9:.1f} GB where a test has {_LARGEST_FILE / 1e9:.1f} GB at most; "
-            "export one test, at a lower rate or with fewer channels"
-        )
-
-
-def check_is_file(path: Path) -> None:
-    """Check that a path is an ordinary file.
-
-    Raises
-    ------
-    RecordError
-        The path is missing, a directory or a device.
-    """
-    if path.is_dir():
-        raise RecordError(f"{path}: is a directory; name the record files in it, such as {path}/*.csv")
-    if not path.exists():
-        raise RecordError(f"{path}: there is no such file; check the path")
-    if not path.is_file():
-        raise RecordError(f"{path}: is not an ordinary file; name a record file")
 
 
 def listed_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]], *, none: str) -> list[str]:
@@ -158,7 +151,7 @@ def listed_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]
         pattern = os.fspath(paths)
         # An existing file whose name contains brackets is not a pattern.
         found = glob.glob(pattern, recursive=True)  # noqa: PTH207 - `Path.glob` takes no absolute patterns
-        files = [pattern] if Path(pattern).exists() else sorted(found)
+        files = [pattern] if exists(pattern) else sorted(found)
         if not files:
             raise RecordError(f"no file matches '{pattern}'; check the path and the pattern")
         return files

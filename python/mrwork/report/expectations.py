@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
+
+from mrwork.store.input_file import TOML, text_of
+from mrwork.store.parse import toml_table
 
 
 def departures(found: Mapping[str, Any], file: Path) -> list[str]:
@@ -15,7 +17,7 @@ def departures(found: Mapping[str, Any], file: Path) -> list[str]:
     The file has tables like those of `found`; a value is expected to be equal, or in a range `{ least, most }`, or at a
     `{ value, tolerance }`.
     """
-    return list(_compared("", found, tomllib.loads(file.read_text(encoding="utf-8"))))
+    return list(_compared("", found, toml_table(text_of(file, TOML))))
 
 
 def _compared(path: str, found: Mapping[str, Any], expected: Mapping[str, Any]) -> Iterator[str]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Generic, Protocol
+from typing import Any, ClassVar, Generic, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -292,10 +292,16 @@ def agree_on_search(journal: Journal, optimiser: object, state: SearchState) -> 
 
 def recalled_generation(journal: Journal, proposal: Proposal) -> Generation | None:
     """The generation that the journal has recorded for this proposal, `None` where there is none."""
-    recalled = journal.recall(_STEP, _digest(proposal)) if journal.recalling else None
-    if recalled is None:
+    if not journal.recalling:
         return None
-    return Generation(misfit=array_of(recalled["misfit"]), seconds=float(recalled["search_seconds"]))
+
+    def read(record: dict[str, Any]) -> Generation:
+        misfit = array_of(record["misfit"])
+        if misfit.shape != proposal.unit.shape[:1]:
+            raise ValueError(f"misfits of the shape {misfit.shape}")
+        return Generation(misfit=misfit, seconds=float(record["search_seconds"]))
+
+    return journal.recall(_STEP, _digest(proposal), read)
 
 
 def record_generation(

@@ -23,6 +23,8 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 import numpy as np
 
 from mrwork.errors import RecordError
+from mrwork.store.input_file import is_there, stored, text_of
+from mrwork.store.parse import json_value
 
 T = TypeVar("T")
 
@@ -76,7 +78,11 @@ def _entry(hint: Any, value: Any) -> Any:
         # NDArray[T] is ndarray[shape, dtype[T]].
         (kind,) = get_args(get_args(hint)[1])
         return array_of(value) if kind is np.float64 else np.array(value, dtype=kind)
-    return float(value) if hint is float else value
+    if hint is float:
+        return float(value)
+    if hint in (bool, int, str) and type(value) is not hint:
+        raise TypeError(f"{str(value)[:40]!r} where {hint.__name__} was expected")
+    return value
 
 
 def _floats(value: Any) -> Any:
@@ -106,7 +112,7 @@ def record_from_json(kind: type[T], text: str, *, origin: str, name: str, verb: 
         If the text is not JSON or not such a record; the message names the field.
     """
     try:
-        document = json.loads(text)
+        document = json_value(text)
     except ValueError as reason:
         raise RecordError(f"{origin} is not JSON ({reason}); run `mrwork {verb}` again") from None
     try:
@@ -117,15 +123,10 @@ def record_from_json(kind: type[T], text: str, *, origin: str, name: str, verb: 
 
 def read_document(kind: type[T], path: Path, *, name: str, verb: str) -> T | None:
     """Read the record in the file at `path` as `record_from_json` does; `None` if there is no such file."""
-    if not path.is_file():
+    file = stored(verb, name=f"a {name}")
+    if not is_there(path, file):
         return None
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError:
-        raise RecordError(f"{path} is not UTF-8 text; run `mrwork {verb}` again") from None
-    except OSError as reason:
-        raise RecordError(f"{path} cannot be read ({reason.strerror}); run `mrwork {verb}` again") from reason
-    return record_from_json(kind, text, origin=str(path), name=name, verb=verb)
+    return record_from_json(kind, text_of(path, file), origin=str(path), name=name, verb=verb)
 
 
 class _MismatchError(Exception):
@@ -196,6 +197,7 @@ def _built_float(value: Any, place: str) -> float:
         field = place.rpartition(".")[2].partition("[")[0]
         return _WHERE_NULL.get(field, math.nan)
     _accepted(isinstance(value, int | float) and not isinstance(value, bool), value, place, "a number")
+    _accepted(math.isfinite(value), value, place, "a finite number")
     return float(value)
 
 

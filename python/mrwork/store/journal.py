@@ -15,10 +15,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from mrwork.errors import JournalError, OutputError
+from mrwork.errors import JournalError, MrworkError, OutputError
 from mrwork.store.codec import plain, rebuilt
 from mrwork.store.fingerprint import differences
-from mrwork.store.journal_file import FORMAT, line_of, locked, read_lines
+from mrwork.store.input_file import bytes_of, is_there
+from mrwork.store.journal_file import FORMAT, JOURNAL_FILE, line_of, locked, read_lines
 
 T = TypeVar("T")
 
@@ -123,28 +124,35 @@ class Journal:
                 "resume with the same inputs and settings as before, or run again without --resume"
             )
 
-    def recall(self, step: str, inputs: str) -> dict[str, Any] | None:
+    def recall(self, step: str, inputs: str, read: Callable[[dict[str, Any]], T]) -> T | None:
         """Return the recorded result of the next step, or `None` if the step must be computed.
 
         Parameters
         ----------
         step, inputs
             Name of the step, and the digest of its inputs.
+        read
+            Makes the result from its record.
 
         Raises
         ------
         JournalError
-            If another step, or the same step with other inputs, is recorded.
+            If another step, or the same step with other inputs, is recorded, or what `read` cannot read.
         """
         recorded = self._next(step)
         if recorded is None:
             return None
         if recorded.get("inputs") != inputs:
             raise self._mismatch(recorded, step)
-        if self._counters is not None and "counters" in recorded:
-            self._counters.restore(recorded["counters"])
-        result: dict[str, Any] = recorded["result"]
-        return result
+        try:
+            if self._counters is not None and "counters" in recorded:
+                self._counters.restore(recorded["counters"])
+            return read(recorded["result"])
+        except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as reason:
+            raise JournalError(
+                f"line {recorded['line']} of {self.path} does not hold the result of a {step} "
+                f"({type(reason).__name__}: {reason}); run again without --resume"
+            ) from reason
 
     def record(self, step: str, inputs: str, result: Mapping[str, object]) -> None:
         """Record the result of a step for which `recall` has returned `None`."""
@@ -155,9 +163,9 @@ class Journal:
 
     def once(self, step: str, inputs: str, kind: type[T], compute: Callable[[], T]) -> T:
         """Return the recorded result of a step, or compute and record it; `kind` is a dataclass as for `rebuilt`."""
-        recalled = self.recall(step, inputs)
+        recalled = self.recall(step, inputs, lambda record: rebuilt(kind, record))
         if recalled is not None:
-            return rebuilt(kind, recalled)
+            return recalled
         result = compute()
         self.record(step, inputs, plain(result))
         return result
@@ -188,13 +196,13 @@ class Journal:
         )
 
     def _opened(self, note: Callable[[str], None] | None) -> list[dict[str, Any]]:
-        if not self.path.is_file():
+        if not is_there(self.path, JOURNAL_FILE):
             raise JournalError(f"there is no journal at {self.path} to resume; run without --resume")
         self._open()
-        content = self.path.read_bytes()
         try:
+            content = bytes_of(self.path, JOURNAL_FILE)
             recorded, length = read_lines(content, self.path)
-        except JournalError:
+        except MrworkError:
             self.close()
             raise
         if length < len(content):

@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from mrwork.errors import JournalError, OutputError
 from mrwork.store.codec import plain
+from mrwork.store.input_file import FileKind
+from mrwork.store.parse import json_value
 
 # Increased whenever names or order of the entries change, so that older journals are refused.
 FORMAT = 2
 
+JOURNAL_FILE: Final = FileKind(
+    name="a journal", largest=1 << 30, remedy="move it away, and run again without --resume"
+)
+# Without O_NONBLOCK, a named pipe in the place of the journal would wait for a reader.
+_FLAGS: Final = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_NONBLOCK", 0)
 _SUM = ', "crc32": "'
 _END = '"}\n'
 _DIGITS = 8
@@ -77,8 +85,14 @@ def _entry_of(line: bytes) -> dict[str, Any] | None:
     body, _, rest = text.rpartition(_SUM)
     if rest != f"{zlib.crc32(body.encode()):08x}{_END}":
         return None
-    entry: dict[str, Any] = json.loads(body + "}")
-    return entry
+    try:
+        entry: dict[str, Any] = json_value(body + "}")
+    except ValueError:
+        return None
+    # The checksum is no proof that this package has written the line.
+    seconds = entry.get("seconds")
+    sound = isinstance(seconds, int | float) and math.isfinite(seconds) and isinstance(entry.get("step"), str)
+    return entry if sound else None
 
 
 def locked(path: Path) -> int:
@@ -92,7 +106,7 @@ def locked(path: Path) -> int:
         If the file cannot be opened.
     """
     try:
-        file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
+        file = os.open(path, _FLAGS, 0o666)
     except OSError as reason:
         raise OutputError(f"cannot write {path}: {reason.strerror}; choose another folder") from reason
     if sys.platform != "win32":

@@ -5,11 +5,11 @@ The scanner assumes a valid document: the parser reads it first.
 
 from __future__ import annotations
 
-import tomllib
 from typing import Any
 
 from mrwork.errors import SettingError
 from mrwork.keys import KeyPath
+from mrwork.store.parse import toml_table
 
 _BLANK = " \t\r\n"
 _BARE_ENDS = frozenset("=.]}, \t\r\n#")
@@ -25,8 +25,8 @@ def parse(text: str, origin: str) -> tuple[dict[str, Any], dict[KeyPath, int]]:
         If the text is not TOML; the message has the line.
     """
     try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as reason:
+        document = toml_table(text)
+    except ValueError as reason:
         raise SettingError(f"{origin} is not TOML: {_with_small_first(str(reason))}") from None
     return document, _Scanner(text).lines()
 
@@ -120,7 +120,7 @@ class _Scanner:
             if self._text[start] in "\"'":
                 self._string()
                 # The parser resolves escapes.
-                parts.append(tomllib.loads(f"k = {self._text[start : self._at]}")["k"])
+                parts.append(toml_table(f"k = {self._text[start : self._at]}")["k"])
             else:
                 while self._text[self._at] not in _BARE_ENDS:
                     self._forward(1)

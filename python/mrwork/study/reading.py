@@ -13,8 +13,8 @@ from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
 from mrwork.buildings.from_file import building_from_table
 from mrwork.closed_loop.hardware import Fault, Hardware
-from mrwork.errors import RecordError
 from mrwork.keys import Place, suggestion
+from mrwork.store.input_file import TOML, bytes_of, text_in
 from mrwork.study.arrangements import arrangements, held_settings, problem_of
 from mrwork.study.clairvoyant_row import clairvoyant_row
 from mrwork.study.dampers import (
@@ -143,16 +143,10 @@ def _with_parameters(
 
 
 def _read(path: Path) -> StudyFile:
-    try:
-        file = StudyFile(path=path.resolve(), content=path.read_bytes())
-        file.content.decode()
-    except OSError as error:
-        raise RecordError(
-            f"{path} cannot be read ({error.strerror}); give the TOML file of a study"
-        ) from error
-    except UnicodeDecodeError as error:
-        raise RecordError(f"{path}: byte {error.start} is not UTF-8 text; save the file as UTF-8") from error
-    return file
+    content = bytes_of(path, TOML)
+    # Refused here, by the name that was given.
+    text_in(content, path, TOML)
+    return StudyFile(path=path.resolve(), content=content)
 
 
 def _tables(file: StudyFile, origin: str) -> tuple[StudyTable, Place]:

@@ -214,9 +214,13 @@ def _runs(
     histories: dict[int, RunHistory] = {}
     for motion, ground in enumerate(study.grounds):
         inputs = digest_of_run(arrangement, ground)
-        recalled = None if journal is None else journal.recall(step, inputs)
+        recalled = (
+            None
+            if journal is None
+            else journal.recall(step, inputs, lambda record: rebuilt(RunResult, record))
+        )
         if recalled is not None:
-            yield motion, rebuilt(RunResult, recalled)
+            yield motion, recalled
             continue
         if motion not in simulated:
             stored = [number for number in study.histories if number >= motion and step_factor == 1]

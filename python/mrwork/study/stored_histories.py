@@ -3,31 +3,20 @@
 from __future__ import annotations
 
 import re
-import struct
-import zlib
 from dataclasses import fields
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 
+from mrwork.errors import RecordError
+from mrwork.store.arrays_file import read_arrays
+from mrwork.store.input_file import is_there, stored
 from mrwork.store.run_folder import HISTORIES, real_place, replacing
 from mrwork.store.unfinished import part_of
 from mrwork.study.run_result import RunHistory
 from mrwork.study.study import Study
 
-# What reading a damaged file of arrays raises.
-_DAMAGED = (
-    OSError,
-    ValueError,
-    KeyError,
-    EOFError,
-    MemoryError,
-    RuntimeError,
-    BadZipFile,
-    struct.error,
-    zlib.error,
-)
+_KIND = stored("respond", name="the history of a run")
 
 
 class Histories:
@@ -56,7 +45,7 @@ class Histories:
         while (path := self._path(row, motion)) is not None:
             try:
                 _read(path)
-            except _DAMAGED:
+            except RecordError:
                 self._damaged.add(path)
             else:
                 return True
@@ -82,7 +71,13 @@ class Histories:
         self._damaged.discard(target)
 
     def read(self, row: int, motion: int) -> RunHistory | None:
-        """The history of a run, if it is stored."""
+        """The history of a run, if it is stored.
+
+        Raises
+        ------
+        RecordError
+            Where it is damaged.
+        """
         path = self._path(row, motion)
         return None if path is None else _read(path)
 
@@ -101,14 +96,17 @@ class Histories:
     def _path(self, row: int, motion: int) -> Path | None:
         name = self._names[row, motion]
         found = (folder / name for folder in self._folders)
-        return next((path for path in found if path not in self._damaged and path.is_file()), None)
+        return next((path for path in found if path not in self._damaged and is_there(path, _KIND)), None)
 
 
 def _read(path: Path) -> RunHistory:
-    with path.open("rb") as stream, np.load(stream) as arrays:
+    arrays = read_arrays(path, _KIND)
+    try:
         return RunHistory(
             **{entry.name: arrays[entry.name].astype(np.float64) for entry in fields(RunHistory)}
         )
+    except (KeyError, ValueError) as reason:
+        raise RecordError(f"{path} is not a history ({reason}); {_KIND.remedy}") from None
 
 
 def stem_of(name: str) -> str:

@@ -122,7 +122,7 @@ class StudyFile:
     @property
     def text(self) -> str:
         """The content as text, each line ended by a newline alone."""
-        return self.content.decode().replace("\r\n", "\n")
+        return self.content.decode("utf-8-sig").replace("\r\n", "\n")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)

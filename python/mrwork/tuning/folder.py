@@ -8,7 +8,7 @@ import json
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,13 @@ CHOSEN = "chosen.toml"
 """The study with the chosen settings, for `mrwork respond`."""
 _SCORES = "scores.csv"
 _WRITTEN = frozenset({MANIFEST, JOURNAL, RESULTS, STUDY, REPORT, CHOSEN, _SCORES})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Manifest:
+    """What a manifest says the folder is; that of a fit does not say it."""
+
+    kind: str = ""
 
 
 def write_tuning(
@@ -74,10 +81,10 @@ def read_tuning(folder: str | Path) -> TuningResults:
     """
     place = Path(folder)
     manifest = place / MANIFEST
-    kind = json.loads(manifest.read_text(encoding="utf-8")).get("kind") if manifest.is_file() else None
+    stated = read_document(_Manifest, manifest, name="manifest", verb="tune")
     found = (
         read_document(TuningResults, place / RESULTS, name="tuning", verb="tune")
-        if kind == "tuning"
+        if stated is not None and stated.kind == "tuning"
         else None
     )
     if found is None:

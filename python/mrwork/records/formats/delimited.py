@@ -23,7 +23,8 @@ from mrwork.records.formats.layout import (
     layout_of,
     split,
 )
-from mrwork.records.table import ColumnTable, check_size
+from mrwork.records.table import ColumnTable
+from mrwork.store.input_file import RECORD, bytes_of, start_of
 
 _LONGEST_LINE: Final = 65536
 # Control characters that no text export writes; NUL also indicates UTF-16.
@@ -206,22 +207,20 @@ def decoded(data: bytes) -> str:
 
 def read_text_bytes(path: Path) -> bytes:
     """Read a whole text file after a check of its start, because a wrong file may be very large."""
-    check_size(path)
-    with path.open("rb") as stream:
-        head = stream.read(_LONGEST_LINE)
-        if not head.strip():
-            raise RecordError(f"{path}: the file is empty; a header line and data lines were expected")
-        if head.startswith((b"\xff\xfe", b"\xfe\xff")):
-            raise RecordError(f"{path}: the text is UTF-16; save it as UTF-8")
-        byte = _BINARY.search(head)
-        if byte is not None:
-            raise RecordError(
-                f"{path}: byte {byte.start()} is {byte[0][0]:#04x}, so this is a binary file under the "
-                "name of a text file; export the record as text"
-            )
-        if len(head) == _LONGEST_LINE and b"\n" not in head and b"\r" not in head:
-            raise RecordError(
-                f"{path}: the first line is longer than {_LONGEST_LINE // 1024} KiB, so it cannot be a "
-                "header; check that this is a table with one row per line"
-            )
-        return head + stream.read()
+    head = start_of(path, RECORD, _LONGEST_LINE)
+    if not head.strip():
+        raise RecordError(f"{path}: the file is empty; a header line and data lines were expected")
+    if head.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise RecordError(f"{path}: the text is UTF-16; save it as UTF-8")
+    byte = _BINARY.search(head)
+    if byte is not None:
+        raise RecordError(
+            f"{path}: byte {byte.start()} is {byte[0][0]:#04x}, so this is a binary file under the "
+            "name of a text file; export the record as text"
+        )
+    if len(head) == _LONGEST_LINE and b"\n" not in head and b"\r" not in head:
+        raise RecordError(
+            f"{path}: the first line is longer than {_LONGEST_LINE // 1024} KiB, so it cannot be a "
+            "header; check that this is a table with one row per line"
+        )
+    return bytes_of(path, RECORD)

@@ -18,11 +18,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
+from mrwork.records.allowance import LEAST, Allowance
 from mrwork.records.formats.hdf5 import hdf5_variables
-from mrwork.records.table import ColumnTable, VectorTable, check_size
+from mrwork.records.table import ColumnTable, VectorTable
+from mrwork.store.input_file import RECORD, bytes_of
 
 _HDF5: Final = b"\x89HDF"
-_LARGEST_VARIABLE: Final = 1 << 30
+# Bytes that matrices may take in all, also of a small file: three sparse ones of a building with 4096 coordinates.
+_LEAST_FOR_MATRICES: Final = 400 << 20
+# Largest index of any version.
+_LARGEST_INDEX: Final = 2**31
+# Bytes of a number as it is used, and of the pieces in which a variable is unpacked.
+_NUMBER: Final = 8
+_PIECE: Final = 1 << 20
 
 # Version 4: the tens digit of the type number gives the item type, the last digit the kind of matrix.
 _V4_LAST_TYPE: Final = 4052
@@ -41,6 +49,7 @@ _V5_ITEMS: Final[Mapping[int, str]] = {
 _COMPLEX_FLAG: Final = 0x0800
 
 Variables = dict[str, "NDArray[np.generic] | None"]
+Block = bytes | memoryview
 
 
 def open_matlab(path: Path) -> ColumnTable:
@@ -74,25 +83,25 @@ def read_matlab_matrices(path: Path) -> dict[str, NDArray[np.float64]]:
     RecordError
         The file is damaged, or claims more data than it holds.
     """
-    _, variables = _variables(path)
+    _, variables = _variables(path, least=_LEAST_FOR_MATRICES)
     return {
-        name: array.astype(np.float64)
+        name: array.astype(np.float64, copy=False)
         for name, array in variables.items()
         if array is not None and array.ndim == 2 and array.size
     }
 
 
-def _variables(path: Path) -> tuple[bytes, Variables]:
+def _variables(path: Path, least: int = LEAST) -> tuple[bytes, Variables]:
     """Bytes of the file, and its variables by name; `None` for contents other than real numbers."""
-    check_size(path)
-    data = path.read_bytes()
+    data = bytes_of(path, RECORD)
     if not data:
         raise RecordError(f"{path}: the file is empty; a .mat file was expected")
     if data.startswith(_HDF5) or data[512:516] == _HDF5:
         return data, hdf5_variables(data, path)
     try:
         # A version 4 file starts with a small integer, a version 5 file with text.
-        variables = _version_4(data) if 0 in data[:4] else _version_5(data)
+        read = _version_4 if 0 in data[:4] else _version_5
+        variables = read(memoryview(data), Allowance(path, len(data), least=least))
     except (DamagedError, struct.error, zlib.error) as error:
         raise RecordError(
             f"{path}: not a readable .mat file ({error}); it is cut off or damaged, save it again"
@@ -100,15 +109,18 @@ def _variables(path: Path) -> tuple[bytes, Variables]:
     return data, variables
 
 
-def _array(items: bytes, item: str, shape: tuple[int, ...]) -> NDArray[np.generic]:
+def _array(
+    items: Block, item: str, shape: tuple[int, ...], name: str, allowance: Allowance
+) -> NDArray[np.generic]:
     """Array of the items, which the format stores column by column."""
     if min(shape, default=0) < 0 or len(items) != math.prod(shape) * np.dtype(item).itemsize:
         sides = " x ".join(str(side) for side in shape)
         raise DamagedError(f"a {sides} matrix has {len(items)} bytes of {item[1:]} items")
+    allowance.take(_NUMBER * math.prod(shape), f"variable '{name}'")
     return np.frombuffer(items, dtype=item).reshape(shape, order="F")
 
 
-def _version_4(data: bytes) -> Variables:
+def _version_4(data: Block, allowance: Allowance) -> Variables:
     order = "<" if 0 <= struct.unpack("<i", data[:4])[0] <= _V4_LAST_TYPE else ">"
     variables: Variables = {}
     position = 0
@@ -127,16 +139,16 @@ def _version_4(data: bytes) -> Variables:
             raise DamagedError(
                 f"the header claims a {n_rows} x {n_columns} matrix, but the file has only {len(data)} bytes"
             )
-        name = data[start - name_length : start].rstrip(b"\0").decode("ascii", "replace")
+        name = _text(data[start - name_length : start])
         variables[name] = None
         if kind % 10 in (0, 2) and not is_complex:
-            stored = _array(data[start : start + size], item, (n_rows, n_columns))
-            variables[name] = stored if kind % 10 == 0 else sparse_version_4(stored, name)
+            stored = _array(data[start : start + size], item, (n_rows, n_columns), name, allowance)
+            variables[name] = stored if kind % 10 == 0 else sparse_version_4(stored, name, allowance)
     return variables
 
 
-def _version_5(data: bytes) -> Variables:
-    endian = data[126:128]
+def _version_5(data: Block, allowance: Allowance) -> Variables:
+    endian = bytes(data[126:128])
     if endian not in (b"IM", b"MI"):
         raise DamagedError("the header has no byte-order mark")
     order = "<" if endian == b"IM" else ">"
@@ -144,9 +156,9 @@ def _version_5(data: bytes) -> Variables:
     structs: dict[str, Variables] = {}
     for kind, block in _elements(data[_V5_HEADER:], order):
         if kind == _COMPRESSED:
-            kind, block = next(_elements(_unpacked(block, order), order))
+            kind, block = _unpacked(block, order, allowance)
         if kind == _MATRIX:
-            name, content = _matrix(block, order)
+            name, content = _matrix(block, order, allowance, fields=True)
             if isinstance(content, dict):
                 structs[name] = content
                 variables[name] = None
@@ -157,7 +169,7 @@ def _version_5(data: bytes) -> Variables:
     return variables
 
 
-def _elements(block: bytes, order: str) -> Iterator[tuple[int, bytes]]:
+def _elements(block: Block, order: str) -> Iterator[tuple[int, Block]]:
     """Tag and content of each data element of a version 5 block."""
     position = 0
     while position < len(block):
@@ -173,97 +185,132 @@ def _elements(block: bytes, order: str) -> Iterator[tuple[int, bytes]]:
         position = start + size if kind == _COMPRESSED else start + size + (-(start + size - position) % 8)
 
 
-def _unpacked(block: bytes, order: str) -> bytes:
+def _unpacked(block: Block, order: str, allowance: Allowance) -> tuple[int, Block]:
+    """Tag and content of the data element in a compressed one."""
     unpacker = zlib.decompressobj()
-    tag = unpacker.decompress(block, 8)
-    size = struct.unpack(f"{order}2I", tag)[1]
-    if size > _LARGEST_VARIABLE:
-        raise DamagedError(f"a variable claims to unpack to {size} bytes")
-    return tag + unpacker.decompress(unpacker.unconsumed_tail, max(size, 1))
+    kind, size = struct.unpack(f"{order}2I", unpacker.decompress(block, 8))
+    if kind >> 16:
+        raise DamagedError("a compressed element holds no matrix")
+    allowance.take(size, "a compressed variable")
+    content = bytearray(size)
+    filled = 0
+    # In pieces, because the library holds what it unpacks twice.
+    while filled < size and (
+        piece := unpacker.decompress(unpacker.unconsumed_tail, min(_PIECE, size - filled))
+    ):
+        content[filled : filled + len(piece)] = piece
+        filled += len(piece)
+    if filled < size:
+        raise DamagedError(f"an element claims {size} bytes where {filled} are left")
+    return kind, memoryview(content)
 
 
-def _matrix(block: bytes, order: str) -> tuple[str, NDArray[np.generic] | Variables | None]:
-    """Name and content of a matrix element: an array, the fields of a single struct, or `None` for other kinds."""
+def _text(name: Block) -> str:
+    return bytes(name).partition(b"\0")[0].decode("ascii", "replace")
+
+
+def _matrix(
+    block: Block, order: str, allowance: Allowance, *, fields: bool
+) -> tuple[str, NDArray[np.generic] | Variables | None]:
+    """Name and content of a matrix element: an array, `None` for other contents, or the `fields` of a single struct.
+
+    Structs within structs are not entered.
+    """
     elements = _elements(block, order)
     parts = [next(elements, (0, b""))[1] for _ in range(3)]
     flags = struct.unpack_from(f"{order}I", parts[0])[0]
     shape = tuple(int(side) for side in _integers(parts[1], order))
-    name = parts[2].decode("ascii", "replace")
+    name = _text(parts[2])
     matrix_class = flags & 0xFF
-    if matrix_class == _STRUCT and shape == (1, 1):
-        return name, _fields(elements, order)
+    if fields and matrix_class == _STRUCT and shape == (1, 1):
+        return name, _fields(elements, order, allowance)
     if flags & _COMPLEX_FLAG:
         return name, None
     if matrix_class == _SPARSE and len(shape) == 2:
         rows, starts = (_integers(next(elements, (0, b""))[1], order) for _ in range(2))
-        values = _items(*next(elements, (0, b"")), order, name)
-        return name, sparse_version_5(rows, starts, values, (shape[0], shape[1]), name)
+        kind, values = next(elements, (0, b""))
+        return name, sparse_version_5(
+            rows,
+            starts,
+            _items(kind, values, order, name, allowance),
+            (shape[0], shape[1]),
+            name,
+            allowance,
+        )
     if matrix_class not in _NUMERIC_CLASSES:
         return name, None
     kind, block = next(elements, (0, b""))
-    return name, _items(kind, block, order, name, shape)
+    return name, _items(kind, block, order, name, allowance, shape)
 
 
 def _items(
-    kind: int, items: bytes, order: str, name: str, shape: tuple[int, ...] | None = None
+    kind: int,
+    items: Block,
+    order: str,
+    name: str,
+    allowance: Allowance,
+    shape: tuple[int, ...] | None = None,
 ) -> NDArray[np.generic]:
     """Items of a data element in the shape of the matrix, or flat without a shape."""
     if kind not in _V5_ITEMS:
         raise DamagedError(f"variable '{name}' has items of the unknown type {kind}")
     item = order + _V5_ITEMS[kind]
-    return _array(items, item, (len(items) // np.dtype(item).itemsize,) if shape is None else shape)
+    length = len(items) // np.dtype(item).itemsize
+    return _array(items, item, (length,) if shape is None else shape, name, allowance)
 
 
-def _fields(elements: Iterator[tuple[int, bytes]], order: str) -> Variables:
+def _fields(elements: Iterator[tuple[int, Block]], order: str, allowance: Allowance) -> Variables:
     length = next(iter(_integers(next(elements, (0, b""))[1], order)), 0)
     names = next(elements, (0, b""))[1]
     if length <= 0:
         raise DamagedError("a struct has field names of no length")
     fields: Variables = {}
     for start in range(0, len(names), length):
-        name = names[start : start + length].partition(b"\0")[0].decode("ascii", "replace")
+        name = _text(names[start : start + length])
         kind, block = next(elements, (0, b""))
         if kind != _MATRIX:
             raise DamagedError(f"field '{name}' holds no matrix")
-        content = _matrix(block, order)[1]
+        content = _matrix(block, order, allowance, fields=False)[1]
         fields[name] = None if isinstance(content, dict) else content
     return fields
 
 
-def _integers(block: bytes, order: str) -> NDArray[np.int32]:
+def _integers(block: Block, order: str) -> NDArray[np.int64]:
     if len(block) % 4:
         raise DamagedError(f"{len(block)} bytes are no whole number of integers")
-    return np.frombuffer(block, dtype=f"{order}i4").astype(np.int32)
-
-
-# Largest dense matrix from a sparse one; a header may claim any size.
-_MOST_ITEMS: Final = 1 << 24
+    # Of eight bytes, in which no difference or product of the indices of a file wraps.
+    return np.frombuffer(block, dtype=f"{order}i4").astype(np.int64)
 
 
 class DamagedError(Exception):
     """Damage inside a .mat file; the caller adds the name of the file."""
 
 
-def sparse_version_4(triplets: NDArray[np.generic], name: str) -> NDArray[np.float64]:
+def sparse_version_4(triplets: NDArray[np.generic], name: str, allowance: Allowance) -> NDArray[np.float64]:
     """Dense matrix from rows of row, column (from 1) and value, shape (n_items + 1, 3); the last row has the size."""
     if triplets.ndim != 2 or triplets.shape[1] != 3 or not len(triplets):
         raise DamagedError(f"sparse variable '{name}' is not a list of row, column, value")
-    places = triplets[:, :2].astype(np.int64)
+    stated = triplets[:, :2].astype(np.float64)
+    if not (np.abs(stated) <= _LARGEST_INDEX).all():
+        raise DamagedError(f"sparse variable '{name}' has rows or columns that are no whole numbers")
+    places = stated.astype(np.int64)
     return _filled(
         places[:-1, 0] - 1,
         places[:-1, 1] - 1,
         triplets[:-1, 2],
         (int(places[-1, 0]), int(places[-1, 1])),
         name,
+        allowance,
     )
 
 
 def sparse_version_5(
-    rows: NDArray[np.int32],
-    starts: NDArray[np.int32],
+    rows: NDArray[np.int64],
+    starts: NDArray[np.int64],
     values: NDArray[np.generic],
     shape: tuple[int, int],
     name: str,
+    allowance: Allowance,
 ) -> NDArray[np.float64]:
     """Dense matrix from compressed columns: column j has the items `starts[j]` to `starts[j + 1]`, in `rows` from 0."""
     counts = np.diff(starts)
@@ -275,7 +322,7 @@ def sparse_version_5(
             f"sparse variable '{name}' claims {n_items} items and has {min(len(rows), values.size)}"
         )
     columns = np.repeat(np.arange(shape[1]), counts)
-    return _filled(rows[:n_items].astype(np.int64), columns, values.ravel()[:n_items], shape, name)
+    return _filled(rows[:n_items], columns, values.ravel()[:n_items], shape, name, allowance)
 
 
 def _filled(
@@ -284,9 +331,11 @@ def _filled(
     values: NDArray[np.generic],
     shape: tuple[int, int],
     name: str,
+    allowance: Allowance,
 ) -> NDArray[np.float64]:
-    if min(shape) < 0 or shape[0] * shape[1] > _MOST_ITEMS:
+    if min(shape) < 0:
         raise DamagedError(f"sparse variable '{name}' claims to be {shape[0]} x {shape[1]}")
+    allowance.take(_NUMBER * shape[0] * shape[1], f"sparse variable '{name}', of {shape[0]} x {shape[1]},")
     inside = (rows >= 0) & (rows < shape[0]) & (columns >= 0) & (columns < shape[1])
     if not inside.all():
         raise DamagedError(f"sparse variable '{name}' has an item outside its {shape[0]} x {shape[1]}")

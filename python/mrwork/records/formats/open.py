@@ -9,7 +9,8 @@ from mrwork.errors import RecordError
 from mrwork.records.formats.delimited import open_delimited
 from mrwork.records.formats.matlab import open_matlab
 from mrwork.records.formats.tdms import open_tdms
-from mrwork.records.table import ColumnTable, check_is_file, open_parquet
+from mrwork.records.table import ColumnTable, open_parquet
+from mrwork.store.input_file import RECORD, check_file
 
 TEXT_EXTENSIONS: Final = (".csv", ".tsv", ".txt", ".dat", ".asc", ".lvm")
 EXTENSIONS: Final = (*TEXT_EXTENSIONS, ".mat", ".tdms", ".parquet", ".pq")
@@ -25,18 +26,15 @@ def open_table(path: Path) -> ColumnTable:
         The path is missing, a directory, of an unknown extension, unreadable, or its content is refused.
     """
     extension = path.suffix.lower()
-    try:
-        check_is_file(path)
-        if extension in TEXT_EXTENSIONS:
-            return open_delimited(path)
-        if extension == ".mat":
-            return open_matlab(path)
-        if extension == ".tdms":
-            return open_tdms(path)
-        if extension in (".parquet", ".pq"):
-            return open_parquet(path)
-    except OSError as error:
-        raise RecordError(f"{path}: cannot be read ({error}); check the file and its permissions") from error
+    check_file(path, RECORD)
+    if extension in TEXT_EXTENSIONS:
+        return open_delimited(path)
+    if extension == ".mat":
+        return open_matlab(path)
+    if extension == ".tdms":
+        return open_tdms(path)
+    if extension in (".parquet", ".pq"):
+        return open_parquet(path)
     came = f"the extension is '{extension}'" if extension else "there is no extension"
     raise RecordError(
         f"{path}: {came} where one of {', '.join(EXTENSIONS)} was expected; export the record as one of these"

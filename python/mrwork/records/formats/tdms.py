@@ -12,7 +12,8 @@ import numpy as np
 
 from mrwork.errors import RecordError
 from mrwork.records.column_names import unit_in_name
-from mrwork.records.table import ColumnTable, VectorTable, check_size
+from mrwork.records.table import ColumnTable, VectorTable
+from mrwork.store.input_file import RECORD, bytes_of
 
 _UNIT_PROPERTIES: Final = ("unit_string", "NI_UnitDescription", "Unit", "unit")
 _TIME: Final = "Time"
@@ -35,8 +36,7 @@ def open_tdms(path: Path) -> ColumnTable:
         raise RecordError(
             f"{path}: reading TDMS needs npTDMS; run: pip install 'mrwork[tdms]', or export the channels as text"
         ) from error
-    check_size(path)
-    data = path.read_bytes()
+    data = bytes_of(path, RECORD)
     try:
         with TdmsFile.open(io.BytesIO(data)) as file:
             channels = [channel for group in file.groups() for channel in group.channels()]

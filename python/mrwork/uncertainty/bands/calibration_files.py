@@ -16,8 +16,11 @@ from mrwork.identification.fit_file import fit_from_json
 from mrwork.records import DamperTest, Observation, RecordedMotion
 from mrwork.records.command_signal import Command
 from mrwork.records.likeness import alike_groups
+from mrwork.store.arrays_file import read_arrays
 from mrwork.store.codec import json_document, read_document
 from mrwork.store.fingerprint import digest_of
+from mrwork.store.input_file import is_there, stored, text_of
+from mrwork.store.parse import json_value
 from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS, write_files
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.conformal import Calibration, LeftOutCoverage
@@ -166,28 +169,28 @@ def read_predictions(place: Path) -> tuple[Prediction, ...]:
         Where they are damaged.
     """
     path = place / PREDICTIONS
-    if not path.is_file():
+    kind = stored(f"calibrate {place}", name="the predictions")
+    if not is_there(path, kind):
         return ()
+    arrays = read_arrays(path, kind)
     try:
-        with np.load(path, allow_pickle=False) as stored:
-            facts = json.loads(str(stored["facts"]))
-            return tuple(
-                Prediction(
-                    test=DamperTest(
-                        **{fact: each[fact] for fact in (*_FACTS, *_COMMANDS)}
-                        | {
-                            channel: stored[f"{channel}_{number}"].astype(np.float64)
-                            for channel in (*_CHANNELS, *_COMMANDS)
-                            if f"{channel}_{number}" in stored
-                        },
-                        observation=Observation(**each["observation"]),
-                    ),
-                    model_force=stored[f"model_{number}"].astype(np.float64),
-                )
-                for number, each in enumerate(facts)
+        return tuple(
+            Prediction(
+                test=DamperTest(
+                    **{fact: each[fact] for fact in (*_FACTS, *_COMMANDS)}
+                    | {
+                        channel: arrays[f"{channel}_{number}"].astype(np.float64)
+                        for channel in (*_CHANNELS, *_COMMANDS)
+                        if f"{channel}_{number}" in arrays
+                    },
+                    observation=Observation(**each["observation"]),
+                ),
+                model_force=arrays[f"model_{number}"].astype(np.float64),
             )
-    except (OSError, ValueError, KeyError, TypeError) as reason:
-        raise RecordError(f"{path} is damaged ({reason}); run `mrwork calibrate {place}` again") from None
+            for number, each in enumerate(json_value(str(arrays["facts"])))
+        )
+    except (ValueError, KeyError, TypeError) as reason:
+        raise RecordError(f"{path} is damaged ({reason}); {kind.remedy}") from None
 
 
 class Folds:
@@ -207,8 +210,9 @@ class Folds:
             for test in tests
         ]
         path = self._place / FOLDS / f"{digest_of(self._fit.model, self._fit.theta, seen)[:16]}.json"
-        if path.exists():
-            return fit_from_json(path.read_text(encoding="utf-8"), origin=str(path))
+        kind = stored("calibrate", name="the fit of a fold")
+        if is_there(path, kind):
+            return fit_from_json(text_of(path, kind), origin=str(path))
         fit = identify()
         write_files(self._place, {f"{FOLDS}/{path.name}": json_document(fit.as_dict()).encode()})
         return fit

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite, pi
@@ -20,6 +21,7 @@ from mrwork.records.command_signal import Command, levels_of_command
 from mrwork.records.damper_test import as_tests
 from mrwork.records.motion import spectrum
 from mrwork.simulate import Loading
+from mrwork.store.input_file import CANDIDATES, text_of
 
 # Default grid: range beyond the tested amplitudes and frequencies either way, number of values, excess of velocity.
 _FURTHER = 2.0
@@ -28,6 +30,8 @@ _FASTER = 1.5
 _SAMPLES_PER_CYCLE = 200
 # The first cycle settles the transient, the other two count.
 _CYCLES = 3
+# Bytes of the derivatives that a plan keeps of all its candidates.
+_MOST_BYTES = 512 << 20
 _COLUMNS = ("amplitude", "frequency", "current")
 
 AMPLITUDE_RANGE = (1e-6, 100.0)
@@ -138,6 +142,7 @@ def candidate_grid(
     if spec.current is not None:
         known = [command for test in tests for command, unit in test.commands if unit == spec.current.unit]
         levels = commands or sorted({level for command in known for level in _ends(command)})
+    _check_count(len(levels) * len(amplitudes) * len(frequencies), spec)
     grid = tuple(
         candidate
         for command in levels
@@ -163,13 +168,14 @@ def read_candidates(path: Path, spec: DamperSpec, limits: Limits | None = None) 
         Where the file cannot be read, lacks a column or a number, or has no candidate within the limits.
     """
     columns = _COLUMNS if spec.current is not None else _COLUMNS[:2]
+    text = text_of(path, CANDIDATES)
     try:
-        with path.open(newline="", encoding="utf-8") as stream:
-            rows = list(csv.DictReader(stream))
-    except (OSError, UnicodeDecodeError, csv.Error) as reason:
+        rows = list(csv.DictReader(io.StringIO(text, newline="")))
+    except csv.Error as reason:
         raise RecordError(
             f"{path} cannot be read as CSV ({reason}); give a table with {', '.join(columns)}"
         ) from None
+    _check_count(len(rows), spec)
     candidates = []
     for number, row in enumerate(rows, start=2):
         try:
@@ -189,6 +195,22 @@ def read_candidates(path: Path, spec: DamperSpec, limits: Limits | None = None) 
             f"{path} has no candidate within the limits of the rig; add some, or raise the limits"
         )
     return allowed
+
+
+def _check_count(count: int, spec: DamperSpec) -> None:
+    """Refuse more candidates than a plan can keep.
+
+    Raises
+    ------
+    SettingError
+        Their derivatives, two in each counted sample for each parameter, do not fit into memory.
+    """
+    each = 8 * (_CYCLES - 1) * _SAMPLES_PER_CYCLE * (2 * len(spec.names) + 1)
+    if count * each > _MOST_BYTES:
+        raise SettingError(
+            f"{count:,} candidates of {spec.name} would take {count * each / 1e9:,.1f} GB and "
+            f"{count * (2 * len(spec.names) + 1):,} simulations; give {_MOST_BYTES // each:,} at most"
+        )
 
 
 def motion_of(candidate: Candidate, spec: DamperSpec) -> tuple[Loading, slice]:

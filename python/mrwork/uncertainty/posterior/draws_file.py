@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
+from mrwork.store.input_file import is_there, stored
 from mrwork.store.run_folder import DRAWS, replacing
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.draws import Draws, DrawSummary, summary_of
@@ -46,7 +47,7 @@ def read_draws(place: Path, fit: Fit) -> Draws | None:
         Where they are damaged, or of another model.
     """
     path = place / DRAWS
-    if not path.is_file():
+    if not is_there(path, stored("sample", name="the draws")):
         return None
     # A second to load.
     import xarray

@@ -1,0 +1,51 @@
+"""Files of named arrays (.npz) that may be damaged: sizes are counted before anything is allocated."""
+
+from __future__ import annotations
+
+import io
+import math
+import zipfile
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.errors import RecordError
+from mrwork.store.input_file import FileKind, bytes_of
+
+# Bytes of all arrays.
+_LARGEST: Final = 256 << 20
+
+
+def read_arrays(path: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
+    """The arrays of a file by name.
+
+    Raises
+    ------
+    RecordError
+        The file cannot be read, is damaged, or claims more than its `kind` has.
+    """
+    data = bytes_of(path, kind)
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            members = archive.infolist()
+            if sum(each.file_size for each in members) > max(_LARGEST, len(data)):
+                raise ValueError("it claims more numbers than such a file has")
+            return {each.filename.removesuffix(".npy"): _array(archive.read(each)) for each in members}
+    except Exception as reason:  # the libraries raise whatever a damaged file leads them to
+        first_line = str(reason).partition("\n")[0]
+        raise RecordError(f"{path} is damaged ({first_line}); {kind.remedy}") from None
+
+
+def _array(data: bytes) -> NDArray[Any]:
+    stream = io.BytesIO(data)
+    version = np.lib.format.read_magic(stream)
+    read_header = (
+        np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+    )
+    shape, by_columns, dtype = read_header(stream)
+    if dtype.hasobject or math.prod(shape) * dtype.itemsize != len(data) - stream.tell():
+        raise ValueError(f"an array claims the shape {shape}")
+    items = np.frombuffer(data, dtype=dtype, offset=stream.tell())
+    return items.reshape(shape, order="F" if by_columns else "C")

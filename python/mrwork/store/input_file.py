@@ -1,0 +1,202 @@
+"""The one gate for files that are read: ordinary files of a limited size, refused otherwise before they are opened.
+
+A named pipe waits for a writer without end, a device such as /dev/zero has no end, and opening one may already act on
+it. Every reader of the package asks this module for the bytes of a file; `tests/store/test_input_file.py` checks it.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final, NoReturn
+
+from mrwork.errors import RecordError
+
+_MIB: Final = 1 << 20
+_KINDS: Final = {
+    stat.S_IFDIR: "is a directory",
+    stat.S_IFIFO: "is a named pipe",
+    stat.S_IFCHR: "is a device",
+    stat.S_IFBLK: "is a device",
+    stat.S_IFSOCK: "is a socket",
+}
+# Without O_NONBLOCK, a pipe that has taken the place of the file since it was checked would wait for a writer.
+_FLAGS: Final = os.O_RDONLY | sum(
+    getattr(os, name, 0) for name in ("O_BINARY", "O_CLOEXEC", "O_NOCTTY", "O_NONBLOCK")
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileKind:
+    """What a file is read as: its `name` in messages, its `largest` size [bytes], and what to do about another file.
+
+    `smaller` is what to do about a larger file, where that is not the `remedy`.
+    """
+
+    name: str
+    largest: int
+    remedy: str
+    smaller: str = ""
+
+
+RECORD: Final = FileKind(
+    name="a record",
+    largest=1024 * _MIB,
+    remedy="name a record file",
+    smaller="export one test, at a lower rate or with fewer channels",
+)
+"""Records of tests and of ground motions, and tables of tests."""
+
+# The parser of TOML reads half a megabyte in a second.
+TOML: Final = FileKind(
+    name="a TOML file",
+    largest=4 * _MIB,
+    remedy="name a TOML file",
+    smaller="keep matrices and motions in files of their own",
+)
+MATRIX: Final = FileKind(name="a matrix", largest=256 * _MIB, remedy="name a file with a matrix")
+CANDIDATES: Final = FileKind(
+    name="a table of candidates",
+    largest=4 * _MIB,
+    remedy="name a CSV file",
+    smaller="leave candidates out",
+)
+
+
+def stored(verb: str, *, name: str = "a file of the run") -> FileKind:
+    """The kind of the files that a verb of `mrwork` writes into a run folder."""
+    return FileKind(name=name, largest=256 * _MIB, remedy=f"move it away, and run `mrwork {verb}` again")
+
+
+def bytes_of(path: Path, kind: FileKind) -> bytes:
+    """Content of a file, as long as it was when it was opened.
+
+    Raises
+    ------
+    RecordError
+        There is no such file, it is not an ordinary one, it is too large, or it cannot be read.
+    """
+    return start_of(path, kind, kind.largest)
+
+
+def start_of(path: Path, kind: FileKind, count: int) -> bytes:
+    """The first bytes of a file, at most `count`.
+
+    Raises
+    ------
+    RecordError
+        As from `bytes_of`.
+    """
+    try:
+        _check(os.stat(path), path, kind)  # noqa: PTH116 - `Path` refuses some names with other errors
+        descriptor = os.open(path, _FLAGS)
+        with os.fdopen(descriptor, "rb") as stream:
+            found = os.fstat(descriptor)
+            _check(found, path, kind)
+            return stream.read(min(found.st_size, count))
+    except RecordError:
+        raise
+    except (OSError, ValueError) as reason:
+        _refuse(path, kind, reason)
+
+
+def text_of(path: Path, kind: FileKind) -> str:
+    """Text of a UTF-8 file; a byte-order mark at its start is left out.
+
+    Raises
+    ------
+    RecordError
+        As from `bytes_of`, or if the file is not UTF-8.
+    """
+    return text_in(bytes_of(path, kind), path, kind)
+
+
+def text_in(content: bytes, path: Path, kind: FileKind) -> str:
+    """Text of the content of a file, as `text_of`.
+
+    Raises
+    ------
+    RecordError
+        If it is not UTF-8.
+    """
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as reason:
+        raise RecordError(
+            f"{path}: byte {reason.start} is not UTF-8 text; save it as UTF-8, or {kind.remedy}"
+        ) from None
+
+
+def is_there(path: Path, kind: FileKind) -> bool:
+    """Whether there is a file at `path`.
+
+    Raises
+    ------
+    RecordError
+        There is something that is not an ordinary file, it is too large, or its name is impossible.
+    """
+    try:
+        _check(os.stat(path), path, kind)  # noqa: PTH116 - as in `start_of`
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    except RecordError:
+        raise
+    except (OSError, ValueError) as reason:
+        _refuse(path, kind, reason)
+    return True
+
+
+def check_file(path: Path, kind: FileKind) -> None:
+    """Check that there is an ordinary file at `path` that is not too large.
+
+    Raises
+    ------
+    RecordError
+        As from `bytes_of`.
+    """
+    if not is_there(path, kind):
+        _refuse(path, kind, FileNotFoundError())
+
+
+def is_file(path: str | Path) -> bool:
+    """Whether a name is that of an ordinary file, also where it is a name that no file can have."""
+    return os.path.isfile(path)  # noqa: PTH113 - `Path.is_file` raises errors for some names
+
+
+def is_folder(path: str | Path) -> bool:
+    """Whether a name is that of a folder, also where it is a name that no folder can have."""
+    return os.path.isdir(path)  # noqa: PTH112 - as in `is_file`
+
+
+def exists(path: str | Path) -> bool:
+    """Whether there is anything at a name, also where it is a name that nothing can have."""
+    return os.path.exists(path)  # noqa: PTH110 - as in `is_file`
+
+
+def _check(found: os.stat_result, path: Path, kind: FileKind) -> None:
+    if not stat.S_ISREG(found.st_mode):
+        what = _KINDS.get(stat.S_IFMT(found.st_mode), "is not an ordinary file")
+        raise RecordError(f"{path}: {what} where {kind.name} was expected; {kind.remedy}")
+    if found.st_size > kind.largest:
+        raise RecordError(
+            f"{path}: has {found.st_size / 1e6:,.0f} MB where {kind.name} has {kind.largest / 1e6:,.0f} MB at most; "
+            f"{kind.smaller or kind.remedy}"
+        )
+
+
+def _refuse(path: Path, kind: FileKind, reason: OSError | ValueError) -> NoReturn:
+    if not isinstance(reason, OSError):
+        # With NUL, or half of a surrogate pair.
+        raise RecordError(f"{str(path)!a} cannot be the name of a file; check it") from None
+    if isinstance(reason, FileNotFoundError | NotADirectoryError):
+        sentence = "there is no such file; check the path"
+    elif reason.errno == errno.ENAMETOOLONG:
+        sentence = "the name is longer than that of any file; check it"
+    elif reason.errno == errno.ELOOP:
+        sentence = f"is a symbolic link that leads back to itself; {kind.remedy}"
+    else:
+        sentence = f"cannot be read ({reason.strerror or reason}); check the file and its permissions"
+    raise RecordError(f"{path}: {sentence}") from reason

@@ -1,0 +1,84 @@
+"""JSON and TOML texts that may be damaged or hostile: too deep, or with numbers that nothing can hold."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from typing import Any, Final, NoReturn
+
+_DEEPEST: Final = 100
+# Of a whole number: the state of a random generator has 39.
+_MOST_DIGITS: Final = 100
+# A key of many parts takes the parser of TOML time and memory in the square of their number.
+_LONG_KEY: Final = re.compile(
+    rf"""(?:^|[\[{{,])[ \t]*(?:(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')[ \t]*\.[ \t]*){{{_DEEPEST}}}""",
+    re.MULTILINE | re.ASCII,
+)
+_TOO_DEEP: Final = f"tables and arrays are nested more than {_DEEPEST} deep"
+
+
+def json_value(text: str) -> Any:
+    """The value of a JSON text.
+
+    Raises
+    ------
+    ValueError
+        The text is not JSON, or JSON that no program of this package writes; the message says what is wrong.
+    """
+    try:
+        value = json.loads(text, parse_int=_whole, parse_constant=_no_constant)
+    except RecursionError:
+        raise ValueError(_TOO_DEEP) from None
+    _check_depth(value)
+    return value
+
+
+def toml_table(text: str) -> dict[str, Any]:
+    """The tables of a TOML text.
+
+    Raises
+    ------
+    ValueError
+        The text is not TOML; the message says what is wrong, with the line.
+    """
+    if _LONG_KEY.search(text):
+        raise ValueError(f"a key has more than {_DEEPEST} parts")
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        raise
+    except RecursionError:
+        raise ValueError(_TOO_DEEP) from None
+    except ValueError:
+        # Python's limit of 4300 digits, without its advice to programmers.
+        raise ValueError(f"a whole number has more than {_MOST_DIGITS} digits") from None
+    _check_depth(table)
+    return table
+
+
+def _whole(digits: str) -> int:
+    if len(digits) > _MOST_DIGITS:
+        raise ValueError(f"a whole number has {len(digits)} digits")
+    return int(digits)
+
+
+def _no_constant(name: str) -> NoReturn:
+    raise ValueError(f"{name} is no number of JSON")
+
+
+def _check_depth(value: Any) -> None:
+    level = [value]
+    for _ in range(_DEEPEST):
+        inner: list[Any] = []
+        for each in level:
+            entries = each.values() if isinstance(each, dict) else each
+            for entry in entries if isinstance(each, dict | list) else ():
+                if isinstance(entry, dict | list):
+                    inner.append(entry)
+                elif isinstance(entry, int) and entry.bit_length() > 4 * _MOST_DIGITS:
+                    raise ValueError(f"a whole number has more than {_MOST_DIGITS} digits")
+        if not inner:
+            return
+        level = inner
+    raise ValueError(_TOO_DEEP)
