@@ -1,16 +1,14 @@
-"""File of a journal: JSON objects, one per line, each with a checksum that detects damage; written by one process."""
+"""File of a journal: JSON objects, one per line, each with a checksum that detects damage."""
 
 from __future__ import annotations
 
 import json
-import os
-import sys
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from mrwork.errors import JournalError, OutputError
+from mrwork.errors import JournalError
 from mrwork.store.codec import plain
 
 # Increased whenever names or order of the entries change, so that older journals are refused.
@@ -79,30 +77,3 @@ def _entry_of(line: bytes) -> dict[str, Any] | None:
         return None
     entry: dict[str, Any] = json.loads(body + "}")
     return entry
-
-
-def locked(path: Path) -> int:
-    """Open a file for appending, and lock it for this process; the lock ends with the process.
-
-    Raises
-    ------
-    JournalError
-        If another process has locked the file.
-    OutputError
-        If the file cannot be opened.
-    """
-    try:
-        file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o666)
-    except OSError as reason:
-        raise OutputError(f"cannot write {path}: {reason.strerror}; choose another folder") from reason
-    if sys.platform != "win32":
-        import fcntl
-
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(file)
-            raise JournalError(
-                f"another run is writing {path}; wait for its end, or choose another folder"
-            ) from None
-    return file
