@@ -119,7 +119,7 @@ def _received(child: subprocess.Popen[bytes], stdout: IO[bytes], seconds: float)
             content = stdout.read(math.prod(entry["shape"]) * np.dtype(entry["type"]).itemsize)
             try:
                 array = np.frombuffer(content, dtype=entry["type"]).reshape(entry["shape"])
-            except ValueError:
+            except (ValueError, OverflowError):
                 raise UnreadableError(_reason(child, seconds)) from None
         members[path] = Member(is_group=entry["group"], attributes=entry["attributes"], array=array)
     return members
