@@ -7,6 +7,7 @@ import fcntl
 import os
 import re
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,13 @@ from command_line import started
 
 from mrwork.errors import JournalError, MrworkWarning, OutputError
 from mrwork.store.lock import Lock, is_lock
-from mrwork.store.unfinished import begin_addition, begin_journal, keep_addition, resume_addition
+from mrwork.store.unfinished import (
+    StepJournals,
+    begin_addition,
+    begin_journal,
+    keep_addition,
+    resume_addition,
+)
 
 HOLDER = """
 import sys, time
@@ -85,6 +92,19 @@ def test_a_run_that_begins_leaves_the_journal_of_another_alone(tmp_path: Path) -
         begin_journal(tmp_path / "run")
     assert first.path.read_bytes() == before
     first.close()
+
+
+def test_a_comparison_that_begins_leaves_the_journals_of_another_alone(tmp_path: Path) -> None:
+    with closing(StepJournals(tmp_path / "run", resume=False)) as journals:
+        journal = journals("dahl/fit")
+        journal.agree("run", {"seed": 1})
+        journal.close()
+        for resume in (False, True):
+            with pytest.raises(JournalError, match="is writing"):
+                StepJournals(tmp_path / "run", resume=resume)
+        assert b'"seed": 1' in journal.path.read_bytes()
+        journals.discard()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_an_addition_replaces_an_earlier_one_only_when_it_is_complete(tmp_path: Path) -> None:
