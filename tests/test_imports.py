@@ -21,7 +21,7 @@ HOMES = {
         "uncertainty.posterior.nuts",
     ),
     ("emcee", "xarray"): ("uncertainty.posterior",),
-    ("h5py",): ("uncertainty.posterior", "records.formats.hdf5"),
+    ("h5py",): ("store.hdf5_child",),
     ("nptdms",): ("records.formats.tdms",),
     ("pyarrow",): ("records.table",),
     ("matplotlib", "fontTools", "jinja2"): ("report",),

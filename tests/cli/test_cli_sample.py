@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import json
+import resource
+import shutil
 import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 from command_line import COMMAND, PATIENCE, mrwork, started, wait_until
 
 from mrwork.cli import main
 from mrwork.cli.progress import sampling_described
+from mrwork.identification.fit_file import read_fit
+from mrwork.uncertainty.posterior.draws_file import read_draws
 from mrwork.uncertainty.posterior.sample import SamplingProgress
 
 
@@ -49,25 +54,83 @@ def test_a_run_is_sampled_and_the_draws_lie_beside_the_fit(run: Path) -> None:
     }
 
 
-def steps_in(chain: Path) -> int | None:
-    """Steps of a chain on disk; none while it is being written."""
-    try:
-        with h5py.File(chain, locking=False) as file:
-            return int(file[f"place{file.attrs['current']}"].attrs["n_steps"])
-    except (OSError, KeyError):
-        return None
-
-
-def test_ctrl_c_keeps_the_chain(run: Path) -> None:
-    command = (*COMMAND, "sample", run, "--noise", "arma11", "--walkers", "64", "--steps", "1000000")
+def test_one_sampling_at_a_time_and_ctrl_c_keeps_its_chain(run: Path, tmp_path: Path) -> None:
+    place = tmp_path / "run"
+    shutil.copytree(run, place)
+    chain = place / "posterior.jsonl.part"
+    (place / "posterior.jsonl").write_text("an earlier chain")
+    command = (*COMMAND, "sample", place, "--noise", "arma11", "--walkers", "64", "--steps", "1000000")
     with started(*command) as process:
-        # The chain's file is begun anew with the first walkers, and then grows every two seconds.
-        wait_until(lambda: steps_in(run / "posterior.h5") not in (None, 0, 400), process, pause=0.1)
+        wait_until(lambda: chain.is_file() and chain.read_bytes().count(b"\n") > 3, process, pause=0.1)
+        for options in ((), ("--resume",)):
+            second = mrwork("sample", place, "--steps", "10", "--walkers", "20", *options)
+            assert second.returncode == 2
+            assert f"process {process.pid} on" in second.stderr
+            assert len(second.stderr.splitlines()) == 1
         process.send_signal(signal.SIGINT)
         _, stderr = process.communicate(timeout=PATIENCE)
     assert process.returncode == 130, stderr
     assert "steps are kept in" in stderr
     assert "Traceback" not in stderr
+    assert (place / "posterior.jsonl").read_text() == "an earlier chain"
+    assert {json.loads(line)["step"] for line in chain.read_text().splitlines()} == {"sampling", "step"}
+
+
+@contextmanager
+def disk_of(size: int) -> Iterator[None]:
+    """No file can grow beyond `size` [bytes]: to a process the same as a full disk, but for the number of the error."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def drawn(run: Path) -> np.ndarray:
+    draws = read_draws(run, read_fit(run))
+    assert draws is not None
+    return np.concatenate([draws.theta, draws.noise, draws.log_posterior[:, None]], axis=1)
+
+
+def test_a_full_disk_loses_nothing(run: Path, tmp_path: Path) -> None:
+    place = tmp_path / "run"
+    shutil.copytree(run, place)
+    sampling = ("sample", place, "--steps", "60", "--walkers", "20", "--threads", "1", "--json")
+    assert mrwork(*sampling).returncode == 0
+    whole, size = drawn(place), (place / "posterior.jsonl").stat().st_size
+    before = {name: (place / name).read_bytes() for name in ("posterior.jsonl", "posterior.nc", "fit.json")}
+    # In the journal, at its end, and after it in the draws.
+    resume: tuple[str, ...] = ()
+    for full in (size // 3, size - 1000, size + 1000):
+        with disk_of(full):
+            ended = mrwork(*sampling, *resume)
+        assert ended.returncode == 2
+        # A resumed journal says how much of its end is torn.
+        sentence = next(line for line in ended.stderr.splitlines() if "torn" not in line)
+        assert sentence.startswith("mrwork: cannot write")
+        assert (place / "posterior.nc").read_bytes() == before["posterior.nc"]
+        assert (place / "fit.json").read_bytes() == before["fit.json"]
+        assert full > size or (place / "posterior.jsonl").read_bytes() == before["posterior.jsonl"]
+        resume = ("--resume",)
+    assert mrwork(*sampling, "--resume").returncode == 0
+    assert (place / "posterior.nc").read_bytes() != before["posterior.nc"]
+    np.testing.assert_array_equal(drawn(place), whole)
+    assert not [entry.name for entry in place.iterdir() if "part" in entry.name or "lock" in entry.name]
+
+
+def test_a_chain_of_an_earlier_version_is_refused_and_goes_with_its_draws(run: Path, tmp_path: Path) -> None:
+    place = tmp_path / "run"
+    shutil.copytree(run, place)
+    (place / "posterior.jsonl").unlink(missing_ok=True)
+    (place / "posterior.h5").write_text("a chain")
+    sampling = ("sample", place, "--steps", "20", "--walkers", "20", "--threads", "1", "--json")
+    refused = mrwork(*sampling, "--resume")
+    assert refused.returncode == 2
+    assert "a chain of an earlier version" in refused.stderr
+    assert (place / "posterior.h5").is_file()
+    assert mrwork(*sampling).returncode == 0
+    assert not (place / "posterior.h5").exists()
 
 
 def test_what_cannot_be_is_one_sentence(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import os
+import re
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
@@ -206,10 +208,25 @@ def test_a_fresh_journal_takes_the_place_of_an_earlier_one_when_it_writes(path: 
 def test_one_process_at_a_time_writes(path: Path) -> None:
     first = Journal(path, resume=True)
     for other in (lambda: Journal(path, resume=True), lambda: Journal(path).agree("run", FACTS)):
-        with pytest.raises(JournalError, match="another run is writing"):
+        with pytest.raises(
+            JournalError, match=f"process {os.getpid()} on .* is writing {re.escape(str(path))}"
+        ):
             other()
     first.close()
     Journal(path, resume=True).close()
+
+
+def test_a_journal_that_was_locked_stays_so_until_it_is_closed(tmp_path: Path) -> None:
+    path = tmp_path / "journal.jsonl"
+    first = Journal(path)
+    first.lock()
+    first.agree("run", FACTS)
+    first.finish()
+    with pytest.raises(JournalError, match="is writing"):
+        Journal(path, resume=True)
+    first.close()
+    Journal(path, resume=True).close()
+    assert [entry.name for entry in tmp_path.iterdir()] == ["journal.jsonl"]
 
 
 def test_a_closed_journal_takes_no_more(path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import closing
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -105,15 +106,11 @@ def test_interrupted_and_resumed_is_as_if_nothing_had_happened(
             raise KeyboardInterrupt
 
     place = tmp_path / "run"
-    with pytest.raises(Interrupted) as interrupted:
-        choose_model(
-            two,
-            compared,
-            settings=FEW,
-            threads=1,
-            journal_of=StepJournals(place, resume=False),
-            on_progress=interrupt,
-        )
+    with (
+        pytest.raises(Interrupted) as interrupted,
+        closing(StepJournals(place, resume=False)) as journals,
+    ):
+        choose_model(two, compared, settings=FEW, threads=1, journal_of=journals, on_progress=interrupt)
     if (model, task) == ("dahl", "left out 1"):
         # Nothing was judged yet.
         assert interrupted.value.result is None
@@ -121,9 +118,8 @@ def test_interrupted_and_resumed_is_as_if_nothing_had_happened(
         missing = interrupted.value.result.ranking.missing
         assert missing == (("viscous_dahl",) if model == "viscous_dahl" else ())
         assert all(each.elpd is None for each in interrupted.value.result.ranking.standings)
-    resumed = choose_model(
-        two, compared, settings=FEW, threads=1, journal_of=StepJournals(place, resume=True)
-    )
+    with closing(StepJournals(place, resume=True)) as journals:
+        resumed = choose_model(two, compared, settings=FEW, threads=1, journal_of=journals)
     assert standings(resumed) == standings(whole)
     assert resumed.ranking.sentence == whole.ranking.sentence
     assert [fit.theta for fit in resumed.fits] == [fit.theta for fit in whole.fits]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import closing
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -100,22 +101,19 @@ def test_interrupted_and_resumed_is_as_if_nothing_had_happened(
         if progress.n_tried == 2:
             raise KeyboardInterrupt
 
-    with pytest.raises(Interrupted) as interrupted:
+    with (
+        pytest.raises(Interrupted) as interrupted,
+        closing(StepJournals(place, resume=False)) as journals,
+    ):
         choose_laws(
-            "viscous_dahl",
-            tests,
-            settings=settings,
-            threads=1,
-            on_progress=stop,
-            journal_of=StepJournals(place, resume=False),
+            "viscous_dahl", tests, settings=settings, threads=1, on_progress=stop, journal_of=journals
         )
     so_far = interrupted.value.result
     assert len(so_far.table.tried) == 2
     assert not so_far.table.complete
     assert so_far.fit.status == "interrupted"
-    resumed = choose_laws(
-        "viscous_dahl", tests, settings=settings, threads=1, journal_of=StepJournals(place, resume=True)
-    )
+    with closing(StepJournals(place, resume=True)) as journals:
+        resumed = choose_laws("viscous_dahl", tests, settings=settings, threads=1, journal_of=journals)
     assert asdict(resumed.table) == asdict(choice.table)
     assert resumed.fit.theta == choice.fit.theta
 

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import warnings
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-import h5py
 import numpy as np
 import pytest
 from posterior_samples import independent_errors, small_fit, small_test
 from scipy.stats import norm
 
 from mrwork.errors import Interrupted, JournalError, SettingError
+from mrwork.store import Journal
 from mrwork.uncertainty.posterior.diagnostics import diagnose, next_check
 from mrwork.uncertainty.posterior.draws import Draws, summary_of
 from mrwork.uncertainty.posterior.draws_file import read_draws, write_draws
@@ -156,51 +159,64 @@ def test_an_interrupted_chain_goes_on_to_the_same_bits_on_any_threads(tmp_path: 
         if progress.steps > 40:
             raise KeyboardInterrupt
 
-    def sampled(name: str, **settings: object) -> Draws:
-        return sample(
-            small_fit(),
-            small_test(),
-            walkers=16,
-            rng=7,
-            # Well over the fifth of a second after which progress is first told.
-            most_steps=2000,
-            store=tmp_path / name,
-            **settings,  # type: ignore[arg-type]
-        )
+    def sampled(name: str, *, resume: bool = False, **settings: object) -> Draws:
+        with closing(Journal(tmp_path / name, resume=resume)) as journal:
+            return sample(
+                small_fit(),
+                small_test(),
+                walkers=16,
+                rng=7,
+                # Well over the fifth of a second after which progress is first told.
+                most_steps=2000,
+                journal=journal,
+                **settings,  # type: ignore[arg-type]
+            )
 
-    whole = sampled("whole.h5", threads=1)
+    whole = sampled("whole.jsonl", threads=1)
     with pytest.raises(Interrupted) as interrupted:
-        sampled("pieces.h5", threads=threads, on_progress=interrupt)
+        sampled("pieces.jsonl", threads=threads, on_progress=interrupt)
     assert 40 < interrupted.value.result.n_steps < whole.n_steps
     kept = interrupted.value.result.draws()
     assert kept.status == "interrupted"
     assert kept.n_steps == interrupted.value.result.n_steps
-    again = sampled("pieces.h5", threads=threads, resume=True)
+    again = sampled("pieces.jsonl", threads=threads, resume=True)
     assert again.n_steps == whole.n_steps
     np.testing.assert_array_equal(again.theta, whole.theta)
-    with h5py.File(tmp_path / "pieces.h5") as one, h5py.File(tmp_path / "whole.h5") as other:
-        for name in ("position", "log_density"):
-            np.testing.assert_array_equal(one[name][:], other[name][:])
-        for name in ("position", "n_steps", "has_gauss", "cached"):
-            places = [file[f"place{file.attrs['current']}"].attrs[name] for file in (one, other)]
-            assert places[0] == places[1]
+    np.testing.assert_array_equal(again.log_posterior, whole.log_posterior)
+    one, other = (
+        [(line["inputs"], line["result"]) for line in steps_of(tmp_path / name)]
+        for name in ("pieces.jsonl", "whole.jsonl")
+    )
+    assert one == other
+    assert len(one) == 2001
+
+
+def steps_of(journal: Path) -> list[dict[str, Any]]:
+    lines = [json.loads(line) for line in journal.read_text().splitlines()]
+    return [line for line in lines if line["step"] == "step"]
+
+
+def test_what_is_in_the_journal_is_not_simulated_again(tmp_path: Path) -> None:
+    drawn = []
+    for resume in (False, True):
+        with closing(Journal(tmp_path / "chain.jsonl", resume=resume)) as journal:
+            draws = sample(small_fit(), small_test(), walkers=16, most_steps=30, threads=1, journal=journal)
+            drawn.append(draws.theta)
+            assert not journal.recalling
+    np.testing.assert_array_equal(drawn[0], drawn[1])
+    assert len(steps_of(tmp_path / "chain.jsonl")) == 31
 
 
 def test_another_sampling_is_not_gone_on_with(tmp_path: Path) -> None:
-    store = tmp_path / "chain.h5"
+    store = tmp_path / "chain.jsonl"
 
     def sampled(rng: int, *, resume: bool) -> Draws:
-        return sample(
-            small_fit(),
-            small_test(),
-            walkers=16,
-            rng=rng,
-            most_steps=5,
-            store=store,
-            resume=resume,
-        )
+        with closing(Journal(store, resume=resume)) as journal:
+            return sample(
+                small_fit(), small_test(), walkers=16, rng=rng, most_steps=5, threads=1, journal=journal
+            )
 
-    with pytest.raises(JournalError, match="there is no"):
+    with pytest.raises(JournalError, match="there is no journal"):
         sampled(1, resume=True)
     first = sampled(1, resume=False)
     assert first.status == "not_converged"
@@ -208,8 +224,9 @@ def test_another_sampling_is_not_gone_on_with(tmp_path: Path) -> None:
     with pytest.raises(JournalError, match="seed is 1 there and 2 here"):
         sampled(2, resume=True)
     np.testing.assert_array_equal(sampled(1, resume=True).theta, first.theta)
-    store.write_bytes(store.read_bytes()[:1000])
-    with pytest.raises(JournalError, match="is damaged"):
+    lines = store.read_bytes().splitlines(keepends=True)
+    store.write_bytes(b"".join([*lines[:3], lines[3].replace(b"0", b"1"), *lines[4:]]))
+    with pytest.raises(JournalError, match="is damaged in line 4"):
         sampled(1, resume=True)
 
 
@@ -221,8 +238,6 @@ def test_impossible_settings_are_refused() -> None:
         sampled(walkers=8)
     with pytest.raises(SettingError, match="an even number"):
         sampled(walkers=33)
-    with pytest.raises(SettingError, match="needs the `store`"):
-        sampled(resume=True)
     with pytest.raises(SettingError, match="`most_steps` is 0"):
         sampled(most_steps=0)
     with pytest.raises(SettingError, match="walkers found no place"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import textwrap
+from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
@@ -82,42 +83,42 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
     tests = tuple(observed(test, settings.observe) for test in reading.tests())
     folder = options.out or Path("out") / f"{stem_of(tests)}-models"
     check_destination(folder)
-    journals = StepJournals(folder, resume=options.resume, note=note)
-    choice, status = run_search(
-        lambda line: choose_model(
-            tests,
-            models,
-            leave_out=options.leave_out or "test",
-            laws=laws_of(options),
-            unit=command_unit(tests, options),
-            lagged=options.driver_lag,
-            settings=settings,
-            sampled=options.posterior,
-            threads=options.threads,
-            on_progress=line,
-            journal_of=journals,
-        ),
-        choice_described,
-        options,
-        before="any model was identified",
-        discard=journals.discard,
-    )
-    if choice is None:
-        return status
-    fits = {fit.model: with_command(fit, reading) for fit in choice.fits}
-    best = fits[choice.ranking.chosen]
-    if status == 0:
-        best = with_identifiability(best, tests, threads=options.threads)
-    documents: dict[str, object] = {f"{MODELS}/{name}/{FIT}": fit.as_dict() for name, fit in fits.items()}
-    write_identification(
-        folder,
-        best,
-        journals.path(f"{best.model}/fit"),
-        finished=status == 0,
-        documents=documents | {RANKING: asdict(choice.ranking)},
-    )
-    if status == 0:
-        journals.discard()
+    with closing(StepJournals(folder, resume=options.resume, note=note)) as journals:
+        choice, status = run_search(
+            lambda line: choose_model(
+                tests,
+                models,
+                leave_out=options.leave_out or "test",
+                laws=laws_of(options),
+                unit=command_unit(tests, options),
+                lagged=options.driver_lag,
+                settings=settings,
+                sampled=options.posterior,
+                threads=options.threads,
+                on_progress=line,
+                journal_of=journals,
+            ),
+            choice_described,
+            options,
+            before="any model was identified",
+            discard=journals.discard,
+        )
+        if choice is None:
+            return status
+        fits = {fit.model: with_command(fit, reading) for fit in choice.fits}
+        best = fits[choice.ranking.chosen]
+        if status == 0:
+            best = with_identifiability(best, tests, threads=options.threads)
+        documents: dict[str, object] = {f"{MODELS}/{name}/{FIT}": fit.as_dict() for name, fit in fits.items()}
+        write_identification(
+            folder,
+            best,
+            journals.path(f"{best.model}/fit"),
+            finished=status == 0,
+            documents=documents | {RANKING: asdict(choice.ranking)},
+        )
+        if status == 0:
+            journals.discard()
     text = _text(choice.ranking, folder)
     return close_run(
         folder,

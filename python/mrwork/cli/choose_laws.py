@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import textwrap
+from contextlib import closing
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -44,41 +45,41 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
     tests = tuple(observed(test, settings.observe) for test in reading.tests())
     folder = options.out or Path("out") / f"{stem_of(tests)}-{options.model}"
     check_destination(folder)
-    journals = StepJournals(folder, resume=options.resume, note=note)
-    choice, status = run_search(
-        lambda line: choose_laws(
-            options.model,
-            tests,
-            laws=laws_of(options),
-            unit=command_unit(tests, options),
-            leave_out=options.leave_out,
-            settings=settings,
-            threads=options.threads,
-            on_progress=line,
-            journal_of=journals,
-        ),
-        laws_described,
-        options,
-        before="any laws were fitted",
-        discard=journals.discard,
-    )
-    if choice is None:
-        return status
-    fit = replace(choice.fit, seconds=choice.seconds)
-    if status == 0:
-        fit = with_identifiability(fit, tests, threads=options.threads)
-    fit = with_command(fit, reading)
-    # The last step that has begun: after an interrupt that may be the choice.
-    steps = [journals.path(f"{fit.model}/{step}") for step in ("fit", "laws")]
-    write_identification(
-        folder,
-        fit,
-        next(path for path in steps if path.is_file()),
-        finished=status == 0,
-        documents={LAWS: asdict(choice.table)},
-    )
-    if status == 0:
-        journals.discard()
+    with closing(StepJournals(folder, resume=options.resume, note=note)) as journals:
+        choice, status = run_search(
+            lambda line: choose_laws(
+                options.model,
+                tests,
+                laws=laws_of(options),
+                unit=command_unit(tests, options),
+                leave_out=options.leave_out,
+                settings=settings,
+                threads=options.threads,
+                on_progress=line,
+                journal_of=journals,
+            ),
+            laws_described,
+            options,
+            before="any laws were fitted",
+            discard=journals.discard,
+        )
+        if choice is None:
+            return status
+        fit = replace(choice.fit, seconds=choice.seconds)
+        if status == 0:
+            fit = with_identifiability(fit, tests, threads=options.threads)
+        fit = with_command(fit, reading)
+        # The last step that has begun: after an interrupt that may be the choice.
+        steps = [journals.path(f"{fit.model}/{step}") for step in ("fit", "laws")]
+        write_identification(
+            folder,
+            fit,
+            next(path for path in steps if path.is_file()),
+            finished=status == 0,
+            documents={LAWS: asdict(choice.table)},
+        )
+        if status == 0:
+            journals.discard()
     return close_run(
         folder,
         fit,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
@@ -45,7 +46,7 @@ from mrwork.identification.problem import start_from
 from mrwork.identification.searches import Search, method_of, search_named, searches
 from mrwork.identification.settings import Engine, FitSettings
 from mrwork.records import DamperTest, observed
-from mrwork.store.run_folder import check_destination
+from mrwork.store.run_folder import JOURNAL, check_destination, real_place
 from mrwork.store.unfinished import begin_journal, discard_journal, is_copy, resume_journal
 
 
@@ -195,8 +196,7 @@ def run(options: argparse.Namespace) -> int:
     starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
     folder = options.out or Path("out") / f"{stem_of(tests)}-{spec.name}"
     check_destination(folder)
-    journal = resume_journal(folder, note=note) if options.resume else begin_journal(folder)
-    try:
+    with closing(resume_journal(folder, note=note) if options.resume else begin_journal(folder)) as journal:
         fit, status = run_search(
             lambda line: identify_with(
                 spec,
@@ -210,17 +210,16 @@ def run(options: argparse.Namespace) -> int:
             options,
             before="any candidate was simulated",
             discard=lambda: discard_journal(journal),
-            useless=lambda: is_copy(folder, journal),
+            useless=lambda: is_copy(real_place(folder) / JOURNAL, journal),
         )
-    finally:
-        journal.close()
-    if fit is None:
-        return status
-    if status == 0:
-        fit = with_identifiability(fit, tests, threads=options.threads)
-    fit = with_command(fit, reading)
-    write_identification(folder, fit, journal.path, finished=status == 0)
-    discard_journal(journal)
+        journal.finish()
+        if fit is None:
+            return status
+        if status == 0:
+            fit = with_identifiability(fit, tests, threads=options.threads)
+        fit = with_command(fit, reading)
+        write_identification(folder, fit, journal.path, finished=status == 0)
+        discard_journal(journal)
     return close_run(
         folder,
         fit,

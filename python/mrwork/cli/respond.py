@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -69,17 +70,24 @@ def run(options: argparse.Namespace) -> int:
         raise SettingError("no study is given; give a STUDY.toml, or --schema to print its keys")
     # SciPy and the simulation are slow to load.
     from mrwork.store.run_folder import check_destination
-    from mrwork.store.unfinished import begin_journal, discard_journal, is_copy, resume_journal
+    from mrwork.store.unfinished import begin_journal, resume_journal
     from mrwork.study.reading import read_study
-    from mrwork.study.run import run_study
-    from mrwork.study.stored_histories import Histories
 
     began = time.perf_counter()
     whole = read_study(options.study, seed=options.seed)
     study = whole if options.motions == "all" else whole.of_use(options.motions)
     place = options.out or Path("out") / options.study.stem
     check_destination(place)
-    journal = resume_journal(place, note=note) if options.resume else begin_journal(place)
+    with closing(resume_journal(place, note=note) if options.resume else begin_journal(place)) as journal:
+        return _respond(study, place, journal, options, began)
+
+
+def _respond(study: Study, place: Path, journal: Journal, options: argparse.Namespace, began: float) -> int:
+    from mrwork.store.run_folder import JOURNAL, real_place
+    from mrwork.store.unfinished import discard_journal, is_copy
+    from mrwork.study.run import run_study
+    from mrwork.study.stored_histories import Histories
+
     histories = Histories(place, study, resume=options.resume)
     line = ProgressLine(study_described, quiet=options.quiet or options.json, patience=PATIENCE)
     status = 0
@@ -96,13 +104,13 @@ def run(options: argparse.Namespace) -> int:
     except Interrupted as interrupt:
         results, status = interrupt.result, 130
     except MrworkError as error:
-        if cannot_be_resumed(error, options) or is_copy(place, journal):
+        if cannot_be_resumed(error, options) or is_copy(real_place(place) / JOURNAL, journal):
             histories.discard()
             discard_journal(journal)
         raise
     finally:
         line.close()
-        journal.close()
+        journal.finish()
     seconds = time.perf_counter() - began
     _write(place, options, study, results, histories, journal, seconds)
     histories.discard()

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Mapping
+from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,13 +14,22 @@ from mrwork.cli.options import add_json, add_quiet, add_run, add_seed, add_threa
 from mrwork.cli.output import print_json, renew_page, result_lines
 from mrwork.cli.progress import PATIENCE, ProgressLine, sampling_described
 from mrwork.cli.terminal import note, show
-from mrwork.errors import Interrupted
-from mrwork.identification.fit_file import reopen
-from mrwork.store.run_folder import CHAIN, DRAWS
+from mrwork.errors import Interrupted, JournalError, MrworkError
+from mrwork.identification.fit_file import OpenedRun, reopen
+from mrwork.store.run_folder import CHAIN, DRAWS, FORMER_CHAIN
+from mrwork.store.unfinished import (
+    begin_addition,
+    begun_of,
+    discard_journal,
+    is_copy,
+    keep_addition,
+    resume_addition,
+)
 from mrwork.uncertainty.noise import NOISES, names_in_words
-from mrwork.uncertainty.posterior.prior import parse_prior
+from mrwork.uncertainty.posterior.prior import Prior, parse_prior
 
 if TYPE_CHECKING:
+    from mrwork.store import Journal
     from mrwork.uncertainty.posterior.draws import Draws
 
 
@@ -26,8 +37,8 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb."""
     parser = verbs.add_parser(
         "sample",
-        description="Sample the posterior of the parameters of a fit, given its tests. Writes the Markov chain, "
-        f"{CHAIN}, and the draws for ArviZ, {DRAWS}, into the run folder.",
+        description="Sample the posterior of the parameters of a fit, given its tests. Writes the journal of the "
+        f"chain, {CHAIN}, and the draws for ArviZ, {DRAWS}, into the run folder.",
     )
     add_run(parser)
     parser.add_argument(
@@ -70,9 +81,46 @@ def run(options: argparse.Namespace) -> int:
     """Sample, write the draws, print the result."""
     priors = dict(parse_prior(text) for text in options.prior)
     opened = reopen(options.run_folder)
-    # ArviZ, emcee and HDF5 take seconds to load.
-    from mrwork.stored import record_intervals
-    from mrwork.uncertainty.posterior.draws_file import write_draws
+    kept = opened.place / CHAIN
+    with closing(_journal(kept, options)) as journal:
+        draws, status = _sample(opened, priors, journal, options)
+        if draws is None:
+            return status
+        keep_addition(journal, kept)
+        # ArviZ and HDF5 take seconds to load.
+        from mrwork.stored import record_intervals
+        from mrwork.uncertainty.posterior.draws_file import write_draws
+
+        write_draws(opened.place, draws)
+        # A chain of an earlier version, which is not that of the draws any more.
+        (opened.place / FORMER_CHAIN).unlink(missing_ok=True)
+        record_intervals(opened.place)
+    status = renew_page(opened.place, quiet=options.quiet or options.json)
+    if options.json:
+        print_json(_summary(draws, opened.place))
+    else:
+        show(_text(draws, opened.place))
+    return status
+
+
+def _journal(kept: Path, options: argparse.Namespace) -> Journal:
+    """The journal of the command line, which is to be moved to `kept` when the chain is complete."""
+    if not options.resume:
+        return begin_addition(kept)
+    former = kept.with_name(FORMER_CHAIN)
+    if former.is_file() and not kept.is_file() and not begun_of(kept).is_file():
+        raise JournalError(
+            f"{former} is a chain of an earlier version, which cannot be resumed; sample again without --resume, "
+            "or keep its draws as they are"
+        )
+    return resume_addition(kept, note=note)
+
+
+def _sample(
+    opened: OpenedRun, priors: Mapping[str, Prior], journal: Journal, options: argparse.Namespace
+) -> tuple[Draws | None, int]:
+    """Sample with a progress line; return the draws, `None` after Ctrl-C, and the exit status."""
+    # emcee takes a second to load.
     from mrwork.uncertainty.posterior.sample import sample
 
     line = ProgressLine(sampling_described, quiet=options.quiet or options.json, patience=PATIENCE)
@@ -87,27 +135,23 @@ def run(options: argparse.Namespace) -> int:
             most_steps=options.steps,
             rng=options.seed,
             threads=options.threads,
-            store=opened.place / CHAIN,
-            resume=options.resume,
+            journal=journal,
             on_progress=line,
         )
     except Interrupted as interrupt:
         line.close()
         note(
-            f"interrupted; {interrupt.result.n_steps} steps are kept in {opened.place / CHAIN}; "
+            f"interrupted; {interrupt.result.n_steps} steps are kept in {journal.path}; "
             "run the same command with --resume to continue"
         )
-        return 130
+        return None, 130
+    except MrworkError:
+        if is_copy(opened.place / CHAIN, journal):
+            discard_journal(journal)
+        raise
     finally:
         line.close()
-    write_draws(opened.place, draws)
-    record_intervals(opened.place)
-    status = renew_page(opened.place, quiet=options.quiet or options.json)
-    if options.json:
-        print_json(_summary(draws, opened.place))
-    else:
-        show(_text(draws, opened.place))
-    return status
+    return draws, 0
 
 
 def _summary(draws: Draws, place: Path) -> dict[str, Any]:

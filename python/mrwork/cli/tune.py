@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -67,17 +68,31 @@ def run(options: argparse.Namespace) -> int:
     """Tune, write the folder, print the result."""
     # SciPy and the simulation are slow to load.
     from mrwork.store.run_folder import check_destination
-    from mrwork.store.unfinished import begin_journal, discard_journal, is_copy, resume_journal
+    from mrwork.store.unfinished import begin_journal, resume_journal
     from mrwork.study.reading import read_study
-    from mrwork.tuning.folder import tuning_document
-    from mrwork.tuning.run import tune
 
     began = time.perf_counter()
     study = read_study(options.study, seed=options.seed)
     tables = _tables(study, options)
     place = options.out or Path("out") / f"{options.study.stem}-tuned"
     check_destination(place)
-    journal = resume_journal(place, note=note) if options.resume else begin_journal(place)
+    with closing(resume_journal(place, note=note) if options.resume else begin_journal(place)) as journal:
+        return _tune(study, tables, place, journal, options, began)
+
+
+def _tune(
+    study: Study,
+    tables: tuple[TuneTable, ...],
+    place: Path,
+    journal: Journal,
+    options: argparse.Namespace,
+    began: float,
+) -> int:
+    from mrwork.store.run_folder import JOURNAL, real_place
+    from mrwork.store.unfinished import discard_journal, is_copy
+    from mrwork.tuning.folder import tuning_document
+    from mrwork.tuning.run import tune
+
     line = ProgressLine(tuning_described, quiet=options.quiet or options.json, patience=PATIENCE)
     status = 0
     try:
@@ -87,12 +102,12 @@ def run(options: argparse.Namespace) -> int:
     except Interrupted as interrupt:
         results, status = interrupt.result, 130
     except MrworkError as error:
-        if cannot_be_resumed(error, options) or is_copy(place, journal):
+        if cannot_be_resumed(error, options) or is_copy(real_place(place) / JOURNAL, journal):
             discard_journal(journal)
         raise
     finally:
         line.close()
-        journal.close()
+        journal.finish()
     _write(place, options, study, results, journal, time.perf_counter() - began)
     if status == 0:
         discard_journal(journal)

@@ -250,7 +250,7 @@ class _Ending:
         """The fit at the best point so far: returned where it was stopped by the callback, else raised."""
         if self.journal is not None:
             # The abandoned thread of a local minimisation must not write to it any more.
-            self.journal.close()
+            self.journal.finish()
 
         def so_far(trace: SearchTrace, status: FitStatus) -> Fit:
             return fit_at(

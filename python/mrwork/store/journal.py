@@ -19,9 +19,12 @@ from mrwork.errors import JournalError, MrworkError, OutputError
 from mrwork.store.codec import plain, rebuilt
 from mrwork.store.fingerprint import differences
 from mrwork.store.input_file import bytes_of, is_there
-from mrwork.store.journal_file import FORMAT, JOURNAL_FILE, line_of, locked, read_lines
+from mrwork.store.journal_file import FORMAT, JOURNAL_FILE, line_of, read_lines
+from mrwork.store.lock import Lock
 
 T = TypeVar("T")
+# Without O_NONBLOCK, a named pipe in the place of the journal would wait for a reader.
+_FLAGS = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_NONBLOCK", 0)
 
 # Largest share of the run time spent waiting for the disk. Lines that were written survive the death of the process;
 # only a power cut loses those that have not reached the disk.
@@ -55,7 +58,7 @@ class Journal:
     ------
     JournalError
         On resuming: if there is no such file, if it is not a journal, or if it is damaged before its end. On resuming
-        or at the first step: if another process is writing the file.
+        or at the first step, unless `lock` was called before: if another writer holds the file.
     OutputError
         If a line cannot be written.
     """
@@ -70,6 +73,8 @@ class Journal:
         # After an interrupt, a refinement may still run on its thread; it must not write to a closed journal.
         self._writing = threading.Lock()
         self._closed = False
+        self._lock: Lock | None = None
+        self._kept = False
         self._file: int | None = None
         self._own = False
         self._synced, self._pause = 0.0, 0.0
@@ -84,7 +89,7 @@ class Journal:
 
     @property
     def is_own(self) -> bool:
-        """Whether this process has opened the file, so that no other process can write it."""
+        """Whether this journal has opened the file, which until then is that of an earlier run."""
         return self._own
 
     @property
@@ -170,14 +175,52 @@ class Journal:
         self.record(step, inputs, plain(result))
         return result
 
+    def lock(self) -> None:
+        """Keep other writers from the file, from now until `close`, so that it can be copied or moved after `finish`.
+
+        Raises
+        ------
+        JournalError
+            If another writer holds the file.
+        OutputError
+            If its folder cannot be written.
+        """
+        self._take_lock()
+        self._kept = True
+
+    def finish(self) -> None:
+        """Close the file, which other writers may have unless `lock` was called; a later step is refused."""
+        try:
+            self._close_file()
+        finally:
+            if not self._kept:
+                self._release()
+
     def close(self) -> None:
-        """Close the file; a later step is refused."""
+        """Close the file, which other writers may have then; a later step is refused."""
+        self._kept = False
+        self.finish()
+
+    def _close_file(self) -> None:
         with self._writing:
             self._closed = True
             if self._file is not None:
-                os.fsync(self._file)
-                os.close(self._file)
-                self._file = None
+                file, self._file = self._file, None
+                try:
+                    os.fsync(file)
+                except OSError as reason:
+                    raise self._cannot_write(reason) from reason
+                finally:
+                    os.close(file)
+
+    def _take_lock(self) -> None:
+        if self._lock is None:
+            self._lock = Lock(self.path)
+
+    def _release(self) -> None:
+        if self._lock is not None:
+            self._lock.release()
+            self._lock = None
 
     def _next(self, step: str) -> dict[str, Any] | None:
         """Next recorded line, which must be of this step; `None` after the last."""
@@ -196,7 +239,10 @@ class Journal:
         )
 
     def _opened(self, note: Callable[[str], None] | None) -> list[dict[str, Any]]:
+        if self.path.parent.is_dir():
+            self._take_lock()
         if not is_there(self.path, JOURNAL_FILE):
+            self.close()
             raise JournalError(f"there is no journal at {self.path} to resume; run without --resume")
         self._open()
         try:
@@ -212,7 +258,13 @@ class Journal:
         return recorded
 
     def _open(self) -> int:
-        self._file = locked(self.path)
+        self._take_lock()
+        try:
+            self._file = os.open(self.path, _FLAGS, 0o666)
+        except OSError as reason:
+            raise OutputError(
+                f"cannot write {self.path}: {reason.strerror}; choose another folder"
+            ) from reason
         self._own = True
         return self._file
 
@@ -235,10 +287,15 @@ class Journal:
                 if os.write(file, line) < len(line):
                     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
                 self._sync(file)
+            except OutputError:
+                raise
             except OSError as reason:
-                raise OutputError(
-                    f"cannot write the journal {self.path}: {reason.strerror}; what is in it can be resumed"
-                ) from reason
+                raise self._cannot_write(reason) from reason
+
+    def _cannot_write(self, reason: OSError) -> OutputError:
+        return OutputError(
+            f"cannot write the journal {self.path}: {reason.strerror}; make room and resume, nothing in it is lost"
+        )
 
     def _sync(self, file: int) -> None:
         began = time.perf_counter()

@@ -1,17 +1,15 @@
-"""File of a journal: JSON objects, one per line, each with a checksum that detects damage; written by one process."""
+"""File of a journal: JSON objects, one per line, each with a checksum that detects damage."""
 
 from __future__ import annotations
 
 import json
 import math
-import os
-import sys
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from mrwork.errors import JournalError, OutputError
+from mrwork.errors import JournalError
 from mrwork.store.codec import plain
 from mrwork.store.input_file import FileKind
 from mrwork.store.parse import json_value
@@ -22,8 +20,6 @@ FORMAT = 2
 JOURNAL_FILE: Final = FileKind(
     name="a journal", largest=1 << 30, remedy="move it away, and run again without --resume"
 )
-# Without O_NONBLOCK, a named pipe in the place of the journal would wait for a reader.
-_FLAGS: Final = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_NONBLOCK", 0)
 _SUM = ', "crc32": "'
 _END = '"}\n'
 _DIGITS = 8
@@ -93,30 +89,3 @@ def _entry_of(line: bytes) -> dict[str, Any] | None:
     seconds = entry.get("seconds")
     sound = isinstance(seconds, int | float) and math.isfinite(seconds) and isinstance(entry.get("step"), str)
     return entry if sound else None
-
-
-def locked(path: Path) -> int:
-    """Open a file for appending, and lock it for this process; the lock ends with the process.
-
-    Raises
-    ------
-    JournalError
-        If another process has locked the file.
-    OutputError
-        If the file cannot be opened.
-    """
-    try:
-        file = os.open(path, _FLAGS, 0o666)
-    except OSError as reason:
-        raise OutputError(f"cannot write {path}: {reason.strerror}; choose another folder") from reason
-    if sys.platform != "win32":
-        import fcntl
-
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(file)
-            raise JournalError(
-                f"another run is writing {path}; wait for its end, or choose another folder"
-            ) from None
-    return file

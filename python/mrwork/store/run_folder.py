@@ -23,14 +23,18 @@ REPORT = "report.html"
 FIGURES = "figures"
 FIT = "fit.json"
 # Added to the folder of a fit by later verbs; removed when another fit replaces it.
-CHAIN = "posterior.h5"
+CHAIN = "posterior.jsonl"
 DRAWS = "posterior.nc"
 PROFILES = "profiles.json"
 PLAN = "plan.json"
 CALIBRATION = "calibration.json"
 FOLDS = "left_out"
 PREDICTIONS = "predictions.npz"
-ADDITIONS = frozenset({CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, PREDICTIONS})
+# The chain in folders of earlier versions.
+FORMER_CHAIN = "posterior.h5"
+ADDITIONS = frozenset(
+    {CHAIN, f"{CHAIN}.part", FORMER_CHAIN, DRAWS, PROFILES, PLAN, CALIBRATION, FOLDS, PREDICTIONS}
+)
 # Added by a comparison of models: the ranking, and a folder with the fit of each model.
 RANKING = "ranking.json"
 MODELS = "models"

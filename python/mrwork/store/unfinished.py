@@ -1,4 +1,7 @@
-"""Journals of unfinished runs, in a folder `RUN.part` beside the run folder until the run is written."""
+"""Journals of unfinished runs, in a folder `RUN.part` beside the run folder until the run is written.
+
+The journal of a result that is added to a run folder grows in that folder, as `NAME.part`.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +13,7 @@ from pathlib import Path
 
 from mrwork.errors import JournalError, OutputError
 from mrwork.store.journal import Journal
+from mrwork.store.lock import Lock, is_lock
 from mrwork.store.run_folder import HISTORIES, JOURNAL, MODELS, real_place
 
 _SUFFIX = ".part"
@@ -18,18 +22,24 @@ _COPYING = "copying"
 
 
 def begin_journal(path: str | Path) -> Journal:
-    """Begin a journal for the run folder at `path`; an earlier run there does not change.
+    """Begin a journal for the run folder at `path`, locked; an earlier run there does not change.
 
     Raises
     ------
+    JournalError
+        If another process is writing it.
     OutputError
         If the folder for the journal cannot be created, or holds other files.
     """
-    return Journal(_folder(path) / JOURNAL)
+    journal = Journal(_folder(path) / JOURNAL)
+    journal.lock()
+    return journal
 
 
 def resume_journal(path: str | Path, *, note: Callable[[str], None]) -> Journal:
     """Resume the journal of an unfinished run to `path`, or that of the run at `path`, which may have been interrupted.
+
+    It is locked until it is closed.
 
     Parameters
     ----------
@@ -53,14 +63,8 @@ def resume_journal(path: str | Path, *, note: Callable[[str], None]) -> Journal:
                 f"there is no journal to resume, neither {part_of(path).name}/{JOURNAL} nor {JOURNAL} in {path}; "
                 "run without --resume"
             )
-        copy = _folder(path) / _COPYING
-        try:
-            # Copied under another name first, so that an incomplete copy is not taken for a journal.
-            shutil.copyfile(kept, copy)
-            copy.rename(begun)
-        except OSError as reason:
-            raise OutputError(f"cannot write {begun}: {reason.strerror}; choose another folder") from reason
-    return Journal(begun, resume=True, note=note)
+        _copy(kept, begun, _folder(path) / _COPYING)
+    return _resumed(begun, note)
 
 
 def discard_journal(journal: Journal) -> None:
@@ -68,15 +72,86 @@ def discard_journal(journal: Journal) -> None:
     with suppress(OSError):
         if journal.is_own:
             journal.path.unlink()
+        journal.close()
         # Fails, and keeps the folder, if it holds another journal.
         journal.path.parent.rmdir()
 
 
-def is_copy(path: str | Path, journal: Journal) -> bool:
-    """Whether a journal equals that of the run folder at `path`."""
+def is_copy(kept: Path, journal: Journal) -> bool:
+    """Whether a journal equals the complete one at `kept`."""
     with suppress(OSError):
-        return cmp(journal.path, real_place(path) / JOURNAL, shallow=False)
+        return cmp(journal.path, kept, shallow=False)
     return False
+
+
+def begun_of(kept: Path) -> Path:
+    """Where a journal grows that is moved to `kept` when it is complete."""
+    return kept.with_name(kept.name + _SUFFIX)
+
+
+def begin_addition(kept: Path) -> Journal:
+    """Begin a journal that `keep_addition` moves to `kept`; an earlier one there does not change before.
+
+    Raises
+    ------
+    JournalError
+        If another process is writing it.
+    OutputError
+        If it cannot be written.
+    """
+    journal = Journal(begun_of(kept))
+    journal.lock()
+    return journal
+
+
+def resume_addition(kept: Path, *, note: Callable[[str], None]) -> Journal:
+    """Resume a journal as `begin_addition` begins it, or the complete one at `kept`; raises as `resume_journal`."""
+    begun = begun_of(kept)
+    if not begun.is_file():
+        if not kept.is_file():
+            raise JournalError(f"there is no {kept} to resume; run without --resume")
+        _copy(kept, begun, kept.with_name(f".{kept.name}.{_COPYING}"))
+    return _resumed(begun, note)
+
+
+def keep_addition(journal: Journal, kept: Path) -> None:
+    """Move a complete journal to its place.
+
+    Raises
+    ------
+    OutputError
+        If that fails, such as where the run folder was replaced meanwhile.
+    """
+    journal.finish()
+    try:
+        journal.path.replace(kept)
+    except OSError as reason:
+        raise OutputError(
+            f"cannot move {journal.path} to {kept.name}: {reason.strerror}; if the run was replaced, run again"
+        ) from reason
+
+
+def _resumed(begun: Path, note: Callable[[str], None]) -> Journal:
+    journal = Journal(begun, resume=True, note=note)
+    journal.lock()
+    return journal
+
+
+def _copy(kept: Path, begun: Path, copying: Path) -> None:
+    """Copy a complete journal to where it grows, unless another process does so."""
+    try:
+        with Lock(begun):
+            if not begun.is_file():
+                # Under another name first, so that an incomplete copy is not taken for a journal.
+                shutil.copyfile(kept, copying)
+                copying.rename(begun)
+    except OutputError:
+        raise
+    except OSError as reason:
+        copying.unlink(missing_ok=True)
+        raise OutputError(
+            f"cannot write {begun}: {reason.strerror}; make room, or choose another folder"
+        ) from reason
 
 
 def part_of(path: str | Path) -> Path:
@@ -91,7 +166,7 @@ def is_part(path: Path) -> bool:
 
 
 class StepJournals:
-    """Journals of the steps of a comparison of models, such as `dahl/fit`.
+    """Journals of the steps of a comparison of models, such as `dahl/fit`; locked together until `close`.
 
     Parameters
     ----------
@@ -105,7 +180,7 @@ class StepJournals:
     Raises
     ------
     JournalError
-        On resuming, if there are no journals.
+        On resuming, if there are no journals. If another process is writing them.
     OutputError
         If the folder for the journals cannot be written.
     """
@@ -114,16 +189,19 @@ class StepJournals:
         self._folder = part_of(path) / MODELS
         self._resume = resume
         self._note = note
-        if resume:
-            if not self._folder.is_dir():
-                raise JournalError(
-                    f"there is no comparison to resume in {self._folder.parent.name}/{MODELS}; run without --resume"
-                )
-            return
+        if resume and not self._folder.is_dir():
+            raise JournalError(
+                f"there is no comparison to resume in {self._folder.parent.name}/{MODELS}; run without --resume"
+            )
         try:
-            if self._folder.exists():
-                shutil.rmtree(self._folder)
-            self._folder.mkdir(parents=True)
+            self._folder.parent.mkdir(parents=True, exist_ok=True)
+            self._lock = Lock(self._folder)
+            if not resume:
+                if self._folder.exists():
+                    shutil.rmtree(self._folder)
+                self._folder.mkdir()
+        except OutputError:
+            raise
         except OSError as reason:
             raise OutputError(
                 f"cannot make {self._folder}: {reason.strerror}; choose another folder"
@@ -139,10 +217,15 @@ class StepJournals:
         """Path of the journal of a step."""
         return self._folder / f"{step}{_STEP_SUFFIX}"
 
+    def close(self) -> None:
+        """Let another process have the journals."""
+        self._lock.release()
+
     def discard(self) -> None:
         """Remove the journals, which are no longer needed."""
         with suppress(OSError):
             shutil.rmtree(self._folder)
+            self.close()
             # Fails, and keeps the folder, if it holds another journal.
             self._folder.parent.rmdir()
 
@@ -151,7 +234,8 @@ def _folder(path: str | Path) -> Path:
     folder = part_of(path)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        foreign = sorted({entry.name for entry in folder.iterdir()} - {JOURNAL, _COPYING, MODELS, HISTORIES})
+        names = {entry.name for entry in folder.iterdir() if not is_lock(entry.name)}
+        foreign = sorted(names - {JOURNAL, _COPYING, MODELS, HISTORIES})
     except OSError as reason:
         raise OutputError(f"cannot make {folder}: {reason.strerror}; choose another folder") from reason
     if foreign:

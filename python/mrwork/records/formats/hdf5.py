@@ -2,20 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-
-if TYPE_CHECKING:
-    import h5py
-
-# Bytes of all variables; a compressed one may claim any size.
-_LARGEST: Final = 1 << 30
+from mrwork.store.hdf5 import Member, TooLargeError, UnreadableError, read_hdf5
 
 
 def hdf5_variables(data: bytes, path: Path) -> dict[str, NDArray[np.generic] | None]:
@@ -28,65 +21,25 @@ def hdf5_variables(data: bytes, path: Path) -> dict[str, NDArray[np.generic] | N
     RecordError
         The file is damaged, or claims more data than a test has.
     """
-    # HDF5 takes a moment to load, and other formats do not need it.
-    import h5py
-
     try:
-        with h5py.File(io.BytesIO(data), "r") as file:
-            members = _members(file)
-            if len(members) == 1:
-                (only,) = members.values()
-                if isinstance(only, h5py.Group):
-                    members = _members(only)
-            return _read(members, path)
-    except RecordError:
-        raise
-    except Exception as error:  # the library raises whatever a damaged file leads it to
-        first_line = str(error).partition("\n")[0]
+        members = read_hdf5(data)
+    except TooLargeError as error:
+        raise RecordError(f"{path}: {error}; save one test without others") from None
+    except UnreadableError as error:
         raise RecordError(
-            f"{path}: not a readable version 7.3 .mat file ({first_line}); it is cut off or damaged, save it again"
-        ) from error
+            f"{path}: not a readable version 7.3 .mat file ({error}); it is cut off or damaged, save it again"
+        ) from None
+    names = [name for name in members if name and "/" not in name]
+    prefix = ""
+    if len(names) == 1 and members[names[0]].is_group:
+        prefix = f"{names[0]}/"
+        names = [name.removeprefix(prefix) for name in members if name.startswith(prefix)]
+    return {name: _values(members[f"{prefix}{name}"]) for name in names}
 
 
-def _members(group: h5py.Group) -> dict[str, h5py.Dataset | h5py.Group]:
-    """What a group holds itself, without MATLAB's own tables."""
-    import h5py
-
-    return {
-        name: group[name]
-        for name in group
-        if not name.startswith("#") and isinstance(group.get(name, getlink=True), h5py.HardLink)
-    }
-
-
-def _read(members: dict[str, h5py.Dataset | h5py.Group], path: Path) -> dict[str, NDArray[np.generic] | None]:
-    variables: dict[str, NDArray[np.generic] | None] = {}
-    left = _LARGEST
-    for name, member in members.items():
-        variables[name] = None
-        if not _is_numeric(member):
-            continue
-        left -= member.size * max(member.dtype.itemsize, 8)
-        if left < 0:
-            raise RecordError(
-                f"{path}: the variables up to '{name}' claim more than {_LARGEST >> 30} GiB; "
-                "save one test without others"
-            )
-        # MATLAB stores columns one after the other.
-        variables[name] = np.asarray(member[()]).T
-    return variables
-
-
-def _is_numeric(member: h5py.Dataset | h5py.Group) -> bool:
-    """Whether a member is an array of real numbers that the file itself holds."""
-    import h5py
-
-    return (
-        isinstance(member, h5py.Dataset)
-        and member.dtype.kind in "iuf"
-        and member.shape is not None
-        and "MATLAB_empty" not in member.attrs
-        and member.attrs.get("MATLAB_class", b"double") != b"char"
-        and not member.is_virtual
-        and not member.external
-    )
+def _values(member: Member) -> NDArray[np.generic] | None:
+    """An array of real numbers as MATLAB shows it; MATLAB stores columns one after the other."""
+    is_text = member.attributes.get("MATLAB_class", "double") == "char"
+    if member.array is None or is_text or "MATLAB_empty" in member.attributes:
+        return None
+    return member.array.T

@@ -1,4 +1,4 @@
-"""Ensemble sampler: emcee with differential evolution on the past, a growing chain, a random state that can be stored.
+"""Ensemble sampler: emcee with differential evolution on the past, a growing chain.
 
 The snooker move is left out: as implemented in emcee 3.1.6 it samples another density (a standard normal of 8
 dimensions comes out with a variance of 0.63).

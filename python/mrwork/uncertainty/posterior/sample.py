@@ -5,15 +5,17 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
-from mrwork.uncertainty.posterior.chain_file import ChainFile
+from mrwork.store.codec import array_of
+from mrwork.store.fingerprint import digest_of
+from mrwork.store.journal import Journal
 from mrwork.uncertainty.posterior.diagnostics import Diagnosis, next_check
 from mrwork.uncertainty.posterior.draws import Draws
 from mrwork.uncertainty.posterior.ensemble import Ensemble
@@ -22,9 +24,10 @@ from mrwork.uncertainty.posterior.prior import Prior
 from mrwork.uncertainty.posterior.problem import SamplingProblem
 from mrwork.uncertainty.posterior.target import Tempering
 
-# Seconds between two progress reports, and between two writes of the chain.
+Array = NDArray[np.float64]
+
+# Seconds between two progress reports.
 _REPORT_EVERY = 0.2
-_WRITE_EVERY = 2.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,8 +60,7 @@ def sample(
     most_steps: int = 20_000,
     rng: int = 0,
     threads: int = 0,
-    store: str | Path | None = None,
-    resume: bool = False,
+    journal: Journal | None = None,
     on_progress: Callable[[SamplingProgress], None] | None = None,
 ) -> Draws:
     """Sample the posterior of a damper's parameters and of the noise, with an ensemble of walkers about a fit.
@@ -91,10 +93,9 @@ def sample(
         Seed. The same seed gives the same bits on any number of threads.
     threads
         Threads of the simulation, 0 for all.
-    store
-        HDF5 file to which the chain is written as it grows.
-    resume
-        Continue the chain in `store` with the same random stream, to the same bits as without the interruption.
+    journal
+        To it goes the log density of every step, from which the chain is built again: a journal that is resumed
+        continues the chain to the same bits as without the interruption. Only `most_steps` and `threads` may differ.
     on_progress
         Called about five times a second.
 
@@ -110,11 +111,11 @@ def sample(
     UnknownNameError
         Where there is no such noise model, or a prior names an unknown parameter.
     JournalError
-        Where `store` cannot be resumed; the message says why.
+        If the journal belongs to another sampling, or is written by another process.
     OutputError
-        Where `store` cannot be written.
+        If the journal cannot be written; it can be resumed.
     Interrupted
-        On Ctrl-C, carrying a `ChainSoFar`; the chain is in `store`, too.
+        On Ctrl-C, carrying a `ChainSoFar`; the chain is in the journal, too.
 
     Examples
     --------
@@ -137,24 +138,16 @@ def sample(
     )
     if most_steps < 1:
         raise SettingError(f"`most_steps` is {most_steps}; give 1 or more")
-    if resume and store is None:
-        raise SettingError("`resume` needs the `store` to go on from; name its file")
-    file: ChainFile | None = None
-    if resume and store is not None:
-        file, ensemble = ChainFile.resume(Path(store), problem.fingerprint(), problem.target)
-    else:
-        origins = first_walkers(problem.target, problem.start, walkers, np.random.default_rng(rng))
-        ensemble = Ensemble.begin(problem.target, origins, rng)
-        if store is not None:
-            file = ChainFile.begin(Path(store), problem.fingerprint(), ensemble)
-    monitor = _Monitor(
-        most_steps=most_steps, began=began, first=ensemble.n_steps, on_progress=on_progress, file=file
-    )
+    density: Callable[[Array], Array] = problem.target
+    if journal is not None:
+        journal.agree("sampling", problem.fingerprint())
+        density = _Journalled(target=problem.target, journal=journal)
+    origins = first_walkers(problem.target, problem.start, walkers, np.random.default_rng(rng))
+    ensemble = Ensemble.begin(density, origins, rng)
+    monitor = _Monitor(most_steps=most_steps, began=began, on_progress=on_progress, journal=journal)
     try:
         diagnosis = _run(problem, ensemble, monitor)
     except KeyboardInterrupt as interrupt:
-        if file is not None:
-            file.append(ensemble)
         if ensemble.n_steps == 0:
             raise
         seconds = time.perf_counter() - began
@@ -175,32 +168,52 @@ def _run(problem: SamplingProblem, ensemble: Ensemble, monitor: _Monitor) -> Dia
         if done and (done >= monitor.most_steps or done == next_check(done - 1)):
             diagnosis = monitor.diagnosis = problem.diagnosis(ensemble)
             if done >= monitor.most_steps or not diagnosis.shortcomings:
-                if monitor.file is not None:
-                    monitor.file.append(ensemble)
                 return diagnosis
         until = min(next_check(done), monitor.most_steps)
-        ensemble.advance(until, lambda steps: monitor.update(steps, ensemble))
+        ensemble.advance(until, monitor.update)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Journalled:
+    """Log density of proposals (n_walkers, n_dim), from the journal where it is recorded.
+
+    All else in a step is arithmetic on random numbers of a seed: proposals and acceptance need not be recorded.
+    """
+
+    target: Callable[[Array], Array]
+    journal: Journal
+
+    def __call__(self, positions: Array) -> Array:
+        inputs = digest_of(positions)
+        recorded = self.journal.recall(
+            "step", inputs, lambda record: array_of(record["densities"]).reshape(-1)
+        )
+        if recorded is not None:
+            return recorded
+        densities = self.target(positions)
+        # Tables are written in a tenth of the time of lists.
+        self.journal.record("step", inputs, {"densities": densities[None]})
+        return densities
 
 
 @dataclass(slots=True, kw_only=True)
 class _Monitor:
-    """Reports progress and writes the chain at intervals."""
+    """Reports progress; the rate is that of steps that were not recalled."""
 
     most_steps: int
     began: float
-    first: int
     on_progress: Callable[[SamplingProgress], None] | None
-    file: ChainFile | None
+    journal: Journal | None
     diagnosis: Diagnosis | None = None
     reported: float = 0.0
-    written: float = 0.0
+    recalled: tuple[int, float] = (0, 0.0)
 
-    def update(self, steps: int, ensemble: Ensemble) -> None:
+    def update(self, steps: int) -> None:
         """Called after each step."""
         seconds = time.perf_counter() - self.began
-        if self.file is not None and seconds - self.written >= _WRITE_EVERY:
-            self.file.append(ensemble)
-            self.written = seconds
+        if self.journal is not None and self.journal.recalling:
+            self.recalled = (steps, seconds)
+        first, before = self.recalled
         if self.on_progress is not None and seconds - self.reported >= _REPORT_EVERY:
             self.reported = seconds
             self.on_progress(
@@ -208,7 +221,7 @@ class _Monitor:
                     steps=steps,
                     most_steps=self.most_steps,
                     seconds=seconds,
-                    steps_per_second=(steps - self.first) / seconds,
+                    steps_per_second=(steps - first) / max(seconds - before, 1e-9),
                     diagnosis=self.diagnosis,
                 )
             )

@@ -1,0 +1,134 @@
+"""A file that grows has one writer; the lock of a process that was killed stands in nobody's way."""
+
+from __future__ import annotations
+
+import errno
+import fcntl
+import os
+import re
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from command_line import started
+
+from mrwork.errors import JournalError, MrworkWarning, OutputError
+from mrwork.store.lock import Lock, is_lock
+from mrwork.store.unfinished import (
+    StepJournals,
+    begin_addition,
+    begin_journal,
+    keep_addition,
+    resume_addition,
+)
+
+HOLDER = """
+import sys, time
+from pathlib import Path
+from mrwork.store.lock import Lock
+Lock(Path(sys.argv[1]))
+print("held", flush=True)
+time.sleep(600)
+"""
+
+
+def test_a_second_writer_is_told_who_the_first_is_and_a_killed_one_leaves_no_lock(tmp_path: Path) -> None:
+    path = tmp_path / "chain.jsonl"
+    with started(sys.executable, "-c", HOLDER, path) as holder:
+        assert holder.stdout is not None
+        assert holder.stdout.readline() == "held\n"
+        with pytest.raises(
+            JournalError,
+            match=f"^process {holder.pid} on .* is writing {re.escape(str(path))}; wait for its end",
+        ):
+            Lock(path)
+        holder.kill()
+        holder.wait()
+    assert [is_lock(entry.name) for entry in tmp_path.iterdir()] == [True]
+    Lock(path).release()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_lock_file_that_was_removed_meanwhile_is_not_taken_for_the_lock(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flock, removed = fcntl.flock, []
+
+    def flock_after_removal(file: int, operation: int) -> None:
+        if not removed:
+            removed.append(tmp_path / ".chain.lock")
+            removed[0].unlink()
+        flock(file, operation)
+
+    monkeypatch.setattr(fcntl, "flock", flock_after_removal)
+    with Lock(tmp_path / "chain"):
+        assert removed[0].read_text().startswith(f"process {os.getpid()} on ")
+        with pytest.raises(JournalError, match="is writing"):
+            Lock(tmp_path / "chain")
+
+
+def test_where_locks_are_refused_the_file_is_written_after_a_warning(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(file: int, operation: int) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    monkeypatch.setattr(fcntl, "flock", refuse)
+    with pytest.warns(MrworkWarning, match="cannot be locked here .* do not start a second run"):
+        Lock(tmp_path / "chain").release()
+
+
+def test_a_folder_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"cannot write .*; choose another folder"):
+        Lock(tmp_path / "none" / "chain")
+
+
+def test_a_run_that_begins_leaves_the_journal_of_another_alone(tmp_path: Path) -> None:
+    first = begin_journal(tmp_path / "run")
+    first.agree("run", {"seed": 1})
+    before = first.path.read_bytes()
+    with pytest.raises(JournalError, match="is writing"):
+        begin_journal(tmp_path / "run")
+    assert first.path.read_bytes() == before
+    first.close()
+
+
+def test_a_comparison_that_begins_leaves_the_journals_of_another_alone(tmp_path: Path) -> None:
+    with closing(StepJournals(tmp_path / "run", resume=False)) as journals:
+        journal = journals("dahl/fit")
+        journal.agree("run", {"seed": 1})
+        journal.close()
+        for resume in (False, True):
+            with pytest.raises(JournalError, match="is writing"):
+                StepJournals(tmp_path / "run", resume=resume)
+        assert b'"seed": 1' in journal.path.read_bytes()
+        journals.discard()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_addition_replaces_an_earlier_one_only_when_it_is_complete(tmp_path: Path) -> None:
+    kept = tmp_path / "posterior.jsonl"
+    for seed in (1, 2):
+        journal = begin_addition(kept)
+        journal.agree("run", {"seed": seed})
+        assert kept.is_file() == (seed == 2)
+        assert seed == 1 or b'"seed": 1' in kept.read_bytes()
+        keep_addition(journal, kept)
+        with pytest.raises(JournalError, match="is writing"):
+            begin_addition(kept)
+        journal.close()
+    assert b'"seed": 2' in kept.read_bytes()
+    resumed = resume_addition(kept, note=pytest.fail)
+    resumed.agree("run", {"seed": 2})
+    resumed.close()
+    assert {entry.name for entry in tmp_path.iterdir()} == {"posterior.jsonl", "posterior.jsonl.part"}
+
+
+def test_an_addition_to_a_folder_that_was_replaced_is_one_sentence(tmp_path: Path) -> None:
+    journal = begin_addition(tmp_path / "posterior.jsonl")
+    journal.agree("run", {})
+    journal.path.unlink()
+    with pytest.raises(OutputError, match="if the run was replaced, run again"):
+        keep_addition(journal, tmp_path / "posterior.jsonl")
+    journal.close()
