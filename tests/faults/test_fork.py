@@ -11,6 +11,7 @@ import pytest
 
 import mrwork as mr
 from mrwork.errors import SettingError
+from mrwork.simulate import simulate_forces
 
 PATIENCE = 60.0
 
@@ -18,11 +19,9 @@ PATIENCE = 60.0
 def simulated(threads: int) -> float:
     model = mr.damper("bouc_wen")
     time = 1e-3 * np.arange(500)
-    loading = mr.Loading(
-        dt=1e-3, displacement=0.01 * np.sin(time), velocity=0.01 * np.cos(time), command=1.0, command_unit="A"
-    )
+    loading = mr.Loading(dt=1e-3, displacement=0.01 * np.sin(time), velocity=0.01 * np.cos(time))
     many = np.tile(model.nominal, (64, 1))
-    return float(np.abs(mr.simulate_force(model, many, loading, threads=threads)).sum())
+    return float(np.abs(simulate_forces(model, many, loading.history(), threads=threads).force).sum())
 
 
 def begun() -> str:
