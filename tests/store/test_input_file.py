@@ -48,19 +48,18 @@ OPENERS = {
     ),
 }
 ELSEWHERE = {
-    "cli/__init__.py": "the null device in place of a closed output",
-    "cli/output.py": "the package's own JSON text, parsed again",
+    "cli/terminal.py": "the null device in place of a closed output",
     "records/formats/delimited.py": "lines in memory",
-    "records/formats/hdf5.py": "bytes in memory",
     "records/formats/tdms.py": "bytes in memory",
     "records/table.py": "bytes in memory",
     "report/font.py": "a file of the package",
     "report/html.py": "files of the package",
-    "store/journal_file.py": "the journal that is written",
+    "store/hdf5.py": "what its child process prints",
+    "store/hdf5_child.py": "bytes in memory, and how much memory the process has",
+    "store/journal.py": "the journal that is written",
+    "store/lock.py": "the lock that is held",
     "store/run_folder.py": "folders, to flush them",
     "study/stored_histories.py": "a file that is written",
-    "uncertainty/posterior/chain_file.py": "HDF5, which its library opens",
-    "uncertainty/posterior/draws_file.py": "netCDF, which its library opens",
 }
 
 ENTRANCES: dict[str, tuple[str, Callable[[Path], object]]] = {

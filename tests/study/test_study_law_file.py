@@ -110,7 +110,7 @@ def test_an_edited_law_is_not_resumed(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"file": "none.py"}, "none.py cannot be read"),
+        ({"file": "none.py"}, "none.py: there is no such file"),
         ({"file": "study.toml"}, "study.toml failed when it was run: "),
         ({"function": "brakes"}, "my_law.py has no function 'brakes', did you mean brake"),
         ({"function": "number"}, "my_law.py has no function 'number'"),

@@ -14,6 +14,10 @@ from typing import Any
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.keys import Place, key, suggestion
 from mrwork.store import digest_of
+from mrwork.store.input_file import FileKind, text_of
+from mrwork.study.declared import located
+
+_PYTHON = FileKind(name="the Python file of a law", largest=1 << 20, remedy="give the Python file of the law")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,12 +61,8 @@ def law_of_file(table: LawFileTable, folder: Path) -> UserLaw:
 def _run(table: LawFileTable, path: Path) -> tuple[ModuleType, str]:
     """The file as a module, and its text."""
     where = table.place.within("file")
-    try:
-        text = path.read_text(encoding="utf-8")
-    except OSError as error:
-        where.refuse(f"{path} cannot be read ({error.strerror}); give the Python file of the law")
-    except UnicodeDecodeError as error:
-        where.refuse(f"{path}: byte {error.start} is not UTF-8 text; save the file as UTF-8")
+    with located(where):
+        text = text_of(path, _PYTHON)
     module: Any = ModuleType(f"mrwork_law_{digest_of(text)}")
     module.__file__ = str(path)
     # Dataclasses look for the module of their class.

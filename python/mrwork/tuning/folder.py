@@ -6,7 +6,6 @@ import csv
 import io
 import json
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 
 from mrwork.errors import RecordError
 from mrwork.store.codec import finite, json_document, read_document
+from mrwork.store.parse import toml_table
 from mrwork.store.run_folder import JOURNAL, MANIFEST, REPORT, RESULTS, STUDY, write_folder
 from mrwork.study.study import StudyFile
 from mrwork.tuning.results import Judgement, LawResult, TuningResults
@@ -107,7 +107,7 @@ def chosen_study(results: TuningResults, study_file: StudyFile) -> str:
     blocks = [_controller(each) for each in results.laws]
     if not re.search(r'^\s*law\s*=\s*"best_passive"', text, flags=re.MULTILINE):
         blocks.append('[[controller]]\nlaw = "best_passive"\n')
-    folder = study_file.path.parent / tomllib.loads(text).get("folder", "")
+    folder = study_file.path.parent / toml_table(text).get("folder", "")
     head = (
         f"# The study {study_file.path.name} with the settings that mrwork tune has chosen; for mrwork respond.\n"
         f"folder = {_text(str(folder))} # of the files that the study names\n\n"
