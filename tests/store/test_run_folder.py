@@ -12,6 +12,7 @@ import struct
 import subprocess
 import sys
 import tempfile
+import time
 import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
@@ -25,6 +26,7 @@ from report_samples import comparison, fit
 from mrwork.errors import OutputError, RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import read_fit, write_run
+from mrwork.store.lock import Lock
 from mrwork.store.run_folder import (
     CALIBRATION,
     DRAWS,
@@ -435,3 +437,41 @@ def test_what_is_not_a_run_is_refused(tmp_path: Path) -> None:
         read_fit(tmp_path / "file")
     with pytest.raises(RecordError, match=r"is not a run folder, it has no manifest\.json"):
         read_fit(tmp_path / "folder")
+
+
+def left_by_a_killed_writer(folder: Path, *, age: float = 3600.0) -> Path:
+    """The folder of a writer that was killed between the two renames, and was to replace `run`."""
+    left = folder / ".mrwork-killed"
+    (left / "new").mkdir(parents=True)
+    (left / "old" / "run").mkdir(parents=True)
+    (left / "old" / "run" / MANIFEST).write_text("{}")
+    os.utime(left, (time.time() - age,) * 2)
+    return left
+
+
+def test_what_a_killed_writer_left_is_removed_and_the_run_that_it_set_aside_put_back(tmp_path: Path) -> None:
+    left = left_by_a_killed_writer(tmp_path)
+    check_destination(tmp_path / "another")
+    assert not left.exists()
+    assert (tmp_path / "run" / MANIFEST).read_text() == "{}"
+
+
+def test_a_run_that_is_there_is_not_replaced_by_one_that_was_set_aside(tmp_path: Path) -> None:
+    left = left_by_a_killed_writer(tmp_path)
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / MANIFEST).write_text('{"newer": 1}')
+    check_destination(tmp_path / "run")
+    assert not left.exists()
+    assert (tmp_path / "run" / MANIFEST).read_text() == '{"newer": 1}'
+
+
+def test_the_folder_of_a_writer_at_work_stays(tmp_path: Path) -> None:
+    left = left_by_a_killed_writer(tmp_path)
+    with Lock(left / "writer"):
+        os.utime(left, (time.time() - 3600.0,) * 2)
+        check_destination(tmp_path / "run")
+        assert left.is_dir()
+    shutil.rmtree(left)
+    left = left_by_a_killed_writer(tmp_path, age=0.0)
+    check_destination(tmp_path / "run")
+    assert left.is_dir()

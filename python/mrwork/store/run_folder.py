@@ -11,11 +11,13 @@ import errno
 import os
 import shutil
 import tempfile
+import time
 from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from mrwork.errors import OutputError
+from mrwork.errors import JournalError, OutputError
+from mrwork.store.lock import Lock
 
 MANIFEST = "manifest.json"
 JOURNAL = "journal.jsonl"
@@ -46,6 +48,11 @@ STUDY = "study.toml"
 HISTORIES = "histories"
 
 _BESIDE = ".mrwork-"
+_PROBE = ".mrwork_probe-"
+# In the folder of a writer: its lock, the run that it writes, and the earlier run by its name, set aside.
+_WRITER, _NEW, _OLD = "writer", "new", "old"
+# Age of the folder of a writer that may be one of a killed one [s].
+_LEFT = 60.0
 _DISK_FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
 
@@ -61,8 +68,9 @@ def check_destination(path: str | Path) -> None:
     try:
         _refuse_foreign(place, path)
         place.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=_BESIDE, dir=place.parent):
+        with tempfile.TemporaryDirectory(prefix=_PROBE, dir=place.parent):
             pass
+        sweep(place.parent)
     except OutputError:
         raise
     except OSError as reason:
@@ -111,17 +119,28 @@ def write_folder(
     except OSError as reason:
         raise _cannot_write(path, reason) from reason
     try:
-        fresh = beside / "new"
-        fresh.mkdir()
-        _fill(fresh, contents, copied, linked or {}, folders)
-        _keep_additions(place, fresh, written)
-        if flush:
-            _flush(fresh)
-        _swap(fresh, place, beside / "old")
+        with Lock(beside / _WRITER):
+            fresh = beside / _NEW
+            fresh.mkdir()
+            _fill(fresh, contents, copied, linked or {}, folders)
+            _keep_additions(place, fresh, written)
+            if flush:
+                _flush(fresh)
+            (beside / _OLD).mkdir()
+            _swap(fresh, place, beside / _OLD / place.name)
     except OSError as reason:
         raise _cannot_write(path, reason) from reason
     finally:
-        _discard(beside, place)
+        _discard(beside)
+
+
+def sweep(folder: Path) -> None:
+    """Remove what killed writers have left in a folder; an earlier run that one had set aside is put back."""
+    for left in folder.glob(f"{_BESIDE}*"):
+        with suppress(JournalError, OSError):
+            if time.time() - left.stat().st_mtime > _LEFT:
+                with Lock(left / _WRITER):
+                    _discard(left)
 
 
 @contextmanager
@@ -220,10 +239,18 @@ def _swap(fresh: Path, place: Path, aside: Path) -> None:
         raise
 
 
-def _discard(beside: Path, place: Path) -> None:
-    # If nothing is at `place`, the folder holds the only copy of the earlier run.
-    if place.exists() or not (beside / "old").exists():
-        shutil.rmtree(beside, ignore_errors=True)
+def _discard(beside: Path) -> None:
+    """Remove the folder of a writer; an earlier run of which it has the only copy is put back first."""
+    aside = beside / _OLD
+    for kept in aside.iterdir() if aside.is_dir() else ():
+        place = beside.parent / kept.name
+        if not place.exists():
+            try:
+                kept.rename(place)
+            except OSError:
+                # The folder stays, with the run.
+                return
+    shutil.rmtree(beside, ignore_errors=True)
 
 
 def _flush(folder: Path) -> None:
