@@ -8,8 +8,7 @@ from typing import Any
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from mrwork.report import panel, style, write_study_page
-from mrwork.report.numbers import shortest
+from mrwork.report import numbers, panel, style, write_study_page
 from weight_tables import tables
 
 _TONES = (style.INK, style.MODEL, style.RESIDUAL, style.PARAMETER_BAND, style.DATA, style.BAND_EDGE)
@@ -66,7 +65,7 @@ def scan_figure(shapes: dict[str, Any]) -> Figure:
             fontsize=7,
         )
         axes.set_xscale("log")
-        axes.xaxis.set_major_formatter(lambda value, _: shortest(value))
+        axes.xaxis.set_major_formatter(lambda value, _: numbers.shortest(value))
         axes.set_xlabel("R over R as designed")
         axes.set_ylabel("score, four records")
         axes.legend(fontsize=7)

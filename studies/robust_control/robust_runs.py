@@ -9,8 +9,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import mrwork as mr
-from mrwork.store.run_folder import JOURNAL
-from mrwork.store.unfinished import part_of
 from robust_damper import LAWS, write_tests
 
 QUICK = ("--quick", "--law", "clipped_optimal")
@@ -43,7 +41,7 @@ def identified(folder: Path, say: Callable[[str], None]) -> Path:
 
 def tuned(file: Path, run: Path, *, threads: int, quick: bool, resume: bool) -> mr.tuning.TuningResults:
     """The tuning of a study file, continued where it was begun if `resume`; its folder has chosen.toml and a page."""
-    begun = any((folder / JOURNAL).is_file() for folder in (run, part_of(run)))
+    begun = any((folder / "journal.jsonl").is_file() for folder in (run, run.with_name(f"{run.name}.part")))
     _mrwork(
         "tune",
         str(file),

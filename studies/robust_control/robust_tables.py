@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from mrwork.closed_loop import SCORE
 from mrwork.report import ResultTable
-from mrwork.tuning.references import BEST_CONSTANT
+from mrwork.tuning import BEST_CONSTANT
 from robust_findings import CLAIRVOYANT
 
 # A fifth of the test motions, as the risk of the robust law takes.

@@ -14,6 +14,8 @@ from mrwork.errors import SettingError
 from mrwork.simulate import simulate_forces
 
 PATIENCE = 60.0
+# That of JAX, where another test has loaded it.
+pytestmark = pytest.mark.filterwarnings("ignore:os.fork")
 
 
 def simulated(threads: int) -> float:
@@ -50,6 +52,9 @@ def in_child(work: Callable[[], object]) -> object:
     finally:
         child.kill()
         child.join()
+        child.close()
+        ours.close()
+        theirs.close()
 
 
 @pytest.mark.parametrize("threads", [1, 2, 3])
@@ -57,7 +62,6 @@ def test_a_forked_process_simulates_on_threads_of_its_own(threads: int) -> None:
     assert in_child(lambda: simulated(threads)) == simulated(threads) == in_child(lambda: simulated(threads))
 
 
-@pytest.mark.filterwarnings("ignore:os.fork")
 def test_jax_is_refused_in_a_forked_process() -> None:
     assert begun() == ""
     assert "spawn" in str(in_child(begun))

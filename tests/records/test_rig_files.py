@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from record_files import DT, N_TIME, clean_columns
 
 from mrwork.errors import MrworkError, RecordError, UnitError
 from mrwork.records import DamperTest, read_damper_test
+from mrwork.store.input_file import RECORD
 
 MM, KN = 1e3, 1e-3
 
@@ -267,6 +269,6 @@ def test_a_wrong_cell_below_a_header_block_is_named_by_its_line(tmp_path: Path) 
 def test_a_file_larger_than_any_test_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "rig.txt"
     path.write_text(text(MTS, rows("n", "t", "x", "f")))
-    monkeypatch.setattr("mrwork.records.table._LARGEST_FILE", 1000)
+    monkeypatch.setattr("mrwork.records.formats.open.RECORD", replace(RECORD, largest=1000))
     with pytest.raises(RecordError, match="export one test"):
         read_damper_test(path)

@@ -2,6 +2,7 @@ from .folder import read_tuning as read_tuning
 from .law_tuning import TuningProgress as TuningProgress
 from .objective import PENALTY as PENALTY
 from .objective import Objective as Objective
+from .references import BEST_CONSTANT as BEST_CONSTANT
 from .results import Judgement as Judgement
 from .results import LawResult as LawResult
 from .results import TuningResults as TuningResults

@@ -19,6 +19,7 @@ from mrwork.tuning.results import LawResult
 from mrwork.tuning.space import LARGEST, Candidate, space_of
 
 BEST_CONSTANT = "Best constant command"
+"""Label of the best constant command among the references."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
