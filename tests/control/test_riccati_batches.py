@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 
@@ -24,6 +25,7 @@ from mrwork.control.law_settings import SETTINGS
 from mrwork.control.lqr import Regulator, regulator_of_weights, regulators_of_weights
 from mrwork.control.plant import Plant, accelerations
 from mrwork.control.riccati import RiccatiSolutions
+from mrwork.control.setting_base import LawSettings
 from mrwork.control.weights import Weighed, weighed_outputs
 from mrwork.errors import SettingError
 
@@ -272,12 +274,19 @@ def test_many_laws_are_those_that_are_designed_alone(law: str, design_problem: D
     many = [SETTINGS[law](control_weight=weight, **more) for weight in weights]
     found = SETTINGS[law].designs(design_problem, many)
     assert [isinstance(each, SettingError) for each in found] == [False, True, False, True, False]
+    assert_each_alone(many, found, design_problem)
+
+
+def assert_each_alone(
+    many: Sequence[LawSettings], found: Sequence[Design | SettingError], problem: DesignProblem
+) -> None:
+    """Each design of a family has the bits, or the refusal, of the settings alone."""
     for settings, together in zip(many, found, strict=True):
         if isinstance(together, SettingError):
             with pytest.raises(SettingError, match=re.escape(str(together))):
-                settings.design(design_problem)
+                settings.design(problem)
         else:
-            assert_same_bits(together, settings.design(design_problem))
+            assert_same_bits(together, settings.design(problem))
 
 
 def assert_same_bits(together: Design, alone: Design) -> None:
@@ -315,12 +324,7 @@ def test_a_family_of_designs_is_that_of_each_alone(law: str, design_problem: Des
     refused = [each.get("drifts") == (1.0, 2.0) for each in FAMILIES[law]]
     found = SETTINGS[law].designs(design_problem, many)
     assert [isinstance(each, SettingError) for each in found] == refused
-    for settings, together in zip(many, found, strict=True):
-        if isinstance(together, SettingError):
-            with pytest.raises(SettingError, match=re.escape(str(together))):
-                settings.design(design_problem)
-        else:
-            assert_same_bits(together, settings.design(design_problem))
+    assert_each_alone(many, found, design_problem)
 
 
 @pytest.mark.parametrize("law", ["lyapunov", "proportional_direct"])
