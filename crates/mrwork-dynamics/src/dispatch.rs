@@ -1,7 +1,7 @@
 //! Instruction sets: their vectors, and the selection at run time.
 //!
-//! Only this file and `dispatch/x86.rs` contain `unsafe` code. Every intrinsic there requires a processor feature and is
-//! reached only through [`InstructionSet::run`], which checks the processor first.
+//! Only this file and `dispatch/x86.rs` contain `unsafe` code. Every intrinsic there requires a processor feature; its
+//! vectors are reached only through the methods `run` of [`InstructionSet`], which check the processor first.
 
 use crate::lanes::{Lanes, Pack, Plain};
 
@@ -96,10 +96,10 @@ impl InstructionSet {
     pub fn run<J: LaneJob>(self, candidates: usize, job: J) -> J::Output {
         match self {
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)] // supported: checked on the same line
+            // SAFETY: the guard has found every feature that the function enables.
             Self::Avx512 if self.is_supported() => unsafe { x86::run_avx512(candidates, job) },
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)] // supported: checked on the same line
+            // SAFETY: the guard has found both features that the function enables.
             Self::Avx2 if self.is_supported() => unsafe { x86::run_avx2(candidates, job) },
             _ => job.run::<Plain>(),
         }
@@ -122,10 +122,10 @@ impl InstructionSet {
     pub fn run_middle<J: LaneJob>(self, runs: usize, job: J) -> J::Output {
         match self {
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)] // supported: checked on the same line
+            // SAFETY: the guard has found every feature that the function enables.
             Self::Avx512 if self.is_supported() => unsafe { x86::run_middle_avx512(runs, job) },
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)] // supported: checked on the same line
+            // SAFETY: the guard has found both features that the function enables.
             Self::Avx2 if self.is_supported() => unsafe { x86::run_middle_avx2(runs, job) },
             _ => job.run::<Pack<f64, PLAIN_MIDDLE>>(),
         }
@@ -147,10 +147,10 @@ impl InstructionSet {
     pub fn run_vector<J: LaneJob>(self, job: J) -> J::Output {
         match self {
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)] // supported: checked on the same line
+            // SAFETY: the guard has found every feature that the function enables.
             Self::Avx512 if self.is_supported() => unsafe { x86::run_narrow_avx512(job) },
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)] // supported: checked on the same line
+            // SAFETY: the guard has found both features that the function enables.
             Self::Avx2 if self.is_supported() => unsafe { x86::run_vector_avx2(job) },
             _ => job.run::<f64>(),
         }
@@ -162,10 +162,10 @@ impl InstructionSet {
     pub fn run_narrow<J: LaneJob>(self, job: J) -> J::Output {
         match self {
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)] // supported: checked on the same line
+            // SAFETY: the guard has found every feature that the function enables.
             Self::Avx512 if self.is_supported() => unsafe { x86::run_narrow_avx512(job) },
             #[cfg(target_arch = "x86_64")]
-            #[allow(unsafe_code)] // supported: checked on the same line
+            // SAFETY: the guard has found both features that the function enables.
             Self::Avx2 if self.is_supported() => unsafe { x86::run_narrow_avx2(job) },
             _ => job.run::<Plain>(),
         }
@@ -173,5 +173,5 @@ impl InstructionSet {
 }
 
 #[cfg(target_arch = "x86_64")]
-#[allow(unsafe_code, clippy::wildcard_imports)] // some sixty intrinsics
+#[allow(clippy::wildcard_imports)] // some sixty intrinsics
 mod x86;

@@ -1,4 +1,12 @@
 //! Vectors of x86-64 and the functions that enter them, by intrinsics; reached only through their parent.
+//!
+//! # Safety
+//! An intrinsic must not run on a processor without its features. [`Avx512`] and [`Avx2`] are private, and outside of
+//! their own methods are named only in functions that enable their features, which are safe to call only where the
+//! processor has them. Other code gets such a type as the parameter of [`LaneJob::run`] or [`OutOfLine::run`], within
+//! one of these functions. Hence every method of a vector runs on a processor with its features: AVX-512 F, DQ and VL
+//! for [`Avx512`], AVX2 and FMA for both. All intrinsics but `load`, `store` and `gather` compute on registers and
+//! require no more.
 
 use core::arch::x86_64::*;
 use core::ops::{Add, Div, Mul, Neg, Sub};
@@ -10,10 +18,8 @@ use crate::real::{
     TWO_TO_52,
 };
 
-/// # Safety
-/// The processor must have the enabled features.
 #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
-pub(super) unsafe fn run_avx512<J: LaneJob>(candidates: usize, job: J) -> J::Output {
+pub(super) fn run_avx512<J: LaneJob>(candidates: usize, job: J) -> J::Output {
     match candidates {
         ..=8 => job.run::<Avx512>(),
         9..=16 => job.run::<Pack<Avx512, 2>>(),
@@ -23,70 +29,54 @@ pub(super) unsafe fn run_avx512<J: LaneJob>(candidates: usize, job: J) -> J::Out
     }
 }
 
-/// # Safety
-/// The processor must have the enabled features.
 #[target_feature(enable = "avx2,fma")]
-pub(super) unsafe fn run_avx2<J: LaneJob>(candidates: usize, job: J) -> J::Output {
+pub(super) fn run_avx2<J: LaneJob>(candidates: usize, job: J) -> J::Output {
     match candidates {
         ..=8 => job.run::<Pack<Avx2, 2>>(),
         _ => job.run::<Pack<Avx2, AVX2_GROUPS>>(),
     }
 }
 
-/// # Safety
-/// The processor must have the enabled features.
 #[target_feature(enable = "avx2,fma")]
-pub(super) unsafe fn run_narrow_avx2<J: LaneJob>(job: J) -> J::Output {
+pub(super) fn run_narrow_avx2<J: LaneJob>(job: J) -> J::Output {
     job.run::<Pack<Avx2, 2>>()
 }
 
-/// # Safety
-/// The processor must have the enabled features.
 #[target_feature(enable = "avx2,fma")]
-pub(super) unsafe fn run_vector_avx2<J: LaneJob>(job: J) -> J::Output {
+pub(super) fn run_vector_avx2<J: LaneJob>(job: J) -> J::Output {
     job.run::<Avx2>()
 }
 
-/// # Safety
-/// The processor must have the enabled features.
 #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
-pub(super) unsafe fn run_narrow_avx512<J: LaneJob>(job: J) -> J::Output {
+pub(super) fn run_narrow_avx512<J: LaneJob>(job: J) -> J::Output {
     job.run::<Avx512>()
 }
 
-/// # Safety
-/// The processor must have the enabled features.
 #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
-pub(super) unsafe fn run_middle_avx512<J: LaneJob>(runs: usize, job: J) -> J::Output {
+pub(super) fn run_middle_avx512<J: LaneJob>(runs: usize, job: J) -> J::Output {
     match runs {
         ..=16 => job.run::<Pack<Avx512, 2>>(),
         _ => job.run::<Pack<Avx512, MIDDLE_GROUPS>>(),
     }
 }
 
-/// # Safety
-/// The processor must have the enabled features.
 #[target_feature(enable = "avx2,fma")]
-pub(super) unsafe fn run_middle_avx2<J: LaneJob>(runs: usize, job: J) -> J::Output {
+pub(super) fn run_middle_avx2<J: LaneJob>(runs: usize, job: J) -> J::Output {
     match runs {
         ..=8 => job.run::<Pack<Avx2, 2>>(),
         _ => job.run::<Pack<Avx2, AVX2_MIDDLE_GROUPS>>(),
     }
 }
 
-/// # Safety
-/// The processor must have the enabled features.
 #[target_feature(enable = "avx512f,avx512dq,avx512vl,avx2,fma")]
 #[inline(never)]
-unsafe fn out_of_line_avx512<W: OutOfLine>(work: W) {
+fn out_of_line_avx512<W: OutOfLine>(work: W) {
     work.run();
 }
 
-/// # Safety
-/// The processor must have the enabled features.
 #[target_feature(enable = "avx2,fma")]
 #[inline(never)]
-unsafe fn out_of_line_avx2<W: OutOfLine>(work: W) {
+fn out_of_line_avx2<W: OutOfLine>(work: W) {
     work.run();
 }
 
@@ -108,11 +98,14 @@ macro_rules! vector {
             #[inline(always)]
             fn from_fn(value: impl FnMut(usize) -> f64) -> Self {
                 let values: [f64; $width] = core::array::from_fn(value);
+                // SAFETY: the processor has the features of this vector; `values` has as many numbers as it has
+                // lanes, and the load takes any alignment.
                 Self(unsafe { $load(values.as_ptr()) })
             }
             #[inline(always)]
             fn for_each(self, mut receive: impl FnMut(usize, f64)) {
                 let mut values = [0.0; $width];
+                // SAFETY: as in `from_fn`; nothing else borrows `values`.
                 unsafe { $store(values.as_mut_ptr(), self.0) };
                 for (lane, value) in values.into_iter().enumerate() {
                     receive(lane, value);
@@ -120,7 +113,7 @@ macro_rules! vector {
             }
             #[inline(always)]
             fn out_of_line<W: OutOfLine>(work: W) {
-                // A vector of this type exists only within its instruction set.
+                // SAFETY: the processor has the features of this vector.
                 unsafe { $out_of_line(work) }
             }
         }
@@ -130,6 +123,7 @@ macro_rules! vector {
             type Output = Self;
             #[inline(always)]
             fn $method(self, other: Self) -> Self {
+                // SAFETY: the processor has the features of this vector.
                 Self(unsafe { $intrinsic(self.0, other.0) })
             }
         }
@@ -145,6 +139,7 @@ impl Neg for Avx512 {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
+        // SAFETY: the processor has the features of `Avx512`.
         Self(unsafe { _mm512_xor_pd(self.0, _mm512_set1_pd(-0.0)) })
     }
 }
@@ -153,6 +148,7 @@ impl Neg for Avx2 {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
+        // SAFETY: the processor has the features of `Avx2`.
         Self(unsafe { _mm256_xor_pd(self.0, _mm256_set1_pd(-0.0)) })
     }
 }
@@ -162,23 +158,28 @@ impl Real for Avx512 {
 
     #[inline(always)]
     fn splat(value: f64) -> Self {
+        // SAFETY: the processor has the features of `Avx512`.
         Self(unsafe { _mm512_set1_pd(value) })
     }
     #[inline(always)]
     fn mul_add(self, factor: Self, addend: Self) -> Self {
+        // SAFETY: the processor has the features of `Avx512`.
         Self(unsafe { _mm512_fmadd_pd(self.0, factor.0, addend.0) })
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
+        // SAFETY: the processor has the features of `Avx512`.
         Self(unsafe { _mm512_sqrt_pd(self.0) })
     }
     #[inline(always)]
     fn abs(self) -> Self {
+        // SAFETY: the processor has the features of `Avx512`.
         Self(unsafe { _mm512_abs_pd(self.0) })
     }
     #[inline(always)]
     fn copysign(self, sign: Self) -> Self {
         // One ternary logic: bits of `sign` under the sign mask, of `self` elsewhere.
+        // SAFETY: the processor has the features of `Avx512`.
         Self(unsafe {
             _mm512_castsi512_pd(_mm512_ternarylogic_epi64::<0xCA>(
                 _mm512_set1_epi64(SIGN_BIT),
@@ -189,22 +190,27 @@ impl Real for Avx512 {
     }
     #[inline(always)]
     fn min(self, other: Self) -> Self {
+        // SAFETY: the processor has the features of `Avx512`.
         Self(unsafe { _mm512_min_pd(self.0, other.0) })
     }
     #[inline(always)]
     fn round_ties_even(self) -> Self {
+        // SAFETY: the processor has the features of `Avx512`.
         Self(unsafe { _mm512_roundscale_pd::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(self.0) })
     }
     #[inline(always)]
     fn less(self, other: Self) -> __mmask8 {
+        // SAFETY: the processor has the features of `Avx512`.
         unsafe { _mm512_cmp_pd_mask::<_CMP_LT_OQ>(self.0, other.0) }
     }
     #[inline(always)]
     fn equal(self, other: Self) -> __mmask8 {
+        // SAFETY: the processor has the features of `Avx512`.
         unsafe { _mm512_cmp_pd_mask::<_CMP_EQ_OQ>(self.0, other.0) }
     }
     #[inline(always)]
     fn select(mask: __mmask8, yes: Self, no: Self) -> Self {
+        // SAFETY: the processor has the features of `Avx512`.
         Self(unsafe { _mm512_mask_blend_pd(mask, no.0, yes.0) })
     }
     #[inline(always)]
@@ -220,6 +226,7 @@ impl Real for Avx512 {
 impl Bits for Avx512 {
     #[inline(always)]
     fn octave(self) -> (Self, Self, Self) {
+        // SAFETY: the processor has the features of `Avx512`.
         unsafe {
             let bits = _mm512_add_epi64(
                 _mm512_castpd_si512(self.0),
@@ -240,6 +247,8 @@ impl Bits for Avx512 {
     }
     #[inline(always)]
     fn entry_of(self, table: &'static [f64; 16]) -> Self {
+        // SAFETY: the processor has the features of `Avx512`; the loads, of any alignment, are the two halves of the
+        // sixteen numbers, and the permutation uses no more than four bits of an index.
         Self(unsafe {
             let low = _mm512_loadu_pd(table.as_ptr());
             let high = _mm512_loadu_pd(table.as_ptr().add(8));
@@ -248,6 +257,7 @@ impl Bits for Avx512 {
     }
     #[inline(always)]
     fn times_two_to(self, k: Self) -> Self {
+        // SAFETY: the processor has the features of `Avx512`.
         Self(unsafe { _mm512_scalef_pd(self.0, k.0) })
     }
 }
@@ -257,22 +267,27 @@ impl Real for Avx2 {
 
     #[inline(always)]
     fn splat(value: f64) -> Self {
+        // SAFETY: the processor has the features of `Avx2`.
         Self(unsafe { _mm256_set1_pd(value) })
     }
     #[inline(always)]
     fn mul_add(self, factor: Self, addend: Self) -> Self {
+        // SAFETY: the processor has the features of `Avx2`.
         Self(unsafe { _mm256_fmadd_pd(self.0, factor.0, addend.0) })
     }
     #[inline(always)]
     fn sqrt(self) -> Self {
+        // SAFETY: the processor has the features of `Avx2`.
         Self(unsafe { _mm256_sqrt_pd(self.0) })
     }
     #[inline(always)]
     fn abs(self) -> Self {
+        // SAFETY: the processor has the features of `Avx2`.
         Self(unsafe { _mm256_andnot_pd(_mm256_set1_pd(-0.0), self.0) })
     }
     #[inline(always)]
     fn copysign(self, sign: Self) -> Self {
+        // SAFETY: the processor has the features of `Avx2`.
         unsafe {
             let sign = _mm256_and_pd(sign.0, _mm256_set1_pd(-0.0));
             Self(_mm256_or_pd(self.abs().0, sign))
@@ -280,30 +295,37 @@ impl Real for Avx2 {
     }
     #[inline(always)]
     fn min(self, other: Self) -> Self {
+        // SAFETY: the processor has the features of `Avx2`.
         Self(unsafe { _mm256_min_pd(self.0, other.0) })
     }
     #[inline(always)]
     fn round_ties_even(self) -> Self {
+        // SAFETY: the processor has the features of `Avx2`.
         Self(unsafe { _mm256_round_pd::<{ _MM_FROUND_TO_NEAREST_INT | _MM_FROUND_NO_EXC }>(self.0) })
     }
     #[inline(always)]
     fn less(self, other: Self) -> __m256d {
+        // SAFETY: the processor has the features of `Avx2`.
         unsafe { _mm256_cmp_pd::<_CMP_LT_OQ>(self.0, other.0) }
     }
     #[inline(always)]
     fn equal(self, other: Self) -> __m256d {
+        // SAFETY: the processor has the features of `Avx2`.
         unsafe { _mm256_cmp_pd::<_CMP_EQ_OQ>(self.0, other.0) }
     }
     #[inline(always)]
     fn select(mask: __m256d, yes: Self, no: Self) -> Self {
+        // SAFETY: the processor has the features of `Avx2`.
         Self(unsafe { _mm256_blendv_pd(no.0, yes.0, mask) })
     }
     #[inline(always)]
     fn all(mask: __m256d) -> bool {
+        // SAFETY: the processor has the features of `Avx2`.
         unsafe { _mm256_movemask_pd(mask) == 0b1111 }
     }
     #[inline(always)]
     fn any(mask: __m256d) -> bool {
+        // SAFETY: the processor has the features of `Avx2`.
         unsafe { _mm256_movemask_pd(mask) != 0 }
     }
 }
@@ -311,6 +333,7 @@ impl Real for Avx2 {
 impl Bits for Avx2 {
     #[inline(always)]
     fn octave(self) -> (Self, Self, Self) {
+        // SAFETY: the processor has the features of `Avx2`.
         unsafe {
             let bits = _mm256_add_epi64(
                 _mm256_castpd_si256(self.0),
@@ -331,6 +354,8 @@ impl Bits for Avx2 {
     }
     #[inline(always)]
     fn entry_of(self, table: &'static [f64; 16]) -> Self {
+        // SAFETY: the processor has the features of `Avx2`; masked, an index is at most 15, and `table` has sixteen
+        // numbers of the 8 bytes by which the gather counts.
         Self(unsafe {
             let index = _mm256_and_si256(_mm256_castpd_si256(self.0), _mm256_set1_epi64x(15));
             _mm256_i64gather_pd::<8>(table.as_ptr(), index)
@@ -339,6 +364,7 @@ impl Bits for Avx2 {
     #[inline(always)]
     fn times_two_to(self, k: Self) -> Self {
         let aligned = k - Self::splat(1.0) + Self::splat(SIXTEENTH_ALIGNER);
+        // SAFETY: the processor has the features of `Avx2`.
         let half = Self(unsafe {
             let floor = _mm256_srli_epi64::<4>(_mm256_castpd_si256(aligned.0));
             _mm256_castsi256_pd(_mm256_add_epi64(_mm256_castpd_si256(self.0), _mm256_slli_epi64::<52>(floor)))
