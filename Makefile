@@ -10,7 +10,7 @@ RUST_SOURCES := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name 
 export VIRTUAL_ENV := $(abspath $(VENV))
 unexport CONDA_PREFIX
 
-.PHONY: demo test lint format bench clean
+.PHONY: demo test lint format bench licences clean
 
 demo: $(VENV)/.built
 	$(BIN)/mrwork identify synthetic:spencer1997 --model normalised_bouc_wen --seed 1 --out out/demo
@@ -36,6 +36,9 @@ format: $(VENV)/.dev
 bench: $(VENV)/.built $(VENV)/.dev
 	$(BIN)/python studies/speed/study.py kernels
 	$(BIN)/python studies/speed/study.py models
+
+licences: $(VENV)/.dev
+	$(BIN)/python .ci/licences.py
 
 clean:
 	rm -rf $(VENV) target out
