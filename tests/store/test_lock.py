@@ -84,6 +84,15 @@ def test_a_folder_that_is_not_there_is_one_sentence(tmp_path: Path) -> None:
         Lock(tmp_path / "none" / "chain")
 
 
+def test_a_link_in_the_place_of_a_lock_is_not_followed(tmp_path: Path) -> None:
+    target = tmp_path / "precious"
+    target.write_text("kept")
+    (tmp_path / ".chain.lock").symlink_to(target)
+    with pytest.raises(OutputError, match=r"cannot write .*; choose another folder"):
+        Lock(tmp_path / "chain")
+    assert target.read_text() == "kept"
+
+
 def test_a_run_that_begins_leaves_the_journal_of_another_alone(tmp_path: Path) -> None:
     first = begin_journal(tmp_path / "run")
     first.agree("run", {"seed": 1})

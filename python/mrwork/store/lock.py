@@ -22,6 +22,8 @@ from types import TracebackType
 from mrwork.errors import JournalError, MrworkWarning, OutputError
 
 _LONGEST = 300
+# In a folder of several users, a link in the place of the lock could lead to a file of its holder.
+_FLAGS = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
 
 
 class Lock:
@@ -64,7 +66,7 @@ class Lock:
 
     def _taken(self, path: Path) -> int:
         while True:
-            file = os.open(self._place, os.O_RDWR | os.O_CREAT, 0o666)
+            file = os.open(self._place, _FLAGS, 0o666)
             try:
                 _flock(file, path)
                 # Another writer may have removed the file between the two lines above.

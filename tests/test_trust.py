@@ -1,0 +1,100 @@
+"""What SECURITY.md says about code of others and about connections."""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import mrwork
+from mrwork.errors import RecordError
+from mrwork.store.arrays_file import read_arrays
+from mrwork.store.input_file import stored
+from test_imports import imports_of, in_fresh_process
+
+PACKAGE = Path(mrwork.__file__).parent
+# Packages that run what a file says, or that reach other machines and processes, and the modules that may import them.
+HOMES: dict[str, set[str]] = {
+    "socket": {"store/lock.py"},  # the name of the machine
+    "subprocess": {"store/hdf5.py"},
+}
+HOMELESS = {
+    *("pickle", "cloudpickle", "marshal", "shelve", "joblib", "yaml", "ctypes", "code"),
+    *("urllib", "http", "ftplib", "ssl", "asyncio", "requests", "multiprocessing"),
+}
+RUN_CODE = {"exec", "eval", "__import__"}
+NO_CONNECTION = """
+import sys
+REFUSED = "socket.connect", "socket.bind", "socket.getaddrinfo", "urllib.Request", "subprocess.Popen", "os.system"
+seen = []
+sys.addaudithook(lambda event, _: seen.append(event) if event in REFUSED else None)
+from mrwork.cli import main
+try: main(sys.argv[1:])
+except SystemExit as ended: assert not ended.code
+assert not seen, seen
+"""
+
+
+def test_packages_that_run_files_or_reach_out_have_their_homes() -> None:
+    found: dict[str, set[str]] = {}
+    for file in PACKAGE.rglob("*.py"):
+        for name in imports_of(file) & {*HOMES, *HOMELESS}:
+            found.setdefault(name, set()).add(file.relative_to(PACKAGE).as_posix())
+    assert found == HOMES
+
+
+def test_code_of_others_is_run_in_one_place() -> None:
+    callers = set()
+    for file in PACKAGE.rglob("*.py"):
+        text = file.read_text()
+        if not any(f"{name}(" in text for name in RUN_CODE):
+            continue
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in RUN_CODE:
+                callers.add(file.relative_to(PACKAGE).as_posix())
+    assert callers == {"study/law_file.py"}
+
+
+class Hostile:
+    """What creates a folder when its pickle is read."""
+
+    def __init__(self, place: Path) -> None:
+        self.place = place
+
+    def __reduce__(self) -> object:
+        return os.mkdir, (str(self.place),)
+
+
+def test_arrays_of_objects_are_refused_and_not_unpickled(tmp_path: Path) -> None:
+    harm = tmp_path / "harm"
+    forged = tmp_path / "predictions.npz"
+    np.savez(forged, force=np.array([Hostile(harm)], dtype=object))
+    with pytest.raises(RecordError, match="is damaged"):
+        read_arrays(forged, stored("calibrate"))
+    assert not harm.exists()
+
+
+def test_identification_and_its_page_open_no_connection(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    in_fresh_process(
+        NO_CONNECTION, "identify", "synthetic:spencer1997", "--model=bingham", "--every=8", f"--out={run}"
+    )
+    page = (run / "report.html").read_text(encoding="utf-8")
+    assert "<script" not in page
+    # Addresses are names of XML dialects only.
+    assert {re.sub(r"[^/]*$", "", found) for found in re.findall(r"https?://[^\"'\s<)]+", page)} <= {
+        "http://www.w3.org/2000/",
+        "http://www.w3.org/1999/",
+        "http://www.w3.org/1998/Math/",
+    }
+
+
+def test_security_names_tests_that_exist() -> None:
+    root = PACKAGE.parent.parent
+    named = re.findall(r"`(tests/[\w/]+\.py)`", (root / "SECURITY.md").read_text(encoding="utf-8"))
+    assert named
+    assert [name for name in named if not (root / name).is_file()] == []
