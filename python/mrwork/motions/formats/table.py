@@ -12,10 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError, SettingError, UnitError
-from mrwork.motions.formats.format import Format, Lines, Stated, is_number, read_numbers, recorded
+from mrwork.motions.formats.format import Format, Lines, Stated, is_number, read_numbers, recorded, shown
 from mrwork.motions.formats.uniform import motion_of_columns
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.records.formats.delimited import DelimitedTable
+from mrwork.records.formats.layout import DECIMAL_COMMA
 from mrwork.records.formats.matlab import open_matlab, read_matlab_matrices
 from mrwork.records.table import ColumnTable, VectorTable
 from mrwork.units import factor_of, factor_to_si, known_units
@@ -167,16 +168,17 @@ def _read(lines: Lines, stated: Stated) -> GroundMotion:
     )
     if first is None:
         raise RecordError(f"{lines.path}: there are only comments; expected columns of time and acceleration")
-    if not any(mark in texts[first] for mark in "\t;,"):
-        # Blanks separate the columns; line numbers do not change.
+    delimiter = _delimiter(texts[first])
+    if delimiter.isspace():
+        # Also where blanks separate the columns; line numbers do not change.
         texts = ["\t".join(text.split()) for text in texts]
-    fields = [field for field in re.split(r"[\t;,]", texts[first]) if field.strip()]
-    if not all(is_number(field) for field in fields):
+    fields = [field for field in texts[first].split(delimiter) if field.strip()]
+    if not all(is_number(field) or _has_comma(field) for field in fields):
         return motion_of_table(_table(lines, texts), stated, lines.path)
     if stated.dt is not None:
-        return _series(lines, first, stated)
+        return _series(lines, first, delimiter, stated)
     above = next((text.strip().lstrip("# \t") for text in reversed(texts[:first]) if text.strip()), "")
-    names = tuple(name.strip() for name in re.split(r"[\t;,]", above))
+    names = tuple(name.strip() for name in above.split(delimiter))
     if len(names) == len(fields) and are_named(names):
         return motion_of_table(_table(lines, texts, names), stated, lines.path)
     if len(fields) != 2:
@@ -196,15 +198,34 @@ def _table(lines: Lines, texts: list[str], names: tuple[str, ...] | None = None)
     return DelimitedTable(source=str(lines.path), sha256="", lines=texts, names=names)
 
 
-def _series(lines: Lines, first: int, stated: Stated) -> GroundMotion:
+def _delimiter(line: str) -> str:
+    """What separates the numbers of a line; a tab for blanks. A comma between blanks is a decimal comma."""
+    words = line.split()
+    if len(words) > 1 and all(is_number(word) or _has_comma(word) for word in words):
+        return "\t"
+    return next((mark for mark in "\t;," if mark in line), "\t")
+
+
+def _has_comma(word: str) -> bool:
+    """Whether a word can be a number with a decimal comma."""
+    return DECIMAL_COMMA.fullmatch(word.strip()) is not None
+
+
+def _series(lines: Lines, first: int, delimiter: str, stated: Stated) -> GroundMotion:
     """Read all numbers in order as accelerations."""
     if stated.unit is None or stated.dt is None:
         raise UnitError(
             f"{lines.path}: does not state the unit of its numbers; give it as `unit`, one of "
             f"{known_units('acceleration')}"
         )
-    if "," in lines.at(first) or ";" in lines.at(first):
-        lines = Lines(path=lines.path, texts=tuple(re.sub(r"[;,]", " ", text) for text in lines.texts))
+    if delimiter == "," and all(_has_comma(text) for text in lines.texts[first:] if text.strip()):
+        raise RecordError(
+            f"{lines.where(first)} holds '{shown(lines.at(first))}', two numbers or one with a decimal comma; write "
+            "decimal points, or one number a line"
+        )
+    if delimiter != ",":
+        lines = replace(lines, texts=tuple(text.replace(",", ".") for text in lines.texts))
+    lines = replace(lines, texts=tuple(re.sub(r"[;,]", " ", text) for text in lines.texts))
     numbers = read_numbers(lines, first)
     every_second = np.diff(numbers[::2])
     if len(lines.at(first).split()) == 2 and np.allclose(every_second, stated.dt, rtol=0.1):
