@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
+import hypothesis.strategies as st
 import pytest
+from examples import examples
+from hypothesis import given
 
 from mrwork.errors import UnitError
-from mrwork.units import FACTORS, STANDARD_GRAVITY, factor_of, factor_to_si, quantity_of
+from mrwork.units import FACTORS, STANDARD_GRAVITY, factor_of, factor_to_si, number_in, quantity_of
 
 
 def test_every_unit_has_one_meaning() -> None:
@@ -67,3 +72,59 @@ def test_a_refusal_says_what_the_unit_measures_and_which_are_known() -> None:
         factor_to_si("mm", "force", context="rig.csv")
     with pytest.raises(UnitError, match=r"^rig.csv: 's2' is no unit of acceleration; give one of m/s2, "):
         factor_to_si("s2", "acceleration", context="rig.csv")
+
+
+EVERY_UNIT = [(quantity, unit) for quantity, units in FACTORS.items() for unit in units]
+SI = {quantity: next(iter(units)) for quantity, units in FACTORS.items()}
+
+
+@examples(200)
+@given(
+    unit=st.sampled_from(EVERY_UNIT),
+    number=st.floats(allow_nan=False, allow_infinity=False),
+    blanks=st.sampled_from([" ", "  ", " \t"]),
+)
+def test_a_number_with_its_unit_is_the_number_times_the_factor(
+    unit: tuple[str, str], number: float, blanks: str
+) -> None:
+    quantity, symbol = unit
+    found = number_in(f"{number!r}{blanks}{symbol}", SI[quantity])
+    assert isinstance(found, float)
+    assert found == number * FACTORS[quantity][symbol]
+    if math.isfinite(found) and abs(found) > 1e-300:
+        # The way back is a division: two roundings.
+        assert found / FACTORS[quantity][symbol] == pytest.approx(number, rel=3e-16)
+
+
+@examples(200)
+@given(unit=st.sampled_from(EVERY_UNIT), other=st.sampled_from(EVERY_UNIT))
+def test_a_unit_of_another_quantity_is_refused(unit: tuple[str, str], other: tuple[str, str]) -> None:
+    found = number_in(f"1 {other[1]}", SI[unit[0]])
+    assert isinstance(found, float) == (other[1] in FACTORS[unit[0]])
+
+
+@examples(100)
+@given(text=st.text(max_size=12) | st.from_regex(r"[+-]?[0-9.eE]{0,5} ?[A-Za-z/^*2µ ]{0,8}", fullmatch=True))
+def test_any_text_is_a_number_or_a_reason(text: str) -> None:
+    for unit in ("s", "m/s2", "A or V"):
+        assert isinstance(number_in(text, unit), float | str)
+    quantity = quantity_of(text)
+    assert quantity is None or factor_of(text, quantity) is not None
+
+
+LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
+
+
+@examples(200)
+@given(
+    length=st.sampled_from(list(LENGTHS)),
+    slash=st.sampled_from(["/", "p", "_per_", "_"]),
+    second=st.sampled_from(["s", "sec"]),
+    power=st.sampled_from(["2", "^2", "**2", "_2", "\N{SUPERSCRIPT TWO}"]),
+    upper=st.booleans(),
+)
+def test_compound_spellings_of_an_acceleration_agree(
+    length: str, slash: str, second: str, power: str, upper: bool
+) -> None:
+    spelling = f"{length}{slash}{second}{power}"
+    assert factor_of(spelling.upper() if upper else spelling, "acceleration") == LENGTHS[length]

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import hypothesis.strategies as st
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from examples import examples
+from hypothesis import given
 
 import mrwork.twins._base  # noqa: F401  (sets double precision)
 from mrwork.dampers.coordinates import Box
@@ -159,3 +162,48 @@ def test_bounds_that_make_no_sense_are_refused(spec):
     ):
         with pytest.raises(SettingError, match=complaint):
             box.with_bounds(bounds)
+
+
+@st.composite
+def random_boxes(draw, spec):
+    """A box of random ranges within the admissible ones, some of them a single number."""
+    bounds = {}
+    for parameter in spec.parameters:
+        ends = st.floats(parameter.lower, parameter.upper)
+        bounds[parameter.name] = tuple(sorted(draw(st.tuples(ends, ends) | ends.map(lambda end: (end, end)))))
+    return Box.of(spec).with_bounds(bounds)
+
+
+@examples(15)
+@given(data=st.data())
+def test_any_box_is_gone_through_and_back(spec, data):
+    box = data.draw(random_boxes(spec))
+    n_free = len(box.free)
+    share = st.floats(1e-6, 1.0 - 1e-6)
+    unit = np.array(data.draw(st.lists(share, min_size=n_free, max_size=n_free)))
+    theta = box.theta_from_unit(unit)
+    lower, upper = np.array(box.lower), np.array(box.upper)
+    assert np.all((theta >= lower) & (theta <= upper))
+    back = box.theta_from_unit(box.unit_from_theta(theta))
+    # On its own scale a number keeps 1e-16 of the larger end.
+    size = np.maximum(np.abs(lower), np.abs(upper))
+    logarithm = np.maximum(
+        np.abs(np.log(np.where(box.log, lower, 1.0))), np.abs(np.log(np.where(box.log, upper, 1.0)))
+    )
+    allowed = 1e-15 * np.where(box.log, (4.0 + 2.0 * logarithm) * np.abs(theta), 4.0 * size)
+    assert np.all(np.abs(back - theta) <= allowed)
+    latent = box.latent_from_unit(unit)
+    np.testing.assert_allclose(box.unit_from_latent(latent), unit, rtol=1e-13, atol=1e-15)
+    slope = box.log_slope(latent)
+    assert np.all(np.isfinite(slope))
+    assert box.log_jacobian(latent) == pytest.approx(slope.sum(), rel=1e-12, abs=1e-12)
+
+
+def test_a_range_of_two_neighbouring_numbers_makes_no_nan(spec):
+    nominal = {each.name: each.nominal for each in spec.parameters}
+    box = Box.of(spec).with_bounds({name: (low, np.nextafter(low, np.inf)) for name, low in nominal.items()})
+    unit = np.full(len(box.free), 0.5)
+    theta = box.theta_from_unit(unit)
+    np.testing.assert_allclose(theta, list(nominal.values()), rtol=1e-15, atol=1e-300)
+    assert np.all(np.isfinite(box.unit_from_theta(theta)))
+    assert np.isfinite(box.log_jacobian(box.latent_from_unit(unit)))

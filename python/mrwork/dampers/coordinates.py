@@ -21,6 +21,8 @@ Array = Any
 
 # A parameter closer to a bound than this share of its range is on the bound.
 ON_BOUND = 1e-4
+# Ends of a logarithmic range that are closer may have equal logarithms: the parameter is fixed.
+_LEAST_RATIO = 1.0 + 1e-14
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,8 +50,12 @@ class Box:
     @property
     def free(self) -> tuple[int, ...]:
         """Indices of the parameters that are not fixed."""
-        pairs = zip(self.lower, self.upper, strict=True)
-        return tuple(index for index, (lower, upper) in enumerate(pairs) if lower < upper)
+        ranges = zip(self.lower, self.upper, self.log, strict=True)
+        return tuple(
+            index
+            for index, (lower, upper, log) in enumerate(ranges)
+            if upper > (lower * _LEAST_RATIO if log else lower)
+        )
 
     def with_bounds(self, bounds: Mapping[str, tuple[float, float]]) -> Box:
         """Return the box with some ranges replaced; equal bounds fix a parameter.
