@@ -172,9 +172,9 @@ def estimates_of(
 
 def remark_of(box: Box, index: int, value: float) -> Remark:
     """Remark on a parameter that is fixed or on a bound of the box; empty for others."""
-    lower, upper = box.lower[index], box.upper[index]
-    if lower == upper:
+    if index not in box.free:
         return "fixed"
+    lower, upper = box.lower[index], box.upper[index]
     if box.log[index]:
         lower, upper, value = np.log(lower), np.log(upper), np.log(value)
     unit = (value - lower) / (upper - lower)
