@@ -6,6 +6,7 @@ Readers of files, the printed schema and scripts that build the same values all 
 from __future__ import annotations
 
 import math
+import unicodedata
 from abc import ABCMeta
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,6 +17,8 @@ from typing import Any, NoReturn, cast
 from mrwork.errors import InvalidSettingError, MrworkError, SettingError
 
 _REQUIRED: Any = MISSING
+# Controls, separators of lines and paragraphs.
+_CONTROLS = frozenset({"Cc", "Zl", "Zp"})
 
 KeyPath = tuple[str | int, ...]
 """Keys and array indices that lead to a value, as ("damper", 0, "storey")."""
@@ -100,6 +103,7 @@ def key(
     above: float = -math.inf,
     may_be_nan: bool = False,
     matrix: bool = False,
+    label: bool = False,
     span: object = None,
 ) -> Any:
     """Declare a key of a table.
@@ -118,6 +122,8 @@ def key(
         Whether a number may be NaN, as the value of a broken sensor.
     matrix
         Whether the value may be a matrix, in a file also the name of a text file with it.
+    label
+        Whether a text is a name in tables and figures, which has no control characters.
     span
         Range in which a search looks for it, for those tables that are searched.
     """
@@ -128,6 +134,7 @@ def key(
         "above": above,
         "may_be_nan": may_be_nan,
         "matrix": matrix,
+        "label": label,
         "span": span,
     }
     return field(metadata=notes) if default is MISSING else field(default=default, metadata=notes)
@@ -184,6 +191,12 @@ def out_of_range(name: str, value: float, entry: Field[Any]) -> str:
     if value <= above:
         return f"{name} is {value:g}; it must be more than {above:g}"
     return ""
+
+
+def control_in(label: str) -> str:
+    """The first control character or end of a line in a label, as an escape; empty where there is none."""
+    found = next((each for each in label if unicodedata.category(each) in _CONTROLS), "")
+    return found.encode("unicode_escape").decode("ascii")
 
 
 def plain_values(table: Any) -> None:

@@ -16,6 +16,7 @@ from mrwork.dampers.parameters import CommandUnit
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.records import DamperTest
+from mrwork.records.command_signal import impossible_command
 from mrwork.summary import Summarised
 
 
@@ -65,7 +66,8 @@ class Loading(Summarised):
         Raises
         ------
         SettingError
-            If the arrays do not fit together or hold a value that is not finite, or the unit is none of a command.
+            If the arrays do not fit together or hold a value that is not finite, or the command is negative, beyond any
+            driver or in no unit of a command.
         """
         if self.command_unit not in (None, *get_args(CommandUnit)):
             raise SettingError(
@@ -78,6 +80,8 @@ class Loading(Summarised):
             command = np.array(
                 np.broadcast_to(np.asarray(self.command, dtype=np.float64), displacement.shape)
             )
+            if wrong := impossible_command(command):
+                raise SettingError(f"`command` {wrong}")
         with _refusals():
             return _rust.LoadingHistory(self.dt, displacement, velocity, command)
 

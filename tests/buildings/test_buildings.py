@@ -132,6 +132,9 @@ def test_the_matrices_of_a_building_cannot_be_changed_from_outside(frame: Buildi
         pytest.param({"floors": np.eye(2)}, "floors is 2 x 2", id="floors"),
         pytest.param({"floor_names": ("a", "b")}, "2 floor names for 3 floor rows", id="names"),
         pytest.param({"floor_names": ("a", "b", "a")}, "two floors are called 'a'", id="twice"),
+        pytest.param(
+            {"floor_names": ("a", "b\nc", "d")}, r"floor name has the control character \n;", id="line"
+        ),
         pytest.param({"status": "certain"}, "status is 'certain'", id="status"),
         pytest.param({"n_strokes": 4}, "4 of 3 storey rows", id="strokes"),
     ],

@@ -72,6 +72,11 @@ def test_soils_and_draws_of_dampers_are_cases() -> None:
     assert design(cases=cases).reachable_ratio < design().reachable_ratio
 
 
+def test_a_spectrum_beside_cases_is_refused() -> None:
+    with pytest.raises(SettingError, match="every case has a spectrum of its own"):
+        design(cases=stiffness_cases(FRAME), spectrum=KanaiTajimi(frequency=25.0))
+
+
 def test_a_building_of_other_storeys_is_no_case() -> None:
     with pytest.raises(SettingError, match="other coordinates, floors or storeys"):
         design(cases=[DesignCase(name="other", building=mr.building("dyke1996"))])

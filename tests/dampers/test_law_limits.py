@@ -82,11 +82,18 @@ def test_the_values_of_a_law_are_those_of_its_equation(name: LawName) -> None:
     np.testing.assert_allclose(law.values(coefficients, command), expected, rtol=1e-12)
 
 
-def test_a_unit_that_is_none_of_a_command_and_a_misspelt_law_are_refused() -> None:
+def test_a_command_that_no_driver_gives_its_unit_and_a_misspelt_law_are_refused() -> None:
     with pytest.raises(SettingError, match="'kg'; give A or V"):
         mr.damper("dahl").with_current_laws({"k_w": "linear"}, unit="kg")  # type: ignore[arg-type]
     with pytest.raises(UnknownNameError, match="'linaer'"):
         mr.damper("dahl").with_current_laws({"k_w": "linaer"})  # type: ignore[dict-item]
+    for command, words in (
+        (-5.0, "goes down to -5"),
+        (1e9, "no driver gives"),
+        (np.linspace(-1, 1, 20), "to -1"),
+    ):
+        with pytest.raises(SettingError, match=words):
+            Loading(dt=0.01, displacement=np.zeros(20), command=command, command_unit="A").history()
     loading = Loading(dt=0.01, displacement=np.zeros(20), command=1.0, command_unit="kg")  # type: ignore[arg-type]
     with pytest.raises(SettingError, match="'kg'; give A or V"):
         simulate_force(mr.damper("dahl"), mr.damper("dahl").nominal, loading)

@@ -85,6 +85,13 @@ def test_other_words_are_refused(words: list[str]) -> None:
         as_words(words)
 
 
+def test_a_filter_above_what_the_samples_hold_is_refused(smoothed: DamperTest) -> None:
+    above = 0.5 / smoothed.dt
+    with pytest.raises(SettingError, match=r"hold nothing above \d+ Hz; give less, or leave it out"):
+        observed(smoothed, [f"lowpass={above}"])
+    assert observed(smoothed, [f"lowpass={0.9 * above}"]).observation.lowpass_hz == 0.9 * above
+
+
 @pytest.mark.parametrize("word", ["average=10", "average=100T", "delay=10", "delay=-10"])
 def test_an_average_or_a_delay_longer_than_the_record_is_refused(smoothed: DamperTest, word: str) -> None:
     short = replace(smoothed.part(0, 100), frequency=1.0)

@@ -52,6 +52,20 @@ def test_noise_about_a_constant_command_is_not_a_varying_one() -> None:
     assert built(measured).current == float(np.median(measured))
 
 
+def test_a_negative_command_is_a_warning_and_one_beyond_any_driver_refused() -> None:
+    for current in (-1.0, SMOOTH - 0.5):
+        (finding,) = [each for each in built(current).findings if each.code == "command_negative"]
+        assert finding.severity == "warning"
+        assert "give its magnitude" in finding.message
+    # Noise about zero.
+    noise = 0.004 * np.random.default_rng(3).standard_normal(N_TIME)
+    assert "command_negative" not in codes(built(noise))
+    with pytest.raises(
+        RecordError, match=r"the current reaches 1e\+09, and no driver gives more than 1000 A or V"
+    ):
+        built(1e9)
+
+
 def test_a_pulse_shorter_than_a_hundredth_of_the_record_is_a_varying_command() -> None:
     pulse = np.where((TIME > 2.0) & (TIME < 2.03), 1.0, 0.0)
     assert built(pulse).has_varying_command

@@ -87,7 +87,6 @@ def test_spectra_of_a_record_and_stiffness_cases_are_keys(tmp_path: Path) -> Non
         frame.storeys[:1],
         limits={"rms_drift": 4e-3},
         budget=900.0,
-        spectrum=spectrum,
         cases=mr.control.stiffness_cases(frame, (0.8, 1.2), spectrum),
     ).gain
     np.testing.assert_allclose(

@@ -84,8 +84,8 @@ def test_the_intensity_of_the_soil_scales_the_motion() -> None:
             'file = "swing.csv"\nfactor = 1\npga = 1',
             r"line 3: a motion is scaled by factor or to a pga; keep one",
         ),
-        ('file = "swing.csv"\npga = []', "line 2: pga is empty; give a number"),
-        ('file = "swing.csv"\nfactor = []', "line 2: factor is empty; give a number"),
+        ('file = "swing.csv"\npga = []', "line 2: pga is empty; give peak that"),
+        ('file = "swing.csv"\nfactor = []', "line 2: factor is empty; give factor of"),
         ("suite = { motions = 2 }\nduration = 5", r"line 2: duration is for a single synthetic motion"),
         (
             'suite = { soils = ["hard"] }',

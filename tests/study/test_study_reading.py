@@ -173,6 +173,37 @@ def test_every_building_of_the_literature_is_stated_without_python(name: str, tm
             r"line 26: the fault lasts from 2 to 1 s",
         ),
         ("[hardware]\n", '[report]\nmotion = "x"\n[hardware]\n', r"line 27: no motion is called 'x'"),
+        (
+            "[hardware]\n",
+            "[report]\ncontrollers = []\n[hardware]\n",
+            r"line 27: controllers is empty; give labels of .*, or leave it out",
+        ),
+        (
+            "[hardware]\n",
+            "[hardware]\nmeasured_floors = []\n",
+            r"line 27: measured_floors is empty; give floors with",
+        ),
+        (
+            '"0.6 A"',
+            r'"0.6\nA"',
+            r"line 11: label has the control character \\n; give printable text on one line",
+        ),
+        (
+            "duration = 3",
+            'duration = 3\nname = "a\\u001b[31m"',
+            r"line 24: name has the control character \\x1b;",
+        ),
+        (
+            "duration = 3",
+            'duration = 3\ngroup = "a\\u2028b"',
+            r"line 24: group has the control character \\u2028;",
+        ),
+        ("differential = true", "velocity = []", r"line 7: velocity is empty; give smallest and largest"),
+        (
+            "[hardware]\n",
+            "[[tune]]\nlaws = []\n[hardware]\n",
+            r"line 27: laws is empty; give names of the laws$",
+        ),
     ],
 )
 def test_a_mistake_is_one_sentence_with_its_line(old: str, new: str, message: str, tmp_path: Path) -> None:

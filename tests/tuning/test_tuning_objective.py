@@ -90,7 +90,9 @@ def test_an_exceeded_limit_costs_more_than_any_gain_of_the_score() -> None:
         ({"criteria": {"peak_drift": -1.0}}, "positive number"),
         ({"constraints": {"peak_stroke": "10 kN"}}, "where a number"),
         ({"constraints": {"peak_stroke": 0.0}}, "positive limit"),
-        ({"tail": 1.5}, "up to 1"),
+        ({"tail": 1.5, "risk": "cvar"}, "up to 1"),
+        ({"tail": 0.2}, "tail has no effect on the risk 'mean'"),
+        ({"tail": 0.5, "risk": "max"}, "leave it out, or give risk"),
     ],
 )
 def test_an_objective_that_means_nothing_is_refused(keys: dict[str, object], sentence: str) -> None:

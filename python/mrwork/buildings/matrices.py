@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import eigh
 
 from mrwork.errors import SettingError, UnknownNameError
+from mrwork.keys import control_in
 from mrwork.records.damper_test import frozen
 from mrwork.summary import Summarised, Summary, rounded
 
@@ -311,6 +312,11 @@ def _check_names(names: Sequence[str], n_rows: int, noun: str, where: str) -> No
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise SettingError(f"{where}: two {noun}s are called {twice!r}; give each a different name")
+    for name in names:
+        if control := control_in(name):
+            raise SettingError(
+                f"{where}: a {noun} name has the control character {control}; give printable text"
+            )
 
 
 def _sides(matrix: Floats) -> str:

@@ -9,6 +9,7 @@ from typing import Final, Literal
 
 from mrwork.errors import MrworkError, RecordError, SettingError, UnitError
 from mrwork.records.column_names import QUANTITIES, TestQuantity, is_plain, unit_at_end, unit_in_name
+from mrwork.records.command_signal import LARGEST_COMMAND
 from mrwork.units import FACTORS, factor_of, factor_to_si, known_units, quantity_of
 
 REQUIRED: Final[tuple[TestQuantity, ...]] = ("time", "displacement", "force")
@@ -90,10 +91,6 @@ def check_specification(name: str, specification: str) -> None:
         StatedCommand.of(specification)
     else:
         _parse_specification(_quantity(name), specification)
-
-
-LARGEST_COMMAND = 1000.0
-"""Largest command [A or V] that a test may have."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

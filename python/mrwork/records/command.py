@@ -10,12 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from mrwork.records.command_signal import Command, command_range, range_in_words, variation_in_words
+from mrwork.records.command_signal import (
+    LARGEST_COMMAND,
+    Command,
+    command_noise,
+    command_range,
+    impossible_command,
+    range_in_words,
+    variation_in_words,
+)
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 
-_RELATIVE: Final = 0.05
-# A measured command of zero is not exactly zero; deviations below this [A or V] are sensor noise.
-_ABSOLUTE: Final = 0.02
 # Fewest samples of a pulse that noise does not explain.
 _PULSE: Final = 3
 # Tolerances: nominal amplitude and frequency are set points, which the rig reaches only approximately.
@@ -28,29 +33,38 @@ def command_of(
 ) -> tuple[Command, tuple[Finding, ...]]:
     """Return a command as a number, its median, if it varies no more than a measured constant does; else as it is.
 
-    A varying command comes with a note on its range.
+    A varying command comes with a note on its range, a negative one with a warning.
 
     Raises
     ------
     RecordError
-        Every sample is missing, or one is infinite.
+        Every sample is missing, one is infinite, or most are beyond any driver.
     """
     present = samples[~np.isnan(samples)]
     if present.size == 0 or np.isinf(present).any():
         problem = "has no value" if present.size == 0 else "has infinite values"
         raise RecordError(f"{source}: the {quantity} {problem}; correct the column or leave it out")
     value = float(np.median(present))
-    tolerance = _RELATIVE * abs(value) + _ABSOLUTE
+    tolerance = command_noise(value)
     low, high = np.percentile(present, [1.0, 99.0])
+    wrong = impossible_command(np.array([low, high]))
+    if max(-low, high) > LARGEST_COMMAND:
+        raise RecordError(f"{source}: the {quantity} {wrong}; check its unit, or leave the column out")
+    negative = (
+        (Finding(code="command_negative", severity="warning", message=f"the {quantity} {wrong}"),)
+        if wrong
+        else ()
+    )
     if high - low <= tolerance and not _has_pulse(np.abs(present - value) > tolerance):
-        return value, ()
+        return value, negative
     lowest, highest = range_in_words(present)
     message = (
         f"the {quantity} {variation_in_words(present)} {lowest} and {highest} {unit}; a model follows it by current "
         "laws (--law)"
     )
     measured = Measured(value=float(np.ptp(present)), unit=unit)
-    return samples, (Finding(code="command_varies", severity="note", message=message, measured=measured),)
+    varies = Finding(code="command_varies", severity="note", message=message, measured=measured)
+    return samples, (varies, *negative)
 
 
 def _has_pulse(outside: NDArray[np.bool_]) -> bool:
@@ -94,7 +108,7 @@ def with_nominal_command(test: DamperTest, nominal: Nominal) -> DamperTest:
             continue
         # A varying command disagrees if it never is the nominal one.
         nearest = float(np.clip(named, *command_range(measured)))
-        if abs(nearest - named) > _RELATIVE * abs(named) + _ABSOLUTE:
+        if abs(nearest - named) > command_noise(named):
             findings.append(_disagrees(quantity, named, nearest, unit))
     return replace(
         test,

@@ -12,6 +12,12 @@ from mrwork.summary import of_unit
 Command = float | NDArray[np.float64]
 """Command [A or V]: a number if it is constant, else shape (n_time,)."""
 
+LARGEST_COMMAND: Final = 1000.0
+"""Largest command [A or V] that a test may have."""
+# A measured command of zero is not exactly zero: by this [A or V], and by this share of the largest.
+_NOISE: Final = 0.02
+_NOISE_SHARE: Final = 0.05
+
 # Share of the samples in the middle half of the range of a command that switches between two levels.
 _BETWEEN: Final = 0.05
 # Correlation with time of a ramp over the whole record.
@@ -28,6 +34,21 @@ _STEPPED: Final = 0.8
 def command_range(command: Command) -> tuple[float, float]:
     """Lowest and highest value of a command."""
     return float(np.min(command)), float(np.max(command))
+
+
+def impossible_command(command: Command) -> str:
+    """What is wrong with a command, as the rest of a sentence: it is negative beyond noise, or beyond any driver."""
+    low, high = command_range(command)
+    if max(-low, high) > LARGEST_COMMAND:
+        return f"reaches {low if -low > high else high:g}, and no driver gives more than {LARGEST_COMMAND:g} A or V"
+    if low < -command_noise(max(-low, high)):
+        return f"goes down to {low:g}: the force does not depend on its direction, so give its magnitude"
+    return ""
+
+
+def command_noise(level: float) -> float:
+    """By how much a measured constant command of this level may vary [A or V]."""
+    return _NOISE_SHARE * abs(level) + _NOISE
 
 
 def command_in_words(command: Command, unit: str) -> str:

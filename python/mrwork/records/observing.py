@@ -22,7 +22,8 @@ _FIELDS: Final = {
     "gain": "gain",
     "offset": "offset",
 }
-# Least and largest value of each. An average and a delay are also shorter than the record.
+# Least and largest value of each. An average and a delay are also shorter than the record, and a lowpass is below half
+# its sampling rate.
 _RANGES: Final = {
     "average": (0.0, 1e6, "s"),
     "lowpass": (1e-3, 1e6, "Hz"),
@@ -81,6 +82,11 @@ def observed(test: DamperTest, observe: Sequence[str]) -> DamperTest:
             if name in _OF_PERIOD and abs(value) >= (duration := (test.n_time - 1) * test.dt):
                 raise SettingError(
                     f"{test.label}: --observe is {word!r}, the record lasts {duration:.4g} s; give less"
+                )
+            if name == "lowpass" and value >= (nyquist := 0.5 / test.dt):
+                raise SettingError(
+                    f"{test.label}: --observe is {word!r}, and samples every {test.dt:.4g} s hold nothing above "
+                    f"{nyquist:.4g} Hz; give less, or leave it out"
                 )
             values[_FIELDS[name]] = value
     return replace(test, observation=Observation(**values)) if values else test

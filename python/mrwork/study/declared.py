@@ -14,7 +14,7 @@ from dataclasses import Field, field, is_dataclass
 from typing import Any, Literal, NoReturn, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 from mrwork.errors import InvalidSettingError, MrworkError, SettingError
-from mrwork.keys import Place, described, is_required, keys_of, out_of_range, shown, suggestion
+from mrwork.keys import Place, control_in, described, is_required, keys_of, out_of_range, shown, suggestion
 from mrwork.units import number_in
 
 T = TypeVar("T")
@@ -88,6 +88,9 @@ def _value(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
     if origin is tuple:
         if not isinstance(value, list):
             _refuse(place, value, 'an array, as ["name"]' if arguments[0] is str else "an array, as [1, 2]")
+        if not value and place.path[-1] == entry.name and not is_dataclass(arguments[0]):
+            leave = "" if is_required(entry) else ", or leave it out"
+            place.refuse(f"{_name(place)} is empty; give {described(entry)}{leave}")
         # Bounds are those of a number or of an array of numbers; entries beside the diagonal of a matrix have none.
         notes = {**entry.metadata, "least": -math.inf, "above": -math.inf} if _is_nested(kind) else {}
         inner = field(metadata=notes) if notes else entry
@@ -118,6 +121,8 @@ def _plain(kind: Any, value: Any, place: Place, entry: Field[Any]) -> Any:
         return _ranged(kind(value), place, entry)
     if not isinstance(value, kind):
         _refuse(place, value, {str: "a text in quotes", bool: "true or false"}[kind])
+    if kind is str and entry.metadata["label"] and (control := control_in(value)):
+        place.refuse(f"{_name(place)} has the control character {control}; give printable text on one line")
     return value
 
 

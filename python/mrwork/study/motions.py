@@ -65,9 +65,6 @@ def _bare_motions(table: MotionTable, folder: Path, seed: int) -> Iterator[_Bare
     place = table.place
     if sum(each is not None for each in (table.file, table.synthetic, table.suite)) != 1:
         place.refuse(f"{place.table} needs either a file, a synthetic motion or a suite")
-    for name in ("factor", "pga"):
-        if getattr(table, name) == ():
-            place.within(name).refuse(f"{name} is empty; give a number for each motion, or leave it out")
     if table.factor is not None and table.pga is not None:
         place.within("pga").refuse("a motion is scaled by factor or to a pga; keep one")
     if table.file is not None:

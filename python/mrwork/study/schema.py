@@ -115,7 +115,7 @@ class ControllerTable:
 
     law: str = key("name of the law; required without user", default="")
     user: LawFileTable | None = key("law in Python instead", default=None)
-    label: str = key("label in tables; by default the title of the law", default="")
+    label: str = key("label in tables; by default the title of the law", default="", label=True)
     settings: Mapping[str, Any] | None = key("settings of the law", default=None)
     largest_command: float | None = key(
         "largest command that this law may send, by default that of the dampers",
@@ -130,7 +130,7 @@ class ControllerTable:
 class BaselineTable:
     """The building with other devices for comparison: a viscous damper, a tuned mass, isolation."""
 
-    label: str = key("label in tables")
+    label: str = key("label in tables", label=True)
     building: Mapping[str, Any] = key("keys of [building] to be replaced or added")
     place: Place
 
@@ -175,8 +175,10 @@ class MotionTable:
     )
     synthetic: Synthetic | None = key("filtered noise instead of a file", default=None)
     suite: SuiteTable | None = key("many synthetic motions instead of a file", default=None)
-    name: str = key("name in tables; of several records or a suite, the beginning of their names", default="")
-    group: str = key("group of the motions, of which tables have the score", default="")
+    name: str = key(
+        "name in tables; of several records or a suite, the beginning of their names", default="", label=True
+    )
+    group: str = key("group of the motions, of which tables have the score", default="", label=True)
     unit: str | None = key(
         "unit of the acceleration in the file, as g; needed if the file does not state it", default=None
     )

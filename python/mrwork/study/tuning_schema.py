@@ -50,7 +50,7 @@ class TuneTable:
     """
 
     laws: tuple[str, ...] = key("names of the laws")
-    label: str = key("appended to the titles of the laws in tables, by default tuned", default="")
+    label: str = key("appended to the titles of the laws in tables, by default tuned", default="", label=True)
     settings: Mapping[str, Any] | None = key("settings that are held", default=None)
     free: Mapping[str, tuple[float, ...]] | None = key(
         "settings to be searched, with the ends of their ranges, as { control_weight = [1e-15, 1e-9] }; an empty array "
@@ -76,7 +76,7 @@ class TuneTable:
         "number of all motions and realisations: their mean, the largest, or the mean of the worst share `tail`",
         default="mean",
     )
-    tail: float = key("share of the worst for cvar, up to 1", default=0.2, above=0.0)
+    tail: float | None = key("share of the worst for cvar, up to 1, by default 0.2", default=None, above=0.0)
     constraints: Mapping[str, float | str] | None = key(
         'upper limits of criteria under every motion, as { peak_stroke = "20 mm", rms_current = 0.5 }',
         default=None,

@@ -22,6 +22,7 @@ Floats = NDArray[np.float64]
 
 COMMAND = "A or V"
 """Unit of the criteria of the command."""
+_TAIL = 0.2
 PENALTY = 10.0
 """What is added to the objective for a constraint that is exceeded by its own limit."""
 
@@ -46,7 +47,7 @@ class Objective(Summarised):
 
     weights: Mapping[str, float]
     risk: Risk = "mean"
-    tail: float = 0.2
+    tail: float = _TAIL
     limits: tuple[Limit, ...] = ()
     relative_to: Baseline = "passive_off"
     combine: Combination = "mean"
@@ -132,9 +133,15 @@ def objective_of(table: TuneTable, command_unit: str) -> Objective:
         scored_criterion(table, "criteria", name)
         if not (weight > 0.0 and math.isfinite(weight)):
             _refuse(table, "criteria", f"the weight of {name} is {weight:g}; give a positive number")
-    if table.tail > 1.0:
+    if table.tail is not None and table.tail > 1.0:
         _refuse(
             table, "tail", f"tail is {table.tail:g}; give a share of the motions and realisations, up to 1"
+        )
+    if table.tail is not None and table.risk != "cvar":
+        _refuse(
+            table,
+            "tail",
+            f'tail has no effect on the risk {table.risk!r}; leave it out, or give risk = "cvar"',
         )
     limits = tuple(
         Limit(criterion=name, limit=_limit(table, name, value, command_unit))
@@ -143,7 +150,7 @@ def objective_of(table: TuneTable, command_unit: str) -> Objective:
     return Objective(
         weights=weights,
         risk=table.risk,
-        tail=table.tail,
+        tail=_TAIL if table.tail is None else table.tail,
         limits=limits,
         relative_to=table.relative_to,
         combine=table.combine,

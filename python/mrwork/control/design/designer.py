@@ -72,6 +72,10 @@ class WeightDesigner:
         self._outputs = LimitedOutputs.of(RmsLimits.of(limits), self.plant)
         self._budgets = as_forces(budget, self.plant)
         nominal = KanaiTajimi() if spectrum is None else spectrum
+        if cases and spectrum is not None:
+            raise SettingError(
+                "every case has a spectrum of its own, beside which `spectrum` has no effect; leave it out"
+            )
         self._cases = tuple(cases) or (DesignCase(name=building.name, building=building, spectrum=nominal),)
         for name, given, kind in (
             ("timing", timing, LoopTiming),
@@ -82,7 +86,7 @@ class WeightDesigner:
         self._timing, self._semi_active = timing, semi_active
         self._plants = [_plant_of_case(case, building, rows, names) for case in self._cases]
         self._systems = self._systems_of(None)
-        self._nominal = self._system(self.plant, spectrum or self._cases[0].spectrum, None)
+        self._nominal = self._system(self.plant, self._cases[0].spectrum, None)
         self._damping = self._condition_damping()
         self._program: DualProgram | None = None
         self._modes = program_modes

@@ -47,8 +47,9 @@ def design_weights(
         `KanaiTajimi` or `CloughPenzien`, as given or by `mr.motions.fitted_spectrum` of a record; Kanai-Tajimi on firm
         soil by default.
     cases
-        Plants that share the weights: mean squares are averaged over them; the gain is that of `building`. Without any,
-        `building` under `spectrum`.
+        Plants that share the weights, each with a spectrum of its own instead of `spectrum`: mean squares are averaged
+        over them; the gain is that of `building` under the spectrum of the first. Without any, `building` under
+        `spectrum`.
     timing
         Sample time, delay and driver for a design in discrete time.
     semi_active

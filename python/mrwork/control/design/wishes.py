@@ -83,7 +83,7 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
             plant.attachment,
             limits=limits,
             budget=self.budget if isinstance(self.budget, float | int) else list(self.budget),
-            spectrum=spectrum,
+            spectrum=None if self.stiffness else spectrum,
             cases=stiffness_cases(plant.building, self.stiffness, spectrum) if self.stiffness else (),
             timing=timing,
             semi_active=None if self.semi_active is None else SemiActiveCondition(share=self.semi_active),

@@ -15,9 +15,8 @@ from mrwork.dampers.parameters import CommandUnit
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest
-from mrwork.records.columns import LARGEST_COMMAND
 from mrwork.records.command import command_level
-from mrwork.records.command_signal import Command, levels_of_command
+from mrwork.records.command_signal import LARGEST_COMMAND, Command, levels_of_command
 from mrwork.records.damper_test import as_tests
 from mrwork.records.motion import spectrum
 from mrwork.simulate import Loading
