@@ -7,7 +7,8 @@ import re
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from numpy.typing import NDArray
 from record_files import AMPLITUDE, DT, FREQUENCY, Columns, clean_columns, codes, message
 
@@ -117,7 +118,7 @@ def test_a_gap_is_bridged_with_a_warning_that_says_where() -> None:
     np.testing.assert_allclose(test.force[:100], force[:100], rtol=1e-9)
 
 
-@settings(derandomize=True, max_examples=30)
+@examples(30)
 @given(offset=st.floats(-1e4, 1e4), stiffness=st.floats(-2e4, 2e4), rest=st.integers(0, 400))
 def test_force_of_either_sign_is_the_same_test_and_one_note(
     offset: float, stiffness: float, rest: int

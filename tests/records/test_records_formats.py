@@ -9,7 +9,8 @@ from pathlib import Path
 import hypothesis.strategies as st
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from record_files import AMPLITUDE, DT, FREQUENCY, N_TIME, clean_columns, codes, damaged, write_text
 from scipy.io import savemat
 
@@ -89,7 +90,7 @@ def test_text_in_a_column_that_is_not_asked_for_does_not_matter(tmp_path: Path) 
     assert_is_the_clean_test(read_damper_test(path), rtol=0.0)
 
 
-@settings(derandomize=True, max_examples=20)
+@examples(20)
 @given(order=st.permutations(list(clean_columns())))
 def test_the_order_of_columns_does_not_matter(
     tmp_path_factory: pytest.TempPathFactory, order: list[str]

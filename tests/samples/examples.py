@@ -16,5 +16,4 @@ def examples(count: int) -> settings:
         max_examples=count * TIMES,
         derandomize=True,
         suppress_health_check=[HealthCheck.too_slow],
-        deadline=None,
     )

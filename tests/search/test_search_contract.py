@@ -8,7 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from search_problems import (
     all_failing,
@@ -256,7 +257,7 @@ def fails(unit, threshold):
 
 
 @pytest.mark.parametrize("aborting", [fails, drops_values])
-@settings(max_examples=8)
+@examples(8)
 @given(rng=st.integers(0, 2**64 - 1), n_params=st.integers(1, 5))
 def test_exact_values_beyond_the_threshold_change_not_a_bit(aborting, rng, n_params):
     for own in OPTIMISERS.values():

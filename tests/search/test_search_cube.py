@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mrwork.errors import SettingError
@@ -101,7 +102,7 @@ def taken_of(population, misfit, count, distance):
     return kept[kept >= 0]
 
 
-@settings(max_examples=50)
+@examples(50)
 @given(rng=st.integers(0, 10**6), count=st.integers(1, 12), distance=st.floats(0.0, 1.0))
 def test_distinct_best_leaves_out_only_what_is_worse_and_near(rng, count, distance):
     draw = np.random.default_rng(rng)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mrwork.errors import SettingError
@@ -89,7 +90,7 @@ VALUES = st.recursive(
 )
 
 
-@settings(max_examples=60, derandomize=True)
+@examples(60)
 @given(st.lists(VALUES, min_size=1, max_size=6))
 def test_a_marker_after_any_values_is_found_on_its_line(values: list[str]) -> None:
     # TOML 1.0 wants an inline table on one line.
