@@ -7,6 +7,7 @@ from typing import Generic, TypeVar
 ResultT = TypeVar("ResultT")
 
 __all__ = [
+    "ArgumentError",
     "Interrupted",
     "InvalidSettingError",
     "JournalError",
@@ -48,6 +49,10 @@ class UnitError(MrworkError, ValueError):
 
 class SettingError(MrworkError, ValueError):
     """An option, bound or argument is outside what it may be."""
+
+
+class ArgumentError(MrworkError, TypeError):
+    """An argument is of another kind than the function takes."""
 
 
 class InvalidSettingError(SettingError):

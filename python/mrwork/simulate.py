@@ -6,12 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import ClassVar, get_args
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
+from mrwork.arguments import checked
 from mrwork.dampers.parameters import CommandUnit
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError, SimulationError
@@ -44,6 +45,7 @@ class Outcome(IntEnum):
         }[self]
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Loading(Summarised):
     """Imposed motion of a damper: displacement [m] and velocity [m/s], shape (n_time,), every `dt` [s].
@@ -66,13 +68,9 @@ class Loading(Summarised):
         Raises
         ------
         SettingError
-            If the arrays do not fit together or hold a value that is not finite, or the command is negative, beyond any
-            driver or in no unit of a command.
+            If the arrays do not fit together or hold a value that is not finite, or the command is negative or beyond any
+            driver.
         """
-        if self.command_unit not in (None, *get_args(CommandUnit)):
-            raise SettingError(
-                f"`command_unit` is {self.command_unit!r}; give {' or '.join(get_args(CommandUnit))}, or leave it out"
-            )
         displacement = np.ascontiguousarray(self.displacement, dtype=np.float64)
         velocity = None if self.velocity is None else np.ascontiguousarray(self.velocity, dtype=np.float64)
         command = None
@@ -243,6 +241,7 @@ def simulate_sensitivities(
     return Sensitivities(force=force, jacobian=jacobian, outcome=outcome, substeps=substeps)
 
 
+@checked
 def simulate_force(
     spec: DamperSpec, theta: ArrayLike, loading: Loading, *, substep_factor: int = 1
 ) -> NDArray[np.float64]:
@@ -269,7 +268,14 @@ def simulate_force(
             f"this {spec.name} takes its command in {spec.current.unit}, the loading's is in "
             f"{loading.command_unit or 'no stated unit'}; set `command` and `command_unit`"
         )
-    histories = simulate_forces(spec, np.atleast_2d(theta), loading.history(), substep_factor=substep_factor)
+    if np.ndim(theta) != 1:
+        raise SettingError(
+            f"`theta` has shape {np.shape(theta)}, one {spec.name} takes ({len(spec.parameters)},); "
+            "simulate several with mrwork.simulate.simulate_forces"
+        )
+    histories = simulate_forces(
+        spec, np.reshape(theta, (1, -1)), loading.history(), substep_factor=substep_factor
+    )
     outcome = Outcome(histories.outcome[0])
     if outcome is not Outcome.FINISHED:
         raise SimulationError(f"{spec.name} ended as {outcome.name.lower()}: {outcome.remedy}")

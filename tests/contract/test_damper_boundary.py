@@ -181,4 +181,4 @@ def test_the_facade_raises_errors_of_its_own(spec, theta, history, measured):
     with pytest.raises(SettingError, match="sampling step"):
         Loading(dt=0.0, displacement=measured).history()
     with pytest.raises(SimulationError, match=rf"{spec.name} ended as"):
-        simulate_force(spec, np.full(len(spec.parameters), np.nan), sine(n_time=N_TIME))
+        simulate_force(spec, np.full(len(spec.parameters), np.finfo(float).max), sine(n_time=N_TIME))

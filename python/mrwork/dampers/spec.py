@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +35,8 @@ class DamperSpec(Summarised):
     parameters of the model itself. `spring` names the stiffness k and the free length x0 of the accumulator; its
     force k (x - x0) depends on x0 through the product k x0 alone.
     """
+
+    _made_by: ClassVar[str] = "mr.damper(name)"
 
     name: str
     title: str

@@ -1,0 +1,189 @@
+"""Each form of annotation, with values that it takes and values that it refuses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal, Protocol
+
+import numpy as np
+import pytest
+from numpy.typing import ArrayLike, NDArray
+
+from mrwork.arguments import May, Within, checked
+from mrwork.errors import ArgumentError, SettingError
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Part:
+    """Something with a number."""
+
+    _made_by = "Part(size=...)"
+
+    size: Annotated[float, Within(above=0.0)] = 1.0
+    names: tuple[str, ...] = ()
+
+
+class Sized(Protocol):
+    """What has a size."""
+
+    size: float
+
+
+@checked
+def taken(
+    *,
+    number: float = 1.0,
+    limit: float = np.inf,
+    count: Annotated[int, Within(least=0)] = 0,
+    choice: Literal["lanes", "twin"] = "lanes",
+    switch: bool = False,
+    text: str | Path = "",
+    loose: ArrayLike | None = None,
+    strict: NDArray[np.float64] | None = None,
+    signs: NDArray[np.int64] | None = None,
+    worst: Annotated[ArrayLike, May.BE_INFINITE, Within(least=0.0)] = 0.0,
+    numbers: Sequence[float] = (),
+    names: str | Sequence[str] = (),
+    pair: tuple[float, float] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    called: Callable[[int], int] | None = None,
+    part: Part | None = None,
+    parts: Part | Sequence[Part] = (),
+    sized: Sized | None = None,
+    anything: Any = None,
+) -> dict[str, Any]:
+    """What it was given."""
+    return dict(locals())
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "expected"),
+    [
+        ("number", 2, 2),
+        ("number", np.float32(0.5), 0.5),
+        ("number", np.array(3.0), 3.0),
+        ("limit", np.inf, np.inf),
+        ("count", np.int64(3), 3),
+        ("switch", np.True_, True),
+        ("text", Path("a"), Path("a")),
+        ("loose", None, None),
+        ("loose", 3.0, 3.0),
+        ("loose", [[1, 2], [3, 4]], [[1, 2], [3, 4]]),
+        ("worst", [np.inf, 0.0], [np.inf, 0.0]),
+        ("numbers", np.arange(3.0), [0.0, 1.0, 2.0]),
+        ("names", "a", "a"),
+        ("pair", [1, 2], (1, 2)),
+        ("bounds", {"c": [0, 1]}, {"c": (0, 1)}),
+        ("called", abs, abs),
+        ("parts", [], []),
+        ("sized", Part(), Part()),
+        ("anything", "x", "x"),
+    ],
+)
+def test_a_value_of_the_kind_arrives(name: str, value: object, expected: object) -> None:
+    found = taken(**{name: value})[name]
+    assert found == expected
+    assert type(found) is type(expected)
+
+
+def test_numbers_arrive_as_the_array_that_is_annotated() -> None:
+    found = taken(strict=[1, 2], signs=np.array([1, -1], dtype=np.int8))
+    assert found["strict"].dtype == np.float64
+    assert found["signs"].dtype == np.int64
+    given = np.zeros(3)
+    assert taken(strict=given)["strict"] is given
+    assert Part(names=["a"]).names == ("a",)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("number", "1", "`number` of taken is '1'; give a number"),
+        ("number", True, "is True; give a number"),
+        ("number", 1j, "is 1j; give a number"),
+        ("number", None, "is None; give a number"),
+        ("count", 1.5, "is 1.5; give a whole number"),
+        ("choice", 3, "is 3; give 'lanes' or 'twin'"),
+        ("switch", 1, "is 1; give true or false"),
+        ("text", b"x", "give a text or a Path"),
+        ("loose", "x", "is 'x'; give an array of numbers"),
+        ("loose", [[1], [1, 2]], "rows of one length"),
+        ("loose", ["1"], "values of type <U1"),
+        ("loose", [True], "values of type bool"),
+        ("loose", np.array(["2020-01-01"], dtype="M8[D]"), "datetime64"),
+        (
+            "loose",
+            np.ma.masked_array([1.0, 2.0], [False, True]),
+            "masked values; fill them in or cut them out",
+        ),
+        ("loose", {"a": 1}, "is a dict; give an array of numbers"),
+        ("strict", [1j], "values of type complex128"),
+        ("signs", [0.5], "values of type float64; give an array of int64"),
+        ("numbers", "12", "is '12'; give a list"),
+        ("numbers", [1, "x"], "`numbers[1]` of taken is 'x'; give a number"),
+        ("numbers", np.zeros((2, 2)), "is an array of shape (2, 2)"),
+        ("names", [1], "`names[0]` of taken is 1; give a text"),
+        ("pair", (1, 2, 3), "has 3 values; give 2 values"),
+        ("bounds", {"c": 3}, "`bounds['c']` of taken is 3; give 2 values"),
+        ("bounds", [1], "is a list; give a dict"),
+        ("called", 3, "is 3; give a function"),
+        ("part", "a", "is 'a'; give a Part, made by Part(size=...)"),
+        ("part", Part, "is the class Part; give a Part"),
+        ("parts", [Part(), 3], "`parts[1]` of taken is 3; give a Part"),
+        ("sized", 3, "is 3; give an object with size"),
+    ],
+)
+def test_a_value_of_another_kind_is_refused_in_a_sentence(name: str, value: object, words: str) -> None:
+    with pytest.raises(ArgumentError) as refusal:
+        taken(**{name: value})
+    assert words in str(refusal.value)
+    assert str(refusal.value).isprintable()
+    assert isinstance(refusal.value, TypeError)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("number", np.nan, "is nan; give a finite number"),
+        ("number", np.inf, "is inf; give a finite number"),
+        ("number", 10**400, "give a smaller number"),
+        ("limit", np.nan, "is nan; give a finite number"),
+        ("count", -1, "is -1; give a whole number at least 0"),
+        ("choice", "lane", "is 'lane', did you mean lanes"),
+        ("choice", "x\x1b\n", r"is 'x\x1b\n'; choose one of lanes, twin"),
+        ("loose", [1.0, np.nan], "is nan at 1; give finite numbers"),
+        ("loose", [10**30], "more than 64 bits"),
+        ("strict", [[0.0, np.inf]], "is inf at (0, 1)"),
+        ("worst", [1.0, -1.0], "is -1 at 1; give numbers at least 0"),
+        ("worst", [np.nan], "is nan at 0"),
+        ("numbers", [0.0, np.inf], "`numbers[1]` of taken is inf"),
+    ],
+)
+def test_a_number_or_name_out_of_its_range_is_a_setting_error(name: str, value: object, words: str) -> None:
+    with pytest.raises(SettingError) as refusal:
+        taken(**{name: value})
+    assert words in str(refusal.value)
+    assert str(refusal.value).isprintable()
+
+
+def test_dataclasses_are_checked_when_they_are_built_and_replaced() -> None:
+    with pytest.raises(SettingError, match="`size` of Part is 0; give a number above 0"):
+        Part(size=0.0)
+    with pytest.raises(ArgumentError, match="`size` of Part"):
+        replace(Part(), size="x")
+
+
+def test_what_is_missing_or_unknown_is_said_by_python() -> None:
+    @checked
+    def wants(number: float) -> float:
+        return number
+
+    with pytest.raises(TypeError, match="missing 1 required positional argument"):
+        wants()  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match="unexpected keyword"):
+        wants(1.0, other=2)  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match="takes 1 positional argument"):
+        wants(1.0, 2.0)  # type: ignore[call-arg]
