@@ -68,8 +68,8 @@ class Loading(Summarised):
         Raises
         ------
         SettingError
-            If the arrays do not fit together or hold a value that is not finite, or the command is negative or beyond any
-            driver.
+            If the arrays do not fit together or hold a value that is not finite, or the command is negative or beyond
+            any driver.
         """
         displacement = np.ascontiguousarray(self.displacement, dtype=np.float64)
         velocity = None if self.velocity is None else np.ascontiguousarray(self.velocity, dtype=np.float64)
