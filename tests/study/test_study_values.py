@@ -19,6 +19,7 @@ from mrwork.study.study import fingerprint_of
 Document = dict[str, Any]
 
 POSITIVE = st.floats(0.05, 20.0)
+TUNED_MASS = {"tuned_mass": [{"floor": 1, "mass": 5.0, "frequency": 2.0, "ratio": 0.1}]}
 
 
 @st.composite
@@ -62,7 +63,25 @@ def documents(draw: st.DrawFn) -> Document:
             {"law": "passive", "label": f"law {number}", "settings": {"command": draw(st.floats(0.0, 0.1))}}
             for number in range(draw(st.integers(0, 2)))
         ],
+        "baseline": [{"label": "mass", "building": TUNED_MASS}] * draw(st.integers(0, 1)),
         "motion": motions,
+        "report": {"histories": draw(st.sampled_from(["detailed", "all", "none"]))},
+        "uncertainty": {
+            "realisations": draw(st.integers(1, 3)),
+            "stiffness": 0.1,
+            "seed": draw(st.integers(0, 9)),
+        },
+        "tune": [
+            {
+                "laws": ["lyapunov"],
+                "free": {"largest_command": [0.05, 0.1]},
+                "criteria": {"peak_drift": draw(st.floats(0.1, 2.0))},
+                "constraints": {"peak_stroke": "20 mm"},
+                "risk": "cvar",
+                "tail": draw(st.floats(0.1, 1.0)),
+                "budget": draw(st.integers(5, 99)),
+            }
+        ],
         "hardware": {
             "sample_time": draw(st.sampled_from([0.001, 0.002, 0.004])),
             "step": 0.001,
