@@ -186,11 +186,19 @@ def write_files(
 
 
 def real_place(path: str | Path) -> Path:
-    """Path with symbolic links resolved, so that writing to a link replaces its target and not the link."""
-    return Path(os.path.realpath(path))
+    """Path with symbolic links resolved, so that writing to a link replaces its target and not the link.
+
+    A loop of links, or a name that no file can have, stays; reading or writing it is refused.
+    """
+    try:
+        return Path(os.path.realpath(path))
+    except ValueError:
+        return Path(path)
 
 
 def _refuse_foreign(place: Path, path: str | Path) -> None:
+    if "\0" in str(path):
+        raise OutputError(f"{path} has a zero character, which no name can have; choose another name")
     if place.is_dir():
         if not (place / MANIFEST).is_file() and any(place.iterdir()):
             raise OutputError(
