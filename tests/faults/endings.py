@@ -1,6 +1,6 @@
 """Every long verb, ended in every way that a machine or a user has; then continued, to the same result.
 
-    python tests/faults/endings.py [--verb NAME] [--way NAME] [--points N] [--quick]
+    python tests/faults/endings.py [--verb NAME] [--way NAME] [--points N] [--part K/N] [--stages DIR] [--quick]
 
 A job is a command that takes some seconds on one thread. It is run once undisturbed; then again and again, each time
 in a fresh folder, and ended: killed, interrupted, on a disk that is full, beside a second process. After each end its
@@ -57,6 +57,8 @@ class Row:
 
     job: str
     way: str
+    # Which of all points: every so manieth, from this one on.
+    part: tuple[int, int] = (0, 1)
     points: int = 0
     right: int = 0
     early: int = 0
@@ -66,13 +68,21 @@ class Row:
     skipped: str = ""
     failures: list[str] = field(default_factory=list)
 
+    def numbers(self, points: int) -> range:
+        """Numbers of the points to be tried, of so many."""
+        first, step = self.part
+        return range(first, points, step)
+
     def add(self, label: str, complaints: Sequence[str], ended: Ended | None = None) -> None:
         """Count a point."""
         self.points += 1
         self.right += not complaints
         if complaints:
             self.failures.append(f"{self.job}, {self.way} {label}: {'; '.join(complaints)}")
-            print(f"  WRONG {self.failures[-1]}", flush=True)
+        print(
+            f"  {'WRONG ' + self.failures[-1] if complaints else f'{self.job}, {self.way} {label}'}",
+            flush=True,
+        )
         if ended is not None and ended.after is not None:
             self.worst = max(self.worst, ended.after)
 
@@ -202,21 +212,28 @@ class Stage:
 
     @classmethod
     def of(cls, job: Job, place: Path) -> Stage:
-        """Make the folders, and run the job undisturbed in each."""
-        fresh, earlier = place / "fresh", place / "earlier"
-        fresh.mkdir(parents=True)
-        job.prepare(fresh)
-        for words in job.base:
-            done(words, fresh)
-        shutil.copytree(fresh, earlier)
-        done(job.former, earlier)
-        before = {True: written_results(earlier, job), False: written_results(fresh, job)}
-        # Under the name that the points have, which the files state.
-        folder = copied(earlier, place / "point")
-        ended = done(job.words, folder)
-        whole = written_results(folder, job)
-        shutil.rmtree(folder)
-        return cls(job=job, fresh=fresh, earlier=earlier, whole=whole, before=before, cpu=ended.cpu)
+        """Make the folders and run the job undisturbed, unless that was done in this place."""
+        fresh, earlier, end = place / "fresh", place / "earlier", place / "whole"
+        if not end.exists():
+            shutil.rmtree(place, ignore_errors=True)
+            fresh.mkdir(parents=True)
+            job.prepare(fresh)
+            for words in job.base:
+                done(words, fresh)
+            shutil.copytree(fresh, earlier)
+            done(job.former, earlier)
+            # Under the name that the points have, which the files state.
+            folder = copied(earlier, place / "point")
+            (folder / "cpu").write_text(str(done(job.words, folder).cpu))
+            folder.rename(end)
+        return cls(
+            job=job,
+            fresh=fresh,
+            earlier=earlier,
+            whole=written_results(end, job),
+            before={True: written_results(earlier, job), False: written_results(fresh, job)},
+            cpu=float((end / "cpu").read_text()),
+        )
 
     @contextlib.contextmanager
     def folder(self, number: int) -> Iterator[tuple[Path, bool]]:
@@ -286,7 +303,8 @@ def signalled(number: signal.Signals, shift: float) -> Callable[[Stage, Row, int
     """A signal at points of the run."""
 
     def tried(stage: Stage, row: Row, points: int) -> None:
-        for count, at in enumerate(moments(stage.cpu, points, shift)):
+        for count in row.numbers(points):
+            at = moments(stage.cpu, points, shift)[count]
             with stage.folder(count) as (folder, with_earlier):
                 ended = run(stage.job.words, folder, at=at, disturb=lambda pid: os.kill(pid, number))
                 if ended.after is None:
@@ -317,7 +335,7 @@ def full_disk(stage: Stage, row: Row, points: int) -> None:
     if refusal := mount_refused():
         row.skipped = refusal
         return
-    for number in range(points):
+    for number in row.numbers(points):
         with stage.folder(number) as (folder, with_earlier):
             free = round((number / points) ** 2 * 1.5 * stage.job.needs) // 4096 * 4096
             with mounted("-t", "tmpfs", "-o", "size=1g", "tmpfs") as disk:
@@ -336,7 +354,7 @@ def full_disk(stage: Stage, row: Row, points: int) -> None:
 
 def file_limit(stage: Stage, row: Row, points: int) -> None:
     """Files that cannot grow beyond a size."""
-    for number in range(points):
+    for number in row.numbers(points):
         with stage.folder(number) as (folder, with_earlier):
             limit = round(1000 * (stage.job.needs / 1000) ** (number / max(points - 1, 1)))
             ended = run(stage.job.words, folder, limit=limit)
@@ -355,8 +373,7 @@ def space_is_named(ended: Ended) -> list[str]:
 
 def two_at_once(stage: Stage, row: Row, points: int) -> None:
     """Second processes on the run folder while the first runs."""
-    count = 0
-    while row.points < points and count < points:
+    for count in row.numbers(points):
         with stage.folder(count) as (folder, _):
             seconds: list[Ended] = []
             numbers: list[int] = []
@@ -365,7 +382,7 @@ def two_at_once(stage: Stage, row: Row, points: int) -> None:
                 pid: int, folder: Path = folder, seconds: list[Ended] = seconds, numbers: list[int] = numbers
             ) -> None:
                 numbers.append(pid)
-                words = stage.job.rivals[len(seconds) % len(stage.job.rivals)]
+                words = stage.job.rivals[count % len(stage.job.rivals)]
                 seconds.append(run(words, folder))
 
             # The first process waits while the second runs, so that it cannot end before it.
@@ -380,7 +397,6 @@ def two_at_once(stage: Stage, row: Row, points: int) -> None:
             start = stage.job.locked
             at = start + (stage.cpu - start - 0.3) * (count + 0.5) / points
             ended = run(stage.job.words, folder, at=at, disturb=while_stopped)
-            count += 1
             complaints = said_well(ended, (0,))
             complaints += same_results(written_results(folder, stage.job), stage.whole)
             if not seconds:
@@ -397,7 +413,7 @@ def read_only(stage: Stage, row: Row, points: int) -> None:
     if refusal := mount_refused():
         row.skipped = refusal
         return
-    for number in range(min(points, 2)):
+    for number in row.numbers(min(points, 2)):
         with stage.folder(number) as (folder, with_earlier):
             with mounted("--bind", str(folder)) as seen:
                 subprocess.run(["mount", "-o", "remount,ro,bind", str(seen)], check=True)
@@ -410,7 +426,7 @@ def read_only(stage: Stage, row: Row, points: int) -> None:
 
 def deleted(stage: Stage, row: Row, points: int) -> None:
     """The folder of the run, and that of its journal, removed while it runs."""
-    for number in range(points):
+    for number in row.numbers(points):
         with stage.folder(number) as (folder, _):
             at = 0.5 + (stage.cpu - 0.8) * (number + 0.5) / points
 
@@ -465,15 +481,15 @@ WAYS: dict[str, Callable[[Stage, Row, int], None]] = {
 def tried(names: Sequence[str], ways: Sequence[str], points: int, *, jobs: Sequence[Job] = JOBS) -> list[Row]:
     """Try jobs in ways; return the lines of the table."""
     rows = []
-    for job in jobs:
+    for job in JOBS:
         if job.name not in names:
             continue
         with tempfile.TemporaryDirectory() as place:
-            stage = Stage.of(job, Path(place))
+            stage = Stage.of(job, Path(stages or place) / job.name)
             print(f"{job.name}: {stage.cpu:.1f} s of CPU undisturbed", flush=True)
             for way in ways:
                 began = time.monotonic()
-                rows.append(row := Row(job.name, way))
+                rows.append(row := Row(job.name, way, part))
                 WAYS[way](stage, row, points)
                 row.seconds = time.monotonic() - began
                 print(row.text, flush=True)
@@ -489,7 +505,14 @@ def main() -> int:
     parser.add_argument("--way", action="append", choices=list(WAYS), help="only this way; repeat")
     parser.add_argument("--points", type=int, default=20, help="points of each way, default 20")
     parser.add_argument("--quick", action="store_true", help="three points of each way")
+    parser.add_argument(
+        "--part", default="0/1", metavar="K/N", help="of the points every N-th, from the K-th on"
+    )
+    parser.add_argument(
+        "--stages", type=Path, metavar="DIR", help="keep the folders of the jobs here, and use them again"
+    )
     options = parser.parse_args()
+    first, _, step = options.part.partition("/")
     # A background job of a shell ignores Ctrl-C, and so would every process that it starts.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     print(HEAD)
@@ -497,6 +520,8 @@ def main() -> int:
         options.verb or [job.name for job in JOBS],
         options.way or list(WAYS),
         3 if options.quick else options.points,
+        part=(int(first), int(step)),
+        stages=options.stages,
     )
     failures = [each for row in rows for each in row.failures]
     print("\n".join(["", HEAD, *(row.text for row in rows), "", *failures]))
