@@ -24,6 +24,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "samples"))
@@ -375,37 +376,32 @@ def two_at_once(stage: Stage, row: Row, points: int) -> None:
     """Second processes on the run folder while the first runs."""
     for count in row.numbers(points):
         with stage.folder(count) as (folder, _):
-            seconds: list[Ended] = []
-            numbers: list[int] = []
-
-            def second(
-                pid: int, folder: Path = folder, seconds: list[Ended] = seconds, numbers: list[int] = numbers
-            ) -> None:
-                numbers.append(pid)
-                words = stage.job.rivals[count % len(stage.job.rivals)]
-                seconds.append(run(words, folder))
-
-            # The first process waits while the second runs, so that it cannot end before it.
-            def while_stopped(pid: int, second: Callable[[int], None] = second) -> None:
-                os.kill(pid, signal.SIGSTOP)
-                try:
-                    second(pid)
-                finally:
-                    os.kill(pid, signal.SIGCONT)
-
+            rivals: list[tuple[int, Ended]] = []
+            words = stage.job.rivals[count % len(stage.job.rivals)]
+            compete = partial(rival, words=words, folder=folder, ended=rivals)
             # From when the options have been read and the folder is locked.
             start = stage.job.locked
             at = start + (stage.cpu - start - 0.3) * (count + 0.5) / points
-            ended = run(stage.job.words, folder, at=at, disturb=while_stopped)
+            ended = run(stage.job.words, folder, at=at, disturb=compete)
             complaints = said_well(ended, (0,))
             complaints += same_results(written_results(folder, stage.job), stage.whole)
-            if not seconds:
+            if not rivals:
                 row.late += 1
                 continue
-            complaints += [f"the second: {each}" for each in said_well(seconds[0], (2,))]
-            if f"process {numbers[0]} " not in seconds[0].stderr:
-                complaints.append(f"the second does not name the first: {seconds[0].stderr!r}")
+            pid, second = rivals[0]
+            complaints += [f"the second: {each}" for each in said_well(second, (2,))]
+            if f"process {pid} " not in second.stderr:
+                complaints.append(f"the second does not name the first: {second.stderr!r}")
             row.add(f"at {at:.2f} of {stage.cpu:.2f} s", complaints)
+
+
+def rival(pid: int, *, words: Sequence[str], folder: Path, ended: list[tuple[int, Ended]]) -> None:
+    """Run a second process, while the first one stands still and cannot end before it."""
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        ended.append((pid, run(words, folder)))
+    finally:
+        os.kill(pid, signal.SIGCONT)
 
 
 def read_only(stage: Stage, row: Row, points: int) -> None:
@@ -478,7 +474,9 @@ WAYS: dict[str, Callable[[Stage, Row, int], None]] = {
 }
 
 
-def tried(names: Sequence[str], ways: Sequence[str], points: int, *, jobs: Sequence[Job] = JOBS) -> list[Row]:
+def tried(
+    names: Sequence[str], ways: Sequence[str], points: int, *, part: tuple[int, int], stages: Path | None
+) -> list[Row]:
     """Try jobs in ways; return the lines of the table."""
     rows = []
     for job in JOBS:
