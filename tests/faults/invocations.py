@@ -1,6 +1,6 @@
 """Odd command lines for every verb: each must end in a result or in one sentence, soon and in little memory.
 
-    python tests/faults/invocations.py [--verb NAME] [--most N] [--seed N] [--quick]
+    python tests/faults/invocations.py [--verb NAME] [--most N] [--seed N] [--seconds S] [--quick]
 
 Options come from the parser. Each is given odd values; files and folders are replaced by pipes, devices, loops of links
 and damaged ones; files of a run are removed, cut and forged; options are combined at random. A command line is right
@@ -16,6 +16,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import math
 import os
 import random
 import resource
@@ -408,7 +409,7 @@ def in_processes(place: Path, whole: Path) -> Iterator[tuple[str, list[str]]]:
     gone = place / "gone"
     surroundings: list[tuple[str, dict[str, str], str]] = [
         ("ASCII", {"PYTHONIOENCODING": "ascii:strict"}, ""),
-        ("no locale", {"LC_ALL": "nonsense", "LANG": "", "PYTHONUTF8": "0"}, ""),
+        ("no locale", {"LC_ALL": "C", "LANG": "", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}, ""),
         ("a narrow terminal", {"COLUMNS": "1", "LINES": "0", "TERM": "\x1b"}, ""),
         ("a width that is none", {"COLUMNS": "x" * 1000}, ""),
         ("no home", {"HOME": "/nonexistent", "TMPDIR": "/nonexistent", "MPLCONFIGDIR": "/nonexistent"}, ""),
@@ -454,11 +455,15 @@ def hang(number: int, frame: object) -> None:
     raise HangError
 
 
-def all_tried(names: Sequence[str], most: int, seed: int, *, full: bool = True) -> dict[str, Count]:
+def all_tried(
+    names: Sequence[str], most: int, seed: int, *, full: bool = True, seconds: float = math.inf
+) -> dict[str, Count]:
     """Try at most so many command lines of some verbs; return the counts by verb.
 
-    In `full`, the run has what later verbs add, and some command lines run in processes of their own.
+    In `full`, the run has what later verbs add, and some command lines run in processes of their own. After `seconds`,
+    no more of a verb are tried.
     """
+    give_up = time.monotonic() + seconds
     counts = {verb: Count() for verb in (*names, *(["a process"] if full else []))}
     with tempfile.TemporaryDirectory() as name, contextlib.chdir(name):
         place = Path(name)
@@ -485,6 +490,8 @@ def all_tried(names: Sequence[str], most: int, seed: int, *, full: bool = True) 
         for verb, found in of_verb.items():
             count = counts[verb]
             for invocation in found if len(found) <= most else rng.sample(found, most):
+                if time.monotonic() > give_up:
+                    break
                 count.cases[invocation.case] += 1
                 wrong = tried(invocation, place, whole, count)
                 if wrong:
@@ -494,7 +501,7 @@ def all_tried(names: Sequence[str], most: int, seed: int, *, full: bool = True) 
                 if count.cases.total() % 50 == 0:
                     print(f"{verb}: {count.cases.total()} of {len(found)} tried", flush=True)
         signal.signal(signal.SIGALRM, before)
-        if full:
+        if full and time.monotonic() < give_up:
             for said, wrong in in_processes(place, whole):
                 counts["a process"].cases["surroundings"] += 1
                 if wrong:
@@ -532,7 +539,7 @@ def main() -> int:
     given = options.parse_args()
     began = time.monotonic()
     most = 20 if given.quick else given.most
-    counts = all_tried(given.verb or verbs(), most, given.seed, full=not given.quick)
+    counts = all_tried(given.verb or verbs(), most, given.seed, full=not given.quick, seconds=given.seconds)
     print(table(counts))
     print(f"{time.monotonic() - began:.0f} s")
     return any(count.wrong for count in counts.values())
