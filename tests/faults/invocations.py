@@ -57,6 +57,8 @@ MOST_MEMORY = 1 << 30
 PATIENCE = 120
 ADDED = ("profile", "sample", "calibrate", "predict", "report", "plan")
 ON_STUDY = ("respond", "tune")
+# In the place of a verb: command lines that run in processes of their own.
+PROCESSES = "processes"
 # A run that does not end at once is none of these tests: sizes are small where an invocation is right.
 SMALL = {"--steps": "2", "--walkers": "16", "--generations": "1", "--population": "8"}
 
@@ -460,11 +462,9 @@ def all_tried(
 ) -> dict[str, Count]:
     """Try at most so many command lines of some verbs; return the counts by verb.
 
-    In `full`, the run has what later verbs add, and some command lines run in processes of their own. After `seconds`,
-    no more of a verb are tried.
+    In `full`, the run has what later verbs add. After `seconds`, no more are tried.
     """
-    give_up = time.monotonic() + seconds
-    counts = {verb: Count() for verb in (*names, *(["a process"] if full else []))}
+    counts = {verb: Count() for verb in names}
     with tempfile.TemporaryDirectory() as name, contextlib.chdir(name):
         place = Path(name)
         record = written_record(place / "10mm1Hz.csv")
@@ -482,7 +482,8 @@ def all_tried(
             if made.returncode != 0:
                 raise RuntimeError(made.stderr)
         shutil.copytree(whole, place / "run")
-        of_verb: dict[str, list[Invocation]] = {verb: [] for verb in names}
+        give_up = time.monotonic() + seconds
+        of_verb: dict[str, list[Invocation]] = {verb: [] for verb in names if verb != PROCESSES}
         for invocation in invocations(place, seed):
             of_verb.get(invocation.verb, []).append(invocation)
         before = signal.signal(signal.SIGALRM, hang)
@@ -501,12 +502,14 @@ def all_tried(
                 if count.cases.total() % 50 == 0:
                     print(f"{verb}: {count.cases.total()} of {len(found)} tried", flush=True)
         signal.signal(signal.SIGALRM, before)
-        if full and time.monotonic() < give_up:
-            for said, wrong in in_processes(place, whole):
-                counts["a process"].cases["surroundings"] += 1
-                if wrong:
-                    counts["a process"].wrong.append(f"{said!r}: {'; '.join(wrong)}")
-                    print(f"  WRONG {counts['a process'].wrong[-1]}", flush=True)
+        count = counts.get(PROCESSES, Count())
+        for line, wrong in in_processes(place, whole) if PROCESSES in counts else ():
+            count.cases["surroundings"] += 1
+            if wrong:
+                count.wrong.append(f"{line!r}: {'; '.join(wrong)}")
+                print(f"  WRONG {count.wrong[-1]}", flush=True)
+            if time.monotonic() > give_up:
+                break
     return counts
 
 
@@ -530,16 +533,23 @@ def table(counts: dict[str, Count]) -> str:
 def main() -> int:
     """Run, print, and return the exit status."""
     options = argparse.ArgumentParser(description="Try odd command lines.")
-    options.add_argument("--verb", action="append", choices=verbs(), help="only this verb; repeat for more")
+    options.add_argument(
+        "--verb", action="append", choices=[*verbs(), PROCESSES], help="only this verb; repeat for more"
+    )
     options.add_argument("--most", type=int, default=1_000_000, help="at most so many of each verb")
     options.add_argument("--seed", type=int, default=0, help="seed of what is combined, default 0")
+    options.add_argument(
+        "--seconds", type=float, default=math.inf, help="begin no more after so many seconds"
+    )
     options.add_argument(
         "--quick", action="store_true", help="at most 20 of each verb, none in a process of its own"
     )
     given = options.parse_args()
     began = time.monotonic()
     most = 20 if given.quick else given.most
-    counts = all_tried(given.verb or verbs(), most, given.seed, full=not given.quick, seconds=given.seconds)
+    names = given.verb or [*verbs(), *([] if given.quick else [PROCESSES])]
+    full = not given.quick and any(name in ADDED for name in names)
+    counts = all_tried(names, most, given.seed, full=full, seconds=given.seconds)
     print(table(counts))
     print(f"{time.monotonic() - began:.0f} s")
     return any(count.wrong for count in counts.values())
