@@ -11,7 +11,7 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import read_fit
 from mrwork.store.codec import json_document, read_document
 from mrwork.store.input_file import exists, is_file
-from mrwork.store.run_folder import FIT, LAWS, PLAN, PROFILES, RANKING, RESULTS, write_files
+from mrwork.store.run_folder import FIT, LAWS, PLAN, PROFILES, RANKING, RESULTS
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.calibration_files import StoredBands, read_bands
 from mrwork.uncertainty.bands.conformal import Calibration
@@ -96,7 +96,7 @@ def with_additions(place: Path, fit: Fit) -> StoredRun:
         Where one of the files is damaged.
     """
     draws = read_draws(place, fit)
-    profiles = read_document(Profiles, place / PROFILES, name="profiles", verb="profile")
+    profiles = read_profiles(place)
     return StoredRun(
         place=place,
         fit=fit.with_intervals(_intervals(fit, draws, profiles)),
@@ -109,17 +109,33 @@ def with_additions(place: Path, fit: Fit) -> StoredRun:
     )
 
 
-def record_intervals(place: Path) -> None:
-    """Write the fit of a run folder again, with the intervals that the folder has.
+def fit_content(
+    place: Path, fit: Fit, *, draws: Draws | None = None, profiles: Profiles | None = None
+) -> bytes:
+    """The file of a fit, with the intervals of `draws` and `profiles`, or else of those in its folder at `place`.
 
     Raises
     ------
     RecordError
         Where a file of the folder is damaged.
-    OutputError
-        Where the fit cannot be written.
     """
-    write_files(place, {FIT: json_document(load(place).fit.as_dict()).encode()})
+    found = _intervals(
+        fit,
+        read_draws(place, fit) if draws is None else draws,
+        read_profiles(place) if profiles is None else profiles,
+    )
+    return json_document(fit.with_intervals(found).as_dict()).encode()
+
+
+def read_profiles(place: Path) -> Profiles | None:
+    """The profiles of the run folder at `place`, `None` where there are none.
+
+    Raises
+    ------
+    RecordError
+        Where they are damaged.
+    """
+    return read_document(Profiles, place / PROFILES, name="profiles", verb="profile")
 
 
 def _intervals(fit: Fit, draws: Draws | None, profiles: Profiles | None) -> Intervals | None:

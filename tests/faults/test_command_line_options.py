@@ -63,15 +63,40 @@ def refused(ended: Ended, given: object) -> None:
     assert ended.stderr[:-1].isprintable(), (given, ended.stderr)
 
 
-@pytest.fixture(scope="module")
-def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def written_record(path: Path) -> Path:
+    """A test of a damper with friction and viscosity."""
     time = np.arange(0.0, 2.0, 0.01)
     velocity = 20.0 * np.pi * np.cos(2.0 * np.pi * time)
     columns = (time, 10.0 * np.sin(2.0 * np.pi * time), 0.4 * np.tanh(velocity / 10.0) + 0.005 * velocity)
-    path = tmp_path_factory.mktemp("record") / "10mm1Hz.csv"
     rows = "\n".join(",".join(f"{number:.9f}" for number in row) for row in zip(*columns, strict=True))
     path.write_text(f"t_s,displacement_mm,force_kN\n{rows}\n")
     return path
+
+
+def arguments_of(verb: str, record: Path, run: Path, folder: Path) -> list[object]:
+    """Arguments with which a verb would run, writing into a folder; a new verb needs its line."""
+    study = folder / "study.toml"
+    study.write_text(study_text("control_weight = 1e-13"))
+    arguments: dict[str, list[object]] = {
+        "models": [],
+        "check": [record],
+        "identify": [record, "--model", "static_hysteretic", "--out", folder / "new"],
+        "profile": [run],
+        "sample": [run, "--steps", "2"],
+        "calibrate": [run, record],
+        "predict": [run, record],
+        "report": [run],
+        "plan": [run],
+        "respond": [study, "--out", folder / "study"],
+        "tune": [study, "--out", folder / "tuned", "--quick"],
+        "convert": ["spencer", "--to", "normalised", "alpha=1", "A=1", "n=2", "gamma=1", "beta=1"],
+    }
+    return arguments[verb]
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return written_record(tmp_path_factory.mktemp("record") / "10mm1Hz.csv")
 
 
 @pytest.fixture(scope="module")
@@ -84,24 +109,7 @@ def run(record: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def given(verb: str, record: Path, run: Path, tmp_path: Path) -> list[object]:
-    """Arguments with which the verb would run; a new verb needs its line."""
-    study = tmp_path / "study.toml"
-    study.write_text(study_text("control_weight = 1e-13"))
-    arguments: dict[str, list[object]] = {
-        "models": [],
-        "check": [record],
-        "identify": [record, "--model", "static_hysteretic", "--out", tmp_path / "new"],
-        "profile": [run],
-        "sample": [run, "--steps", "2"],
-        "calibrate": [run, record],
-        "predict": [run, record],
-        "report": [run],
-        "plan": [run],
-        "respond": [study, "--out", tmp_path / "study"],
-        "tune": [study, "--out", tmp_path / "tuned", "--quick"],
-        "convert": ["spencer", "--to", "normalised", "alpha=1", "A=1", "n=2", "gamma=1", "beta=1"],
-    }
-    return arguments[verb]
+    return arguments_of(verb, record, run, tmp_path)
 
 
 def test_every_option_is_tried() -> None:

@@ -27,7 +27,7 @@ from mrwork.records import DamperTest, build_damper_test
 from mrwork.records.command_signal import Command
 from mrwork.search import EfficientGA, StopRules
 from mrwork.simulate import loading_of
-from mrwork.uncertainty.bands.calibration_files import read_predictions, write_predictions
+from mrwork.uncertainty.bands.calibration_files import predictions_content, read_predictions
 from mrwork.uncertainty.bands.prediction import folds_of
 
 DT = 2e-3
@@ -191,7 +191,8 @@ def test_the_twin_follows_constant_and_varying_commands_together() -> None:
 
 def test_stored_predictions_keep_the_command(tmp_path: Path) -> None:
     tests = (record(switching), record(0.5))
-    write_predictions(tmp_path, [mr.Prediction(test=test, model_force=test.force) for test in tests])
+    content = predictions_content([mr.Prediction(test=test, model_force=test.force) for test in tests])
+    (tmp_path / "predictions.npz").write_bytes(content)
     stored = read_predictions(tmp_path)
     np.testing.assert_array_equal(stored[0].test.current, tests[0].current)
     assert stored[1].test.current == 0.5

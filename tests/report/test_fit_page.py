@@ -31,7 +31,7 @@ from mrwork.report.progress import PageProgress
 from mrwork.store.codec import json_document
 from mrwork.stored import StoredRun
 from mrwork.synthetic import synthetic_test
-from mrwork.uncertainty.bands.calibration_files import read_predictions, write_predictions
+from mrwork.uncertainty.bands.calibration_files import predictions_content, read_predictions
 from mrwork.uncertainty.bands.prediction import Prediction
 
 READING = ["--every", "5"]
@@ -266,7 +266,8 @@ def test_a_fit_without_local_minimisations_has_no_waterfall() -> None:
 
 def test_predictions_come_back_as_they_were_but_for_rounding(tmp_path: Path) -> None:
     made = comparison(n_time=400)
-    write_predictions(tmp_path, [Prediction(test=made.test, model_force=made.model_force)])
+    content = predictions_content([Prediction(test=made.test, model_force=made.model_force)])
+    (tmp_path / "predictions.npz").write_bytes(content)
     (read,) = read_predictions(tmp_path)
     assert (read.test.name, read.test.dt, read.test.current) == (made.test.name, made.test.dt, 0.5)
     np.testing.assert_allclose(read.model_force, made.model_force, rtol=1e-6, atol=1e-4)

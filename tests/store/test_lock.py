@@ -13,14 +13,18 @@ from pathlib import Path
 import pytest
 from command_line import started
 
-from mrwork.errors import JournalError, MrworkWarning, OutputError
+from mrwork.errors import JournalError, MrworkWarning, OutputError, SettingError
+from mrwork.store.journal import Journal
 from mrwork.store.lock import Lock, is_lock
+from mrwork.store.run_lock import adding, replacing_run
 from mrwork.store.unfinished import (
     StepJournals,
     begin_addition,
     begin_journal,
+    is_complete,
     keep_addition,
     resume_addition,
+    run_journal,
 )
 
 HOLDER = """
@@ -141,3 +145,80 @@ def test_an_addition_to_a_folder_that_was_replaced_is_one_sentence(tmp_path: Pat
     with pytest.raises(OutputError, match="if the run was replaced, run again"):
         keep_addition(journal, tmp_path / "posterior.jsonl")
     journal.close()
+
+
+def test_a_second_journal_of_the_same_process_is_told_to_close_the_first(tmp_path: Path) -> None:
+    first = Journal(tmp_path / "chain.jsonl")
+    first.agree("run", {"seed": 1})
+    with pytest.raises(
+        JournalError, match=r"^this process is writing .*chain\.jsonl already; close that journal"
+    ):
+        Journal(tmp_path / "chain.jsonl").agree("run", {"seed": 2})
+    first.close()
+    with closing(Journal(tmp_path / "chain.jsonl", resume=True)) as second:
+        second.agree("run", {"seed": 1})
+
+
+@pytest.fixture
+def run(tmp_path: Path) -> Path:
+    place = tmp_path / "run"
+    place.mkdir()
+    (place / "manifest.json").write_text('{"status": "converged"}')
+    return place
+
+
+@pytest.mark.parametrize("name", ["posterior.jsonl", "plan.json"])
+def test_a_run_is_not_replaced_while_something_is_added_nor_added_to_while_it_is_replaced(
+    run: Path, name: str
+) -> None:
+    with adding(run, name), adding(run, "profiles.json"):
+        with pytest.raises(JournalError, match=f"is writing {run}/p"), replacing_run(run):
+            pytest.fail("it was replaced")
+        with pytest.raises(JournalError, match=f"is writing {run / name}"), adding(run, name):
+            pytest.fail("it was added twice")
+    with replacing_run(run), pytest.raises(JournalError, match=f"is writing {run} "), adding(run, name):
+        pytest.fail("it was added")
+    assert [entry.name for entry in (*run.parent.iterdir(), *run.iterdir())] == ["run", "manifest.json"]
+
+
+@pytest.mark.parametrize(
+    ("error", "kept"),
+    [
+        (SettingError("no"), False),
+        (OutputError("no room"), True),
+        (OSError("no room"), True),
+        (MemoryError(), True),
+        (KeyboardInterrupt(), True),
+    ],
+    ids=lambda value: type(value).__name__,
+)
+@pytest.mark.parametrize("begun", [False, True])
+def test_a_journal_outlives_what_can_be_resumed(
+    tmp_path: Path, error: BaseException, kept: bool, begun: bool
+) -> None:
+    def fail() -> None:
+        with run_journal(tmp_path / "run", resume=False, note=pytest.fail) as journal:
+            if begun:
+                journal.agree("run", {"seed": 1})
+            raise error
+
+    with pytest.raises(type(error)):
+        fail()
+    assert [entry.name for entry in tmp_path.iterdir()] == (["run.part"] if kept and begun else [])
+    told = "run the same command with --resume to continue" in getattr(error, "__notes__", ())
+    assert told == (begun and isinstance(error, KeyboardInterrupt))
+    if kept and begun:
+        with run_journal(tmp_path / "run", resume=True, note=pytest.fail) as journal:
+            journal.agree("run", {"seed": 1})
+
+
+@pytest.mark.parametrize(
+    ("manifest", "complete"),
+    [(None, False), ('{"status": "interrupted"}', False), ('{"status": "converged"}', True), ("{", True)],
+)
+def test_a_run_is_complete_unless_its_manifest_says_otherwise(
+    tmp_path: Path, manifest: str | None, complete: bool
+) -> None:
+    if manifest is not None:
+        (tmp_path / "manifest.json").write_text(manifest)
+    assert is_complete(tmp_path) is complete

@@ -18,7 +18,7 @@ from mrwork.errors import Interrupted, JournalError, SettingError
 from mrwork.store import Journal
 from mrwork.uncertainty.posterior.diagnostics import diagnose, next_check
 from mrwork.uncertainty.posterior.draws import Draws, summary_of
-from mrwork.uncertainty.posterior.draws_file import read_draws, write_draws
+from mrwork.uncertainty.posterior.draws_file import draws_content, read_draws
 from mrwork.uncertainty.posterior.ensemble import Ensemble
 from mrwork.uncertainty.posterior.prior import Normal, Uniform
 from mrwork.uncertainty.posterior.sample import SamplingProgress, sample
@@ -120,7 +120,7 @@ def test_draws_are_a_datatree_with_units_and_provenance(draws: Draws, tmp_path: 
     assert tree.attrs["verdict"] == draws.verdict
     assert small_test().sha256 in tree.attrs["inputs"]
     assert tree["observed_data"]["small"].size == small_test().n_time
-    write_draws(tmp_path, draws)
+    (tmp_path / "posterior.nc").write_bytes(draws_content(draws))
     read = read_draws(tmp_path, small_fit())
     assert read is not None
     same = ("names", "noise_names", "status", "verdict", "n_steps", "thinning")

@@ -45,6 +45,7 @@ from mrwork.errors import RecordError
 from mrwork.keys import Place
 from mrwork.store.input_file import TOML, is_folder, text_of
 from mrwork.store.parse import toml_table
+from mrwork.store.run_folder import real_place
 
 Floats = NDArray[np.float64]
 
@@ -89,7 +90,7 @@ def _read(path: Path, readers: tuple[Path, ...]) -> Building:
     except ValueError as error:
         raise RecordError(f"{path}: is not TOML ({error}); correct it there") from error
     entries = Entries({"name": path.stem, **table}, Place(origin=str(path)))
-    built = _built(entries, path.parent, (*readers, path.resolve()))
+    built = _built(entries, path.parent, (*readers, real_place(path)))
     return built if built.source else replace(built, source=str(path))
 
 
@@ -137,7 +138,7 @@ def _built(entries: Entries, folder: Path, readers: tuple[Path, ...]) -> Buildin
 
 def _named(entries: Entries, form: str, folder: Path, readers: tuple[Path, ...]) -> Building:
     name = entries.text(form)
-    if form == "file" and (folder / name).resolve() in readers:
+    if form == "file" and real_place(folder / name) in readers:
         entries.refuse(f"{name} refers back to itself; name the file of another building", form)
     with entries.place.within(form).prefixed():
         return published_building(name) if form == "published" else _read(folder / name, readers)

@@ -29,8 +29,9 @@ from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import read_fit, reopen
 from mrwork.identification.identify import identify_again
 from mrwork.records import DamperTest, observed
-from mrwork.store.run_folder import CALIBRATION
-from mrwork.uncertainty.bands.calibration_files import Folds, write_calibration, write_predictions
+from mrwork.store.run_folder import CALIBRATION, FOLDS
+from mrwork.store.run_lock import adding
+from mrwork.uncertainty.bands.calibration_files import Folds, write_bands
 from mrwork.uncertainty.bands.conformal import (
     LEVELS,
     Calibration,
@@ -70,20 +71,21 @@ def add_parser(verbs: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Predict, calibrate, measure the coverage, and write the result into the run folder."""
-    if options.files:
-        predictions, held_out = _unseen(options), "the fit has not seen"
-    else:
-        predictions, held_out = _left_out(options), IN_WORDS[options.leave_out]
-    calibration = calibrate(predictions, held_out=held_out)
-    coverage = measured_coverage(predictions) if len(calibration.tests) > 1 else ()
-    write_calibration(options.run_folder, calibration, coverage)
-    write_predictions(options.run_folder, [each for each in predictions if each.seen is None])
-    status = renew_page(options.run_folder, quiet=options.quiet or options.json)
-    if options.json:
-        print_json(_summary(calibration, coverage))
-    else:
-        show(_text(calibration, coverage, options.run_folder))
-    return status
+    with adding(options.run_folder, CALIBRATION):
+        if options.files:
+            predictions, held_out = _unseen(options), "the fit has not seen"
+        else:
+            predictions, held_out = _left_out(options), IN_WORDS[options.leave_out]
+        calibration = calibrate(predictions, held_out=held_out)
+        coverage = measured_coverage(predictions) if len(calibration.tests) > 1 else ()
+        unseen = [each for each in predictions if each.seen is None]
+        write_bands(options.run_folder, calibration, coverage, unseen)
+        status = renew_page(options.run_folder, quiet=options.quiet or options.json)
+        if options.json:
+            print_json(_summary(calibration, coverage))
+        else:
+            show(_text(calibration, coverage, options.run_folder))
+        return status
 
 
 def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:
@@ -119,7 +121,13 @@ def _left_out(options: argparse.Namespace) -> tuple[Prediction, ...]:
         finally:
             line.close()
 
-    found = predict_left_out(opened.tests, options.leave_out, identify_rest, on_fold=on_fold)
+    try:
+        found = predict_left_out(opened.tests, options.leave_out, identify_rest, on_fold=on_fold)
+    except KeyboardInterrupt as interrupt:
+        interrupt.add_note(
+            f"the fits of folds so far are in {opened.place / FOLDS}; run the same command again to continue"
+        )
+        raise
     if found.failures:
         raise SettingError(
             f"{len(found.failures)} of {len(opened.tests)} tests cannot be predicted without themselves, first: "

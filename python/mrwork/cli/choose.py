@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import textwrap
-from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
@@ -83,7 +82,7 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
     tests = tuple(observed(test, settings.observe) for test in reading.tests())
     folder = options.out or Path("out") / f"{stem_of(tests)}-models"
     check_destination(folder)
-    with closing(StepJournals(folder, resume=options.resume, note=note)) as journals:
+    with StepJournals(folder, resume=options.resume, note=note) as journals:
         choice, status = run_search(
             lambda line: choose_model(
                 tests,
@@ -101,7 +100,6 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
             choice_described,
             options,
             before="any model was identified",
-            discard=journals.discard,
         )
         if choice is None:
             return status
@@ -110,7 +108,7 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
         if status == 0:
             best = with_identifiability(best, tests, threads=options.threads)
         documents: dict[str, object] = {f"{MODELS}/{name}/{FIT}": fit.as_dict() for name, fit in fits.items()}
-        write_identification(
+        written = write_identification(
             folder,
             best,
             journals.path(f"{best.model}/fit"),
@@ -119,18 +117,19 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
         )
         if status == 0:
             journals.discard()
-    text = _text(choice.ranking, folder)
-    return close_run(
-        folder,
-        best,
-        tests,
-        status,
-        options,
-        text=f"{text}\n\n{text_of(best, tests)}" if status == 0 else text,
-        kept="what was identified",
-        document=_summary(choice, folder),
-        ranking=choice.ranking,
-    )
+        text = _text(choice.ranking, folder)
+        return close_run(
+            folder,
+            best,
+            tests,
+            status,
+            options,
+            text=f"{text}\n\n{text_of(best, tests)}" if status == 0 else text,
+            kept="what was identified",
+            written=written,
+            document=_summary(choice, folder),
+            ranking=choice.ranking,
+        )
 
 
 def _summary(choice: Choice, folder: Path) -> dict[str, Any]:

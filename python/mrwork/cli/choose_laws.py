@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import textwrap
-from contextlib import closing
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -45,7 +44,7 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
     tests = tuple(observed(test, settings.observe) for test in reading.tests())
     folder = options.out or Path("out") / f"{stem_of(tests)}-{options.model}"
     check_destination(folder)
-    with closing(StepJournals(folder, resume=options.resume, note=note)) as journals:
+    with StepJournals(folder, resume=options.resume, note=note) as journals:
         choice, status = run_search(
             lambda line: choose_laws(
                 options.model,
@@ -61,7 +60,6 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
             laws_described,
             options,
             before="any laws were fitted",
-            discard=journals.discard,
         )
         if choice is None:
             return status
@@ -71,7 +69,7 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
         fit = with_command(fit, reading)
         # The last step that has begun: after an interrupt that may be the choice.
         steps = [journals.path(f"{fit.model}/{step}") for step in ("fit", "laws")]
-        write_identification(
+        written = write_identification(
             folder,
             fit,
             next(path for path in steps if path.is_file()),
@@ -80,17 +78,18 @@ def run(options: argparse.Namespace, settings: FitSettings) -> int:
         )
         if status == 0:
             journals.discard()
-    return close_run(
-        folder,
-        fit,
-        tests,
-        status,
-        options,
-        text="\n".join([*_lines(choice.table, folder), "", text_of(fit, tests)]),
-        kept="the best of what was fitted",
-        document=summary_of(fit, tests, folder) | {"choice_of_laws": asdict(choice.table)},
-        laws=choice.table,
-    )
+        return close_run(
+            folder,
+            fit,
+            tests,
+            status,
+            options,
+            text="\n".join([*_lines(choice.table, folder), "", text_of(fit, tests)]),
+            kept="the best of what was fitted",
+            written=written,
+            document=summary_of(fit, tests, folder) | {"choice_of_laws": asdict(choice.table)},
+            laws=choice.table,
+        )
 
 
 def _lines(table: LawTable, folder: Path) -> list[str]:

@@ -72,8 +72,9 @@ def status_of(arguments: Sequence[str], signals: Signals) -> int:
         with warnings_in_one_line():
             status = _ended(arguments, signals)
             show_all()
-    except KeyboardInterrupt:
-        note("interrupted")
+    except KeyboardInterrupt as interrupt:
+        # How to continue is told by what has kept something.
+        note("; ".join(["interrupted", *getattr(interrupt, "__notes__", ())]))
         return signals.status
     except _SAID as error:
         note(sentence_on(error))

@@ -11,12 +11,11 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from mrwork.cli.options import cannot_be_resumed
-from mrwork.cli.output import drawing, print_json, result_lines
+from mrwork.cli.output import drawing, print_json, result_lines, stopped_in_words
 from mrwork.cli.progress import ProgressLine
 from mrwork.cli.terminal import note, show
 from mrwork.dampers.spec import damper
-from mrwork.errors import Interrupted, MrworkError
+from mrwork.errors import Interrupted
 from mrwork.escaping import escaped
 from mrwork.identification.fit import Estimate, Fit
 from mrwork.identification.fit_file import write_run
@@ -25,6 +24,7 @@ from mrwork.identification.settings import Reading
 from mrwork.records import DamperTest
 from mrwork.records.findings import gathered_findings
 from mrwork.store.run_folder import REPORT
+from mrwork.store.unfinished import INTERRUPTED, is_complete
 
 if TYPE_CHECKING:
     from mrwork.report.progress import OnDrawn
@@ -46,8 +46,6 @@ def run_search(
     options: argparse.Namespace,
     *,
     before: str,
-    discard: Callable[[], None],
-    useless: Callable[[], bool] = lambda: False,
 ) -> tuple[Result | None, int]:
     """Run a search with a progress line; return its result, or `None`, and the exit status, 130 after Ctrl-C.
 
@@ -61,10 +59,6 @@ def run_search(
         The command line.
     before
         What has not happened when Ctrl-C leaves no result, for the message.
-    discard
-        Called to remove the journals after an error that makes them useless.
-    useless
-        Whether the journals are useless after any error.
     """
     line = ProgressLine(described, quiet=options.quiet or options.json)
     try:
@@ -74,10 +68,6 @@ def run_search(
             line.close()
             note(f"interrupted before {before}; run the same command with --resume to continue")
         return interrupt.result, 130
-    except MrworkError as error:
-        if cannot_be_resumed(error, options) or useless():
-            discard()
-        raise
     finally:
         line.close()
 
@@ -102,9 +92,16 @@ def write_identification(
     *,
     finished: bool,
     documents: Mapping[str, object] | None = None,
-) -> None:
-    """Write the run folder, its page excepted; without waiting for the disk after an interrupt."""
-    manifest = {"kind": "identification", "model": fit.model, "status": fit.status} | asdict(fit.provenance)
+) -> bool:
+    """Write the run folder, its page excepted; return whether that was done.
+
+    After an interrupt it is done without waiting for the disk, and not in place of a complete run.
+    """
+    if not finished and is_complete(folder):
+        return False
+    # In an interrupted comparison, the fit itself may be finished.
+    status = fit.status if finished else INTERRUPTED
+    manifest = {"kind": "identification", "model": fit.model, "status": status} | asdict(fit.provenance)
     write_run(
         folder,
         fit=fit,
@@ -114,6 +111,7 @@ def write_identification(
         documents=documents,
         flush=finished,
     )
+    return True
 
 
 def write_fit_page(
@@ -147,19 +145,20 @@ def close_run(
     *,
     text: str,
     kept: str,
+    written: bool,
     document: Mapping[str, object],
     ranking: Ranking | None = None,
     laws: LawTable | None = None,
 ) -> int:
     """Print the result of a run whose folder is written, draw its page; return the exit status.
 
-    After Ctrl-C, `status` 130, a message says that what is `kept` so far is in the folder, and no page is drawn.
+    After Ctrl-C, `status` 130, a message says whether what is `kept` so far was `written`, and no page is drawn.
     `document` is printed with --json in place of `text`.
     """
     if not options.json:
         show(text)
     if status == 130:
-        note(f"interrupted; {kept} so far is in {folder}; run the same command with --resume to continue")
+        note(stopped_in_words(folder, kept, written=written))
     else:
         quiet = options.quiet or options.json
         status = write_fit_page(folder, fit, tests, quiet=quiet, ranking=ranking, laws=laws)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, get_args
@@ -46,8 +45,8 @@ from mrwork.identification.problem import start_from
 from mrwork.identification.searches import Search, method_of, search_named, searches
 from mrwork.identification.settings import Engine, FitSettings
 from mrwork.records import DamperTest, observed
-from mrwork.store.run_folder import JOURNAL, check_destination, real_place
-from mrwork.store.unfinished import begin_journal, discard_journal, is_copy, resume_journal
+from mrwork.store.run_folder import check_destination
+from mrwork.store.unfinished import discard_journal, run_journal
 
 
 def add_parser(verbs: Any) -> None:
@@ -196,7 +195,7 @@ def run(options: argparse.Namespace) -> int:
     starts = tuple(start_from(read_fit(run), spec) for run in options.starts)
     folder = options.out or Path("out") / f"{stem_of(tests)}-{spec.name}"
     check_destination(folder)
-    with closing(resume_journal(folder, note=note) if options.resume else begin_journal(folder)) as journal:
+    with run_journal(folder, resume=options.resume, note=note) as journal:
         fit, status = run_search(
             lambda line: identify_with(
                 spec,
@@ -209,8 +208,6 @@ def run(options: argparse.Namespace) -> int:
             IdentificationInWords(),
             options,
             before="any candidate was simulated",
-            discard=lambda: discard_journal(journal),
-            useless=lambda: is_copy(real_place(folder) / JOURNAL, journal),
         )
         journal.finish()
         if fit is None:
@@ -218,18 +215,20 @@ def run(options: argparse.Namespace) -> int:
         if status == 0:
             fit = with_identifiability(fit, tests, threads=options.threads)
         fit = with_command(fit, reading)
-        write_identification(folder, fit, journal.path, finished=status == 0)
-        discard_journal(journal)
-    return close_run(
-        folder,
-        fit,
-        tests,
-        status,
-        options,
-        text=text_of(fit, tests),
-        kept="the best fit",
-        document=summary_of(fit, tests, folder),
-    )
+        written = write_identification(folder, fit, journal.path, finished=status == 0)
+        if written:
+            discard_journal(journal)
+        return close_run(
+            folder,
+            fit,
+            tests,
+            status,
+            options,
+            text=text_of(fit, tests),
+            kept="the best fit",
+            written=written,
+            document=summary_of(fit, tests, folder),
+        )
 
 
 def _with_laws(plain: DamperSpec, tests: tuple[DamperTest, ...], options: argparse.Namespace) -> DamperSpec:

@@ -10,7 +10,7 @@ from typing import get_args
 
 from mrwork.cli.numbers import EVERY, INSTANT, SEED, SETTLE, THREADS, add_number
 from mrwork.dampers.parameters import CommandUnit, LawName
-from mrwork.errors import JournalError, MrworkError, OutputError, SettingError
+from mrwork.errors import SettingError
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.settings import Reading, is_synthetic
 from mrwork.records import DamperTest, parse_column_option
@@ -110,14 +110,6 @@ def add_json(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--json", action="store_true", help="print one JSON object on stdout and nothing else"
     )
-
-
-def cannot_be_resumed(error: MrworkError, options: argparse.Namespace) -> bool:
-    """Whether a new run failed with an error that makes its journal useless.
-
-    After an error of the journal, or one that occurred while files were written, the run can be resumed.
-    """
-    return not options.resume and not isinstance(error, JournalError | OutputError)
 
 
 def reading_of(options: argparse.Namespace, use: Use | None = None) -> Reading:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from mrwork.cli.progress import PATIENCE, ProgressLine, page_described
 from mrwork.cli.terminal import note, show
-from mrwork.errors import MrworkError
+from mrwork.errors import MrworkError, OutputError
 from mrwork.store.codec import finite
 from mrwork.summary import Summarised, aligned
 
@@ -33,8 +33,17 @@ def result_lines(result: Summarised) -> list[str]:
     return table_lines([summary.columns, *summary.rows])
 
 
+def stopped_in_words(folder: Path, kept: str, *, written: bool) -> str:
+    """What is left after Ctrl-C, and how to continue."""
+    where = f"{kept} so far is in {folder}" if written else f"{folder} keeps the complete run that it has"
+    return f"interrupted; {where}; run the same command with --resume to continue"
+
+
 def renew_page(folder: Path, *, quiet: bool) -> int:
-    """Draw the page of a run again after a file was added to its folder; return the exit status, see `drawing`."""
+    """Draw the page of a run again after a file was added to its folder; return the exit status, see `drawing`.
+
+    It is 2 where the page cannot be written; where the tests of the run cannot be read, a message says so.
+    """
 
     def draw(on_progress: OnDrawn) -> None:
         # Matplotlib is slow to load.
@@ -46,7 +55,7 @@ def renew_page(folder: Path, *, quiet: bool) -> int:
         return drawing(folder, draw, quiet=quiet)
     except MrworkError as reason:
         note(f"the page of {folder} was not updated: {reason}")
-        return 0
+        return 2 if isinstance(reason, OutputError) else 0
 
 
 def drawing(folder: Path, draw: Callable[[OnDrawn], None], *, quiet: bool) -> int:

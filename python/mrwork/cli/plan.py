@@ -20,6 +20,7 @@ from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit_file import OpenedRun, reopen
 from mrwork.store.codec import json_document
 from mrwork.store.run_folder import PLAN, REPORT, write_files
+from mrwork.store.run_lock import adding
 from mrwork.uncertainty.planning.candidates import Candidate, Limits, candidate_grid, read_candidates
 
 if TYPE_CHECKING:
@@ -80,11 +81,15 @@ def add_parser(verbs: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Rank the candidates, check the reductions with draws, write and print."""
+    with adding(options.run_folder, PLAN):
+        return _plan(reopen(options.run_folder), options)
+
+
+def _plan(opened: OpenedRun, options: argparse.Namespace) -> int:
     # SciPy's optimisers are slow to load, and the help does not need them.
     from mrwork.uncertainty.planning.plan import LinearisedPosterior, plan
     from mrwork.uncertainty.planning.plan_draws import checked_with_draws
 
-    opened = reopen(options.run_folder)
     spec = opened.fit.spec
     limits = Limits(stroke=options.stroke, peak_velocity=options.peak_velocity)
     candidates = _candidates(options, opened, limits)

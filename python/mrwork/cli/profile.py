@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,11 +14,12 @@ from mrwork.cli.output import print_json, renew_page, result_lines
 from mrwork.cli.progress import PATIENCE, ProgressLine, profile_described
 from mrwork.cli.terminal import note, show
 from mrwork.errors import Interrupted
-from mrwork.identification.certainty import Identifiability
+from mrwork.identification.certainty import Direction
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import reopen
+from mrwork.identification.fit_file import OpenedRun, reopen
 from mrwork.store.codec import json_document
-from mrwork.store.run_folder import PROFILES, REPORT, write_files
+from mrwork.store.run_folder import FIT, PROFILES, REPORT, write_files
+from mrwork.store.run_lock import adding
 
 if TYPE_CHECKING:
     from mrwork.uncertainty.identifiability.profile import Profiles
@@ -48,14 +50,17 @@ def add_parser(verbs: Any) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Profile, write the document and the figure into the run folder, print the table."""
+    with adding(options.run_folder, PROFILES):
+        return _profile(reopen(options.run_folder), options)
+
+
+def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
     # SciPy's optimisers are slow to load, and the help does not need them.
-    from mrwork.stored import record_intervals
+    from mrwork.stored import fit_content, read_profiles
     from mrwork.uncertainty.identifiability.profile_likelihood import profile
     from mrwork.uncertainty.identifiability.verdicts import identifiability_of
 
-    opened = reopen(options.run_folder)
     line = ProgressLine(profile_described, quiet=options.quiet or options.json, patience=PATIENCE)
-    status = 0
     try:
         profiles = profile(
             opened.fit,
@@ -66,24 +71,43 @@ def run(options: argparse.Namespace) -> int:
             on_progress=line,
         )
     except Interrupted as interrupt:
-        profiles, status = interrupt.result, 130
+        line.close()
+        return _stopped(opened, interrupt.result, read_profiles(opened.place), options)
     finally:
         line.close()
     identifiability = identifiability_of(opened.fit, opened.tests, threads=options.threads)
     document = asdict(profiles) | {"directions": [asdict(each) for each in identifiability.directions]}
-    write_files(opened.place, {PROFILES: json_document(document).encode()})
-    record_intervals(opened.place)
-    drawn = renew_page(opened.place, quiet=options.quiet or options.json)
+    contents = {
+        PROFILES: json_document(document).encode(),
+        FIT: fit_content(opened.place, opened.fit, profiles=profiles),
+    }
+    write_files(opened.place, contents)
+    status = renew_page(opened.place, quiet=options.quiet or options.json)
     if options.json:
         print_json(document | {"out": str(opened.place / PROFILES)})
     else:
-        show(_text(opened.fit, profiles, identifiability, opened.place))
-    if status == 130:
-        note(f"interrupted; the profiles computed so far are in {opened.place / PROFILES}")
-    return status or drawn
+        show(_text(opened.fit, profiles, identifiability.directions, opened.place))
+    return status
 
 
-def _text(fit: Fit, profiles: Profiles, identifiability: Identifiability, place: Path) -> str:
+def _stopped(
+    opened: OpenedRun, profiles: Profiles, earlier: Profiles | None, options: argparse.Namespace
+) -> int:
+    """Write and print the profiles of an interrupted run, not in place of complete ones; return the exit status."""
+    document = asdict(profiles) | {"directions": []}
+    written = earlier is None or earlier.status != "finished"
+    if written:
+        write_files(opened.place, {PROFILES: json_document(document).encode()})
+    if options.json:
+        print_json(document | {"out": str(opened.place / PROFILES)})
+    else:
+        show(_text(opened.fit, profiles, (), opened.place))
+    where = "has the profiles so far" if written else "keeps the complete profiles that it has"
+    note(f"interrupted; {opened.place / PROFILES} {where}; run the same command again for all")
+    return 130
+
+
+def _text(fit: Fit, profiles: Profiles, directions: Sequence[Direction], place: Path) -> str:
     share = 100.0 * profiles.level
     form = "" if profiles.model == fit.model else f", in the form {profiles.model}"
     lines = [
@@ -93,7 +117,7 @@ def _text(fit: Fit, profiles: Profiles, identifiability: Identifiability, place:
         *result_lines(profiles),
         "",
     ]
-    sentences = [*(each.sentence for each in identifiability.directions), *filter(None, [profiles.remark])]
+    sentences = [*(each.sentence for each in directions), *filter(None, [profiles.remark])]
     if sentences:
         lines += [*(f"- {sentence}" for sentence in sentences), ""]
     lines += [f"{profiles.evaluations} simulations, {profiles.seconds:.1f} s. Report: {place / REPORT}"]

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import argparse
 import time
-from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrwork.cli.options import add_json, add_quiet, add_seed, add_threads, cannot_be_resumed
-from mrwork.cli.output import print_json
+from mrwork.cli.options import add_json, add_quiet, add_seed, add_threads
+from mrwork.cli.output import print_json, stopped_in_words
 from mrwork.cli.progress import PATIENCE, ProgressLine, study_described
 from mrwork.cli.study_manifest import command_line, study_manifest
 from mrwork.cli.terminal import note, show
-from mrwork.errors import Interrupted, MrworkError, SettingError
+from mrwork.errors import Interrupted, SettingError
 
 if TYPE_CHECKING:
     from mrwork.store import Journal
@@ -70,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
         raise SettingError("no study is given; give a STUDY.toml, or --schema to print its keys")
     # SciPy and the simulation are slow to load.
     from mrwork.store.run_folder import check_destination
-    from mrwork.store.unfinished import begin_journal, resume_journal
+    from mrwork.store.unfinished import run_journal
     from mrwork.study.reading import read_study
 
     began = time.perf_counter()
@@ -78,13 +77,12 @@ def run(options: argparse.Namespace) -> int:
     study = whole if options.motions == "all" else whole.of_use(options.motions)
     place = options.out or Path("out") / options.study.stem
     check_destination(place)
-    with closing(resume_journal(place, note=note) if options.resume else begin_journal(place)) as journal:
+    with run_journal(place, resume=options.resume, note=note) as journal:
         return _respond(study, place, journal, options, began)
 
 
 def _respond(study: Study, place: Path, journal: Journal, options: argparse.Namespace, began: float) -> int:
-    from mrwork.store.run_folder import JOURNAL, real_place
-    from mrwork.store.unfinished import discard_journal, is_copy
+    from mrwork.store.unfinished import discard_journal, is_complete
     from mrwork.study.run import run_study
     from mrwork.study.stored_histories import Histories
 
@@ -103,18 +101,13 @@ def _respond(study: Study, place: Path, journal: Journal, options: argparse.Name
         )
     except Interrupted as interrupt:
         results, status = interrupt.result, 130
-    except MrworkError as error:
-        if cannot_be_resumed(error, options) or is_copy(real_place(place) / JOURNAL, journal):
-            histories.discard()
-            discard_journal(journal)
-        raise
     finally:
         line.close()
         journal.finish()
-    seconds = time.perf_counter() - began
-    _write(place, options, study, results, histories, journal, seconds)
-    histories.discard()
-    discard_journal(journal)
+    written = status == 0 or not is_complete(place)
+    if written:
+        _write(place, options, study, results, histories, journal, time.perf_counter() - began)
+        discard_journal(journal)
     if options.json:
         from mrwork.study.folder import study_document
 
@@ -128,9 +121,7 @@ def _respond(study: Study, place: Path, journal: Journal, options: argparse.Name
             show("\n".join([f"Weights of {label}", *(f"  {sentence}" for sentence in each), ""]))
         show(study_text(results, place))
     if status == 130:
-        note(
-            f"interrupted; the completed runs are in {place}; run the same command with --resume to continue"
-        )
+        note(stopped_in_words(place, "what was simulated", written=written))
     return status
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Mapping
-from contextlib import closing
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,17 +13,10 @@ from mrwork.cli.options import add_json, add_quiet, add_run, add_seed, add_threa
 from mrwork.cli.output import print_json, renew_page, result_lines
 from mrwork.cli.progress import PATIENCE, ProgressLine, sampling_described
 from mrwork.cli.terminal import note, show
-from mrwork.errors import Interrupted, JournalError, MrworkError
+from mrwork.errors import Interrupted, JournalError
 from mrwork.identification.fit_file import OpenedRun, reopen
-from mrwork.store.run_folder import CHAIN, DRAWS, FORMER_CHAIN
-from mrwork.store.unfinished import (
-    begin_addition,
-    begun_of,
-    discard_journal,
-    is_copy,
-    keep_addition,
-    resume_addition,
-)
+from mrwork.store.run_folder import CHAIN, DRAWS, FIT, FORMER_CHAIN, write_files
+from mrwork.store.unfinished import addition_journal, begun_of, keep_addition
 from mrwork.uncertainty.noise import NOISES, names_in_words
 from mrwork.uncertainty.posterior.prior import Prior, parse_prior
 
@@ -82,38 +74,36 @@ def run(options: argparse.Namespace) -> int:
     priors = dict(parse_prior(text) for text in options.prior)
     opened = reopen(options.run_folder)
     kept = opened.place / CHAIN
-    with closing(_journal(kept, options)) as journal:
+    if options.resume:
+        _refuse_former(kept)
+    with addition_journal(kept, resume=options.resume, note=note) as journal:
         draws, status = _sample(opened, priors, journal, options)
         if draws is None:
             return status
-        keep_addition(journal, kept)
         # ArviZ and HDF5 take seconds to load.
-        from mrwork.stored import record_intervals
-        from mrwork.uncertainty.posterior.draws_file import write_draws
+        from mrwork.stored import fit_content
+        from mrwork.uncertainty.posterior.draws_file import draws_content
 
-        write_draws(opened.place, draws)
+        contents = {DRAWS: draws_content(draws), FIT: fit_content(opened.place, opened.fit, draws=draws)}
+        write_files(opened.place, contents, then=lambda: keep_addition(journal, kept))
         # A chain of an earlier version, which is not that of the draws any more.
         (opened.place / FORMER_CHAIN).unlink(missing_ok=True)
-        record_intervals(opened.place)
-    status = renew_page(opened.place, quiet=options.quiet or options.json)
-    if options.json:
-        print_json(_summary(draws, opened.place))
-    else:
-        show(_text(draws, opened.place))
-    return status
+        status = renew_page(opened.place, quiet=options.quiet or options.json)
+        if options.json:
+            print_json(_summary(draws, opened.place))
+        else:
+            show(_text(draws, opened.place))
+        return status
 
 
-def _journal(kept: Path, options: argparse.Namespace) -> Journal:
-    """The journal of the command line, which is to be moved to `kept` when the chain is complete."""
-    if not options.resume:
-        return begin_addition(kept)
+def _refuse_former(kept: Path) -> None:
+    """Refuse to resume where the folder has a chain of an earlier version only."""
     former = kept.with_name(FORMER_CHAIN)
     if former.is_file() and not kept.is_file() and not begun_of(kept).is_file():
         raise JournalError(
             f"{former} is a chain of an earlier version, which cannot be resumed; sample again without --resume, "
             "or keep its draws as they are"
         )
-    return resume_addition(kept, note=note)
 
 
 def _sample(
@@ -145,10 +135,6 @@ def _sample(
             "run the same command with --resume to continue"
         )
         return None, 130
-    except MrworkError:
-        if is_copy(opened.place / CHAIN, journal):
-            discard_journal(journal)
-        raise
     finally:
         line.close()
     return draws, 0

@@ -13,7 +13,7 @@ from mrwork.escaping import escaped, escaped_lines
 
 
 def show(text: str) -> None:
-    """Print a text on stdout.
+    """Print a text on stdout; where its reader has left, as head does, the text is lost and the work goes on.
 
     Raises
     ------
@@ -75,7 +75,7 @@ def _written(text: str) -> None:
         sys.stdout.write(text)
         sys.stdout.flush()
     except BrokenPipeError:
-        raise OutputError("standard output was closed before everything was printed") from None
+        return
     except OSError as reason:
         raise OutputError(
             f"standard output cannot be written ({reason.strerror}); free some space, or redirect it elsewhere"

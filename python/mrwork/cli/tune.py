@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import argparse
 import time
-from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from mrwork.cli.options import add_json, add_quiet, add_seed, add_threads, cannot_be_resumed
-from mrwork.cli.output import print_json, table_lines
+from mrwork.cli.options import add_json, add_quiet, add_seed, add_threads
+from mrwork.cli.output import print_json, stopped_in_words, table_lines
 from mrwork.cli.progress import PATIENCE, ProgressLine, tuning_described
 from mrwork.cli.study_manifest import command_line, study_manifest
 from mrwork.cli.terminal import note, show
-from mrwork.errors import Interrupted, MrworkError
+from mrwork.errors import Interrupted
 from mrwork.summary import with_decimals
 
 if TYPE_CHECKING:
@@ -68,7 +67,7 @@ def run(options: argparse.Namespace) -> int:
     """Tune, write the folder, print the result."""
     # SciPy and the simulation are slow to load.
     from mrwork.store.run_folder import check_destination
-    from mrwork.store.unfinished import begin_journal, resume_journal
+    from mrwork.store.unfinished import run_journal
     from mrwork.study.reading import read_study
 
     began = time.perf_counter()
@@ -76,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
     tables = _tables(study, options)
     place = options.out or Path("out") / f"{options.study.stem}-tuned"
     check_destination(place)
-    with closing(resume_journal(place, note=note) if options.resume else begin_journal(place)) as journal:
+    with run_journal(place, resume=options.resume, note=note) as journal:
         return _tune(study, tables, place, journal, options, began)
 
 
@@ -88,8 +87,7 @@ def _tune(
     options: argparse.Namespace,
     began: float,
 ) -> int:
-    from mrwork.store.run_folder import JOURNAL, real_place
-    from mrwork.store.unfinished import discard_journal, is_copy
+    from mrwork.store.unfinished import discard_journal, is_complete
     from mrwork.tuning.folder import tuning_document
     from mrwork.tuning.run import tune
 
@@ -101,15 +99,12 @@ def _tune(
         )
     except Interrupted as interrupt:
         results, status = interrupt.result, 130
-    except MrworkError as error:
-        if cannot_be_resumed(error, options) or is_copy(real_place(place) / JOURNAL, journal):
-            discard_journal(journal)
-        raise
     finally:
         line.close()
         journal.finish()
-    _write(place, options, study, results, journal, time.perf_counter() - began)
-    if status == 0:
+    written = status == 0 or not is_complete(place)
+    if written:
+        _write(place, options, study, results, journal, time.perf_counter() - began)
         discard_journal(journal)
     if options.json:
         document = tuning_document(results) | {"out": str(place)}
@@ -117,7 +112,7 @@ def _tune(
     else:
         show(_text(results, place))
     if status == 130:
-        note(f"interrupted; what was found is in {place}; run the same command with --resume to continue")
+        note(stopped_in_words(place, "what was found", written=written))
     return status
 
 

@@ -17,7 +17,7 @@ from mrwork.records.formats.layout import delimiter_of, is_data, split
 from mrwork.records.formats.open import EXTENSIONS, TEXT_EXTENSIONS
 from mrwork.records.table import listed_files
 from mrwork.store.input_file import RECORD, exists, is_file, is_folder, start_of
-from mrwork.store.run_folder import replacing
+from mrwork.store.run_folder import real_place, replacing
 from mrwork.summary import Summarised, listed
 
 Use = Literal["fit", "calibration", "test"]
@@ -83,7 +83,7 @@ def check_given_once(rows: Sequence[ListedTest]) -> None:
     RecordError
         There is such a test.
     """
-    places = [Path(row.file).resolve() for row in rows]
+    places = [real_place(row.file) for row in rows]
     for row, place in zip(rows, places, strict=True):
         if row.use is not None and places.count(place) > 1:
             raise RecordError(

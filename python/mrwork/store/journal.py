@@ -45,6 +45,8 @@ class Counters(Protocol):
 class Journal:
     """Steps of a run in a file, one per line.
 
+    From the first step until `close`, which the caller calls, no other journal of the file can be written.
+
     Parameters
     ----------
     path

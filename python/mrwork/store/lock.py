@@ -93,6 +93,8 @@ def _flock(file: int, path: Path) -> None:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         holder = os.pread(file, _LONGEST, 0).decode(errors="replace").strip() or "another process"
+        if holder == _signature():
+            raise JournalError(f"this process is writing {path} already; close that journal first") from None
         raise JournalError(
             f"{holder} is writing {path}; wait for its end, or end it, or choose another folder"
         ) from None
@@ -108,4 +110,8 @@ def _sign(file: int) -> None:
     """Write who holds the lock; on a full disk the holder stays unnamed."""
     with suppress(OSError):
         os.ftruncate(file, 0)
-        os.write(file, f"process {os.getpid()} on {socket.gethostname()}\n".encode())
+        os.write(file, f"{_signature()}\n".encode())
+
+
+def _signature() -> str:
+    return f"process {os.getpid()} on {socket.gethostname()}"

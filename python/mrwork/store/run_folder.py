@@ -12,12 +12,12 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Collection, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from mrwork.errors import JournalError, OutputError
-from mrwork.store.lock import Lock
+from mrwork.store.lock import Lock, is_lock
 
 MANIFEST = "manifest.json"
 JOURNAL = "journal.jsonl"
@@ -157,6 +157,8 @@ def replacing(path: Path) -> Iterator[Path]:
         path.parent.mkdir(parents=True, exist_ok=True)
         yield beside
         beside.replace(path)
+    except OutputError:
+        raise
     except OSError as reason:
         raise OutputError(
             f"cannot write {path}: {reason.strerror or reason}; make room, or give leave to write there"
@@ -165,25 +167,38 @@ def replacing(path: Path) -> Iterator[Path]:
         beside.unlink(missing_ok=True)
 
 
-def write_files(folder: Path, contents: Mapping[str, bytes]) -> None:
-    """Write files into a run folder, each atomically; keys are paths inside the folder.
+def write_files(
+    folder: Path, contents: Mapping[str, bytes], *, then: Callable[[], None] = lambda: None
+) -> None:
+    """Write files into a run folder; keys are paths inside the folder.
+
+    When all are written, under temporary names, `then` is called; after that none can lack space, and they are renamed.
 
     Raises
     ------
     OutputError
-        If a file cannot be written.
+        If a file cannot be written; earlier files are then unchanged.
     """
-    for name, content in contents.items():
-        with replacing(folder / name) as beside:
-            beside.write_bytes(content)
+    with ExitStack() as renamed:
+        for name, content in contents.items():
+            renamed.enter_context(replacing(folder / name)).write_bytes(content)
+        then()
 
 
 def real_place(path: str | Path) -> Path:
-    """Path with symbolic links resolved, so that writing to a link replaces its target and not the link."""
-    return Path(os.path.realpath(path))
+    """Path with symbolic links resolved, so that writing to a link replaces its target and not the link.
+
+    A loop of links, or a name that no file can have, stays; reading or writing it is refused.
+    """
+    try:
+        return Path(os.path.realpath(path))
+    except ValueError:
+        return Path(path)
 
 
 def _refuse_foreign(place: Path, path: str | Path) -> None:
+    if "\0" in str(path):
+        raise OutputError(f"{path} has a zero character, which no name can have; choose another name")
     if place.is_dir():
         if not (place / MANIFEST).is_file() and any(place.iterdir()):
             raise OutputError(
@@ -219,7 +234,7 @@ def _keep_additions(place: Path, fresh: Path, written: Collection[str]) -> None:
     if not place.exists():
         return
     for entry in place.iterdir():
-        if entry.name in written:
+        if entry.name in written or is_lock(entry.name):
             continue
         if entry.is_dir() and not entry.is_symlink():
             shutil.copytree(entry, fresh / entry.name, symlinks=True)

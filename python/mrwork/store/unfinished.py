@@ -1,24 +1,96 @@
 """Journals of unfinished runs, in a folder `RUN.part` beside the run folder until the run is written.
 
-The journal of a result that is added to a run folder grows in that folder, as `NAME.part`.
+The journal of a result that is added to a run folder grows in that folder, as `NAME.part`. A journal outlives its run
+where the run can be resumed: after an interrupt, and after a fault of the machine, such as a full disk. After an error
+of the inputs, which would come again, it is removed.
 """
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from filecmp import cmp
 from pathlib import Path
+from types import TracebackType
 
-from mrwork.errors import JournalError, OutputError
+from mrwork.errors import JournalError, MrworkError, OutputError
+from mrwork.store.input_file import stored, text_of
 from mrwork.store.journal import Journal
 from mrwork.store.lock import Lock, is_lock
-from mrwork.store.run_folder import HISTORIES, JOURNAL, MODELS, real_place
+from mrwork.store.parse import json_value
+from mrwork.store.run_folder import HISTORIES, JOURNAL, MANIFEST, MODELS, real_place
+from mrwork.store.run_lock import adding, replacing_run
 
 _SUFFIX = ".part"
 _STEP_SUFFIX = ".jsonl"
 _COPYING = "copying"
+_TO_RESUME = "run the same command with --resume to continue"
+INTERRUPTED = "interrupted"
+"""Status in the manifest of a run that was written before its end."""
+
+
+def is_complete(path: str | Path) -> bool:
+    """Whether the folder at `path` has a run that was not interrupted; one with a damaged manifest counts."""
+    manifest = real_place(path) / MANIFEST
+    if not manifest.exists():
+        return False
+    try:
+        document = json_value(text_of(manifest, stored("identify", name="the manifest")))
+        return bool(document["status"] != INTERRUPTED)
+    except (MrworkError, LookupError, TypeError, ValueError):
+        return True
+
+
+@contextmanager
+def run_journal(path: str | Path, *, resume: bool, note: Callable[[str], None]) -> Iterator[Journal]:
+    """The journal of a run to the folder at `path`, begun or resumed; both are locked until the end of the block.
+
+    Raises
+    ------
+    JournalError, OutputError
+        As `begin_journal` and `resume_journal`, and where another process adds to the run.
+    """
+    with replacing_run(path):
+        journal = resume_journal(path, note=note) if resume else begin_journal(path)
+        with _outliving(journal, real_place(path) / JOURNAL, resume=resume):
+            yield journal
+
+
+@contextmanager
+def addition_journal(kept: Path, *, resume: bool, note: Callable[[str], None]) -> Iterator[Journal]:
+    """The journal of an addition, begun or resumed, that the block moves to `kept`; both are locked until its end.
+
+    Raises
+    ------
+    JournalError, OutputError
+        As `begin_addition` and `resume_addition`, and where another process replaces the run.
+    """
+    with adding(kept.parent, kept.name):
+        journal = resume_addition(kept, note=note) if resume else begin_addition(kept)
+        with _outliving(journal, kept, resume=resume):
+            yield journal
+
+
+@contextmanager
+def _outliving(journal: Journal, kept: Path, *, resume: bool) -> Iterator[None]:
+    """Close a journal at the end of the block, and remove it after an error if it is of no use."""
+    try:
+        yield
+    except BaseException as error:
+        if not journal.is_own or _comes_again(error, resume=resume) or is_copy(kept, journal):
+            discard_journal(journal)
+        elif isinstance(error, KeyboardInterrupt):
+            error.add_note(_TO_RESUME)
+        raise
+    finally:
+        journal.close()
+
+
+def _comes_again(error: BaseException, *, resume: bool) -> bool:
+    """Whether an error is of the inputs; in a run that is resumed they are those of before."""
+    fault = isinstance(error, JournalError | OutputError)
+    return isinstance(error, MrworkError) and not fault and not resume
 
 
 def begin_journal(path: str | Path) -> Journal:
@@ -68,10 +140,12 @@ def resume_journal(path: str | Path, *, note: Callable[[str], None]) -> Journal:
 
 
 def discard_journal(journal: Journal) -> None:
-    """Remove a journal that is no longer needed, and its folder."""
+    """Remove a journal that is no longer needed, the histories beside it, and its folder."""
     with suppress(OSError):
         if journal.is_own:
             journal.path.unlink()
+        if is_part(journal.path.parent):
+            shutil.rmtree(journal.path.parent / HISTORIES, ignore_errors=True)
         journal.close()
         # Fails, and keeps the folder, if it holds another journal.
         journal.path.parent.rmdir()
@@ -168,6 +242,8 @@ def is_part(path: Path) -> bool:
 class StepJournals:
     """Journals of the steps of a comparison of models, such as `dahl/fit`; locked together until `close`.
 
+    At the end of a `with` block they are closed, and removed after an error of the inputs.
+
     Parameters
     ----------
     path
@@ -195,11 +271,13 @@ class StepJournals:
             )
         try:
             self._folder.parent.mkdir(parents=True, exist_ok=True)
-            self._lock = Lock(self._folder)
-            if not resume:
-                if self._folder.exists():
-                    shutil.rmtree(self._folder)
-                self._folder.mkdir()
+            with ExitStack() as locked:
+                locked.enter_context(replacing_run(path))
+                if not resume:
+                    if self._folder.exists():
+                        shutil.rmtree(self._folder)
+                    self._folder.mkdir()
+                self._locked = locked.pop_all()
         except OutputError:
             raise
         except OSError as reason:
@@ -219,7 +297,19 @@ class StepJournals:
 
     def close(self) -> None:
         """Let another process have the journals."""
-        self._lock.release()
+        self._locked.close()
+
+    def __enter__(self) -> StepJournals:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if error is not None and _comes_again(error, resume=self._resume):
+            self.discard()
+        elif isinstance(error, KeyboardInterrupt):
+            error.add_note(_TO_RESUME)
+        self.close()
 
     def discard(self) -> None:
         """Remove the journals, which are no longer needed."""

@@ -96,19 +96,32 @@ def read_bands(place: Path) -> StoredBands | None:
     )
 
 
-def write_calibration(place: Path, calibration: Calibration, coverage: Sequence[LeftOutCoverage]) -> None:
-    """Write `calibration.json` into the run folder at `place`.
+def write_bands(
+    place: Path,
+    calibration: Calibration,
+    coverage: Sequence[LeftOutCoverage],
+    predictions: Sequence[Prediction],
+) -> None:
+    """Write `calibration.json` and `predictions.npz` into the run folder at `place`.
 
     Raises
     ------
     OutputError
-        Where it cannot be written.
+        Where they cannot be written.
     """
+    contents = {
+        CALIBRATION: _calibration_content(calibration, coverage),
+        PREDICTIONS: predictions_content(predictions),
+    }
+    write_files(place, contents)
+
+
+def _calibration_content(calibration: Calibration, coverage: Sequence[LeftOutCoverage]) -> bytes:
     document = asdict(calibration) | {
         "scores": [[float(f"{value:.{_DIGITS}g}") for value in scores] for scores in calibration.scores],
         "coverage": [asdict(row) for row in coverage],
     }
-    write_files(place, {CALIBRATION: json_document(document).encode()})
+    return json_document(document).encode()
 
 
 def read_calibration(place: Path) -> Calibration:
@@ -127,14 +140,8 @@ def read_calibration(place: Path) -> Calibration:
     return calibration
 
 
-def write_predictions(place: Path, predictions: Sequence[Prediction]) -> None:
-    """Write `predictions.npz`, in single precision, which is enough for figures.
-
-    Raises
-    ------
-    OutputError
-        Where they cannot be written.
-    """
+def predictions_content(predictions: Sequence[Prediction]) -> bytes:
+    """The file `predictions.npz` of a run folder, in single precision, which is enough for figures."""
     facts = [
         {fact: getattr(each.test, fact) for fact in _FACTS}
         | {name: _constant(getattr(each.test, name)) for name in _COMMANDS}
@@ -148,7 +155,7 @@ def write_predictions(place: Path, predictions: Sequence[Prediction]) -> None:
     } | {f"model_{number}": each.model_force.astype(np.float32) for number, each in enumerate(predictions)}
     content = io.BytesIO()
     np.savez_compressed(content, facts=np.array(json.dumps(facts)), **arrays)
-    write_files(place, {PREDICTIONS: content.getvalue()})
+    return content.getvalue()
 
 
 def _constant(command: Command | None) -> float | None:

@@ -14,7 +14,7 @@ from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.store.hdf5 import Member, UnreadableError, read_hdf5
 from mrwork.store.input_file import bytes_of, is_there, stored
-from mrwork.store.run_folder import DRAWS, write_files
+from mrwork.store.run_folder import DRAWS
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.draws import Draws, DrawSummary, summary_of
 from mrwork.uncertainty.posterior.space import NOISE
@@ -23,14 +23,8 @@ Array = NDArray[np.float64]
 _KIND = stored("sample", name="the draws")
 
 
-def write_draws(place: Path, draws: Draws) -> None:
-    """Write `posterior.nc` into the run folder at `place`.
-
-    Raises
-    ------
-    OutputError
-        Where it cannot be written.
-    """
+def draws_content(draws: Draws) -> bytes:
+    """The file `posterior.nc` of a run folder."""
     # In memory first: the library ends the process where a disk is full.
     tree = draws.as_datatree()
     encoding = {
@@ -38,8 +32,7 @@ def write_draws(place: Path, draws: Draws) -> None:
         for group in tree.subtree
         if group.data_vars
     }
-    content = tree.to_netcdf(engine="h5netcdf", encoding=encoding)
-    write_files(place, {DRAWS: bytes(content)})
+    return bytes(tree.to_netcdf(engine="h5netcdf", encoding=encoding))
 
 
 def read_draws(place: Path, fit: Fit) -> Draws | None:

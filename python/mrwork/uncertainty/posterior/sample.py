@@ -162,12 +162,16 @@ def sample(
 
 
 def _run(problem: SamplingProblem, ensemble: Ensemble, monitor: _Monitor) -> Diagnosis:
-    """Advance until convergence or the last step; the steps of the checks depend on the number of steps alone."""
+    """Advance until convergence or the last step; the steps of the checks depend on the number of steps alone.
+
+    A check after which the journal goes on has found a shortcoming, and is not made again.
+    """
     while True:
         done = ensemble.n_steps
-        if done and (done >= monitor.most_steps or done == next_check(done - 1)):
+        ends = done >= monitor.most_steps
+        if done and (ends or (done == next_check(done - 1) and not monitor.recalling)):
             diagnosis = monitor.diagnosis = problem.diagnosis(ensemble)
-            if done >= monitor.most_steps or not diagnosis.shortcomings:
+            if ends or not diagnosis.shortcomings:
                 return diagnosis
         until = min(next_check(done), monitor.most_steps)
         ensemble.advance(until, monitor.update)
@@ -208,10 +212,15 @@ class _Monitor:
     reported: float = 0.0
     recalled: tuple[int, float] = (0, 0.0)
 
+    @property
+    def recalling(self) -> bool:
+        """Whether the next step is recorded."""
+        return self.journal is not None and self.journal.recalling
+
     def update(self, steps: int) -> None:
         """Called after each step."""
         seconds = time.perf_counter() - self.began
-        if self.journal is not None and self.journal.recalling:
+        if self.recalling:
             self.recalled = (steps, seconds)
         first, before = self.recalled
         if self.on_progress is not None and seconds - self.reported >= _REPORT_EVERY:
