@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -264,19 +264,26 @@ def _record_readers() -> list[Reader]:
         Reader(name="records of LabVIEW", read=read_damper_test, seeds=tuple(labview), share=6.0),
         Reader(name="records of MATLAB 4 and 5", read=read_damper_test, seeds=tuple(matlab), share=12.0),
     ]
-    readers += _in_child("records of MATLAB 7.3", read_damper_test, hdf5, 2.0)
+    readers += in_child("records of MATLAB 7.3", read_damper_test, hdf5, 2.0)
     if importlib.util.find_spec("pyarrow"):
-        readers += _in_child("records of Parquet", read_damper_test, _parquet(columns), 2.0)
+        readers += in_child("records of Parquet", read_damper_test, _parquet(columns), 2.0)
     if importlib.util.find_spec("nptdms"):
         readers.append(Reader(name="records of TDMS", read=read_damper_test, seeds=_tdms(), share=6.0))
     return readers
 
 
-def _in_child(name: str, read: Callable[[Path], object], seeds: list[Seed], share: float) -> list[Reader]:
+def in_child(
+    name: str,
+    read: Callable[[Path], object],
+    seeds: Sequence[Seed],
+    share: float,
+    beside: Mapping[str, bytes] | None = None,
+) -> list[Reader]:
     """A reader in a child process, and with the program of the child in the process of the harness."""
+    names = {False: (f"{name}, library here", share), True: (name, share / 50.0)}
     return [
-        Reader(name=f"{name}, library here", read=read, seeds=tuple(seeds), share=share, in_child=False),
-        Reader(name=name, read=read, seeds=tuple(seeds), share=share / 50.0, in_child=True),
+        Reader(name=each, read=read, seeds=tuple(seeds), share=part, beside=beside or {}, in_child=child)
+        for child, (each, part) in names.items()
     ]
 
 
