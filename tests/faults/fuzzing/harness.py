@@ -197,7 +197,7 @@ class Harness:
         """Keep the file of a failure with what makes it again, a few of each cause."""
         lines = why.strip().splitlines()
         place = next((line.strip() for line in reversed(lines[:-1]) if line.lstrip().startswith("File ")), "")
-        cause = f"{lines[-1][:60]} {place}" if place else lines[0].partition(":")[0]
+        cause = f"{lines[-1].partition(':')[0]}, {place}" if place else lines[0].partition(": ")[0]
         row.causes[cause] += 1
         if row.causes[cause] > _KEPT:
             return

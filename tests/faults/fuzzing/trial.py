@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import faulthandler
 import gc
+import importlib
 import json
 import logging
 import os
@@ -17,10 +18,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from multiprocessing import RawArray
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 from fuzzing.reader import Reader
 from mrwork.errors import MrworkError, MrworkWarning
+from mrwork.store import child_reader
+from mrwork.store.allowance import allowed
 
 SECONDS: Final = 10.0
 """Processor time after which a reader hangs."""
@@ -71,7 +74,10 @@ def try_all(
     warnings.simplefilter("always")
     gc.collect()
     _limit_memory()
+    if reader.in_child is False:
+        _read_here()
     base = _peak()
+    os.chdir(folder)
     for file, content in reader.beside.items():
         _write(folder / file, content)
     with _reports() as reports:
@@ -101,6 +107,33 @@ def try_all(
             if used > BYTES:
                 # The peak of a process does not fall again.
                 return
+
+
+def _read_here() -> None:
+    """Let the program of a child process read in this process, which is limited as well."""
+    answers = {
+        form: importlib.import_module(f"mrwork.store.child_{form}").answer
+        for form in get_args(child_reader.Format)
+    }
+
+    def read_members(data: bytes, form: child_reader.Format) -> dict[str, child_reader.Member]:
+        with tempfile.TemporaryFile(dir=Path.cwd()) as stream:
+            try:
+                answers[form](data, stream)
+            except Exception as error:
+                raise child_reader.UnreadableError(str(error).partition("\n")[0]) from None
+            stream.seek(0)
+            try:
+                return child_reader.received(stream, allowed(len(data)))
+            except EOFError:
+                raise child_reader.UnreadableError("incomplete") from None
+
+    for module in (
+        "mrwork.records.formats.hdf5",
+        "mrwork.records.table",
+        "mrwork.uncertainty.posterior.draws_file",
+    ):
+        vars(importlib.import_module(module))["read_members"] = read_members
 
 
 def _write(path: Path, content: bytes) -> None:
