@@ -189,7 +189,8 @@ def force_sign(
         Shape (n_time,) [N, m/s]; the velocity is the derivative of the displacement.
     """
     power = (force - mean_over_travel(force, velocity)) * velocity
-    share = float(power.sum() / np.abs(power).sum())
+    whole = float(np.abs(power).sum())
+    share = float(power.sum()) / whole if whole > 0.0 else 0.0
     if abs(share) < _SIGN_SHARE:
         message = (
             f"the energy int F v dt is only {100 * share:.1f} % of int |F v| dt, too little to "

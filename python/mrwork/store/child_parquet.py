@@ -18,7 +18,7 @@ def answer(data: bytes, out: IO[bytes]) -> None:
         field.name: pyarrow.types.is_integer(field.type) or pyarrow.types.is_floating(field.type)
         for field in file.schema_arrow
     }
-    head = {
+    head: dict[str, object] = {
         name: {"group": False, "shape": [n_rows], "type": "<f8" if known else None, "attributes": {}}
         for name, known in numeric.items()
     }

@@ -492,7 +492,7 @@ def _json_text(rng: Random, tree: Any, **layout: Any) -> str:
 def _of_json(rng: Random, content: bytes, others: Sequence[bytes]) -> bytes:
     try:
         return _json_text(rng, json.loads(content)).encode("utf-8", "replace")
-    except (ValueError, RecursionError):
+    except (ValueError, RecursionError, OverflowError):
         return _flipped(rng, content, others)
 
 
@@ -564,7 +564,7 @@ def _of_journal(rng: Random, content: bytes, others: Sequence[bytes]) -> bytes:
     body, _, _ = lines[number].rpartition(b', "crc32": "')
     try:
         text = _json_text(rng, json.loads(body + b"}"), ensure_ascii=False)[:-1].encode("utf-8", "replace")
-    except (ValueError, RecursionError):
+    except (ValueError, RecursionError, OverflowError):
         return _flipped(rng, content, others)
     lines[number] = text + f', "crc32": "{zlib.crc32(text):08x}"}}'.encode()
     return b"\n".join(lines)
