@@ -286,8 +286,8 @@ def _check_symmetric(matrix: Floats, title: str, where: str) -> None:
 def _check_mass(mass: Floats, where: str) -> None:
     diagonal = np.diag(mass)
     remedy = "give it a mass, or condense it out of the matrices"
-    if (diagonal <= 0.0).any():
-        first = int(np.flatnonzero(diagonal <= 0.0)[0])
+    if (diagonal < 1.0 / _LARGEST).any():
+        first = int(np.flatnonzero(diagonal < 1.0 / _LARGEST)[0])
         raise SettingError(
             f"{where}: the mass of coordinate {first + 1} is {diagonal[first]:g} kg, so the mass matrix is "
             f"singular or worse; {remedy}"
