@@ -10,7 +10,7 @@ RUST_SOURCES := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name 
 export VIRTUAL_ENV := $(abspath $(VENV))
 unexport CONDA_PREFIX
 
-.PHONY: demo test lint format bench licences clean
+.PHONY: demo test faults lint format bench licences clean
 
 demo: $(VENV)/.built
 	$(BIN)/mrwork identify synthetic:spencer1997 --model normalised_bouc_wen --seed 1 --out out/demo
@@ -18,6 +18,13 @@ demo: $(VENV)/.built
 test: $(VENV)/.built $(VENV)/.dev
 	cargo test --quiet --release --workspace
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal
+
+# What a user, a file or a machine may do wrong: half an hour on two idle cores.
+faults: export PYTHONPATH := tests/samples:tests/faults
+faults: $(VENV)/.built $(VENV)/.dev
+	$(BIN)/python -m fuzzing
+	$(BIN)/python tests/faults/invocations.py
+	$(BIN)/python tests/faults/endings.py
 
 lint: $(VENV)/.built $(VENV)/.dev
 	cargo fmt --check

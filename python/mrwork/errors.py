@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from typing import Generic, TypeVar
 
+from mrwork.escaping import escaped
+
 ResultT = TypeVar("ResultT")
+
+# Characters of a sentence: its place stands at the beginning, what to do at the end.
+_LONGEST = 2000
 
 __all__ = [
     "ArgumentError",
@@ -27,16 +32,29 @@ def __dir__() -> list[str]:
 
 
 class MrworkError(Exception):
-    """Root of all errors that a caller can act on; its text is one clear sentence.
+    """Root of all errors that a caller can act on; its text is one clear sentence, in one line whatever it quotes.
 
     `document` is the file whose place the text begins with; empty if the text does not begin with a place.
     """
 
     document: str = ""
 
+    def __str__(self) -> str:
+        """The sentence, with escapes for what a reader cannot see in what it quotes, and cut in the middle if long."""
+        return _in_one_line(super().__str__())
+
 
 class MrworkWarning(UserWarning):
-    """A result will be computed but is likely to mislead; the text is one clear sentence."""
+    """A result will be computed but is likely to mislead; the text is one clear sentence, as of a `MrworkError`."""
+
+    def __str__(self) -> str:
+        """The sentence, as of a `MrworkError`."""
+        return _in_one_line(super().__str__())
+
+
+def _in_one_line(sentence: str) -> str:
+    text = escaped(sentence)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} … {text[3 - _LONGEST // 2 :]}"
 
 
 class RecordError(MrworkError, ValueError):

@@ -47,7 +47,7 @@ class Building(Summarised):
     Raises
     ------
     SettingError
-        If shapes disagree, a number is not finite, M or K is not symmetric, M is singular or K unstable.
+        If shapes disagree, a number is not finite or above 1e50, M or K is not symmetric, M is singular or K unstable.
     """
 
     name: str
@@ -199,6 +199,8 @@ def damping_ratios_of(mass: Floats, damping: Floats, stiffness: Floats) -> Float
 STATUSES: Final = ("verified", "published", "ours")
 # Published matrices have five or six digits, with each triangle rounded separately.
 _ASYMMETRY: Final = 1e-6
+# Products of several such numbers are finite.
+_LARGEST: Final = 1e50
 # Ratio of the smallest to the largest eigenvalue, after scaling to a unit diagonal.
 _SINGULAR: Final = 1e-12
 # A negative stiffness below this fraction of the largest is rounding.
@@ -223,9 +225,15 @@ def check_building(building: Building) -> None:
         ("floors", building.floors),
         ("storeys", building.storeys),
     ):
-        if not np.isfinite(matrix).all():
-            place = ", ".join(str(index + 1) for index in np.argwhere(~np.isfinite(matrix))[0])
-            raise SettingError(f"{where}: entry {place} of {title} is not a finite number; correct it")
+        possible = np.abs(matrix) <= _LARGEST
+        if not possible.all():
+            index = tuple(np.argwhere(~possible)[0])
+            place = ", ".join(str(each + 1) for each in index)
+            finite = np.isfinite(matrix[index])
+            what = (
+                f"is {matrix[index]:g}, which is beyond any building" if finite else "is not a finite number"
+            )
+            raise SettingError(f"{where}: entry {place} of {title} {what}; correct it")
     _check_symmetric(building.mass, "mass", where)
     _check_symmetric(building.stiffness, "stiffness", where)
     _check_mass(building.mass, where)
@@ -279,8 +287,8 @@ def _check_symmetric(matrix: Floats, title: str, where: str) -> None:
 def _check_mass(mass: Floats, where: str) -> None:
     diagonal = np.diag(mass)
     remedy = "give it a mass, or condense it out of the matrices"
-    if (diagonal <= 0.0).any():
-        first = int(np.flatnonzero(diagonal <= 0.0)[0])
+    if (diagonal < 1.0 / _LARGEST).any():
+        first = int(np.flatnonzero(diagonal < 1.0 / _LARGEST)[0])
         raise SettingError(
             f"{where}: the mass of coordinate {first + 1} is {diagonal[first]:g} kg, so the mass matrix is "
             f"singular or worse; {remedy}"

@@ -102,7 +102,9 @@ def shear_building(
 
 def chain(storeys: Floats, values: Sequence[float]) -> Floats:
     """Matrix of springs or dashpots across storeys: the sum of value e'e, shape (n, n)."""
-    return storeys.T @ np.diag(np.asarray(values, dtype=np.float64)) @ storeys
+    # What overflows is refused by `Building`.
+    with np.errstate(over="ignore", invalid="ignore"):
+        return storeys.T @ np.diag(np.asarray(values, dtype=np.float64)) @ storeys
 
 
 def floor_differences(n_floors: int) -> Floats:

@@ -16,7 +16,7 @@ from mrwork.motions.spectral_density import CloughPenzien, SpectralDensity
 # Run-in time of the filter before the motion begins, in its longest time constant.
 _RUN_IN = 8.0
 # Of a motion, and the bytes of each in the arrays of its Fourier transform.
-_MOST_SAMPLES = 10_000_000
+_MOST_SAMPLES = 4_000_000
 _BYTES = 48
 
 
@@ -233,7 +233,7 @@ def _check_samples(duration: float, dt: float) -> None:
     Raises
     ------
     SettingError
-        It would have more than ten million samples.
+        It would have more than four million samples.
     """
     if duration / dt > _MOST_SAMPLES:
         raise SettingError(

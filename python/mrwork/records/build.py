@@ -105,6 +105,8 @@ def build_damper_test(
     findings: list[Finding] = []
     complete, first_row, dropped = complete_rows(given, source=source, locate=where)
     check_time(complete.time, source=source, locate=lambda row: where(row + first_row))
+    for channel_name, channel in complete.channels():
+        checks.check_possible(channel, channel_name, source=source)
     checks.check_varies(complete.displacement, "displacement", "m", source=source)
     checks.check_varies(complete.force, "force", "N", source=source)
     signals, dt, resampled = uniform_step(complete, source=source)

@@ -12,11 +12,27 @@ from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.motion import Smoother, motion_of
 
 _SMALLEST_RANGE: Final = 1e-9
+_LARGEST: Final = 1e15
 _FEWEST_PER_CYCLE: Final = 20.0
 _REST_EXCURSION: Final = 0.01
 _REST_CYCLES: Final = 0.25
 _OFFSET_SHARE: Final = 0.05
 _SIGN_SHARE: Final = 0.05
+
+
+def check_possible(samples: NDArray[np.float64], quantity: str, *, source: str) -> None:
+    """Check that no sample is so large that its powers overflow.
+
+    Raises
+    ------
+    RecordError
+        One is above 1e15 in SI.
+    """
+    peak = float(np.abs(samples).max(initial=0.0))
+    if not peak <= _LARGEST:
+        raise RecordError(
+            f"{source}: the {quantity} reaches {peak:.3g} in SI units, beyond any test; check the channel and its unit"
+        )
 
 
 def check_varies(samples: NDArray[np.float64], quantity: str, unit: str, *, source: str) -> None:
@@ -138,6 +154,8 @@ def breakaway_overshoot(test: DamperTest) -> Measured | None:
         return None
     moved = np.abs(test.displacement - test.displacement[0]) > _BREAKAWAY_STROKE * np.ptp(test.displacement)
     started = int(np.argmax(moved))
+    if started + 1 == test.n_time:
+        return None
     force = np.abs(test.force - mean_over_travel(test.force, motion.velocity))
     smoother = Smoother(window=5, dt=test.dt)
     noise = smoother.noise(test.force - smoother.smooth(test.force))
@@ -189,7 +207,8 @@ def force_sign(
         Shape (n_time,) [N, m/s]; the velocity is the derivative of the displacement.
     """
     power = (force - mean_over_travel(force, velocity)) * velocity
-    share = float(power.sum() / np.abs(power).sum())
+    whole = float(np.abs(power).sum())
+    share = float(power.sum()) / whole if whole > 0.0 else 0.0
     if abs(share) < _SIGN_SHARE:
         message = (
             f"the energy int F v dt is only {100 * share:.1f} % of int |F v| dt, too little to "

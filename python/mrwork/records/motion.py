@@ -222,7 +222,9 @@ def turning_points(
     place, direction
         Shape (n_turns,): position of zero velocity in (fractional) samples, and sign of the velocity before it.
     """
-    before = np.flatnonzero((velocity[:-1] != 0.0) & (velocity[:-1] * velocity[1:] <= 0.0))
+    # Of the signs, because a product of tiny numbers is zero.
+    side = np.sign(velocity)
+    before = np.flatnonzero((side[:-1] != 0.0) & (side[:-1] * side[1:] <= 0.0))
     place = before + velocity[before] / (velocity[before] - velocity[before + 1])
     stroke = np.diff(np.interp(place, np.arange(displacement.size), displacement))
     wide = np.abs(stroke) > _LEAST_STROKE * np.ptp(displacement)

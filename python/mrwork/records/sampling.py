@@ -17,6 +17,8 @@ FEWEST_SAMPLES: Final = 10
 # Limits far beyond any damper test; arithmetic on larger values could overflow.
 _LARGEST: Final = 1e12
 _SHORTEST_STEP: Final = 1e-7
+# Times no further apart than this repeat [s]; slopes between them would overflow.
+_SAME: Final = 1e-12
 _JITTER: Final = 1e-3
 _GAP_STEPS: Final = 3.0
 
@@ -105,13 +107,13 @@ def check_time(time: NDArray[np.float64], *, source: str, locate: Callable[[int]
     RecordError
         Time does not increase; the message names the first such row.
     """
-    wrong = np.flatnonzero(np.diff(time) <= 0.0)
+    wrong = np.flatnonzero(np.diff(time) <= _SAME)
     if wrong.size == 0:
         return
     row = int(wrong[0]) + 1
     now, before = time[row], time[row - 1]
     more = f" (as do {wrong.size - 1} more rows)" if wrong.size > 1 else ""
-    if now == before:
+    if now >= before:
         raise RecordError(
             f"{source}: {locate(row)}: the time {now:g} s repeats that of the row before{more}; "
             "write the time with more digits or delete the repeated rows"

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import glob
 import hashlib
+import importlib.util
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from mrwork.records.allowance import Allowance
+from mrwork.store.child_reader import TooLargeError, UnreadableError, read_members
 from mrwork.store.input_file import RECORD, bytes_of, exists
-
-# Bytes of a number of a column that is read.
-_ITEM: Final = 8
 
 
 class ColumnTable(ABC):
@@ -91,51 +88,27 @@ class VectorTable(ColumnTable):
 
 
 def open_parquet(path: Path) -> ColumnTable:
-    """Open a .parquet file with pyarrow.
+    """Open a .parquet file.
 
     Raises
     ------
     RecordError
-        pyarrow is not installed, or the file is damaged.
+        pyarrow is not installed, or the file is damaged or claims more data than a test has.
     """
-    try:
-        import pyarrow
-        import pyarrow.parquet
-    except ImportError as error:
-        raise RecordError(
-            f"{path}: reading Parquet needs pyarrow; run: pip install 'mrwork[parquet]'"
-        ) from error
+    if importlib.util.find_spec("pyarrow") is None:
+        raise RecordError(f"{path}: reading Parquet needs pyarrow; run: pip install 'mrwork[parquet]'")
     data = bytes_of(path, RECORD)
     try:
-        file = pyarrow.parquet.ParquetFile(pyarrow.BufferReader(data))
-        numeric = [
-            field.name
-            for field in file.schema_arrow
-            if pyarrow.types.is_integer(field.type) or pyarrow.types.is_floating(field.type)
-        ]
-        # Repeated numbers take no space in the file; a page cannot unpack to more than it claims.
-        claimed = file.metadata.num_rows * len(numeric) * _ITEM
-        groups = [file.metadata.row_group(number) for number in range(file.metadata.num_row_groups)]
-        packed = sum(
-            group.column(number).total_uncompressed_size
-            for group in groups
-            for number in range(group.num_columns)
-            if group.column(number).path_in_schema in numeric
-        )
-        Allowance(path, len(data)).take(max(claimed, packed), "a table of numbers")
-        table = file.read(columns=numeric)
-        # A column of other contents is refused when it is asked for.
-        vectors = {
-            field.name: table.column(field.name).to_numpy()
-            if field.name in numeric
-            else np.empty(file.metadata.num_rows and 1, dtype=np.object_)
-            for field in file.schema_arrow
-        }
-    except RecordError:
-        raise
-    except (pyarrow.ArrowException, OSError, KeyError, ValueError) as error:
-        first_line = str(error).partition("\n")[0]
-        raise RecordError(f"{path}: not a readable Parquet file ({first_line}); write it again") from error
+        columns = read_members(data, "parquet")
+    except TooLargeError as error:
+        raise RecordError(f"{path}: {error}; save one test, without other data") from None
+    except UnreadableError as error:
+        raise RecordError(f"{path}: not a readable Parquet file ({error}); write it again") from None
+    # A column of other contents is refused when it is asked for.
+    vectors = {
+        name: np.empty(1, dtype=np.object_) if column.array is None else column.array
+        for name, column in columns.items()
+    }
     return VectorTable(source=str(path), sha256=hashlib.sha256(data).hexdigest(), vectors=vectors)
 
 

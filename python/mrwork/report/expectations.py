@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from mrwork.errors import RecordError
 from mrwork.store.input_file import TOML, text_of
 from mrwork.store.parse import toml_table
 
@@ -16,8 +17,23 @@ def departures(found: Mapping[str, Any], file: Path) -> list[str]:
 
     The file has tables like those of `found`; a value is expected to be equal, or in a range `{ least, most }`, or at a
     `{ value, tolerance }`.
+
+    Raises
+    ------
+    RecordError
+        The file is no such tables.
     """
-    return list(_compared("", found, toml_table(text_of(file, TOML))))
+    text = text_of(file, TOML)
+    try:
+        expected = toml_table(text)
+    except ValueError as reason:
+        raise RecordError(f"{file}: is not TOML ({reason}); correct it there") from None
+    try:
+        return list(_compared("", found, expected))
+    except (KeyError, TypeError, AttributeError) as reason:
+        raise RecordError(
+            f"{file}: an entry is neither a value, a range nor a table ({reason}); correct it there"
+        ) from None
 
 
 def _compared(path: str, found: Mapping[str, Any], expected: Mapping[str, Any]) -> Iterator[str]:

@@ -45,6 +45,12 @@ class RunCriteria(Summarised):
     energy_error: Floats
     seconds: float
 
+    def __post_init__(self) -> None:
+        if self.numbers.shape != (len(criteria()), *self.energy_error.shape) or self.numbers.ndim != 4:
+            raise ValueError(
+                f"criteria of the shape {self.numbers.shape} with errors of the shape {self.energy_error.shape}"
+            )
+
     def of(self, name: str) -> Floats:
         """A criterion by its name, shape (n_candidates, n_motions, n_realisations)."""
         names = [entry.name for entry in criteria()]

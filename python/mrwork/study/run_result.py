@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, get_type_hints
 
@@ -17,6 +18,7 @@ from mrwork.closed_loop.responses import (
     run_quantities,
 )
 from mrwork.simulate import Outcome
+from mrwork.store.codec import rebuilt
 from mrwork.study.study import Arrangement
 
 Floats = NDArray[np.float64]
@@ -131,6 +133,29 @@ def result_of(responses: Responses, run: int, arrangement: Arrangement) -> RunRe
         steps=int(responses.steps[run]),
         **kept,
     )
+
+
+def recalled_result(record: Mapping[str, Any], arrangement: Arrangement) -> RunResult:
+    """The result of a run that a journal has recorded.
+
+    Raises
+    ------
+    LookupError, TypeError, ValueError
+        It is no such result, or not one of this arrangement.
+    """
+    found = rebuilt(RunResult, record)
+    Outcome[found.outcome.upper()]
+    counts = {"floor": len(arrangement.floors), "storey": len(arrangement.storeys)}
+    n_devices = 0 if arrangement.has_actuators else len(arrangement.devices)
+    for quantity in run_quantities():
+        if _KEPT.get(quantity.name, float) is float:
+            continue
+        shape = getattr(found, quantity.name).shape
+        count = counts.get(quantity.axis, shape[0] if shape else 1)
+        least = n_devices if quantity.axis == "device" else count
+        if len(shape) > 1 or (shape != (count,) and bool(shape)) or (shape and shape[0] < least):
+            raise ValueError(f"{quantity.name} has the shape {shape}")
+    return found
 
 
 def selected_columns(quantity: Quantity, arrangement: Arrangement) -> tuple[list[int] | slice, ...]:

@@ -14,7 +14,7 @@ from mrwork.units import factor_to_si
 
 _HEADER = 4
 _CONTENT = re.compile(r"(ACCELERATION|VELOCITY|DISPLACEMENT)\b.*?\bIN UNITS OF\s+([^\s.,;]+)", re.IGNORECASE)
-_NUMBER = r"([0-9]*\.?[0-9]+(?:E[+-]?[0-9]+)?)"
+_NUMBER = r"((?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:E[+-]?[0-9]+)?)"
 _NAMED = re.compile(rf"NPTS\s*=\s*([0-9]{{1,9}})[\s,]+DT\s*=\s*{_NUMBER}", re.IGNORECASE)
 _BARE = re.compile(rf"\s*([0-9]{{1,9}})[\s,]+{_NUMBER}[\s,]+NPTS\b[\s,]+DT\b", re.IGNORECASE)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from mrwork.store.hdf5 import Member, TooLargeError, UnreadableError, read_hdf5
+from mrwork.store.child_reader import Member, TooLargeError, UnreadableError, read_members
 
 
 def hdf5_variables(data: bytes, path: Path) -> dict[str, NDArray[np.generic] | None]:
@@ -22,7 +22,7 @@ def hdf5_variables(data: bytes, path: Path) -> dict[str, NDArray[np.generic] | N
         The file is damaged, or claims more data than a test has.
     """
     try:
-        members = read_hdf5(data)
+        members = read_members(data, "hdf5")
     except TooLargeError as error:
         raise RecordError(f"{path}: {error}; save one test without others") from None
     except UnreadableError as error:

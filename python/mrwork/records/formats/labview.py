@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from mrwork.errors import RecordError
-from mrwork.records.formats.layout import Layout, is_number
+from mrwork.records.formats.layout import NUMBER, Layout, is_number
 
 _FIRST_WORDS: Final = "LabVIEW Measurement"
 _END: Final = "***End_of_Header***"
@@ -180,8 +180,9 @@ def _first(entries: Mapping[str, list[str]], key: str) -> str:
 
 
 def _number(text: str, comma: bool, key: str, source: str) -> float:
-    if not is_number(text):
+    number = text.replace(",", ".") if comma else text
+    if not NUMBER.fullmatch(number):
         raise RecordError(
             f"{source}: {key} of the header is '{text}' where a number was expected; export it again"
         )
-    return float(text.replace(",", ".") if comma else text)
+    return float(number)

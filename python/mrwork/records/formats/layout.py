@@ -19,7 +19,8 @@ from mrwork.records.columns import numbered_names
 from mrwork.units import quantity_of
 
 MISSING: Final = frozenset({"", "na", "n/a", "nan", "null", "none"})
-NUMBER: Final = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE)
+# Only one way to read each digit: a row of thousands of digits is refused in linear time.
+NUMBER: Final = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE)
 DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 
 # A test has ten samples at least; a list of limits or results above it is usually shorter.

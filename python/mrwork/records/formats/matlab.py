@@ -18,9 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
-from mrwork.records.allowance import LEAST, Allowance
 from mrwork.records.formats.hdf5 import hdf5_variables
 from mrwork.records.table import ColumnTable, VectorTable
+from mrwork.store.allowance import LEAST, Allowance
 from mrwork.store.input_file import RECORD, bytes_of
 
 _HDF5: Final = b"\x89HDF"

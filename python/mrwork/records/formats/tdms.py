@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import io
+import logging
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Final
+from warnings import warn
 
 import numpy as np
 
-from mrwork.errors import RecordError
+from mrwork.errors import MrworkWarning, RecordError
 from mrwork.records.column_names import unit_in_name
 from mrwork.records.table import ColumnTable, VectorTable
 from mrwork.store.input_file import RECORD, bytes_of
@@ -38,7 +42,7 @@ def open_tdms(path: Path) -> ColumnTable:
         ) from error
     data = bytes_of(path, RECORD)
     try:
-        with TdmsFile.open(io.BytesIO(data)) as file:
+        with _reports() as reports, TdmsFile.open(io.BytesIO(data)) as file:
             channels = [channel for group in file.groups() for channel in group.channels()]
             # No sample takes less than a byte, whatever a damaged header claims.
             if sum(len(channel) for channel in channels) > len(data):
@@ -53,6 +57,12 @@ def open_tdms(path: Path) -> ColumnTable:
     except Exception as error:  # the library raises whatever a damaged file leads it to
         first_line = str(error).partition("\n")[0]
         raise RecordError(f"{path}: not a readable .tdms file ({first_line}); save it again") from error
+    if reports:
+        warn(
+            f"{path}: npTDMS reports: {reports[0]}; check that no samples are missing, or save it again",
+            MrworkWarning,
+            stacklevel=3,
+        )
     for name, vector in read.items():
         if vector.dtype.kind == "M" and vector.size:
             # Time stamps as seconds since the first.
@@ -72,6 +82,32 @@ def open_tdms(path: Path) -> ColumnTable:
         vectors=vectors,
         units={name: unit for name, unit in units.items() if unit},
     )
+
+
+@contextmanager
+def _reports() -> Iterator[list[str]]:
+    """What npTDMS logs meanwhile."""
+    kept = _Kept(logging.WARNING)
+    logger = logging.getLogger("nptdms")
+    propagate, logger.propagate = logger.propagate, False
+    logger.addHandler(kept)
+    try:
+        yield kept.messages
+    finally:
+        logger.removeHandler(kept)
+        logger.propagate = propagate
+
+
+class _Kept(logging.Handler):
+    """Keeps messages."""
+
+    def __init__(self, level: int) -> None:
+        super().__init__(level)
+        self.messages: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Keep the text of a message."""
+        self.messages.append(record.getMessage())
 
 
 def _unit(channel: Any) -> str:

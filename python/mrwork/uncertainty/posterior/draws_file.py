@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
-from mrwork.store.hdf5 import Member, UnreadableError, read_hdf5
+from mrwork.store.child_reader import Member, UnreadableError, read_members
 from mrwork.store.input_file import bytes_of, is_there, stored
 from mrwork.store.run_folder import DRAWS
 from mrwork.uncertainty.noise import noise_model
@@ -49,7 +49,7 @@ def read_draws(place: Path, fit: Fit) -> Draws | None:
     if not is_there(path, _KIND):
         return None
     try:
-        return _draws(read_hdf5(bytes_of(path, _KIND)), path, fit)
+        return _draws(read_members(bytes_of(path, _KIND), "hdf5"), path, fit)
     except (OSError, KeyError, TypeError, ValueError, UnreadableError) as reason:
         if isinstance(reason, RecordError):
             raise

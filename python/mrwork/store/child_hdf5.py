@@ -1,18 +1,12 @@
-"""Program of the child process in which `hdf5` reads a file; it stands alone because it imports nothing of mrwork.
-
-The file comes through stdin. To stdout goes a line of JSON with the path, shape, type and attributes of everything in
-the file, then the bytes of each array.
-"""
+"""What the child process of `child_reader` writes of an HDF5 file."""
 
 from __future__ import annotations
 
 import io
 import json
 import math
-import sys
-import time
 from collections.abc import Iterator
-from typing import Any
+from typing import IO, Any
 
 import h5py
 import numpy as np
@@ -22,41 +16,16 @@ _MOST = 10_000
 _LONGEST = 100_000
 
 
-def main(seconds: float, memory: int) -> None:
-    """Read the file within limits on the time of the processor [s] and on the memory beyond that of the imports [B]."""
-    data = sys.stdin.buffer.read()
-    _limit(seconds, memory)
-    out = sys.stdout.buffer
-    try:
-        with h5py.File(io.BytesIO(data), "r") as file:
-            members = [("", file), *_members(file, "", 1)]
-            head = {path: _described(member) for path, member in members}
-            out.write(json.dumps(head).encode() + b"\n")
-            out.flush()
-            for path, member in members:
-                if head[path]["type"] is not None:
-                    out.write(np.ascontiguousarray(member[()]).tobytes())
-    except Exception as error:  # the library raises whatever a damaged file leads it to
-        reason = str(error).partition("\n")[0] or type(error).__name__
-        sys.exit(reason.encode("ascii", "replace").decode())
-
-
-def _limit(seconds: float, memory: int) -> None:
-    try:
-        import resource
-    except ImportError:
-        # Windows; the parent limits the time there.
-        return
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    cpu = math.ceil(time.process_time() + seconds)
-    resource.setrlimit(resource.RLIMIT_CPU, (cpu, cpu))
-    try:
-        with open("/proc/self/statm", "rb") as statm:  # noqa: PTH123 - a path takes longer to import
-            used = int(statm.read().split()[0]) * resource.getpagesize()
-    except OSError:
-        # Other systems do not enforce this limit.
-        return
-    resource.setrlimit(resource.RLIMIT_AS, (used + memory, used + memory))
+def answer(data: bytes, out: IO[bytes]) -> None:
+    """A line of JSON with the path, shape, type and attributes of everything in the file, then the arrays."""
+    with h5py.File(io.BytesIO(data), "r") as file:
+        members = [("", file), *_members(file, "", 1)]
+        head = {path: _described(member) for path, member in members}
+        out.write(json.dumps(head).encode() + b"\n")
+        out.flush()
+        for path, member in members:
+            if head[path]["type"] is not None:
+                out.write(np.ascontiguousarray(member[()]).data)
 
 
 def _members(group: Any, prefix: str, depth: int) -> Iterator[tuple[str, Any]]:
@@ -105,6 +74,3 @@ def _attributes(member: Any) -> Iterator[tuple[str, Any]]:
         value = value.item() if isinstance(value, np.generic) else value
         if isinstance(value, int | float | str) and not (isinstance(value, str) and len(value) > _LONGEST):
             yield name, value
-
-
-main(float(sys.argv[1]), int(sys.argv[2]))

@@ -7,21 +7,25 @@ from typing import Final
 
 from mrwork.errors import RecordError
 
-# Doubles of a rig shrink to a quarter or an eighth; columns of zeros shrink a thousandfold.
-_RATIO: Final = 16
 LEAST: Final = 128 << 20
+"""Bytes that the contents of any file may take: columns that hardly change shrink a thousandfold."""
+
+# Doubles of a rig shrink to a quarter or an eighth; it decides for large files only.
+_RATIO: Final = 16
 _MOST: Final = 1 << 30
 
 
-class Allowance:
-    """Bytes that are left for the contents of the file at `path`, which has `size` bytes itself.
+def allowed(size: int, *, least: int = LEAST) -> int:
+    """Bytes that the contents of a file of `size` bytes may take: 16 times its size, from `least` to 1 GiB."""
+    return min(_MOST, max(least, _RATIO * size))
 
-    It is 16 times the size, at least `least` and at most 1 GiB.
-    """
+
+class Allowance:
+    """Bytes that are left of those `allowed` for the contents of the file at `path`, which has `size` bytes itself."""
 
     def __init__(self, path: Path, size: int, *, least: int = LEAST) -> None:
         self._path = path
-        self._whole = self._left = min(_MOST, max(least, _RATIO * size))
+        self._whole = self._left = allowed(size, least=least)
 
     def take(self, count: int, what: str) -> None:
         """Count the bytes of `what`.

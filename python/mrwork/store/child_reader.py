@@ -1,6 +1,6 @@
-"""Contents of HDF5 files (netCDF 4, MATLAB 7.3), read in a child process with limits of time and memory.
+"""Contents of HDF5 (netCDF 4, MATLAB 7.3) and Parquet files, read in a child process with limits of time and memory.
 
-A damaged file can keep the HDF5 library busy for ever, out of reach of Ctrl-C, let it claim all memory, or end the
+A damaged file can keep such a library busy for ever, out of reach of Ctrl-C, let it claim all memory, or end the
 process by a signal. In a child process each of these is one sentence. A checksum beside the file would not do: these
 files also come from others. Reading takes some tenths of a second longer, for the start of the child.
 
@@ -19,20 +19,23 @@ import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any, Final, cast
+from typing import IO, Any, Final, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.store.allowance import allowed
+
+Format = Literal["hdf5", "parquet"]
+
+_HERE: Final = Path(__file__).parent
 # Time of the processor [s]: for any file, and for each byte of it.
 _SECONDS: Final = 8.0
 _SECONDS_PER_BYTE: Final = 1.0 / 20e6
 # Seconds after which the child is ended on any system, however busy.
 _PATIENCE: Final = 120.0
-# Bytes that the library needs besides file and data.
+# Bytes that a library needs besides file and data.
 _OVERHEAD: Final = 128 << 20
-# Bytes of all data of a file; compressed data may claim any size.
-LARGEST: Final = 1 << 30
 _LONGEST_HEAD: Final = 64 << 20
 
 
@@ -41,35 +44,38 @@ class UnreadableError(Exception):
 
 
 class TooLargeError(UnreadableError):
-    """The data of the file claim more than `LARGEST`."""
+    """The data of the file claim more than what is `allowed`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Member:
-    """A group or data set: its attributes that are a number or a text, and its array if that has real numbers."""
+    """A group, data set or column: its attributes that are numbers or texts, and its array if that has real numbers."""
 
     is_group: bool
     attributes: Mapping[str, Any]
     array: NDArray[np.generic] | None
 
 
-def read_hdf5(data: bytes) -> dict[str, Member]:
-    """Members of an HDF5 file down to the second level, by path; that of the file itself is "".
+def read_members(data: bytes, form: Format) -> dict[str, Member]:
+    """Members of a file, by name.
 
-    Links to other files and names that begin with `#` are left out.
+    Of HDF5 these are what is down to the second level, by path, and the file itself as ""; links to other files and
+    names that begin with `#` are left out. Of Parquet they are the columns, with float64 numbers.
 
     Raises
     ------
     UnreadableError
         If the file is damaged, or reading it takes too much time or memory.
     TooLargeError
-        If its data claim more than `LARGEST`.
+        If its data claim more than what is `allowed`.
     """
     seconds = _SECONDS + _SECONDS_PER_BYTE * len(data)
+    # A column is held packed, unpacked and converted at a time.
+    memory = 2 * len(data) + 3 * allowed(len(data)) + _OVERHEAD
     child = subprocess.Popen(
         [
-            *(sys.executable, "-P", str(Path(__file__).with_name("hdf5_child.py"))),
-            *(str(seconds), str(2 * len(data) + LARGEST + _OVERHEAD)),
+            *(sys.executable, "-P", str(_HERE / "child_program.py"), str(_HERE / f"child_{form}.py")),
+            *(str(seconds), str(memory)),
         ],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
@@ -79,6 +85,8 @@ def read_hdf5(data: bytes) -> dict[str, Member]:
             "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
             "OPENBLAS_NUM_THREADS": "1",
             "OMP_NUM_THREADS": "1",
+            # The others reserve more than they use.
+            "ARROW_DEFAULT_MEMORY_POOL": "system",
         },
     )
     ended = threading.Timer(_PATIENCE + seconds, child.kill)
@@ -86,7 +94,9 @@ def read_hdf5(data: bytes) -> dict[str, Member]:
     with child:
         try:
             _send(cast(IO[bytes], child.stdin), data)
-            return _received(child, cast(IO[bytes], child.stdout), seconds)
+            return received(cast(IO[bytes], child.stdout), allowed(len(data)))
+        except EOFError:
+            raise UnreadableError(_reason(child, seconds)) from None
         finally:
             ended.cancel()
             child.kill()
@@ -97,21 +107,32 @@ def _send(stdin: IO[bytes], data: bytes) -> None:
         stdin.write(data)
         stdin.close()
     except BrokenPipeError:
-        # It has ended already; `_received` finds why.
+        # It has ended already; `_reason` finds why.
         pass
 
 
-def _received(child: subprocess.Popen[bytes], stdout: IO[bytes], seconds: float) -> dict[str, Member]:
+def received(stdout: IO[bytes], most: int) -> dict[str, Member]:
+    """Members as the program of the child has written them, of `most` bytes in all.
+
+    Raises
+    ------
+    EOFError
+        If they are not complete.
+    TooLargeError
+        If they claim more.
+    """
     line = stdout.readline(_LONGEST_HEAD)
     if not line.endswith(b"\n"):
-        raise UnreadableError(_reason(child, seconds))
+        raise EOFError
     head = json.loads(line)
-    left = LARGEST
+    left = most
     for path, entry in head.items():
         if entry["type"] is not None:
             left -= math.prod(entry["shape"]) * max(np.dtype(entry["type"]).itemsize, 8)
         if left < 0:
-            raise TooLargeError(f"the data up to '{path}' claim more than {LARGEST >> 30} GiB")
+            raise TooLargeError(
+                f"the data up to '{path}' claim more than the {most / 1e6:,.0f} MB that a file of its size may hold"
+            )
     members: dict[str, Member] = {}
     for path, entry in head.items():
         array = None
@@ -120,7 +141,7 @@ def _received(child: subprocess.Popen[bytes], stdout: IO[bytes], seconds: float)
             try:
                 array = np.frombuffer(content, dtype=entry["type"]).reshape(entry["shape"])
             except (ValueError, OverflowError):
-                raise UnreadableError(_reason(child, seconds)) from None
+                raise EOFError from None
         members[path] = Member(is_group=entry["group"], attributes=entry["attributes"], array=array)
     return members
 
@@ -132,5 +153,5 @@ def _reason(child: subprocess.Popen[bytes], seconds: float) -> str:
     if status == 1 and lines:
         return lines[-1]
     if status < 0:
-        return f"the HDF5 library fails on it, or takes more than {seconds:.0f} s"
+        return f"the library that reads it fails on it, or takes more than {seconds:.0f} s"
     return f"the process that reads it ended with status {status}"
