@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Share, Threads, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
 from mrwork.identification.autocorrelation import effective_samples, residuals_by_test
@@ -50,13 +51,14 @@ class ProfileProgress:
     seconds: float
 
 
+@checked
 def profile(
     fit: Fit,
     tests: DamperTest | Sequence[DamperTest],
     *,
     parameters: Sequence[str] = (),
-    level: float = 0.95,
-    threads: int = 0,
+    level: Share = 0.95,
+    threads: Threads = 0,
     on_progress: Callable[[ProfileProgress], None] | None = None,
 ) -> Profiles:
     """Profile likelihood of the free parameters of a fit, both sides of all parameters simulated in one batch.
