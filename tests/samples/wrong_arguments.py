@@ -4,12 +4,28 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import is_dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+
+
+class ValidCall(NamedTuple):
+    """A function, and arguments that it takes."""
+
+    function: Callable[..., object]
+    arguments: Mapping[str, Any]
+
+
+# By the name of what is called; a call is made when it is asked for.
+Calls = Mapping[str, Callable[[], ValidCall]]
+
+
+def call(function: Callable[..., object], **arguments: Any) -> ValidCall:
+    """A valid call with these arguments."""
+    return ValidCall(function, arguments)
 
 
 class Nothing:
