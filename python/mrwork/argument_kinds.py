@@ -365,14 +365,14 @@ def _sequence(item: Any, notes: tuple[Any, ...]) -> Kind:
 
 
 def _iterable(item: Any) -> Kind:
-    """Items of a list, a tuple or a set are checked; those of an iterator only come when it is used."""
+    """Items of a container are checked, of a dict its keys; those of an iterator only come when it is used."""
     of = _kind(item, ())
     words = f"several values, each {of.words}"
 
     def accept(value: Any) -> Any:
-        if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable):
+        if isinstance(value, str | bytes) or not isinstance(value, Iterable):
             raise OtherKind(value, words)
-        if isinstance(value, list | tuple | set | frozenset):
+        if isinstance(value, list | tuple | set | frozenset | Mapping):
             return tuple(_at(of, each, f"[{position}]") for position, each in enumerate(value))
         return value
 

@@ -86,12 +86,10 @@ def profile(
     UnknownNameError
         Where the model has no such parameter.
     SettingError
-        Where a parameter is fixed, the level is not a probability, or the fit was not a least-squares fit.
+        Where a parameter is fixed, or the fit was not a least-squares fit.
     Interrupted
         On Ctrl-C, carrying the `Profiles` so far, whose ends are "interrupted".
     """
-    if not 0.0 < level < 1.0:
-        raise SettingError(f"`level` is {level:g}; give a probability between 0 and 1, as 0.95")
     power = fit.settings.power
     if power != ROOT_MEAN_SQUARE:
         raise SettingError(

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import Threads, Within, checked
-from mrwork.errors import Interrupted, SettingError
+from mrwork.errors import Interrupted
 from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
@@ -139,8 +139,6 @@ def sample(
         rng=rng,
         threads=threads,
     )
-    if most_steps < 1:
-        raise SettingError(f"`most_steps` is {most_steps}; give 1 or more")
     density: Callable[[Array], Array] = problem.target
     if journal is not None:
         journal.agree("sampling", problem.fingerprint())
