@@ -14,12 +14,48 @@ from collections.abc import Callable, Mapping
 from dataclasses import is_dataclass
 from functools import wraps
 from types import SimpleNamespace
-from typing import Any, TypeVar, cast, get_type_hints
+from typing import Annotated, Any, TypeVar, cast, get_type_hints
 
-from mrwork.argument_kinds import Kind, May, Refusal, Within, kind_of
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mrwork.argument_kinds import Kind, May, Refusal, Shape, Within, kind_of, shape_of
 from mrwork.escaping import escaped
 
-__all__ = ["May", "Within", "checked"]
+__all__ = [
+    "AnyArray",
+    "AnyArrayLike",
+    "AnyNumbers",
+    "Count",
+    "May",
+    "NotNegative",
+    "Positive",
+    "Rows",
+    "Samples",
+    "Seed",
+    "Shape",
+    "Share",
+    "Threads",
+    "Within",
+    "checked",
+]
+
+Positive = Annotated[float, Within(above=0.0)]
+NotNegative = Annotated[float, Within(least=0.0)]
+# Strictly between 0 and 1, as the level of a band.
+Share = Annotated[float, Within(above=0.0, below=1.0)]
+Count = Annotated[int, Within(least=1)]
+Seed = Annotated[int, Within(least=0, most=2**64 - 1)]
+# 0 is all.
+Threads = Annotated[int, Within(least=0, most=1024)]
+# Misfits of failed candidates are infinite, and the functions say more of a wrong number than its place.
+AnyNumbers = Annotated[NDArray[np.float64], May.BE_INFINITE, May.BE_NAN]
+# A force, or a history of something else; draws or candidates in rows.
+Samples = Annotated[NDArray[np.float64], Shape(("n_time",))]
+Rows = Annotated[NDArray[np.float64], Shape(("n_batch", "n_time"))]
+# Of NumPy or JAX.
+AnyArray = Annotated[Any, May.BE_TRACED, May.BE_INFINITE, May.BE_NAN]
+AnyArrayLike = Annotated[ArrayLike, May.BE_INFINITE, May.BE_NAN]
 
 TargetT = TypeVar("TargetT", bound=Callable[..., Any])
 
@@ -39,7 +75,9 @@ def checked(target: TargetT) -> TargetT:
             raise TypeError(f"{target.__name__} is no dataclass; put `checked` on its constructor")
         setattr(target, "__init__", _checking(target.__init__, target.__name__))  # noqa: B010 # not for a type checker
         return target
-    return cast(TargetT, _checking(target, target.__name__))
+    # A method is named with its class, a constructor by its class, a function within a function by its own name.
+    name = target.__qualname__.rpartition("<locals>.")[2].removesuffix(".__init__")
+    return cast(TargetT, _checking(target, name))
 
 
 def _checking(function: Any, name: str) -> Any:
@@ -51,16 +89,20 @@ def _checking(function: Any, name: str) -> Any:
     )
     # Empty until the first call: an annotation may name what is defined after the function.
     kinds: dict[str, Kind] = {}
+    shapes: dict[str, Shape] = {}
 
     @wraps(function)
     def checking(*args: Any, **given: Any) -> Any:
         if not kinds:
             kinds.update(_kinds_of(function, signature))
+            shapes.update(_shapes_of(function, signature))
         values = [
             _accepted(kinds, name, parameter, value)
             for parameter, value in zip(positional, args, strict=False)
         ]
         named = {parameter: _accepted(kinds, name, parameter, value) for parameter, value in given.items()}
+        if shapes:
+            _agree(shapes, name, dict(zip(positional, values, strict=False)) | named)
         return function(*values, *args[len(values) :], **named)
 
     return checking
@@ -75,6 +117,27 @@ def _accepted(kinds: Mapping[str, Kind], function: str, parameter: str, value: A
         raise refusal.error(
             escaped(f"`{parameter}{refusal.place}` of {function} {refusal.sentence}")
         ) from None
+
+
+def _agree(shapes: Mapping[str, Shape], function: str, given: Mapping[str, Any]) -> None:
+    known: dict[str, tuple[int, str]] = {}
+    for parameter, shape in shapes.items():
+        value = given.get(parameter)
+        # A number may stand for an array where the annotation has both.
+        if value is None or isinstance(value, int | float):
+            continue
+        try:
+            shape.check(value, known, parameter)
+        except Refusal as refusal:
+            raise refusal.error(f"`{parameter}` of {function} {refusal.sentence}") from None
+
+
+def _shapes_of(function: Any, signature: inspect.Signature) -> dict[str, Shape]:
+    found = {
+        name: shape_of(_resolved(parameter.annotation, function))
+        for name, parameter in signature.parameters.items()
+    }
+    return {name: shape for name, shape in found.items() if shape is not None}
 
 
 def _kinds_of(function: Any, signature: inspect.Signature) -> dict[str, Kind]:
