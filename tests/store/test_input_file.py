@@ -52,6 +52,7 @@ ELSEWHERE = {
     "records/formats/delimited.py": "lines in memory",
     "records/formats/tdms.py": "bytes in memory",
     "records/table.py": "bytes in memory",
+    "records/formats/regular.py": "bytes in memory",
     "report/font.py": "a file of the package",
     "report/html.py": "files of the package",
     "store/hdf5.py": "what its child process prints",

@@ -111,7 +111,11 @@ def _rest(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
 def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
     from scipy.interpolate import CubicSpline  # slow to load
 
-    seen = force_delay(test, motion_of(test.displacement, test.dt)) if amount is None else Measured(value=amount, unit="s")
+    seen = (
+        force_delay(test, motion_of(test.displacement, test.dt))
+        if amount is None
+        else Measured(value=amount, unit="s")
+    )
     if seen is None:
         return test, _no_cause(
             "delay", "the force has no corner at motion reversals to estimate a delay from; give one"

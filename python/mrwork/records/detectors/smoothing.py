@@ -118,7 +118,7 @@ def _transformed_length(n_time: int) -> int:
     if n_time < _LONG:
         return n_time
     # An even length without prime factors above 5, of the differences.
-    n_odd = [3**three * 5**five for three in range(20) for five in range(14)]
+    n_odd: list[int] = [3**three * 5**five for three in range(20) for five in range(14)]
     left = n_time - _DIFFERENCES
     return _DIFFERENCES + max(odd << ((left // odd).bit_length() - 1) for odd in n_odd if 2 * odd <= left)
 
