@@ -15,7 +15,7 @@ from mrwork.records.build import examine
 from mrwork.records.checks import breakaway_overshoot, clipped_share
 from mrwork.records.detectors.cycles import drift_finding, loop_drift, moving_mass
 from mrwork.records.detectors.delay import delay_finding, force_delay
-from mrwork.records.motion import whole_cycles
+from mrwork.records.motion import SmoothMotion, motion_of, whole_cycles
 from mrwork.simulate import Loading, simulate_force
 from mrwork.synthetic import SYNTHETIC_TESTS, synthetic_test
 
@@ -52,19 +52,23 @@ def simulated(
     )
 
 
+def with_motion(test: DamperTest) -> tuple[DamperTest, SmoothMotion]:
+    return test, motion_of(test.displacement, test.dt)
+
+
 def late(test: DamperTest, delay: float) -> DamperTest:
     return replace(test, force=np.interp(test.time - delay, test.time, test.force))
 
 
 @pytest.mark.parametrize("name", SYNTHETIC_TESTS)
 def test_records_as_the_sensors_gave_them_raise_no_alarm(name: str) -> None:
-    assert examine(synthetic_test(name)) == ()
+    assert examine(*with_motion(synthetic_test(name))) == ()
 
 
 @pytest.mark.parametrize("model", [*CORNERED, SMOOTH])
 @pytest.mark.parametrize("frequency", [0.5, 2.0, 5.0])
 def test_simulated_records_raise_no_alarm(model: str, frequency: float) -> None:
-    assert examine(simulated(model, frequency=frequency)) == ()
+    assert examine(*with_motion(simulated(model, frequency=frequency))) == ()
 
 
 @pytest.mark.parametrize("model", CORNERED)
@@ -73,18 +77,18 @@ def test_simulated_records_raise_no_alarm(model: str, frequency: float) -> None:
 def test_a_delay_of_the_force_is_found(model: str, frequency: float, share: float) -> None:
     delay = share / frequency
     test = late(simulated(model, frequency=frequency), delay)
-    found = force_delay(test)
+    found = force_delay(*with_motion(test))
     assert found is not None
     assert found.standard_error is not None
     # 0.1 % of a period is the step of the search and hence the least standard error; the bound is three times that.
     assert abs(found.value - delay) < 3.0 * found.standard_error
     assert found.standard_error < 4e-3 / frequency
-    (finding,) = delay_finding(test)
+    (finding,) = delay_finding(*with_motion(test))
     assert "lags" in finding.message
 
 
 def test_a_force_that_comes_early_is_told_as_a_lead() -> None:
-    (finding,) = delay_finding(late(simulated("normalised_bouc_wen"), -0.015))
+    (finding,) = delay_finding(*with_motion(late(simulated("normalised_bouc_wen"), -0.015)))
     assert "leads" in finding.message
     assert finding.measured is not None
     assert finding.measured.value == pytest.approx(-0.015, abs=1.5e-3)
@@ -92,7 +96,7 @@ def test_a_force_that_comes_early_is_told_as_a_lead() -> None:
 
 @pytest.mark.parametrize("delay", [-0.01, 0.0, 0.005])
 def test_a_force_without_corners_tells_no_delay(delay: float) -> None:
-    assert force_delay(late(simulated(SMOOTH, frequency=1.0), delay)) is None
+    assert force_delay(*with_motion(late(simulated(SMOOTH, frequency=1.0), delay))) is None
 
 
 def test_a_smoothed_record_tells_no_delay() -> None:
@@ -104,7 +108,7 @@ def test_a_smoothed_record_tells_no_delay() -> None:
         velocity=np.convolve(test.velocity, window, mode="valid"),
         force=np.convolve(test.force, window, mode="valid"),
     )
-    assert force_delay(replace(smoothed, smoothing=detect_smoothing(smoothed))) is None
+    assert force_delay(*with_motion(replace(smoothed, smoothing=detect_smoothing(smoothed)))) is None
 
 
 @pytest.mark.parametrize("model", [*CORNERED, SMOOTH])
@@ -119,7 +123,7 @@ def test_a_mass_is_bounded_from_below(model: str, share: float) -> None:
     mass = share * 0.5 * np.ptp(test.force) / (amplitude * (2.0 * np.pi * frequency) ** 2)
     elastic = -float(test.force @ acceleration / (acceleration @ acceleration))
     loaded = replace(test, force=test.force + share * 0.5 * np.ptp(test.force) * inertia)
-    found = moving_mass(loaded)
+    found = moving_mass(*with_motion(loaded))
     assert found is not None
     # The 1 % allows for cycles that are not a whole number of samples, and for the first cycle, from rest.
     assert found.value == pytest.approx(mass - elastic, rel=0.02)
@@ -140,7 +144,7 @@ def test_a_force_that_sticks_at_rest_is_measured() -> None:
             name="rest", time=time, displacement=displacement, force=force + extra + noise
         )
 
-    found = breakaway_overshoot(built(peak))
+    found = breakaway_overshoot(*with_motion(built(peak)))
     assert found is not None
     # Noise of 2 N: 7 N at most among 1200 samples, twice that at the peak, and 1 N in the mean over the travel.
     assert found.value == pytest.approx(150.0, abs=12.0)
@@ -174,14 +178,14 @@ def test_friction_with_noise_is_not_clipping() -> None:
 def test_a_drift_of_the_loop_is_measured(change: float) -> None:
     scale = (1.0 + change) ** (np.arange(12 * 500) / (12 * 500))
     test = simulated("normalised_bouc_wen", cycles=12, scale=scale)
-    found = loop_drift(test)
+    found = loop_drift(*with_motion(test))
     assert found is not None
     n_cycles = len(whole_cycles(test.displacement))
     expected = (1.0 + change) ** ((n_cycles - 1) / 12.0) - 1.0
     # Noise of 0.3 % averages to 1e-4 in a cycle of 500 samples; for a drifting force, the mean over the travel differs
     # slightly from its offset.
     assert found.value == pytest.approx(expected, abs=0.003)
-    assert len(drift_finding(test)) == 1
+    assert len(drift_finding(*with_motion(test))) == 1
 
 
 def test_a_chirp_is_no_drift() -> None:
@@ -195,7 +199,7 @@ def test_a_chirp_is_no_drift() -> None:
         velocity=velocity,
         force=300.0 * np.tanh(velocity / 0.01) + 2000.0 * velocity,
     )
-    assert loop_drift(test) is None
+    assert loop_drift(*with_motion(test)) is None
 
 
 def test_a_stroke_that_decays_is_no_drift() -> None:

@@ -40,6 +40,13 @@ def test_rounding_after_the_average_does_not_hide_it() -> None:
     assert averaged_over(force) == 40
 
 
+def test_a_long_record_of_any_length_is_searched() -> None:
+    # 99 991 is a prime number; the last samples are left out, so that the transform is fast.
+    noise = np.random.default_rng(3).standard_normal(99_991 + 2 + 49)
+    assert averaged_over(averaged(noise, 50)) == 50
+    assert averaged_over(noise) is None
+
+
 def test_only_the_channel_that_was_averaged_is_named() -> None:
     test = synthetic_test("rd1005_1a")
     found = detect_smoothing(replace(test, force=averaged(np.pad(test.force, (15, 15), mode="wrap"), 31)))

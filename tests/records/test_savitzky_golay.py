@@ -1,4 +1,4 @@
-"""The Savitzky-Golay filter agrees with that of SciPy."""
+"""The Savitzky-Golay filter agrees with that of SciPy, also block by block."""
 
 from __future__ import annotations
 
@@ -34,3 +34,12 @@ def test_polynomials_of_its_order_are_differentiated_exactly_up_to_the_ends() ->
             rtol=1e-9,
             atol=1e-9,
         )
+
+
+def test_a_long_signal_gets_the_bits_of_its_parts() -> None:
+    # The sums are formed block by block; 20000 samples are several blocks.
+    signal = np.cumsum(np.random.default_rng(1).standard_normal(20_000))
+    whole = savitzky_golay(signal, 31, 3, derivative=1)
+    for first in (0, 5000, 13_000):
+        part = savitzky_golay(signal[first : first + 7000], 31, 3, derivative=1)
+        np.testing.assert_array_equal(part[15:-15], whole[first + 15 : first + 6985])

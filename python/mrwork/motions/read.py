@@ -14,10 +14,11 @@ from mrwork.errors import RecordError
 from mrwork.motions.formats.at2 import PEER_AT2, refuse_false_at2
 from mrwork.motions.formats.cosmos import COSMOS
 from mrwork.motions.formats.esm import ESM
-from mrwork.motions.formats.format import Format, Stated, open_lines, refuse_absurd, refuse_needless
+from mrwork.motions.formats.format import Format, Stated, lines_of, refuse_absurd, refuse_needless
 from mrwork.motions.formats.knet import K_NET
-from mrwork.motions.formats.table import TABLE, read_matrix_motion
+from mrwork.motions.formats.table import TABLE, read_matrix_motion, read_regular_motion
 from mrwork.motions.ground_motion import GroundMotion
+from mrwork.records.formats.delimited import read_text_bytes
 from mrwork.records.table import listed_files
 from mrwork.store.input_file import RECORD, is_file, is_folder, start_of
 
@@ -135,7 +136,11 @@ def _read(path: Path, stated: Stated) -> GroundMotion:
     if head == _MATLAB_5 or path.suffix.lower() == ".mat":
         refuse_needless(stated, TABLE.needs, source=source, kind="a .mat file")
         return read_matrix_motion(path, stated)
-    lines = open_lines(path)
+    data = read_text_bytes(path)
+    motion = read_regular_motion(data, stated, path, [form for form in FORMATS if form is not TABLE])
+    if motion is not None:
+        return motion
+    lines = lines_of(data, path)
     form = next(candidate for candidate in FORMATS if candidate.recognises(lines))
     if form is TABLE and path.suffix.lower() == ".at2":
         refuse_false_at2(lines)

@@ -18,13 +18,13 @@ from mrwork.records.command_signal import Command
 from mrwork.records.damper_test import DamperTest, Finding, frozen
 from mrwork.records.detectors.cycles import drift_finding, mass_finding
 from mrwork.records.detectors.delay import delay_finding
-from mrwork.records.detectors.smoothing import detect_smoothing, smoothing_finding
+from mrwork.records.detectors.smoothing import smoothing_finding, smoothing_of
 from mrwork.records.detectors.velocity import velocity_agrees
-from mrwork.records.motion import Smoother, spectrum
+from mrwork.records.motion import Smoother, SmoothMotion, motion_of
 from mrwork.records.sampling import Signals, check_time, complete_rows, uniform_step
 from mrwork.records.window import settling_samples
 
-_DETECTORS: Final[tuple[Callable[[DamperTest], tuple[Finding, ...]], ...]] = (
+_DETECTORS: Final[tuple[Callable[[DamperTest, SmoothMotion], tuple[Finding, ...]], ...]] = (
     smoothing_finding,
     delay_finding,
     mass_finding,
@@ -115,25 +115,23 @@ def build_damper_test(
     findings += [*dropped, *resampled]
 
     displaced = signals.displacement
-    motion = spectrum(displaced, dt)
-    smoother = Smoother.for_band(motion.band_edge, dt, displaced.size)
-    derivative = smoother.derivative(displaced)
+    motion = motion_of(displaced, dt)
     about_velocity: tuple[Finding, ...]
     if signals.velocity is None:
-        moving, about_velocity = derivative, (_velocity_derived(smoother),)
+        moving, about_velocity = motion.velocity, (_velocity_derived(motion.smoother),)
     else:
-        moving, about_velocity = velocity_agrees(signals.velocity, displaced, smoother, motion.dominant)
-    resisting, about_sign = checks.force_sign(signals.force, derivative)
+        moving, about_velocity = velocity_agrees(signals.velocity, displaced, motion)
+    resisting, about_sign = checks.force_sign(signals.force, motion.velocity)
     findings += [
         *about_velocity,
         *about_sign,
         # A varying command weighs the directions of motion differently, so that the mean force is no static one.
-        *(() if given.has_commands else checks.force_offset(resisting, derivative)),
-        *checks.rest_before_motion(displaced, dt, motion.dominant),
-        *checks.samples_per_cycle(motion.dominant, dt),
+        *(() if given.has_commands else checks.force_offset(resisting, motion.velocity)),
+        *checks.rest_before_motion(displaced, dt, motion.frequency),
+        *checks.samples_per_cycle(motion.frequency, dt),
         *about_current,
         *about_voltage,
-        *motion_matches_name(displaced, motion.dominant, dt * displaced.size, amplitude, frequency),
+        *motion_matches_name(displaced, motion.frequency, dt * displaced.size, amplitude, frequency),
     ]
     test = DamperTest(
         name=name,
@@ -152,13 +150,13 @@ def build_damper_test(
         frequency=frequency,
         synthetic=synthetic,
     )
-    test = replace(test, smoothing=detect_smoothing(test))
-    return replace(test, findings=(*findings, *examine(test)))
+    test = replace(test, smoothing=smoothing_of(test, motion.frequency))
+    return replace(test, findings=(*findings, *examine(test, motion)))
 
 
-def examine(test: DamperTest) -> tuple[Finding, ...]:
-    """Run all detectors on a test."""
-    return tuple(finding for detector in _DETECTORS for finding in detector(test))
+def examine(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
+    """Run all detectors on a test, whose smoothed motion is given."""
+    return tuple(finding for detector in _DETECTORS for finding in detector(test, motion))
 
 
 def _channel(samples: ArrayLike, name: str, source: str) -> NDArray[np.float64]:

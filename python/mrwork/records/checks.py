@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
 from mrwork.records.damper_test import DamperTest, Finding, Measured
-from mrwork.records.motion import Smoother, motion_of
+from mrwork.records.motion import Smoother, SmoothMotion
 
 _SMALLEST_RANGE: Final = 1e-9
 _LARGEST: Final = 1e15
@@ -70,7 +70,7 @@ def clipped_share(samples: NDArray[np.float64]) -> float:
     return flat / samples.size
 
 
-def clipping_findings(test: DamperTest) -> tuple[Finding, ...]:
+def clipping_findings(test: DamperTest, _: SmoothMotion) -> tuple[Finding, ...]:
     """Warn of clipped channels."""
     channels = [("displacement", test.displacement), ("force", test.force)]
     if test.velocity_source == "measured":
@@ -143,12 +143,11 @@ _BREAKAWAY_SHARE: Final = 0.05
 _BREAKAWAY_ERRORS: Final = 4.0
 
 
-def breakaway_overshoot(test: DamperTest) -> Measured | None:
+def breakaway_overshoot(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     """Excess of the force at the first movement over all later forces [N]; `None` if there is no rest before.
 
     Forces are relative to their mean over the distance travelled. The standard error is the noise of the force.
     """
-    motion = motion_of(test.displacement, test.dt)
     rest = samples_at_rest(test.displacement)
     if rest * test.dt * motion.frequency < _REST_CYCLES:
         return None
@@ -164,9 +163,9 @@ def breakaway_overshoot(test: DamperTest) -> Measured | None:
     return Measured(value=overshoot, standard_error=noise * float(np.sqrt(2.0)), unit="N")
 
 
-def breakaway_finding(test: DamperTest) -> tuple[Finding, ...]:
+def breakaway_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
     """Note a breakaway force above all later forces by at least 5 % of the half range."""
-    overshoot = breakaway_overshoot(test)
+    overshoot = breakaway_overshoot(test, motion)
     if overshoot is None or overshoot.standard_error is None:
         return ()
     least = max(_BREAKAWAY_SHARE * half_range(test.force), _BREAKAWAY_ERRORS * overshoot.standard_error)

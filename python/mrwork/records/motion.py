@@ -55,6 +55,16 @@ def _inner_sums(signal: Array, weights: Array) -> Array:
     """Convolution of a signal with the weights of a window, at all samples where the whole window lies within it."""
     half = weights.size // 2
     n_inner = signal.size - 2 * half
+    total = np.empty(n_inner)
+    for first in range(0, n_inner, _BLOCK):
+        last = min(first + _BLOCK, n_inner)
+        total[first:last] = _sums_of_block(signal[first : last + 2 * half], weights)
+    return total
+
+
+def _sums_of_block(signal: Array, weights: Array) -> Array:
+    half = weights.size // 2
+    n_inner = signal.size - 2 * half
     along = weights[::-1]
 
     def shifted(by: int) -> Array:
@@ -77,6 +87,8 @@ def _inner_sums(signal: Array, weights: Array) -> Array:
 
 
 _ORDER: Final = 3
+# Samples for which all sums are formed before the next are begun, so that they stay in the cache of the processor.
+_BLOCK: Final = 8192
 _BAND_POWER: Final = 0.999
 # A cubic Savitzky-Golay derivative over a window of half width m [s] has a relative error of (omega m)^4 / 504 for
 # a sine of angular frequency omega. A window of 0.15 periods (omega m = 0.47) keeps that below 1e-4.
@@ -148,13 +160,14 @@ class Smoother:
 class SmoothMotion:
     """Smoothed motion: displacement [m], velocity [m/s], acceleration [m/s^2], shape (n_time,).
 
-    `frequency` is the dominant frequency [Hz].
+    `frequency` is the dominant frequency [Hz]; `smoother` is that for the band of the displacement.
     """
 
     displacement: NDArray[np.float64]
     velocity: NDArray[np.float64]
     acceleration: NDArray[np.float64]
     frequency: float
+    smoother: Smoother
 
 
 def motion_of(displacement: NDArray[np.float64], dt: float) -> SmoothMotion:
@@ -166,6 +179,7 @@ def motion_of(displacement: NDArray[np.float64], dt: float) -> SmoothMotion:
         velocity=smoother.derivative(displacement),
         acceleration=smoother.derivative(displacement, order=2),
         frequency=band.dominant,
+        smoother=smoother,
     )
 
 

@@ -113,7 +113,11 @@ def _rest(test: DamperTest, _: float | None) -> tuple[DamperTest, Finding]:
 def _delay(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
     from scipy.interpolate import CubicSpline  # slow to load
 
-    seen = force_delay(test) if amount is None else Measured(value=amount, unit="s")
+    seen = (
+        force_delay(test, motion_of(test.displacement, test.dt))
+        if amount is None
+        else Measured(value=amount, unit="s")
+    )
     if seen is None:
         return test, _no_cause(
             "delay", "the force has no corner at motion reversals to estimate a delay from; give one"
@@ -140,10 +144,11 @@ def _offset(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding
 
 
 def _mass(test: DamperTest, amount: float | None) -> tuple[DamperTest, Finding]:
-    seen = moving_mass(test) if amount is None else Measured(value=amount, unit="kg")
+    motion = motion_of(test.displacement, test.dt)
+    seen = moving_mass(test, motion) if amount is None else Measured(value=amount, unit="kg")
     if seen is None:
         return test, _no_cause("mass", "the force has no component in phase with the acceleration; give one")
-    inertia = seen.value * motion_of(test.displacement, test.dt).acceleration
+    inertia = seen.value * motion.acceleration
     message = f"the inertia of {seen.value:.3g} kg{_error(seen, 1.0)} was taken out of the force"
     return replace(test, force=frozen(test.force - inertia)), _done("mass", message, seen.value, "kg", seen)
 

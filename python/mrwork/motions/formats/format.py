@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mrwork.errors import RecordError, SettingError
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.records.formats.delimited import read_text_bytes
+from mrwork.records.formats.delimited import decoded
 
 _HEADER_SHOWN = 60
 
@@ -33,21 +33,10 @@ class Lines:
         return f"{self.path}: line {index + 1}"
 
 
-def open_lines(path: Path) -> Lines:
-    """Read a text file with any line ends; headers of old files may be Latin-1.
-
-    Raises
-    ------
-    RecordError
-        The file is empty or is not text.
-    """
-    data = read_text_bytes(path)
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("latin-1")
+def lines_of(data: bytes, path: Path) -> Lines:
+    """Lines of the bytes of a text file with any line ends; headers of old files may be Latin-1."""
     # Some archives hold files with line ends CR CR LF.
-    return Lines(path=path, texts=tuple(re.split(r"\r*\n|\r", text)))
+    return Lines(path=path, texts=tuple(re.split(r"\r*\n|\r", decoded(data))))
 
 
 def read_numbers(lines: Lines, first: int, end: int | None = None) -> NDArray[np.float64]:

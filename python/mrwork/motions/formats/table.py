@@ -12,12 +12,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError, SettingError, UnitError
-from mrwork.motions.formats.format import Format, Lines, Stated, is_number, read_numbers, recorded, shown
+from mrwork.motions.formats.format import (
+    Format,
+    Lines,
+    Stated,
+    is_number,
+    lines_of,
+    read_numbers,
+    recorded,
+    shown,
+)
 from mrwork.motions.formats.uniform import motion_of_columns
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.records.formats.delimited import DelimitedTable
+from mrwork.records.formats.delimited import DelimitedTable, decoded
 from mrwork.records.formats.layout import DECIMAL_COMMA
 from mrwork.records.formats.matlab import open_matlab, read_matlab_matrices
+from mrwork.records.formats.regular import regular_table
 from mrwork.records.table import ColumnTable, VectorTable
 from mrwork.units import factor_of, factor_to_si, known_units
 
@@ -25,6 +35,9 @@ from mrwork.units import factor_of, factor_to_si, known_units
 _ACCELERATION: Final = re.compile(r"(ground[\s_-]*)?(a|acc|accel|acceleration|ag|a_g|xg_ddot)", re.IGNORECASE)
 _TIME: Final = re.compile(r"\s*(?:t|time)(?:[\s_,:/(\[]+([a-z]+)[)\]]?)?\s*", re.IGNORECASE)
 _SECONDS: Final = ("sec", "secs", "second", "seconds")
+# Bytes in which a format is recognised, and lines of the longest header.
+_HEAD: Final = 65536
+_LONGEST_HEADER: Final = 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,6 +172,36 @@ def motion_of_table(table: ColumnTable, stated: Stated, path: Path) -> GroundMot
         source=path.name if stated.column is None else f"'{acceleration.name}' of {path.name}",
         where=lambda row: f"{path}: {table.locate(row)}",
     )
+
+
+def read_regular_motion(
+    data: bytes, stated: Stated, path: Path, others: Sequence[Format]
+) -> GroundMotion | None:
+    """Read the bytes of a table with names above rows that are all alike; `None` of any other file.
+
+    `others` are the formats that are no tables.
+    """
+    head = lines_of(data[:_HEAD], path)
+    above = [text for text in head.texts if text.strip() and not text.lstrip().startswith("#")]
+    if (
+        stated.channel is not None
+        or len(head.texts) <= _LONGEST_HEADER
+        or not above
+        or b"%" in data
+        or path.suffix.lower() == ".at2"
+        or any(form.recognises(head) for form in others)
+    ):
+        return None
+    fields = [field for field in re.split(r"[\t;,]", above[0]) if field.strip()]
+    if len(fields) < 2 or all(is_number(field) for field in fields):
+        return None
+
+    def line_by_line() -> DelimitedTable:
+        lines = lines_of(data, path)
+        return _table(lines, list(lines.texts))
+
+    table = regular_table(data, decoded, sha256="", careful=line_by_line)
+    return None if table is None else motion_of_table(table, stated, path)
 
 
 def _read(lines: Lines, stated: Stated) -> GroundMotion:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mrwork.records.checks import half_range, mean_over_travel
 from mrwork.records.damper_test import DamperTest, Finding, Measured
-from mrwork.records.motion import motion_of, whole_cycles
+from mrwork.records.motion import SmoothMotion, whole_cycles
 
 _FEWEST_FOR_MASS: Final = 2
 _SIGNIFICANT: Final = 4.0
@@ -17,7 +17,7 @@ _SIGNIFICANT: Final = 4.0
 _SHARE_OF_RANGE: Final = 0.02
 
 
-def moving_mass(test: DamperTest) -> Measured | None:
+def moving_mass(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     """Lower bound of the mass between load cell and damper [kg], or `None` if it is not significant.
 
     Over whole cycles, viscous and friction forces have no component in phase with the acceleration; springs and
@@ -30,7 +30,6 @@ def moving_mass(test: DamperTest) -> Measured | None:
     """
     if test.has_varying_command:
         return None
-    motion = motion_of(test.displacement, test.dt)
     spans = whole_cycles(motion.displacement)
     if len(spans) < _FEWEST_FOR_MASS:
         return None
@@ -43,9 +42,9 @@ def moving_mass(test: DamperTest) -> Measured | None:
     return Measured(value=mass, standard_error=error, unit="kg")
 
 
-def mass_finding(test: DamperTest) -> tuple[Finding, ...]:
+def mass_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
     """Warn of a significant moving mass."""
-    mass = moving_mass(test)
+    mass = moving_mass(test, motion)
     if mass is None:
         return ()
     message = (
@@ -69,7 +68,7 @@ _COLLINEAR: Final = 0.9
 _LEAST_DRIFT: Final = 0.03
 
 
-def loop_drift(test: DamperTest) -> Measured | None:
+def loop_drift(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     """Relative change of the dissipative force from the first cycle to the last, or `None` if it cannot be estimated.
 
     The force of a cycle is its dissipated energy per distance travelled, int F v dt / int |v| dt. Its logarithm is
@@ -78,7 +77,6 @@ def loop_drift(test: DamperTest) -> Measured | None:
     """
     if test.has_varying_command:
         return None
-    motion = motion_of(test.displacement, test.dt)
     spans = whole_cycles(motion.displacement)
     if len(spans) < _FEWEST_FOR_DRIFT:
         return None
@@ -109,9 +107,9 @@ def loop_drift(test: DamperTest) -> Measured | None:
     return Measured(value=change, standard_error=error * (1.0 + change), unit="")
 
 
-def drift_finding(test: DamperTest) -> tuple[Finding, ...]:
+def drift_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
     """Warn of a drift above 3 % and four standard errors."""
-    drift = loop_drift(test)
+    drift = loop_drift(test, motion)
     if drift is None or drift.standard_error is None:
         return ()
     if abs(drift.value) < max(_LEAST_DRIFT, _SIGNIFICANT * drift.standard_error):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mrwork.records.checks import half_range
 from mrwork.records.damper_test import DamperTest, Finding, Measured
-from mrwork.records.motion import motion_of, turning_points
+from mrwork.records.motion import SmoothMotion, turning_points
 
 # All in periods of the dominant frequency.
 _LONGEST: Final = 0.05
@@ -32,7 +32,7 @@ _SIGNIFICANT: Final = 3.0
 _PASSED: Final = 1.0
 
 
-def force_delay(test: DamperTest) -> Measured | None:
+def force_delay(test: DamperTest, motion: SmoothMotion) -> Measured | None:
     """Delay of the force behind the displacement [s], or `None` if the force has no corner at the turns.
 
     When the motion reverses, a hysteretic force leaves its branch at once, and its slope over time has a corner. Folded
@@ -50,7 +50,6 @@ def force_delay(test: DamperTest) -> Measured | None:
     """
     if test.has_varying_command or test.smoothing is not None:
         return None
-    motion = motion_of(test.displacement, test.dt)
     period = 1.0 / motion.frequency
     place, direction = turning_points(motion.displacement, motion.velocity)
     # Turns with different accelerations have corners of different widths and cannot be averaged.
@@ -75,9 +74,9 @@ def force_delay(test: DamperTest) -> Measured | None:
     return Measured(value=delay * period, standard_error=error * period, unit="s")
 
 
-def delay_finding(test: DamperTest) -> tuple[Finding, ...]:
+def delay_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
     """Warn of a delay of more than three standard errors and half a sample."""
-    delay = force_delay(test)
+    delay = force_delay(test, motion)
     if delay is None or delay.standard_error is None:
         return ()
     if abs(delay.value) < max(_SIGNIFICANT * delay.standard_error, 0.5 * test.dt):

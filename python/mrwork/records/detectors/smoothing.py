@@ -9,12 +9,14 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import checked
 from mrwork.records.damper_test import Channel, DamperTest, Finding, Measured, Smoothing
-from mrwork.records.motion import spectrum
+from mrwork.records.motion import SmoothMotion, spectrum
 
 _DIFFERENCES: Final = 2
 _HARMONICS: Final = np.arange(1, 5)
 # Shortest window [samples]; with fewer, the only null is at or near the Nyquist frequency, as with a low-pass filter.
 _SHORTEST: Final = 4
+# A transform of a long signal takes some twenty times as long where its length has a large prime factor.
+_LONG: Final = 1 << 16
 # Longest window, in periods; longer averages are not used in practice, and harmonics interfere there.
 _LONGEST: Final = 0.5
 # Least depth relative to that of a moving average; rounding after the average fills the nulls a little. Combs of
@@ -35,12 +37,17 @@ def detect_smoothing(test: DamperTest) -> Smoothing | None:
     samples, or of more than an eighth of the record or half a period, cannot be detected, nor any in a record without
     noise.
     """
+    return smoothing_of(test, spectrum(test.displacement, test.dt).dominant)
+
+
+def smoothing_of(test: DamperTest, frequency: float) -> Smoothing | None:
+    """As `detect_smoothing`, of a motion whose dominant frequency [Hz] is known."""
     channels: tuple[tuple[Channel, NDArray[np.float64]], ...] = (
         ("force", test.force),
         ("displacement", test.displacement),
     )
     windows = {name: averaged_over(samples) for name, samples in channels}
-    period = round(1.0 / (spectrum(test.displacement, test.dt).dominant * test.dt))
+    period = round(1.0 / (frequency * test.dt))
     for name, n_window in windows.items():
         if n_window is not None and n_window > _LONGEST * period:
             windows[name] = None
@@ -59,13 +66,13 @@ def detect_smoothing(test: DamperTest) -> Smoothing | None:
     )
 
 
-def smoothing_finding(test: DamperTest) -> tuple[Finding, ...]:
+def smoothing_finding(test: DamperTest, motion: SmoothMotion) -> tuple[Finding, ...]:
     """Warn of a moving average, with the fraction of a cycle that it covers."""
     smoothing = test.smoothing
     if smoothing is None:
         return ()
     window = smoothing.window_seconds
-    share = window * spectrum(test.displacement, test.dt).dominant
+    share = window * motion.frequency
     averaged = "force" in smoothing.channels
     advice = "identify applies the same average to the model's force" if averaged else "the force shows none"
     message = (
@@ -87,6 +94,7 @@ def averaged_over(samples: NDArray[np.float64]) -> int | None:
     origin. The spikes at w, 2 w, 3 w and 4 w are combined. Odd harmonics of a motion of period T are distinguished by
     their alternating sign at multiples of T/2.
     """
+    samples = samples[: _transformed_length(samples.size)]
     windows = np.arange(_SHORTEST, (samples.size // 2 - 2) // int(_HARMONICS[-1]))
     if windows.size == 0:
         return None
@@ -105,6 +113,16 @@ def averaged_over(samples: NDArray[np.float64]) -> int | None:
     # The edge of a steep low-pass filter gives a wave in the cepstrum, not a spike.
     beside = np.abs(spikes[window + 2 : min(2 * window - 1, window + 6)])
     return window if deep and alike and beside.max() < _EACH[0] else None
+
+
+def _transformed_length(n_time: int) -> int:
+    """Samples of a signal whose cepstrum is looked at: of a long one, so many that the Fourier transform is fast."""
+    if n_time < _LONG:
+        return n_time
+    # An even length without prime factors above 5, of the differences.
+    n_odd: list[int] = [3**three * 5**five for three in range(20) for five in range(14)]
+    left = n_time - _DIFFERENCES
+    return _DIFFERENCES + max(odd << ((left // odd).bit_length() - 1) for odd in n_odd if 2 * odd <= left)
 
 
 def _cepstrum(samples: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.records.damper_test import Finding, Measured
-from mrwork.records.motion import Smoother
+from mrwork.records.motion import Smoother, SmoothMotion
 
 _MISFIT: Final = 0.10
 _NOISE: Final = 0.5
@@ -20,8 +20,7 @@ _SMALLEST_FACTOR: Final = 1e-9
 def velocity_agrees(
     velocity: NDArray[np.float64],
     displacement: NDArray[np.float64],
-    smoother: Smoother,
-    frequency: float,
+    motion: SmoothMotion,
 ) -> tuple[NDArray[np.float64], tuple[Finding, ...]]:
     """Compare a measured velocity with the derivative of the displacement.
 
@@ -33,13 +32,12 @@ def velocity_agrees(
     ----------
     velocity, displacement
         Shape (n_time,) [m/s, m].
-    smoother
-        Smoother for the band of the displacement.
-    frequency
-        Dominant frequency of the motion [Hz]. A delay below 0.02 rad at this frequency is reported only if it is the
-        half sample of backward differences, which degrades fits of loops with sharp knees.
+    motion
+        Smoothed motion. A delay below 0.02 rad at its dominant frequency is reported only if it is the half sample of
+        backward differences, which degrades fits of loops with sharp knees.
     """
-    comparison = _compared(velocity, displacement, smoother)
+    smoother = motion.smoother
+    comparison = _compared(velocity, displacement, motion)
     measured = comparison.measured
     difference = comparison.misfit(measured)
     if comparison.misfit(-measured) <= _MISFIT:
@@ -48,13 +46,13 @@ def velocity_agrees(
         )
         return -velocity, (Finding(code="velocity_sign_flipped", severity="note", message=message),)
 
-    late = comparison.delay(smoother.derivative(displacement, order=2), smoother)
+    late = comparison.delay(motion.acceleration, smoother)
     delay = late.value
     time = smoother.dt * np.arange(velocity.size)
     delay_explains = comparison.misfit(np.interp(time + delay, time, measured)) < 0.5 * difference
     if difference <= _MISFIT:
         half_sample = 0.4 < delay / smoother.dt < 0.6
-        if not delay_explains or not (half_sample or 2.0 * np.pi * frequency * abs(delay) >= _PHASE):
+        if not delay_explains or not (half_sample or 2.0 * np.pi * motion.frequency * abs(delay) >= _PHASE):
             return velocity, ()
         message = f"the velocity {_shift(delay, smoother.dt)}"
         if half_sample:
@@ -113,13 +111,13 @@ class _VelocityMisfit:
 
 
 def _compared(
-    velocity: NDArray[np.float64], displacement: NDArray[np.float64], smoother: Smoother
+    velocity: NDArray[np.float64], displacement: NDArray[np.float64], motion: SmoothMotion
 ) -> _VelocityMisfit:
+    smoother, derivative = motion.smoother, motion.velocity
     measured = smoother.smooth(velocity)
-    derivative = smoother.derivative(displacement)
     power = float(np.mean(derivative**2))
     noise = np.hypot(
-        smoother.noise(displacement - smoother.smooth(displacement)) * smoother.noise_gain(1),
+        smoother.noise(displacement - motion.displacement) * smoother.noise_gain(1),
         smoother.noise(velocity - measured) * smoother.noise_gain(0),
     )
     # Limits the allowance for noise, so that a signal of mostly noise does not count as correct.

@@ -17,12 +17,14 @@ from mrwork.records.formats.layout import (
     DECIMAL_COMMA,
     MISSING,
     NUMBER,
+    SURELY_DECIMAL,
     Layout,
     delimiter_of,
     is_data,
     layout_of,
     split,
 )
+from mrwork.records.formats.regular import regular_table
 from mrwork.records.table import ColumnTable
 from mrwork.store.input_file import RECORD, bytes_of, start_of
 
@@ -30,10 +32,6 @@ _LONGEST_LINE: Final = 65536
 # Control characters that no text export writes; NUL also indicates UTF-16.
 _BINARY: Final = re.compile(rb"[\x00-\x08\x0e-\x1a\x7f]")
 _SURELY_DECIMAL_WITHIN: Final = re.compile(r"(?<!\d)0,\d|\d,(?:\d{1,2}|\d{4,})(?!\d)")
-# A comma before three digits is a decimal comma or separates thousands; these can only be decimal commas.
-_SURELY_DECIMAL: Final = re.compile(
-    r"[+-]?(0*,\d+|\d+,(\d{1,2}|\d{4,}))([eE][+-]?\d+)?|[+-]?\d*,\d+[eE][+-]?\d+"
-)
 
 
 def open_delimited(path: Path) -> ColumnTable:
@@ -49,13 +47,16 @@ def open_delimited(path: Path) -> ColumnTable:
         The file is empty, not text, too large, or it has no data line.
     """
     data = read_text_bytes(path)
-    lines = decoded(data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    layout: Layout | None = None
-    if is_labview(lines):
-        lines, layout = labview_layout(lines, str(path))
-    return DelimitedTable(
-        source=str(path), sha256=hashlib.sha256(data).hexdigest(), lines=lines, layout=layout
-    )
+    sha256 = hashlib.sha256(data).hexdigest()
+
+    def line_by_line() -> DelimitedTable:
+        lines = decoded(data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+        layout: Layout | None = None
+        if is_labview(lines):
+            lines, layout = labview_layout(lines, str(path))
+        return DelimitedTable(source=str(path), sha256=sha256, lines=lines, layout=layout)
+
+    return regular_table(data, decoded, sha256=sha256, careful=line_by_line) or line_by_line()
 
 
 class DelimitedTable(ColumnTable):
@@ -143,7 +144,7 @@ class DelimitedTable(ColumnTable):
             for column, text in zip(columns, row, strict=True):
                 if "," in text and DECIMAL_COMMA.fullmatch(text):
                     place.setdefault(",", (index, column, text))
-                    sure = sure or bool(_SURELY_DECIMAL.fullmatch(text))
+                    sure = sure or bool(SURELY_DECIMAL.fullmatch(text))
                 elif "." in text and NUMBER.fullmatch(text):
                     place.setdefault(".", (index, column, text))
         if "," not in place:

@@ -22,6 +22,10 @@ MISSING: Final = frozenset({"", "na", "n/a", "nan", "null", "none"})
 # Only one way to read each digit: a row of thousands of digits is refused in linear time.
 NUMBER: Final = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE)
 DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
+# A comma before three digits is a decimal comma or separates thousands; these can only be decimal commas.
+SURELY_DECIMAL: Final = re.compile(
+    r"[+-]?(0*,\d+|\d+,(\d{1,2}|\d{4,}))([eE][+-]?\d+)?|[+-]?\d*,\d+[eE][+-]?\d+"
+)
 
 # A test has ten samples at least; a list of limits or results above it is usually shorter.
 _ENOUGH_ROWS: Final = 10
@@ -72,8 +76,31 @@ def layout_of(lines: Sequence[str], source: str) -> Layout:
     if not filled:
         raise RecordError(f"{source}: the file holds no header and no data; check the export")
     rows = _first_rows(lines, filled)
-    if rows is None:
-        return _of_first_line(lines, filled, source)
+    return _of_first_line(lines, filled, source) if rows is None else _layout_above(lines, filled, rows)
+
+
+def sampled_layout(lines: Sequence[str], middle: Sequence[str]) -> tuple[Layout, bool] | None:
+    """As `layout_of`, of a file of which the first lines and some from its middle are given, and whether it has texts.
+
+    `None` where all lines must be looked at. It is the layout of the whole file if all lines below are rows of data, of
+    which none is a row of numbers only if the rows have texts.
+    """
+    filled = [index for index, line in enumerate(lines) if is_data(line)]
+    pure = _run(middle, range(len(middle)), kinds=(True,))
+    with_texts = pure is None or pure.length < _ENOUGH_ROWS
+    kinds = (True, False) if with_texts else (True,)
+    like = _run(middle, range(len(middle)), kinds=kinds)
+    rows = _run(lines, filled, like=like, kinds=kinds)
+    if like is None or rows is None or min(like.length, rows.length) < _ENOUGH_ROWS:
+        return None
+    layout = _layout_above(lines, filled, rows)
+    followed = layout.data == tuple(range(layout.data[0], filled[-1] + 1))
+    # Names such as nan might be repeated below, and be taken for a row.
+    named = layout.names == numbered_names(rows.width) or not any(map(_reads_as_number, layout.names))
+    return (layout, with_texts) if followed and named else None
+
+
+def _layout_above(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> Layout:
     header = _names_above(lines, filled, rows)
     if header is None:
         return _named_by_comment(lines, filled, rows)
@@ -121,6 +148,14 @@ def is_number(text: str) -> bool:
     return bool(NUMBER.fullmatch(text) or DECIMAL_COMMA.fullmatch(text))
 
 
+def _reads_as_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 def _first_rows(lines: Sequence[str], filled: Sequence[int]) -> _Run | None:
     """The first rows of numbers that look like those in the middle of the file; `None` where there are none.
 
@@ -132,14 +167,20 @@ def _first_rows(lines: Sequence[str], filled: Sequence[int]) -> _Run | None:
     return _run(lines, filled, like=middle)
 
 
-def _run(lines: Sequence[str], filled: Sequence[int], *, like: _Run | None = None) -> _Run | None:
+def _run(
+    lines: Sequence[str],
+    filled: Sequence[int],
+    *,
+    like: _Run | None = None,
+    kinds: Sequence[bool] = (True, False),
+) -> _Run | None:
     """The first run of rows of numbers that is long enough, or else the longest; `None` where there are none.
 
     Rows with numbers only are looked for first, then rows that also have texts; with `like`, rows as wide as its.
     """
     delimiters = ("\t", ";", None, ",") if like is None else (like.delimiter,)
     found: _Run | None = None
-    for only_numbers in (True, False):
+    for only_numbers in kinds:
         runs = [_Run(delimiter=delimiter) for delimiter in delimiters]
         for index in filled:
             line = _without_remark(lines[index])

@@ -1,0 +1,183 @@
+"""A table that NumPy reads at once gives names, numbers and lines as the reader line by line does, or is left to it."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mrwork.errors import MrworkError
+from mrwork.records.formats.delimited import DelimitedTable, decoded, open_delimited
+from mrwork.records.formats.regular import RegularTable
+from mrwork.records.table import ColumnTable
+
+NUMBERS = st.one_of(
+    st.floats(allow_nan=False, width=64).map(repr),
+    st.floats(-1e4, 1e4).map("{:.6f}".format),
+    st.integers(-(10**20), 10**20).map(str),
+    st.sampled_from(
+        ["0", "-0.0", "1.", ".5", "+3e-5", "1e400", "4.9e-324", "0.1000000000000000055511151231257827"]
+    ),
+)
+ODD = st.sampled_from(
+    [
+        "",
+        " ",
+        "nan",
+        "NaN",
+        "-nan",
+        "NA",
+        "null",
+        "inf",
+        "OK",
+        "a b",
+        "12:30",
+        "1,5",
+        '"2,5"',
+        '"3"',
+        '" 4',
+        "---",
+        "#",
+        "x,y",
+    ]
+)
+LINES = st.sampled_from(
+    ["", "  ", "# remark", "time,force,status", "s,N,-", "---,---", "1,2", "12:00", "5\t6", "7;8;9", ","]
+)
+
+
+@st.composite
+def tables(draw: st.DrawFn) -> bytes:
+    """Tables that are regular, or nearly."""
+    delimiter = draw(st.sampled_from([",", ";", "\t", " ", ", "]))
+    n_columns = draw(st.integers(2, 4))
+    n_rows = draw(st.integers(0, 45))
+    with_texts = draw(st.sampled_from([None, None, "OK", '"a;b"', "12:30:00", "on"]))
+    cells = [[draw(NUMBERS) for _ in range(n_columns)] for _ in range(n_rows)]
+    if with_texts is not None:
+        cells = [[*row, with_texts] for row in cells]
+    for _ in range(draw(st.integers(0, 3)) if cells else 0):
+        row = draw(st.integers(0, n_rows - 1))
+        cells[row][draw(st.integers(0, len(cells[row]) - 1))] = draw(ODD)
+    if draw(st.booleans()):
+        cells = [[*row, *[""] * draw(st.sampled_from([1, 1, 2, 0]))] for row in cells]
+    lines = [delimiter.join(row) for row in cells]
+    if draw(st.booleans()):
+        lines = [line.replace(".", ",") for line in lines]
+    if draw(st.booleans()):
+        lines = ['"' + line.replace(delimiter, f'"{delimiter}"') + '"' for line in lines]
+    for _ in range(draw(st.sampled_from([0, 0, 0, 1, 2])) if lines else 0):
+        lines.insert(draw(st.integers(0, len(lines))), draw(LINES))
+    header = draw(
+        st.sampled_from(
+            [[], ["Test of a damper", "Rate,100"], ["limits", *["1,2,3"] * 12], ["nan,nan"], ["# a,b,c"]]
+        )
+    )
+    names = ["time_s", "force_n", "displacement_mm", "current_a", "status"][
+        : n_columns + (with_texts is not None)
+    ]
+    named = draw(
+        st.sampled_from(
+            [[], [delimiter.join(names)], [delimiter.join(names), delimiter.join(["s", "N", "mm"])]]
+        )
+    )
+    end = draw(st.sampled_from(["\n", "\r\n", "\r"]))
+    text = end.join([*header, *named, *lines]) + end * draw(st.integers(0, 2))
+    return draw(st.sampled_from([b"", b"", b"\xef\xbb\xbf"])) + text.encode(
+        draw(st.sampled_from(["utf-8", "latin-1"]))
+    )
+
+
+def line_by_line(data: bytes, source: str) -> ColumnTable:
+    lines = decoded(data).replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    return DelimitedTable(source=source, sha256="", lines=lines)
+
+
+def told(table: ColumnTable, wanted: tuple[str, ...]) -> list[object]:
+    try:
+        found = table.read(wanted)
+    except (MrworkError, ValueError) as error:
+        return [str(error)]
+    return [(name, column.tobytes()) for name, column in found.items()]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("regular")
+
+
+EXAMPLES = int(os.environ.get("MRWORK_EXAMPLES", "150"))
+
+
+@settings(max_examples=EXAMPLES, deadline=None)
+@given(data=tables())
+def test_both_readers_tell_the_same_of_any_table(folder: Path, data: bytes) -> None:
+    path = folder / "table.csv"
+    path.write_bytes(data)
+    try:
+        expected: ColumnTable | str = line_by_line(data, str(path))
+    except MrworkError as error:
+        expected = str(error)
+    try:
+        found: ColumnTable | str = open_delimited(path)
+    except MrworkError as error:
+        found = str(error)
+    if isinstance(expected, str) or isinstance(found, str):
+        # An empty file is refused before its lines are.
+        assert found == expected or "is empty" in str(found)
+        return
+    assert (found.names, found.units) == (expected.names, expected.units)
+    wanted = [found.names, found.names[:1], found.names[:2], found.names[-2:]]
+    for names in wanted:
+        assert told(found, tuple(names)) == told(expected, tuple(names))
+    for row in (0, 1, 20, 30, 40, 100):
+        assert found.locate(row) == expected.locate(row)
+
+
+ROWS = "\n".join(f"{0.01 * row:.2f},{np.sin(row):.6f},{row % 7}" for row in range(40))
+HEADER = "time_s,force_n,current_a\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        HEADER + ROWS,
+        "Test of a damper\n\ntime,force,current\ns,N,A\n" + ROWS + "\n\n",
+        HEADER + ROWS.replace("\n", "\r\n"),
+        (HEADER + ROWS).replace(",", "\t"),
+        (HEADER + ROWS).replace(",", "  "),
+        (HEADER + ROWS).replace(",", ";").replace(".", ","),
+        (HEADER + ROWS).replace("\n", ",\n") + ",",
+        HEADER + ROWS.replace(",0.000000,", ",,").replace("0.39,", ","),
+        (HEADER + ROWS).replace("\n", ",OK\n") + ",OK",
+        (HEADER + ROWS).replace("\n", ',"12:30:00.1, by hand"\n') + ",x",
+    ],
+    ids=["plain", "units", "ends", "tabs", "blanks", "commas", "trailing", "gaps", "status", "quoted"],
+)
+def test_the_tables_of_rigs_are_read_at_once(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text(text, encoding="utf-8", newline="")
+    table = open_delimited(path)
+    assert isinstance(table, RegularTable)
+    expected = line_by_line(path.read_bytes(), str(path))
+    assert told(table, table.names[:3]) == told(expected, table.names[:3])
+
+
+def test_a_large_table_is_read_at_once_where_its_middle_is_as_its_start(tmp_path: Path) -> None:
+    rows = [f"{0.001 * row:.3f},{np.sin(row):.6f},{row % 7}" for row in range(9000)]
+    path = tmp_path / "table.csv"
+    path.write_text(HEADER + "\n".join(rows))
+    table = open_delimited(path)
+    assert isinstance(table, RegularTable)
+    assert table.locate(8999) == "line 9001"
+    expected = line_by_line(path.read_bytes(), str(path))
+    assert told(table, table.names) == told(expected, table.names)
+    for row, odd in ((8000, "1,2"), (8000, ""), (8500, "# remark"), (4503, HEADER[:-1])):
+        path.write_text(HEADER + "\n".join([*rows[:row], odd, *rows[row:]]))
+        table = open_delimited(path)
+        assert not isinstance(table, RegularTable)
+        assert told(table, table.names) == told(line_by_line(path.read_bytes(), str(path)), table.names)
