@@ -33,6 +33,7 @@ from mrwork.search import Optimiser, SearchResult
 from mrwork.search.loop import GenerationEvent
 from mrwork.simulate import loading_of
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 # Starting points of the joint fit.
 _JOINT_STARTS = 8
@@ -49,6 +50,7 @@ _RANGE_FACTOR = 10.0
 _SPREAD = 0.25
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LevelFit(Summarised):
     """Minima of the plain model at one command [A or V], shape (n_minima, n_plain), best first; the search, if any."""

@@ -9,8 +9,10 @@ from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
 from mrwork.summary import Summarised, Summary
+from mrwork.values import holds_arrays
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class GroundMotion(Summarised):
     """Ground acceleration [m/s^2], shape (n_time,), every `dt` [s], linear between samples.

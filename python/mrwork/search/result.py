@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mrwork.search.course import Course
 from mrwork.summary import Summarised, Summary, rounded
+from mrwork.values import holds_arrays
 
 
 class SearchState(Protocol):
@@ -102,7 +103,8 @@ class RunTrace(NamedTuple):
     median: NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class SearchResult(Summarised, Generic[StateT]):
     """Result of one replicate, its stop reason, and the state from which it can be resumed alone.
 

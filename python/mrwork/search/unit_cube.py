@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 
 def latin_hypercube(streams: Streams, count: int, n_params: int) -> NDArray[np.float64]:
@@ -64,7 +65,8 @@ def others(uniform: NDArray[np.float64], size: int) -> NDArray[np.int64]:
 _UNIFORM, _NORMAL, _LIBRARY_SEED = range(3)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Streams(Summarised):
     """Random streams of replicates with these numbers (n,) at these generations (n,), under one seed."""
 

@@ -24,6 +24,8 @@ from typing import IO, Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.values import holds_arrays
+
 # Time of the processor [s]: for any file, and for each byte of it.
 _SECONDS: Final = 8.0
 _SECONDS_PER_BYTE: Final = 1.0 / 20e6
@@ -44,6 +46,7 @@ class TooLargeError(UnreadableError):
     """The data of the file claim more than `LARGEST`."""
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Member:
     """A group or data set: its attributes that are a number or a text, and its array if that has real numbers."""

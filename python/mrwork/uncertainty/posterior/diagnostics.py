@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.values import holds_arrays
+
 Array = NDArray[np.float64]
 
 # Limits on R-hat and effective sizes: Vehtari et al. (2021); on the length in autocorrelation times: emcee.
@@ -22,6 +24,7 @@ BURN_IN = 0.25
 _MOST_DRAWS = 1000
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnosis:
     """Convergence diagnostics, shape (n_params,): autocorrelation time in steps, R-hat, bulk and tail ESS.
