@@ -19,6 +19,7 @@ from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.records import DamperTest
 from mrwork.records.command_signal import impossible_command
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 
 class Outcome(IntEnum):
@@ -46,6 +47,7 @@ class Outcome(IntEnum):
 
 
 @checked
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Loading(Summarised):
     """Imposed motion of a damper: displacement [m] and velocity [m/s], shape (n_time,), every `dt` [s].
@@ -84,6 +86,7 @@ class Loading(Summarised):
             return _rust.LoadingHistory(self.dt, displacement, velocity, command)
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Misfits:
     """Sums of squared residuals [N^2] of a batch, shape (n_batch,); infinite for candidates that did not finish.
@@ -97,6 +100,7 @@ class Misfits:
     steps: NDArray[np.uint64]
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ForceHistories:
     """Forces [N] of a batch, shape (n_batch, n_time); rows that did not finish are infinite."""
@@ -106,6 +110,7 @@ class ForceHistories:
     substeps: NDArray[np.uint32]
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensitivities:
     """Forces [N] of a batch, shape (n_batch, n_time), and their derivatives with respect to columns of `theta`.

@@ -11,6 +11,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.records.operating_range import OperatingRange, Outside, outside_of
 from mrwork.summary import Summarised, Summary, rounded
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
@@ -18,6 +19,7 @@ Floats = NDArray[np.float64]
 _CONSTANT = 0.9
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Device(Summarised):
     """Dampers at one place that follow one command between 0 and `largest_command`.

@@ -14,10 +14,12 @@ from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import control_in
 from mrwork.records.damper_test import frozen
 from mrwork.summary import Summarised, Summary, rounded
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Building(Summarised):
     """Plane building `M q'' + C q' + K q = -sum_d e_d' f_d - M r a_g`, with q relative to the ground.

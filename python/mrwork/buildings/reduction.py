@@ -13,6 +13,7 @@ from mrwork.buildings.matrices import Building, modes_of
 from mrwork.buildings.state_space import LinearSystem
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
@@ -53,6 +54,7 @@ def modal_truncation(building: Building, *, n_modes: int) -> Building:
     )
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class BalancedReduction(Summarised):
     """A reduced system, the Hankel singular values of the full system, shape (n,), and an error bound.

@@ -16,6 +16,7 @@ from mrwork.buildings.shear import numbered
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.records.damper_test import frozen
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 if TYPE_CHECKING:
     from control import StateSpace
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LinearSystem(Summarised):
     """Continuous-time linear system `s' = A s + B u`, `y = C s + D u`. The arrays are stored as read-only copies.

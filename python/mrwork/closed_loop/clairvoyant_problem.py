@@ -19,6 +19,7 @@ from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
+from mrwork.values import holds_arrays
 
 if TYPE_CHECKING:
     from mrwork.twins.loop.prescribed import PrescribedLoop
@@ -30,6 +31,7 @@ _LONGEST_STEP = 2e-3
 _AGREEMENT = 2e-3
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClairvoyantProblem:
     """Score of commands over intervals, for a building with devices under one motion.

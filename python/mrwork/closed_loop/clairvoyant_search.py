@@ -26,6 +26,7 @@ from mrwork.closed_loop.prescribed import PrescribedCommands
 from mrwork.errors import Interrupted, SettingError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.summary import Summarised, Summary, rounded
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
@@ -76,6 +77,7 @@ class ClairvoyantSettings:
                 raise SettingError(f"`{name}` is {getattr(self, name)}; it can be no less than {least}")
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class ClairvoyantStart(Summarised):
     """A start of the search: its score, and the commands and score that were reached from it.
@@ -282,6 +284,7 @@ def _starts(
         yield f"random commands {number + 1}", shares * problem.largest
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True)
 class _Search:
     """L-BFGS-B from one start."""

@@ -18,10 +18,12 @@ from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class PrescribedCommands(Summarised):
     """Commands that are held over equal intervals, from the start of a motion; the last one until its end.

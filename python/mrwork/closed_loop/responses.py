@@ -16,6 +16,7 @@ from mrwork.buildings.matrices import Building
 from mrwork.dampers.law_limits import LawLimit, worst_laws
 from mrwork.records.operating_range import Exceedance, OperatingRange, Outside, worst_of
 from mrwork.summary import Summarised, Summary, rounded
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
@@ -97,6 +98,7 @@ _SHOWN = ("peak_drift", "peak_acceleration", "peak_force", "peak_current", "ener
 _SHOWN_SIGNALS = ("drift", "acceleration", "force", "current")
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class History(Summarised):
     """One run over time, at the control samples; first axis n_time.
@@ -141,6 +143,7 @@ class History(Summarised):
         )
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Responses(Summarised):
     """Runs in the order candidate, motion, draw, the last varying fastest; infinite for a run that did not finish.

@@ -17,6 +17,7 @@ from mrwork.buildings.devices import Device
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised, Summary
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
@@ -24,6 +25,7 @@ Ask = Callable[[int, NDArray[np.uintp], Floats, Floats, Floats, Floats, Floats],
 """The form in which the core asks: number of the sample, places of the runs, and what is measured."""
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LoopSample(Summarised):
     """What a law in Python receives at a control sample, a row for each run.

@@ -14,6 +14,7 @@ from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
 from mrwork.simulate import Loading, simulate_force
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
@@ -44,6 +45,7 @@ class StaticCounterpart(Summarised):
     fit_percent: float
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Cycles:
     """Simulated samples of a damper at all motions and commands, shape (n_samples,) each."""

@@ -17,6 +17,7 @@ from mrwork.control.plant import Plant, plant_of
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
@@ -101,6 +102,7 @@ class DesignProblem(Summarised):
         return np.full(len(self.devices), number)
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Design(Summarised):
     """Gains of a law by name, one number or one row over the state for each device; and its tables."""

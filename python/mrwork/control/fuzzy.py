@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
@@ -33,6 +34,7 @@ RULES = (
 _UNIVERSE = np.linspace(-0.25, 1.25, 1201)
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class FuzzyTable(Summarised):
     """Share of the largest command, shape (n, n): rows by deformation, columns by rate, each over [-1, 1].

@@ -11,6 +11,7 @@ from mrwork.dampers.parameters import CommandUnit
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.simulate import Loading, simulate_force
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
@@ -29,6 +30,7 @@ _BAND = 5.0
 _PER_CYCLE = 100
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InverseSamples:
     """Inputs, shape (n, n_inputs); the right command as a share of the largest; and the weight of each sample."""
@@ -79,6 +81,7 @@ def random_loading(
     )
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DamperGroup:
     """`count` equal dampers in parallel; with `differential` as many act in opposition, with the same command."""

@@ -15,6 +15,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import suggestion
 from mrwork.summary import Summarised, Summary, rounded
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 Shape = Literal["device", "state", "numbers"]
@@ -67,6 +68,7 @@ class ControlLawSpec:
         return not (absolute or self.tables or self.needs_curve or self.commands_force)
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class ControlLaw(Summarised):
     """A law with its gains, for one or several candidates.

@@ -15,10 +15,12 @@ from mrwork.control.setting_base import attempted, solved_together
 from mrwork.control.weights import Weighed, weighed_outputs, weighed_state, weight_matrix
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Regulator(Summarised):
     """The regulator that minimises `int s'Q s + 2 s'N f + f'R f dt` over the forces f of the devices.

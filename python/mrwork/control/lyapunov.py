@@ -13,10 +13,12 @@ from mrwork.control.riccati import lyapunov_solutions
 from mrwork.control.setting_base import attempted, solved_together
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LyapunovFunction(Summarised):
     """`V = s'P s / 2` with `V' = -s'Q_P s / 2 + sigma f`, `sigma = vectors @ s`.

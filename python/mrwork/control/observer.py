@@ -14,10 +14,12 @@ from mrwork.control.plant import Outputs, Plant
 from mrwork.control.riccati import RiccatiStatus, kalman_gains
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Observer(Summarised):
     """`x_{k+1} = Ad x_k + Bd f_k + L (y_k - C x_k - D f_k)`: x_k is the state predicted before y_k is measured.

@@ -11,10 +11,12 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork.buildings.matrices import Building
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Plant(Summarised):
     """`s' = A s + B f + E a_g` with s = [q; q'] and f the resisting force of each device.
@@ -137,6 +139,7 @@ def _scaling(A: Floats, energy: Floats) -> Floats:
     return np.asarray(np.linalg.inv(lower.T), dtype=np.float64)
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Outputs(Summarised):
     """`y = C s + D f + G a_g`: names and rows, shapes (n_outputs, 2n), (n_outputs, n_devices), (n_outputs,).

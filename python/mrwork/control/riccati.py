@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork import _rust
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised, Summary
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 Time = Literal["continuous", "discrete"]
@@ -40,6 +41,7 @@ class RiccatiStatus(IntEnum):
         }[self]
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class RiccatiSolutions(Summarised):
     """Solutions of a batch of equations, one row for each.
@@ -167,6 +169,7 @@ def regulator_gains(
     return _solved(given, time, threads)
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class RiccatiSolution(Summarised):
     """The only row of a batch: P, shape (n, n), the gain K of f = -K s, shape (m, n), and the relative residual."""

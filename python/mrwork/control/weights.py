@@ -29,6 +29,7 @@ from mrwork.control.plant import (
 from mrwork.control.setting_base import Magnitude, Magnitudes, Span
 from mrwork.errors import InvalidSettingError
 from mrwork.keys import key
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 Rows = tuple[tuple[float, ...], ...]
@@ -101,6 +102,7 @@ def weight_matrix(name: str, given: ArrayLike, size: int, each: str) -> Floats:
     return 0.5 * (matrix + matrix.T)
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weighed:
     """What the weights add up to over a state s and device forces f: `s'Q s + 2 s'N f + f'S f`.

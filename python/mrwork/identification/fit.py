@@ -20,6 +20,7 @@ from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
 from mrwork.records.likeness import Likeness, RecordedMotion, likest
 from mrwork.records.operating_range import OperatingRange, Outside, outside_of
 from mrwork.summary import Summarised, Summary, listed, rounded
+from mrwork.values import holds_arrays
 
 # Key of the record of settings that the command line adds to those of `FitSettings`.
 _READING = "reading"
@@ -113,6 +114,7 @@ class Provenance:
     created: str
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Fit(Summarised):
     """An identified damper: estimates in the order of the model's spec, quality per test, provenance.

@@ -18,6 +18,7 @@ from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.objective import EQUAL_SHARES, shares_of
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import DamperTest
+from mrwork.values import holds_arrays
 
 Array = NDArray[np.float64]
 
@@ -32,6 +33,7 @@ _MOST_DAMPING = 1e6
 _LEAST_SENSITIVITY = 1e-7
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NormalEquations:
     """Normal equations of the NRMSE of each test at each row, in latent coordinates.
@@ -45,6 +47,7 @@ class NormalEquations:
     matrix: Array
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoldedFit:
     """Parameters of each row, shape (n_rows, n_params), and its squared NRMSE of each test, (n_rows, n_tests)."""
@@ -53,7 +56,8 @@ class FoldedFit:
     squared: Array
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FoldedTests:
     """Tests, and the rows' shares of them in the squared misfit, shape (n_rows, n_tests): 0 for a test left out.
 

@@ -28,6 +28,7 @@ from mrwork.identification.search_ranges import search_box
 from mrwork.identification.settings import Start
 from mrwork.identification.suspicion import LINEAR_SHARE, linear_misfit
 from mrwork.records.window import excerpt
+from mrwork.values import holds_arrays
 
 if TYPE_CHECKING:
     from mrwork.search import Optimiser, SearchResult
@@ -41,6 +42,7 @@ _STARTS = 16
 OnSearch = Callable[[int, float, float, float], None]
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StartingPoints:
     """Starting points, shape (n_starts, n_params), best first, and the trace of the search that found them.

@@ -34,6 +34,7 @@ from mrwork.search import Optimiser, SearchResult
 from mrwork.search.loop import GenerationEvent
 from mrwork.simulate import loading_of
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 # Starting points of the joint fit.
 _JOINT_STARTS = 8
@@ -51,6 +52,7 @@ _SPREAD = 0.25
 
 
 @checked
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LevelFit(Summarised):
     """Minima of the plain model at one command [A or V], shape (n_minima, n_plain), best first; the search, if any."""

@@ -20,6 +20,7 @@ from mrwork.arguments import Count, Shape, Within, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
+from mrwork.values import holds_arrays
 
 # Convergence: relative decrease of the squared misfit in a step; for SciPy also the relative length of the step.
 TOLERANCE = 1e-7
@@ -36,6 +37,7 @@ _FIRST_DAMPING = 0.1
 _MOST_DAMPING = 1e8
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LocalMinimum:
     """Result of a local minimisation: parameters (n_params,), misfit, number of evaluations, whether it converged."""
@@ -143,6 +145,7 @@ class _Linearisations:
         return residuals, jacobian
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LocalMinima:
     """Results of a batch: parameters (n_starts, n_params), misfits (n_starts,), which converged, iterations."""
@@ -205,6 +208,7 @@ def find_minima(
     return _minima(box, state, iterations)
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _State:
     """State of the batch, one row for each start, as it is recorded in the journal.

@@ -21,6 +21,7 @@ from mrwork.identification.nuisance import NuisanceName, columns_of, scaled
 from mrwork.identification.objective import Objective
 from mrwork.simulate import loading_of
 from mrwork.twins.models import begin, simulate
+from mrwork.values import holds_arrays
 
 
 class RecordArrays(NamedTuple):
@@ -149,6 +150,7 @@ OnStep = Callable[[int, float], None]
 _Data = tuple[RecordArrays, ...]
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwinMinimum:
     """Result of a local minimisation: parameters (n_params,), misfit, number of steps, whether it converged."""

@@ -23,6 +23,7 @@ from mrwork.identification.levenberg_marquardt import Hopeless, LocalMinima, fin
 from mrwork.identification.objective import Objective
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 # A second minimum is fitted too if its misfit is larger by this share at most, and a unit coordinate differs by more
 # than `_DISTANT`.
@@ -75,6 +76,7 @@ class Multistart:
             )
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class MultistartResult(Summarised):
     """Minima, best first, shape (n_minima, n_params), with their misfits (n_minima,), and why the search ended.

@@ -17,6 +17,7 @@ from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.multistart import Multistart, MultistartResult, search_starts
 from mrwork.identification.objective import Objective
 from mrwork.identification.search_ranges import half_ranges, search_box
+from mrwork.values import holds_arrays
 
 # Called after an iteration with the result so far and the share of the allowed iterations that is used up.
 OnIteration = Callable[[MultistartResult, float], None]
@@ -30,6 +31,7 @@ _NESTED_ITERATIONS = 30
 _NEAR = 0.1
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NestedFit:
     """Fit of a simpler `model` that the searched one contains.

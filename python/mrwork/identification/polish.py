@@ -18,6 +18,7 @@ from mrwork.identification.multistart import distinct_minima
 from mrwork.identification.objective import Objective
 from mrwork.identification.problem import Problem
 from mrwork.identification.result import remark_of
+from mrwork.values import holds_arrays
 
 # Largest number of evaluations: of the final fit, of the screening of each start, and of the second screening, which
 # takes this number of the best.
@@ -30,6 +31,7 @@ _SCREENED_TWICE = 4
 OnStep = Callable[[int, float], None]
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Polished:
     """A minimum: parameters and standard errors, shape (n_params,), steps of the final fit, whether it converged.

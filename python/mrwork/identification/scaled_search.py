@@ -29,6 +29,7 @@ from mrwork.records.command_signal import levels_of_command
 from mrwork.records.window import excerpt
 from mrwork.search import Optimiser, run_search
 from mrwork.simulate import loading_of
+from mrwork.values import holds_arrays
 
 _STARTS = 8
 # The starts have the nominal rate of the driver's lag times these factors, in turn.
@@ -37,6 +38,7 @@ _RATES = (1.0, 0.2, 5.0)
 _LEAST_FORCE = 0.1
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScaledLaws:
     """Laws that follow from the plain model at the mean command: each coefficient is a plain parameter times a factor.

@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 from mrwork.arguments import AnyNumbers, May, checked
 from mrwork.errors import RecordError
 from mrwork.summary import Summarised, Summary
+from mrwork.values import holds_arrays
 
 
 @checked
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class GroundMotion(Summarised):
     """Ground acceleration [m/s^2], shape (n_time,), every `dt` [s], linear between samples.

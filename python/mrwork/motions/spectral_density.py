@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import checked
 from mrwork.errors import SettingError
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FilterMatrices:
     """Shaping filter `s' = state s + noise w`, `a_g = output s`, with white noise w of density `intensity`."""

@@ -11,6 +11,7 @@ from mrwork.arguments import checked
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.summary import Summarised, Summary, rounded
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 Complexes = NDArray[np.complex128]
@@ -25,6 +26,7 @@ _MOST_PLACES = 64
 _AT_ONCE = 1 << 20
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class ResponseSpectrum(Summarised):
     """Peak responses, each of shape (n_periods,), at one damping ratio.

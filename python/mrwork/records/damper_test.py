@@ -14,6 +14,7 @@ from mrwork.dampers.parameters import CommandUnit
 from mrwork.records.command_signal import Command, command_in_words, part_of_command
 from mrwork.records.observation import AS_IT_IS, Observation
 from mrwork.summary import Summarised, Summary
+from mrwork.values import holds_arrays
 
 Severity = Literal["note", "warning", "repaired"]
 Channel = Literal["displacement", "force"]
@@ -54,6 +55,7 @@ class Smoothing:
 
 
 @checked
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class DamperTest(Summarised):
     """A force-motion record of one damper, uniformly sampled, in SI.

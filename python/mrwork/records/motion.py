@@ -10,6 +10,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.values import holds_arrays
+
 Array = NDArray[np.float64]
 
 
@@ -156,6 +158,7 @@ class Smoother:
         return weights(self.window, _ORDER, derivative=order, step=self.dt)
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SmoothMotion:
     """Smoothed motion: displacement [m], velocity [m/s], acceleration [m/s^2], shape (n_time,).

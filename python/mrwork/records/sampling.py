@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from mrwork.errors import RecordError
 from mrwork.records.command_signal import resampled_command
 from mrwork.records.damper_test import Finding
+from mrwork.values import holds_arrays
 
 FEWEST_SAMPLES: Final = 10
 # Limits far beyond any damper test; arithmetic on larger values could overflow.
@@ -23,6 +24,7 @@ _JITTER: Final = 1e-3
 _GAP_STEPS: Final = 3.0
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signals:
     """Channels in SI on one time base, each of shape (n_time,); `None` for a channel that was not measured.

@@ -10,8 +10,10 @@ from numpy.typing import NDArray
 from mrwork.errors import SettingError
 from mrwork.identification.fit import FitQuality
 from mrwork.records.damper_test import DamperTest
+from mrwork.values import holds_arrays
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
     """A test, the free-run `model_force` [N] on its samples, shape (n_time,), and how well they agree."""

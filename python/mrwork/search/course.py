@@ -15,9 +15,11 @@ from mrwork.errors import SettingError
 from mrwork.search.rules import EliteRule, StopRules, distinct_best, reason_of
 from mrwork.search.unit_cube import Streams
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Proposal(Summarised):
     """One generation of the running replicates, to be simulated in one call.
 
@@ -93,7 +95,8 @@ Replicate = Annotated[int, Within(least=0, most=2**63 - 1)]
 ScalarT = TypeVar("ScalarT", bound=np.generic)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Trace(Summarised):
     """Progress, one entry per generation, each of shape (n_replicates, n_generations).
 
@@ -108,7 +111,8 @@ class Trace(Summarised):
     median: NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Course(Summarised):
     """Progress of `n` replicates, the part of the state that all optimisers share.
 

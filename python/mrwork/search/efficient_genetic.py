@@ -36,9 +36,11 @@ from mrwork.search.population import Ceiling, proposed, relative_fitness, with_g
 from mrwork.search.rules import EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class GAState(Summarised):
     """State of the efficient genetic algorithm.
 

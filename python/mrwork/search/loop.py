@@ -23,6 +23,7 @@ from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store import Journal, digest_of
 from mrwork.store.codec import array_of, plain
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 Objective = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
@@ -69,7 +70,8 @@ class Optimiser(Protocol[StateT]):
         """State after the misfits of the proposal's rows, shape (n_ask,); `inf` marks a failed simulation."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class GenerationEvent(Summarised, Generic[StateT]):
     """Progress after one generation of all running replicates.
 
@@ -264,7 +266,8 @@ def _event(state: StateT, misfit: NDArray[np.float64], began: float) -> Generati
 _STEP = "generation"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Generation:
     """Record of a generation: accepted misfits (n_ask,) and time since the search began [s]."""
 

@@ -17,6 +17,7 @@ from mrwork.errors import SettingError
 from mrwork.search.peers import library
 from mrwork.store import Journal, digest_of
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 SeveralObjectives = Callable[[Floats], Floats]
@@ -26,6 +27,7 @@ SeveralObjectives = Callable[[Floats], Floats]
 _FAILURE = 1e100
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class FrontResult(Summarised):
     """Points of which no other simulated one is lower in every objective, and the number of candidates.
@@ -38,6 +40,7 @@ class FrontResult(Summarised):
     evaluations: int
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Generation:
     objectives: Floats

@@ -23,6 +23,7 @@ from mrwork.errors import SettingError
 from mrwork.search.course import Course, Dimension, Proposal, Replicate
 from mrwork.search.population import proposed, with_generation
 from mrwork.search.rules import EliteRule, StopRules, check_ranges
+from mrwork.values import holds_arrays
 
 # Misfit of a failed simulation for a library that needs finite numbers, above any misfit.
 _FAILURE = 1e100
@@ -84,7 +85,8 @@ class PeerSearch:
             )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PeerState:
     """Searches of another library, one for each replicate.
 

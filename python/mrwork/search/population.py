@@ -14,9 +14,11 @@ from mrwork.search.course import Course, Proposal, put
 from mrwork.search.result import StateT
 from mrwork.search.rules import EliteRule, StopRules, check_ranges
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class PopulationState(Summarised):
     """A population and its misfits, (n_replicates, n_population, n_params) and (n_replicates, n_population).
 

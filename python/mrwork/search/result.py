@@ -14,6 +14,7 @@ from mrwork.arguments import checked
 from mrwork.errors import ArgumentError, SettingError
 from mrwork.search.course import Course
 from mrwork.summary import Summarised, Summary, rounded
+from mrwork.values import holds_arrays
 
 
 class SearchState(Protocol):
@@ -129,7 +130,8 @@ class RunTrace(NamedTuple):
     median: NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class SearchResult(Summarised, Generic[StateT]):
     """Result of one replicate, its stop reason, and the state from which it can be resumed alone.
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from mrwork.arguments import Seed, Shape, Within, checked
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 # Most numbers of one call, 8 bytes each.
 _MOST = 10**9
@@ -76,7 +77,8 @@ _UNIFORM, _NORMAL, _LIBRARY_SEED = range(3)
 
 
 @checked
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Streams(Summarised):
     """Random streams of replicates with these numbers (n,) at these generations (n,), under one seed."""
 

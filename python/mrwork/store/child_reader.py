@@ -25,10 +25,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.store.allowance import allowed
+from mrwork.values import holds_arrays
 
 Format = Literal["hdf5", "parquet"]
 
 _HERE: Final = Path(__file__).parent
+
 # Time of the processor [s]: for any file, and for each byte of it.
 _SECONDS: Final = 8.0
 _SECONDS_PER_BYTE: Final = 1.0 / 20e6
@@ -47,6 +49,7 @@ class TooLargeError(UnreadableError):
     """The data of the file claim more than what is `allowed`."""
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Member:
     """A group, data set or column: its attributes that are numbers or texts, and its array if that has real numbers."""

@@ -28,10 +28,12 @@ from mrwork.study.run_result import selected_columns
 from mrwork.study.study import Arrangement, StudyLaw
 from mrwork.summary import Summarised
 from mrwork.units import STANDARD_GRAVITY
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class RunCriteria(Summarised):
     """Criteria of candidates under motions and realisations.

@@ -23,6 +23,7 @@ from mrwork.records.operating_range import OperatingRange
 from mrwork.study.declared import located
 from mrwork.study.schema import DamperTable
 from mrwork.units import number_in
+from mrwork.values import holds_arrays
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,6 +39,7 @@ Identified = Callable[[Path], IdentifiedDamper]
 """Reads the damper from the folder of an identified run."""
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChosenDamper:
     """A model with current laws and its parameters; the command lies between 0 and `largest_command`.

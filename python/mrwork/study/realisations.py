@@ -15,6 +15,7 @@ from mrwork.errors import SettingError
 from mrwork.search.unit_cube import Streams, latin_hypercube
 from mrwork.store import digest_of
 from mrwork.summary import Summarised
+from mrwork.values import holds_arrays
 
 if TYPE_CHECKING:
     # The tables of a study file stand above the study that they are read into.
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Realisations(Summarised):
     """Realisations of the uncertain quantities of a study, each array of shape (n,).

@@ -20,6 +20,7 @@ from mrwork.closed_loop.responses import (
 from mrwork.simulate import Outcome
 from mrwork.store.codec import rebuilt
 from mrwork.study.study import Arrangement
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
@@ -57,6 +58,7 @@ class RunEnd:
         return self.energy_error <= ENERGY_TOLERANCE
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunResult(RunEnd):
     """Peaks and root mean squares of floors, storeys and devices, final energies [J], and how the run ended.
@@ -90,6 +92,7 @@ class RunResult(RunEnd):
     steps: int
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunHistory:
     """The history of a run: shapes (n_time,), for floors, storeys and devices (n_time, n).

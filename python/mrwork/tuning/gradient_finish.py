@@ -21,6 +21,7 @@ from mrwork.study.tuning_schema import TuneTable
 from mrwork.tuning.objective import Objective, refuse_within
 from mrwork.tuning.problem import Bench
 from mrwork.tuning.space import LARGEST, SettingSpace
+from mrwork.values import holds_arrays
 
 if TYPE_CHECKING:
     from mrwork.twins.loop.tuned import TunedLoop
@@ -71,7 +72,8 @@ def check_finish(table: TuneTable, study: Study) -> None:
         )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Finish:
     """The point of the unit cube that the gradients have reached, shape (n_free,), and how many there were."""
 

@@ -23,6 +23,7 @@ from mrwork.study.study import Arrangement, Study
 from mrwork.summary import Summarised
 from mrwork.tuning.objective import PENALTY, Objective
 from mrwork.tuning.space import Candidate
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
@@ -145,6 +146,7 @@ def check_controllable(study: Study) -> None:
         )
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Scores(Summarised):
     """Objective of candidates, by how much they exceed their limits, and both together, shape (n,) each."""

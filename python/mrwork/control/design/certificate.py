@@ -14,10 +14,12 @@ from mrwork.control.design.riccati_dual import DualPoint
 from mrwork.control.design.system import DesignSystem
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised, Summary, rounded
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class CaseCheck(Summarised):
     """A case under two gains, by Lyapunov equations.
@@ -34,6 +36,7 @@ class CaseCheck(Summarised):
     law_forces: Floats
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class WeightCertificate(Summarised):
     """What the weights reach, checked by Lyapunov equations, over a lower bound that no linear law passes.

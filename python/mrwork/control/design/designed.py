@@ -16,6 +16,7 @@ from mrwork.control.plant import Plant
 from mrwork.control.weights import Weights
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised, Summary, rounded
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
@@ -40,6 +41,7 @@ _SHOWN = 4
 _BINDING = 1e-4
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class DesignedWeights(Summarised):
     """Weights of a regulator from limits on rms responses and a budget of force.

@@ -17,6 +17,7 @@ from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
 from mrwork.summary import Summarised, Summary, rounded
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
@@ -26,6 +27,7 @@ OPTIMAL = 1e-3
 _ROUNDS = 15
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class InverseWeights(Summarised):
     """Weights `s'Q s + f'R f` of a given gain K, or of the optimal gain that is nearest to it.

@@ -17,6 +17,7 @@ from mrwork.control.plant import Outputs, Plant, accelerations, displacements, d
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.keys import check_keys, key, plain_values
 from mrwork.units import number_in
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 Limit = float | tuple[float, ...]
@@ -87,6 +88,7 @@ def _in_si(name: str, given: object, unit: str) -> Any:
     return given
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LimitedOutputs:
     """The outputs with a limit: their names, units, limits in SI, shape (n_outputs,), and the setting of each."""

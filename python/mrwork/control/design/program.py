@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from mrwork.control.design.riccati_dual import Rows, first_multipliers, regulated
 from mrwork.control.design.system import DesignSystem
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
@@ -19,6 +20,7 @@ MOST_STATES = 26
 """States up to which Clarabel solves the program to four digits, that is about twelve storeys."""
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProgramSolution:
     """Multipliers with sum q = 1, with limits and budgets scaled to 1, and the least t^2."""

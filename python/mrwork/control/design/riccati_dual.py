@@ -20,6 +20,7 @@ from mrwork.control.design.sampled_riccati import SMALLER_BUDGET, sampled_gain
 from mrwork.control.design.system import DesignSystem
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
@@ -28,6 +29,7 @@ _GAP = 1e-10
 _TO_BOUNDARY = 0.99
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rows:
     """Rows `c x + d u` of one system and the forms that add up their squares, `forms @ squares`.
@@ -62,6 +64,7 @@ def rows_of(
     return Rows(C=np.vstack(C), D=np.vstack(D), forms=forms)
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Regulated:
     """A system under the regulator of given multipliers: its gain, Riccati matrix, covariance and mean squares."""
@@ -133,6 +136,7 @@ def _curvature(system: DesignSystem, rows: Rows, weights: Floats, at: Regulated)
     return np.asarray(-2.0 * np.einsum("aij,bij->ab", slopes, weighed))
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DualPoint:
     """Multipliers with sum q = 1, the least t^2, the gap to it, and the regulated systems."""

@@ -16,6 +16,7 @@ from mrwork.control.design.lyapunov_equations import LyapunovEquations
 from mrwork.control.plant import Plant, deformation_rates
 from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import SpectralDensity
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
@@ -26,6 +27,7 @@ It makes the covariance regular, without which the Riccati matrix of a design is
 """
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignSystem:
     """A plant under its spectrum as the design sees it.
@@ -151,6 +153,7 @@ def system_of(
     return _continuous(parts) if timing is None else _sampled(parts, timing, budgets, frequency)
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Parts:
     """Building and soil in continuous time, with forces that act at once."""

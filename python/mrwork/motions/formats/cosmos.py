@@ -16,6 +16,7 @@ from mrwork.errors import RecordError
 from mrwork.motions.formats.format import Format, Lines, Stated, recorded, shown
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.units import factor_to_si
+from mrwork.values import holds_arrays
 
 _UNKNOWN = -999.0
 # Positions in the real header, from 1: step of a processed series [ms], and of the recorder [s].
@@ -30,6 +31,7 @@ _COMMENTS = re.compile(r"\s*([0-9]{1,9})\s+Comment", re.IGNORECASE)
 _UNIT = re.compile(r"units\s*=\s*([^\s,()]+)", re.IGNORECASE)
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Series:
     """A channel: its title, first line, unit, step [s], and numbers in the unit of the file."""

@@ -15,6 +15,7 @@ from mrwork.arguments import checked
 from mrwork.records.checks import mean_over_travel
 from mrwork.records.damper_test import DamperTest, Finding, Measured
 from mrwork.records.motion import motion_of
+from mrwork.values import holds_arrays
 
 _FEWEST_ALIKE: Final = 3
 # Pairs of peak velocities with a smaller logarithmic distance are too noisy for the slope.
@@ -25,6 +26,7 @@ _SIGNIFICANT: Final = 3.5
 _MAD_TO_DEVIATION: Final = 1.4826
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Loops:
     """Logarithms of dissipative force and peak velocity of tests, and their commands, shape (n_tests,)."""

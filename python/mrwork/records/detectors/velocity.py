@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from mrwork.records.damper_test import Finding, Measured
 from mrwork.records.motion import Smoother, SmoothMotion
+from mrwork.values import holds_arrays
 
 _MISFIT: Final = 0.10
 _NOISE: Final = 0.5
@@ -79,6 +80,7 @@ def velocity_agrees(
     return velocity, (finding,)
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _VelocityMisfit:
     """Smoothed velocity, derivative with its mean square `power`, and mean square difference `expected` from noise."""

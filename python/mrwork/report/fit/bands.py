@@ -45,6 +45,7 @@ from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.draws import Draws
 from mrwork.uncertainty.posterior.laplace import first_walkers
 from mrwork.uncertainty.posterior.target import Target
+from mrwork.values import holds_arrays
 
 Array = NDArray[np.float64]
 
@@ -59,7 +60,8 @@ _QUANTITIES: dict[CycleQuantity, tuple[str, float]] = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
 class _ParameterDraws:
     """Parameters `theta`, shape (n_draws, n_params), and the distribution they are drawn from, in words."""
 

@@ -14,7 +14,10 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
+from mrwork.values import holds_arrays
 
+
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Measurement:
     """Measurements available to a law at a control sample.

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from mrwork.dampers.spec import DamperSpec
 from mrwork.twins.models import parameters_at, twin_of
+from mrwork.values import holds_arrays
 
 
 class LoopPlant(NamedTuple):
@@ -68,6 +69,7 @@ class LoopPlant(NamedTuple):
     data_fields=["theta", "row", "count"],
     meta_fields=["spec", "differential"],
 )
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopDevice:
     """Dampers across a storey with one command: `F = count f(x, v)`, or `count (f(x, v) - f(-x, -v))` if differential.

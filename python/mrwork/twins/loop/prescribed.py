@@ -27,6 +27,7 @@ from mrwork.twins.loop.plant import Devices, LoopDevice, LoopPlant, pulls_of
 from mrwork.twins.loop.run import half_steps
 from mrwork.twins.loop.step import LoopState, StepGround, at_rest, step
 from mrwork.twins.models import begin
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
@@ -78,6 +79,7 @@ class _Inputs(NamedTuple):
     weight: Array
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PrescribedLoop:
     """A building with devices under one ground motion, for commands that are constant over intervals.

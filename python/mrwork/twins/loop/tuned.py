@@ -17,6 +17,7 @@ from mrwork.twins.loop.laws import Law, LyapunovDirect, SignalNetwork
 from mrwork.twins.loop.plant import Devices, LoopDevice, LoopPlant
 from mrwork.twins.loop.run import half_steps, run_loop
 from mrwork.twins.models import begin
+from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 _SIDE_BY_SIDE = 8
@@ -38,6 +39,7 @@ SMOOTH: Mapping[str, Callable[[Gains], Law]] = {
 """Laws that are smooth in their numbers, by the name of the law in the core: the law of the twin from its gains."""
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwinDamper:
     """A damper across a storey, as `mrwork.buildings.devices.Device`, and its parameters, shape (n_params,)."""

@@ -16,6 +16,7 @@ from mrwork.identification.residual import ObservedTest
 from mrwork.records import DamperTest
 from mrwork.summary import Summarised
 from mrwork.uncertainty.noise import Noise
+from mrwork.values import holds_arrays
 
 # Bins in which quantiles are looked for.
 _HISTOGRAM = 4096
@@ -28,6 +29,7 @@ measurements need not lie in it. A prediction band is to contain the given share
 
 
 @checked
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Band(Summarised):
     """Lower and upper limits, shape (n,), of nominal coverage `level`; `basis` is its origin in words."""

@@ -22,6 +22,7 @@ from mrwork.uncertainty.bands.band import Band, BandScore, next_test_quantile, s
 from mrwork.uncertainty.bands.cycle import cycle_band, cycles_of, errors_over_cycles
 from mrwork.uncertainty.bands.error_table import ErrorTable, Shape
 from mrwork.uncertainty.bands.prediction import Prediction
+from mrwork.values import holds_arrays
 
 LEVELS = (0.5, 0.9, 0.95)
 
@@ -29,6 +30,7 @@ BEYOND_TESTED = "the level holds only where the calibration had such tests"
 """Remark on a band outside the tested range of the fit."""
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Calibration(Summarised):
     """Calibration of prediction bands from the errors on several tests.

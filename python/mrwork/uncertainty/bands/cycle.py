@@ -14,11 +14,13 @@ from mrwork.records import DamperTest
 from mrwork.records.motion import whole_cycles
 from mrwork.uncertainty.bands.band import Band, next_test_quantile
 from mrwork.uncertainty.bands.prediction import Prediction
+from mrwork.values import holds_arrays
 
 CycleQuantity = Literal["energy", "stiffness", "damping"]
 QUANTITIES: tuple[CycleQuantity, ...] = get_args(CycleQuantity)
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cycles:
     """Whole cycles: dissipated energy [J], equivalent stiffness [N/m] and damping [N s/m], shape (n_cycles,).

@@ -27,6 +27,7 @@ from mrwork.store import Journal, digest_of
 from mrwork.uncertainty.bands.prediction import Fold, folds_of
 from mrwork.uncertainty.choice.law_table import TriedLaws
 from mrwork.uncertainty.choice.ranking import is_as_good
+from mrwork.values import holds_arrays
 
 T = TypeVar("T")
 Array = NDArray[np.float64]
@@ -48,6 +49,7 @@ _NOT_PREDICTED = 1.0
 _MOTIONS = 3
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Promise:
     """Fits to all tests that the linearised fit promises for each move [%], in the order of the moves."""

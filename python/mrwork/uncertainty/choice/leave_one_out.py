@@ -25,6 +25,7 @@ from mrwork.store import Journal, digest_of
 from mrwork.uncertainty.noise import NOISES, Noise
 from mrwork.uncertainty.posterior.laplace import draw_about
 from mrwork.uncertainty.posterior.target import Target, in_chunks
+from mrwork.values import holds_arrays
 
 Array = NDArray[np.float64]
 
@@ -35,6 +36,7 @@ UNRELIABLE = 0.7
 N_DRAWS = 2000
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeaveOneOut:
     """Expected log predictive density of each block given the others, and its Pareto k, shape (n_blocks,)."""

@@ -16,6 +16,7 @@ from mrwork.identification.objective import Objective
 from mrwork.identification.search_ranges import search_box
 from mrwork.records import DamperTest
 from mrwork.summary import of_unit
+from mrwork.values import holds_arrays
 
 # Parameters with a standard error above this share of their scale are weakly identifiable.
 WEAK = 0.25
@@ -73,6 +74,7 @@ def verdict_on_width(
     return "identifiable", reason if scale.exceeds_value(half / deviations) else ""
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scale:
     """Size of a relevant change of each parameter, shape (n_params,): its value, or half its range where `of_range`.
@@ -129,6 +131,7 @@ def scaled_ranges(
     return searched.with_bounds({name: pair for name, pair in own.items() if pair[0] < pair[1]})
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scaled:
     """Scaled coordinates of the free parameters of a box: logarithms, or multiples of their size.
@@ -192,6 +195,7 @@ class Scaled:
         return np.asarray(np.where(self.log, self.values(position), self.size))
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Curvature:
     """Squared misfit S of rows, (n_rows,), half its gradient, (n_rows, n_free), and J'J, (n_rows, n_free, n_free)."""

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.uncertainty.identifiability.curvature import Curvature, Scaled
+from mrwork.values import holds_arrays
 
 End = Literal["closed", "bound", "not simulated", "too many points", "interrupted"]
 
@@ -40,6 +41,7 @@ _MOST_BETWEEN = 6
 _LEAST_SHARE = 1e-3
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Point:
     """A position, shape (n_free,), with the squared misfit S, half its gradient and J'J there."""

@@ -21,6 +21,7 @@ from mrwork.simulate import Outcome, simulate_forces
 from mrwork.summary import Summarised, Summary, of_unit, rounded
 from mrwork.uncertainty.identifiability.curvature import Scale, Scaled, curvature, linearise
 from mrwork.uncertainty.planning.candidates import Candidate, check_possible, motion_of
+from mrwork.values import holds_arrays
 
 # Finite-difference step in scaled coordinates.
 _STEP = 1e-5
@@ -79,6 +80,7 @@ class Plan(Summarised):
         )
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Response:
     """Sensitivity of a candidate's force to the parameters.
@@ -95,6 +97,7 @@ class Response:
     energy_derivative: NDArray[np.float64]
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinearisedPosterior:
     """Linearised posterior before the next test, in the coordinates of `scaled`, about `position`, shape (n_free,).

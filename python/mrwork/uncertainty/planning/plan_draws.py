@@ -14,6 +14,7 @@ from mrwork.simulate import Outcome, simulate_forces
 from mrwork.summary import Summarised, Summary, rounded
 from mrwork.uncertainty.planning.candidates import Candidate, motion_of
 from mrwork.uncertainty.planning.plan import Gain, LinearisedPosterior, Plan, column_of
+from mrwork.values import holds_arrays
 
 # Smallest effective number of draws after a test for an estimate of the variance; number of draws taken as the truth.
 _LEAST = 8.0
@@ -111,6 +112,7 @@ def checked_with_draws(
     return CheckedPlan(plan=replace(plan, gains=tuple(gains)), agreement=agreement, least_effective=least)
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Forces:
     """Forces of the draws minus their mean, (n_draws, n_counted), per its deviation and root n; energies of a cycle.

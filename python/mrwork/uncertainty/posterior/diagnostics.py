@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import Shape, Within, checked
+from mrwork.values import holds_arrays
 
 Array = NDArray[np.float64]
 
@@ -24,6 +25,7 @@ BURN_IN = 0.25
 _MOST_DRAWS = 1000
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Diagnosis:
     """Convergence diagnostics, shape (n_params,): autocorrelation time in steps, R-hat, bulk and tail ESS.

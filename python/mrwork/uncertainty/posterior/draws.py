@@ -17,6 +17,7 @@ from mrwork.identification.fit import Provenance
 from mrwork.summary import Summarised, Summary, rounded, with_decimals
 from mrwork.uncertainty.identifiability.curvature import ParameterScale, verdict_on_width
 from mrwork.uncertainty.posterior.diagnostics import convergence
+from mrwork.values import holds_arrays
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -98,7 +99,8 @@ class DrawSummary:
         return replace(self, verdict=verdict, reason=reason)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Draws(Summarised):
     """Draws from a posterior, by walker.
 

@@ -16,6 +16,7 @@ from mrwork.arguments import Shape, Within, checked
 from mrwork.errors import SettingError
 from mrwork.identification.linearisation import linearised
 from mrwork.uncertainty.posterior.target import Target
+from mrwork.values import holds_arrays
 
 Array = NDArray[np.float64]
 
@@ -121,6 +122,7 @@ def centre_and_root(target: Target, start: Array) -> tuple[Array, Array]:
     return origin, np.linalg.cholesky(np.linalg.inv(fisher_information(target, origin)))
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ellipsoid:
     """Centre (n_dim,) in a target's space, and covariance (n_moving, n_moving) of the coordinates that move."""
@@ -177,6 +179,7 @@ def _off_faces(target: Target, position: Array) -> NDArray[np.intp]:
     return np.flatnonzero((unit > _ON_FACE) & (unit < 1.0 - _ON_FACE))
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WeightedDraws:
     """Positions of a target's space, shape (n_draws, n_dim), with importance ratios.

@@ -20,6 +20,7 @@ from mrwork.twins.models import begin, simulate
 from mrwork.uncertainty.noise import NOISES, names_in_words
 from mrwork.uncertainty.posterior.laplace import centre_and_root
 from mrwork.uncertainty.posterior.target import Target
+from mrwork.values import holds_arrays
 
 Array = NDArray[np.float64]
 LogDensity = Callable[[jax.Array], jax.Array]
@@ -79,7 +80,8 @@ def substeps_at(target: Target, theta: Any) -> tuple[int, ...]:
     return tuple(max(1, int(run.substeps[0])) for run in runs)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class NutsDraws(Summarised):
     """Parameters and noise, shape (n_chains, n_draws, n_params + n_noise), and the number of divergent trajectories."""
 
@@ -88,7 +90,8 @@ class NutsDraws(Summarised):
     evaluations: int
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@holds_arrays
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Trajectories:
     """Unbounded coordinates for NUTS, in which the target is approximately standard normal.
 

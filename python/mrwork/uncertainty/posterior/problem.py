@@ -33,6 +33,7 @@ from mrwork.uncertainty.posterior.draws import Draws, DrawsStatus, DrawSummary, 
 from mrwork.uncertainty.posterior.ensemble import Ensemble
 from mrwork.uncertainty.posterior.prior import Prior
 from mrwork.uncertainty.posterior.target import Target, Tempering
+from mrwork.values import holds_arrays
 
 Array = NDArray[np.float64]
 
@@ -41,6 +42,7 @@ _PACKAGES = ("mrwork", "numpy", "emcee", "arviz-stats")
 _MOST_ROWS = 1000
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SamplingProblem:
     """Target and settings of a sampling run; `start`, shape (n_params,), is in the form that is sampled."""

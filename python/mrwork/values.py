@@ -1,0 +1,93 @@
+"""Data classes that hold arrays: equality by value, and copies whose arrays are as read-only as the originals.
+
+The equality that Python gives a data class asks an array whether it is true, which numpy refuses, and what `pickle` and
+`copy.deepcopy` make of a read-only array may be written to.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields
+from typing import Any, TypeVar
+
+import numpy as np
+
+T = TypeVar("T")
+
+
+def holds_arrays(kind: type[T]) -> type[T]:
+    """Class decorator, above `dataclass`: objects are equal by value, and stay read-only where they are copied.
+
+    Two objects are equal if they have one class and their fields, those with `compare=False` excepted, are equal:
+    arrays of one dtype and shape with equal numbers, where NaN equals NaN. The objects have no hash.
+
+    Examples
+    --------
+    >>> import pickle
+    >>> import mrwork as mr
+    >>> test = mr.synthetic_test("spencer1997")
+    >>> copy = pickle.loads(pickle.dumps(test))
+    >>> copy == test, copy.force.flags.writeable
+    (True, False)
+    """
+    for name, method in _METHODS.items():
+        setattr(kind, name, method)
+    return kind
+
+
+def _equal(self: Any, other: Any) -> Any:
+    if type(other) is not type(self):
+        return NotImplemented
+    compared = (each.name for each in fields(self) if each.compare)
+    return all(_same(getattr(self, name), getattr(other, name)) for name in compared)
+
+
+def _same(one: Any, other: Any) -> bool:
+    if one is other:
+        return True
+    if isinstance(one, np.ndarray) and isinstance(other, np.ndarray):
+        return one.dtype == other.dtype and np.array_equal(one, other, equal_nan=one.dtype.kind in "fc")
+    if isinstance(one, Mapping) and isinstance(other, Mapping):
+        return one.keys() == other.keys() and all(_same(one[name], other[name]) for name in one)
+    if isinstance(one, list | tuple) and type(one) is type(other):
+        return len(one) == len(other) and all(map(_same, one, other))
+    if isinstance(one, float) and isinstance(other, float) and math.isnan(one):
+        return math.isnan(other)
+    found = one == other
+    # Arrays of JAX compare by their elements.
+    return found if isinstance(found, bool) else bool(np.array_equal(one, other))
+
+
+def _reduced(self: Any) -> tuple[Callable[..., object], tuple[object, ...]]:
+    values = {each.name: getattr(self, each.name) for each in fields(self)}
+    read_only = [
+        name
+        for name, value in values.items()
+        if all(not array.flags.writeable for array in _arrays_within(value))
+    ]
+    return _restored, (type(self), values, read_only)
+
+
+def _restored(kind: type, values: Mapping[str, Any], read_only: list[str]) -> object:
+    made: object = object.__new__(kind)
+    for name, value in values.items():
+        object.__setattr__(made, name, value)
+    for name in read_only:
+        for array in _arrays_within(values[name]):
+            array.setflags(write=False)
+    return made
+
+
+def _arrays_within(value: object) -> Iterator[np.ndarray[Any, Any]]:
+    if isinstance(value, np.ndarray):
+        yield value
+    elif isinstance(value, Mapping):
+        for entry in value.values():
+            yield from _arrays_within(entry)
+    elif isinstance(value, list | tuple):
+        for entry in value:
+            yield from _arrays_within(entry)
+
+
+_METHODS: dict[str, Any] = {"__eq__": _equal, "__hash__": None, "__reduce__": _reduced}

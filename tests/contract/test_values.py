@@ -1,0 +1,161 @@
+"""Every data class that holds arrays is equal by value, and its copies are as read-only as the original.
+
+The classes are found by walking over the package: a new one is covered by being written.
+"""
+
+from __future__ import annotations
+
+import copy
+import importlib
+import pickle
+import pkgutil
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass, replace
+from typing import Any, get_args, get_origin, get_type_hints
+
+import loop_samples
+import numpy as np
+import posterior_samples
+import pytest
+import study_samples
+
+import mrwork
+import mrwork as mr
+from mrwork.values import holds_arrays
+
+# Its one job is to answer on the standard streams of its own process.
+CHILD = "mrwork.store.hdf5_child"
+
+
+def data_classes() -> Iterator[type]:
+    for found in pkgutil.walk_packages(mrwork.__path__, "mrwork."):
+        if found.name == CHILD or found.name.endswith("__main__"):
+            continue
+        module = importlib.import_module(found.name)
+        for kind in vars(module).values():
+            if isinstance(kind, type) and kind.__module__ == module.__name__ and is_dataclass(kind):
+                yield kind
+
+
+def is_of_arrays(hint: Any) -> bool:
+    """Whether a value of an annotation is an array or contains some; a function of arrays is none."""
+    if get_origin(hint) is Callable or str(get_origin(hint)) == "<class 'collections.abc.Callable'>":
+        return False
+    return get_origin(hint) is np.ndarray or hint is np.ndarray or any(map(is_of_arrays, get_args(hint)))
+
+
+def array_fields(kind: Any) -> list[str]:
+    try:
+        hints = get_type_hints(kind)
+    except (NameError, TypeError):
+        # Names that are imported for the type checker only.
+        hints = {}
+    return [
+        each.name
+        for each in fields(kind)
+        if (
+            is_of_arrays(hints[each.name])
+            if hints
+            else "Array" in str(each.type) or "Floats" in str(each.type)
+        )
+    ]
+
+
+def is_frozen(kind: Any) -> bool:
+    return bool(kind.__dataclass_params__.frozen)
+
+
+KINDS = [kind for kind in data_classes() if is_frozen(kind) and array_fields(kind)]
+EQUAL = vars(holds_arrays(type("Any", (), {})))["__eq__"]
+
+
+def filled(kind: Any) -> Any:
+    """An object of a class with a read-only array, with a NaN, in each field that holds arrays; of no other meaning."""
+    made = object.__new__(kind)
+    held = array_fields(kind)
+    for number, each in enumerate(fields(kind)):
+        array = np.array([number, np.nan, 1.0])
+        array.setflags(write=False)
+        object.__setattr__(made, each.name, array if each.name in held else each.name)
+    return made
+
+
+def copies(value: Any) -> tuple[Any, ...]:
+    return pickle.loads(pickle.dumps(value)), copy.deepcopy(value), copy.copy(value)
+
+
+def arrays_of(value: Any) -> list[np.ndarray]:
+    found = [getattr(value, each.name) for each in fields(value)]
+    return [each for each in found if isinstance(each, np.ndarray)]
+
+
+def test_the_walk_finds_what_the_package_has() -> None:
+    names = {kind.__name__ for kind in KINDS}
+    assert {
+        "DamperTest",
+        "Loading",
+        "Building",
+        "GroundMotion",
+        "Responses",
+        "Fit",
+        "Prediction",
+        "Draws",
+    } <= names
+    assert len(KINDS) > 100
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
+def test_a_class_with_arrays_is_equal_by_value_and_stays_read_only(kind: type) -> None:
+    assert vars(kind)["__eq__"] is EQUAL, f"{kind.__name__} holds arrays and wants @holds_arrays"
+    value = filled(kind)
+    for each in copies(value):
+        assert each == value
+        assert type(each) is kind
+        assert not any(array.flags.writeable for array in arrays_of(each))
+    with pytest.raises(TypeError, match="unhashable"):
+        hash(value)
+
+
+SAMPLES: dict[str, Callable[[], Any]] = {
+    "test": posterior_samples.small_test,
+    "fit": posterior_samples.small_fit,
+    "loading": lambda: mr.Loading(dt=0.01, displacement=np.arange(4.0), velocity=np.ones(4)),
+    "motion": loop_samples.sweep,
+    "building": loop_samples.five_storeys,
+    "devices": lambda: loop_samples.devices(loop_samples.friction())[0],
+    "run": lambda: study_samples.run(1.0, 2),
+    "history": lambda: study_samples.history(1.0, 2),
+}
+
+
+@pytest.mark.parametrize("name", SAMPLES)
+def test_values_of_use_survive_copies(name: str) -> None:
+    value = SAMPLES[name]()
+    for each in copies(value):
+        assert each == value
+        assert each is not value
+        writeable = [array.flags.writeable for array in arrays_of(each)]
+        assert writeable == [array.flags.writeable for array in arrays_of(value)]
+
+
+def test_values_that_differ_are_not_equal() -> None:
+    test = posterior_samples.small_test()
+    force = test.force.copy()
+    force[3] += 1.0
+    assert replace(test, force=force) != test
+    assert replace(test, force=test.force[:-1]) != test
+    assert replace(test, force=test.force.astype(np.float32)) != test
+    assert replace(test, name="other") != test
+    assert test != "a test"
+
+
+def test_nan_equals_nan() -> None:
+    with_nan = replace(posterior_samples.small_test(), start_time=float("nan"))
+    assert with_nan == copy.deepcopy(with_nan)
+
+
+def test_writable_arrays_stay_writable() -> None:
+    test = replace(posterior_samples.small_test(), force=np.ones(150))
+    for each in copies(test):
+        assert each.force.flags.writeable
+        assert not each.velocity.flags.writeable
