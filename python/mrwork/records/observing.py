@@ -84,6 +84,8 @@ def observed(test: DamperTest, observe: Sequence[str]) -> DamperTest:
                 raise SettingError(
                     f"{test.label}: --observe is {word!r}, the record lasts {duration:.4g} s; give less"
                 )
+            if _FIELDS[name] in values:
+                raise SettingError(f"--observe gives {name} twice, the second time as {word!r}; give it once")
             values[_FIELDS[name]] = value
     return replace(test, observation=Observation(**values)) if values else test
 
