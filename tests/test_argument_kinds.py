@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal, Protocol
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.arguments import May, Within, checked
+from mrwork.arguments import AnyArray, May, Positive, Rows, Shape, Within, checked
 from mrwork.errors import ArgumentError, SettingError
 
 
@@ -187,3 +188,68 @@ def test_what_is_missing_or_unknown_is_said_by_python() -> None:
         wants(1.0, other=2)  # type: ignore[call-arg]
     with pytest.raises(TypeError, match="takes 1 positional argument"):
         wants(1.0, 2.0)  # type: ignore[call-arg]
+
+
+@checked
+def shaped(
+    rows: Rows,
+    own: Annotated[NDArray[np.float64], Shape(("n_time",))] | None = None,
+    either: AnyArray = None,
+    paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]] = (),
+) -> Any:
+    """What it was given for `either`."""
+    return either
+
+
+def test_axes_of_one_name_have_one_length() -> None:
+    shaped(np.zeros((3, 4)), np.zeros(4))
+    with pytest.raises(
+        SettingError, match=r"`rows` of shaped has shape \(3,\); give shape \(n_batch, n_time\)"
+    ):
+        shaped(np.zeros(3))
+    with pytest.raises(SettingError, match=r"shape \(5,\); .* with n_time = 4, as `rows` has"):
+        shaped(np.zeros((3, 4)), own=np.zeros(5))
+
+
+def test_arrays_of_another_library_pass_as_they_are_and_lists_become_arrays() -> None:
+    class Traced:
+        def __array_namespace__(self) -> object:
+            return np
+
+    traced = Traced()
+    assert shaped(np.zeros((1, 1)), either=traced) is traced
+    assert shaped(np.zeros((1, 1)), either=[1, 2]).dtype == np.float64
+    with pytest.raises(ArgumentError, match="`either` of shaped is 'x'; give an array of numbers"):
+        shaped(np.zeros((1, 1)), either="x")
+
+
+@pytest.mark.parametrize("paths", [b"x", [3], ["a", b"x"], {3}, 3])
+def test_items_of_a_container_of_paths_are_checked(paths: object) -> None:
+    with pytest.raises(ArgumentError, match=r"`paths(\[\d\])?` of shaped is "):
+        shaped(np.zeros((1, 1)), paths=paths)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("paths", ["a", Path("a"), ["a", Path("b")], {"a": 1}, iter([3])])
+def test_paths_may_be_any_iterable(paths: Any) -> None:
+    shaped(np.zeros((1, 1)), paths=paths)
+
+
+def test_a_method_is_named_with_its_class() -> None:
+    class Rig:
+        @classmethod
+        @checked
+        def of(cls, size: Positive) -> Rig:
+            return cls()
+
+    with pytest.raises(SettingError, match=r"^`size` of Rig\.of is 0; give a number above 0$"):
+        Rig.of(0.0)
+
+
+def test_whole_numbers_have_64_bits() -> None:
+    assert taken(count=2**63)["count"] == 2**63
+    with pytest.raises(SettingError, match="64 bits"):
+        taken(count=2**64)
+
+
+def test_an_error_is_one_line_of_characters_that_can_be_seen() -> None:
+    assert str(ArgumentError("a\nb\x1b")) == r"a\nb\x1b"

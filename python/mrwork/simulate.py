@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
-from mrwork.arguments import AnyArrayLike, AnyNumbers, Count, Shape, Threads, checked
+from mrwork.arguments import AnyArrayLike, AnyNumbers, Count, Samples, Shape, Threads, checked
 from mrwork.dampers.parameters import CommandUnit
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError, SimulationError
@@ -57,9 +57,9 @@ class Loading(Summarised):
     """
 
     dt: float
-    displacement: NDArray[np.float64]
-    velocity: NDArray[np.float64] | None = None
-    command: NDArray[np.float64] | float | None = None
+    displacement: Samples
+    velocity: Samples | None = None
+    command: Samples | float | None = None
     command_unit: CommandUnit | None = None
 
     _units: ClassVar[Mapping[str, str]] = {"dt": "s", "displacement": "m", "velocity": "m/s"}

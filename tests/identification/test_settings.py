@@ -138,3 +138,8 @@ def test_a_damaged_record_is_refused(record: dict[str, Any]) -> None:
 def test_an_impossible_setting_is_refused(setting: dict[str, Any], words: str) -> None:
     with pytest.raises(SettingError, match=words):
         FitSettings(**setting)
+
+
+def test_a_nuisance_parameter_that_is_named_twice_is_refused() -> None:
+    with pytest.raises(SettingError, match="level, level; name each once"):
+        mr.identify("bingham", TEST, nuisances=("level", "level"))

@@ -97,3 +97,8 @@ def test_an_average_or_a_delay_longer_than_the_record_is_refused(smoothed: Dampe
     short = replace(smoothed.part(0, 100), frequency=1.0)
     with pytest.raises(SettingError, match="the record lasts"):
         observed(short, [word])
+
+
+def test_a_part_of_the_observation_that_is_given_twice_is_refused() -> None:
+    with pytest.raises(SettingError, match="gives gain twice, the second time as"):
+        observed(synthetic_test("rd1005_1a"), ["gain=1.1", "gain=1.2"])

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Seed, Within, checked
+from mrwork.arguments import Seed, Shape, Within, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, SettingError
@@ -58,7 +58,7 @@ class LevelFit(Summarised):
     """Minima of the plain model at one command [A or V], shape (n_minima, n_plain), best first; the search, if any."""
 
     command: float
-    minima: NDArray[np.float64]
+    minima: Annotated[NDArray[np.float64], Shape(("n_minima", "n_plain"))]
     search: SearchResult[Any] | None
 
 
@@ -258,7 +258,7 @@ def joint_starts(
     The laws of the first start are fitted to the best minimum at each command, those of the others to a random one,
     each parameter multiplied by a log-normal factor (standard deviation of the logarithm 0.25).
     """
-    if not levels or any(level.minima.ndim != 2 or not len(level.minima) for level in levels):
+    if not levels or not all(len(level.minima) for level in levels):
         raise SettingError("give the minima at one command at least, in rows, to fit laws to")
     random = np.random.default_rng([rng, n_starts])
     commands = np.array([level.command for level in levels])

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mrwork import _rust
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import SimulationError
+from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.nuisance import (
     Nuisance,
     NuisanceName,
@@ -44,7 +44,15 @@ class ObservedTest:
 
     @classmethod
     def of(cls, spec: DamperSpec, test: DamperTest, nuisances: tuple[NuisanceName, ...] = ()) -> ObservedTest:
-        """Compute the splines of the test's motion."""
+        """Compute the splines of the test's motion.
+
+        Raises
+        ------
+        SettingError
+            A nuisance parameter is named twice.
+        """
+        if len(set(nuisances)) != len(nuisances):
+            raise SettingError(f"`nuisances` are {', '.join(nuisances)}; name each once")
         return cls(spec=spec, test=test, history=loading_of(test, spec).history(), nuisances=nuisances)
 
     @property

@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Count, Within, checked
+from mrwork.arguments import Count, Samples, Within, checked
 from mrwork.dampers.parameters import CommandUnit
 from mrwork.records.command_signal import Command, command_in_words, part_of_command
 from mrwork.records.observation import AS_IT_IS, Observation
@@ -78,9 +78,9 @@ class DamperTest(Summarised):
     sha256: str
     dt: float
     start_time: float
-    displacement: NDArray[np.float64]
-    velocity: NDArray[np.float64]
-    force: NDArray[np.float64]
+    displacement: Samples
+    velocity: Samples
+    force: Samples
     velocity_source: Literal["measured", "derived"]
     n_settle: int = 0
     current: Command | None = None

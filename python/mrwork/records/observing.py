@@ -90,6 +90,8 @@ def observed(test: DamperTest, observe: Sequence[str]) -> DamperTest:
                     f"{test.label}: --observe is {word!r}, and samples every {test.dt:.4g} s hold nothing above "
                     f"{nyquist:.4g} Hz; give less, or leave it out"
                 )
+            if _FIELDS[name] in values:
+                raise SettingError(f"--observe gives {name} twice, the second time as {word!r}; give it once")
             values[_FIELDS[name]] = value
     return replace(test, observation=Observation(**values)) if values else test
 
