@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Generic, TypeVar
 
+from mrwork.escaping import escaped
+
 ResultT = TypeVar("ResultT")
 
 __all__ = [
@@ -33,6 +35,10 @@ class MrworkError(Exception):
     """
 
     document: str = ""
+
+    def __str__(self) -> str:
+        """The sentence, in one line whatever names it quotes."""
+        return escaped(super().__str__())
 
 
 class MrworkWarning(UserWarning):

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from mrwork.arguments import checked
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.records.damper_test import frozen
 from mrwork.summary import Summarised, Summary, rounded
@@ -17,6 +18,7 @@ from mrwork.summary import Summarised, Summary, rounded
 Floats = NDArray[np.float64]
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Building(Summarised):
     """Plane building `M q'' + C q' + K q = -sum_d e_d' f_d - M r a_g`, with q relative to the ground.
@@ -46,8 +48,10 @@ class Building(Summarised):
     Raises
     ------
     SettingError
-        If shapes disagree, a number is not finite, M or K is not symmetric, M is singular or K unstable.
+        If shapes disagree, M or K is not symmetric, M is singular or K unstable.
     """
+
+    _made_by: ClassVar[str] = "mr.building(name) or mr.buildings.read_building(path)"
 
     name: str
     mass: Floats
@@ -107,6 +111,7 @@ class Building(Summarised):
         poles = np.linalg.eigvals(self.state_matrices()[0]).astype(np.complex128)
         return poles[np.lexsort((poles.imag, np.abs(poles).round(9)))]
 
+    @checked
     def state_matrices(self, rows: Floats | None = None) -> tuple[Floats, Floats, Floats]:
         """A, B, E of `s' = A s + B f + E a_g`, with s = [q; q'].
 
@@ -121,13 +126,16 @@ class Building(Summarised):
             Shapes (2 n, 2 n), (2 n, n_devices), (2 n,). B has the sign of a resisting force.
         """
         n = self.n_coordinates
-        rows = self.storeys if rows is None else np.asarray(rows, dtype=np.float64)
+        rows = self.storeys if rows is None else rows
+        if rows.ndim != 2 or rows.shape[1] != n:
+            raise SettingError(f"`rows` has shape {rows.shape}, {self.name} takes (n_devices, {n})")
         solved = np.linalg.solve(self.mass, np.hstack([-self.stiffness, -self.damping, -rows.T]))
         A = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), solved[:, : 2 * n]])
         B = np.vstack([np.zeros((n, len(rows))), solved[:, 2 * n :]])
         E = np.concatenate([np.zeros(n), -self.influence])
         return A, B, E
 
+    @checked
     def storey_row(self, storey: int | str) -> Floats:
         """Row of a storey, shape (n,), by its number from 1 or by its name.
 
@@ -138,6 +146,7 @@ class Building(Summarised):
         """
         return np.asarray(self.storeys[self._storey(storey)])
 
+    @checked
     def floor_row(self, floor: int | str) -> Floats:
         """Row of a floor, shape (n,), by its number from 1 or by its name.
 
@@ -148,6 +157,7 @@ class Building(Summarised):
         """
         return np.asarray(self.floors[_index(floor, self.floor_names, f"{self.name}: there is no floor")])
 
+    @checked
     def storey_name(self, storey: int | str) -> str:
         """Name of a storey, by its number from 1 or by its name."""
         return self.storey_names[self._storey(storey)]
@@ -210,21 +220,10 @@ def check_building(building: Building) -> None:
     Raises
     ------
     SettingError
-        If shapes disagree, a number is not finite, M or K is not symmetric, M is singular or K unstable.
+        If shapes disagree, M or K is not symmetric, M is singular or K unstable.
     """
     where = f"building {building.name}"
     _check_shapes(building, where)
-    for title, matrix in (
-        ("mass", building.mass),
-        ("damping", building.damping),
-        ("stiffness", building.stiffness),
-        ("influence", building.influence),
-        ("floors", building.floors),
-        ("storeys", building.storeys),
-    ):
-        if not np.isfinite(matrix).all():
-            place = ", ".join(str(index + 1) for index in np.argwhere(~np.isfinite(matrix))[0])
-            raise SettingError(f"{where}: entry {place} of {title} is not a finite number; correct it")
     _check_symmetric(building.mass, "mass", where)
     _check_symmetric(building.stiffness, "stiffness", where)
     _check_mass(building.mass, where)
