@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import operator
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum, auto
@@ -25,10 +26,11 @@ _LARGEST, _SMALLEST = 1e100, 1e-100
 
 
 class May(Enum):
-    """Numbers that are not finite, and nevertheless mean something where an annotation names them."""
+    """Numbers that are not finite, and nevertheless mean something where an annotation names them; arrays of JAX."""
 
     BE_INFINITE = auto()
     BE_NAN = auto()
+    BE_TRACED = auto()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +63,36 @@ class Within:
             (values < self.least) | (values <= self.above) & (self.above > -math.inf)
             | (values > self.most) | (values >= self.below) & (self.below < math.inf)
         )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """Names of the axes of an array; an axis has the same length in all arguments of a call that name it."""
+
+    axes: tuple[str, ...]
+
+    def check(self, value: Any, known: dict[str, tuple[int, str]], parameter: str) -> None:
+        """Refuse a shape with other axes, or with lengths that differ from the `known` ones, which are added to."""
+        found = tuple(np.shape(value))
+        wanted = f"({', '.join(self.axes)}{',' if len(self.axes) == 1 else ''})"
+        if len(found) != len(self.axes):
+            raise Refusal(f"has shape {found}; give shape {wanted}", SettingError)
+        for axis, length in zip(self.axes, found, strict=True):
+            expected, source = known.setdefault(axis, (length, parameter))
+            if length != expected:
+                raise Refusal(
+                    f"has shape {found}; give shape {wanted} with {axis} = {expected}, as `{source}` has",
+                    SettingError,
+                )
+
+
+def shape_of(hint: Any) -> Shape | None:
+    """The shape that a hint, or a member of a union, declares."""
+    for note in getattr(hint, "__metadata__", ()):
+        if isinstance(note, Shape):
+            return note
+    members = get_args(hint) if get_origin(hint) in (Union, UnionType) else ()
+    return next((found for each in members if (found := shape_of(each)) is not None), None)
 
 
 class Refusal(Exception):  # noqa: N818 # becomes an error where the name of the argument is known
@@ -111,6 +143,8 @@ def _kind(hint: Any, notes: tuple[Any, ...]) -> Kind:
         return _tuple(inner, notes)
     if hint in _SCALARS:
         return _SCALARS[hint](notes)
+    if hint is Any and May.BE_TRACED in notes:
+        return _array_like(notes)
     kind: Any = origin or hint
     if kind in (Any, object) or not isinstance(kind, type):
         return Kind("anything", lambda value: value)
@@ -119,7 +153,9 @@ def _kind(hint: Any, notes: tuple[Any, ...]) -> Kind:
     if kind is type:
         return Kind("a class", partial(_instance, type, "a class"))
     if kind is Iterable:
-        return Kind("several values", partial(_instance, Iterable, "several values"), rank=2)
+        return _iterable(*inner or (Any,))
+    if kind is os.PathLike:
+        return Kind("a path", _path)
     if issubclass(kind, Mapping):
         return _mapping(inner, notes)
     if issubclass(kind, Sequence) and inner:
@@ -162,8 +198,8 @@ def _float(notes: tuple[Any, ...]) -> Kind:
             raise Refusal(f"is {_described(value)}; give a smaller number", SettingError) from None
         if notes or not (plain == 0.0 or _SMALLEST <= abs(plain) <= _LARGEST):
             _check_numbers(np.float64(plain), notes)
-        # A whole number of more than 64 bits is no number to NumPy.
-        return number if isinstance(number, float | int) and abs(plain) < 2.0**63 else plain
+        exact = isinstance(number, float) or (isinstance(number, int) and abs(number) < 2**53)
+        return number if exact else plain
 
     return Kind(words, accept, rank=0)
 
@@ -178,11 +214,11 @@ def _int(notes: tuple[Any, ...]) -> Kind:
             number = operator.index(value)
         except TypeError:
             raise OtherKind(value, words) from None
-        if abs(number) >= 2**64:
-            raise Refusal(f"is {_described(number)}; give one of less than 64 bits", SettingError)
         for each in notes:
             if isinstance(each, Within) and each.excludes(number):
                 raise _out_of(each, number)
+        if not -(2**63) <= number < 2**64:
+            raise Refusal(f"is {_described(number)}; give a whole number of 64 bits", SettingError)
         return number
 
     return Kind(words, accept, rank=0)
@@ -237,7 +273,7 @@ def _array(scalar: type, notes: tuple[Any, ...]) -> Kind:
 
     def accept(value: Any) -> Any:
         array = _as_array(value, kinds, words)
-        if array.dtype.kind in "fc":
+        if array.dtype.kind in "fciu":
             _check_numbers(array, notes)
         return array if array.dtype == scalar else array.astype(scalar)
 
@@ -248,11 +284,20 @@ def _array_like(notes: tuple[Any, ...]) -> Kind:
     words = "an array of numbers"
 
     def accept(value: Any) -> Any:
+        if May.BE_TRACED in notes and _is_traced(value):
+            return value
         array = _as_array(value, "iuf", words)
         _check_numbers(array, notes)
+        if May.BE_TRACED in notes:
+            return array.astype(np.float64, copy=False)
         return value if isinstance(value, int | float | list | tuple) else array
 
     return Kind(words, accept, rank=3)
+
+
+def _is_traced(value: Any) -> bool:
+    """Whether this is an array of another library than NumPy."""
+    return hasattr(value, "__array_namespace__") and not isinstance(value, np.ndarray | np.generic)
 
 
 def _as_array(value: Any, kinds: str, words: str) -> Any:
@@ -326,6 +371,21 @@ def _sequence(item: Any, notes: tuple[Any, ...]) -> Kind:
     return Kind(words, accept, rank=2)
 
 
+def _iterable(item: Any) -> Kind:
+    """Items of a container are checked, of a dict its keys; those of an iterator only come when it is used."""
+    of = _kind(item, ())
+    words = f"several values, each {of.words}"
+
+    def accept(value: Any) -> Any:
+        if isinstance(value, str | bytes) or not isinstance(value, Iterable):
+            raise OtherKind(value, words)
+        if isinstance(value, list | tuple | set | frozenset | Mapping):
+            return tuple(_at(of, each, f"[{position}]") for position, each in enumerate(value))
+        return value
+
+    return Kind(words, accept, rank=2)
+
+
 def _tuple(items: tuple[Any, ...], notes: tuple[Any, ...]) -> Kind:
     if len(items) == 2 and items[1] is ...:
         of = _sequence(items[0], notes)
@@ -386,6 +446,12 @@ def _object(kind: type) -> Kind:
         f"{'an' if kind.__name__[0] in 'AEIOU' else 'a'} {kind.__name__}{f', made by {made}' if made else ''}"
     )
     return Kind(words, partial(_instance, kind, words))
+
+
+def _path(value: Any) -> Any:
+    if not isinstance(value, os.PathLike) or not isinstance(os.fspath(value), str):
+        raise OtherKind(value, "a path")
+    return value
 
 
 def _instance(kind: type, words: str, value: Any) -> Any:

@@ -20,18 +20,22 @@ from typing import Annotated, Any, TypeVar, cast, get_type_hints
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.argument_kinds import Kind, May, Refusal, Within, kind_of
+from mrwork.argument_kinds import Kind, May, Refusal, Shape, Within, kind_of, shape_of
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.escaping import escaped
 
 __all__ = [
+    "AnyArray",
     "AnyArrayLike",
     "AnyNumbers",
     "Count",
     "May",
     "NotNegative",
     "Positive",
+    "Rows",
+    "Samples",
     "Seed",
+    "Shape",
     "Share",
     "Threads",
     "Within",
@@ -48,6 +52,11 @@ Seed = Annotated[int, Within(least=0, most=2**64 - 1)]
 Threads = Annotated[int, Within(least=0, most=1024)]
 # Misfits of failed candidates are infinite, and the functions say more of a wrong number than its place.
 AnyNumbers = Annotated[NDArray[np.float64], May.BE_INFINITE, May.BE_NAN]
+# A force, or a history of something else; draws or candidates in rows.
+Samples = Annotated[NDArray[np.float64], Shape(("n_time",))]
+Rows = Annotated[NDArray[np.float64], Shape(("n_batch", "n_time"))]
+# Of NumPy or JAX.
+AnyArray = Annotated[Any, May.BE_TRACED, May.BE_INFINITE, May.BE_NAN]
 AnyArrayLike = Annotated[ArrayLike, May.BE_INFINITE, May.BE_NAN]
 
 TargetT = TypeVar("TargetT", bound=Callable[..., Any])
@@ -84,11 +93,13 @@ def _checking(function: Any, name: str, owner: type = object) -> Any:
     rest = next((each.name for each in signature.parameters.values() if each.kind is each.VAR_POSITIONAL), "")
     # Empty until the first call: an annotation may name what is defined after the function.
     kinds: dict[str, Kind] = {}
+    shapes: dict[str, Shape] = {}
 
     @wraps(function)
     def checking(*args: Any, **given: Any) -> Any:
         if not kinds:
             kinds.update(_kinds_of(function, signature, owner))
+            shapes.update(_shapes_of(function, signature))
         values = [
             _accepted(kinds, name, parameter, value, owner)
             for parameter, value in zip(positional, args, strict=False)
@@ -97,6 +108,8 @@ def _checking(function: Any, name: str, owner: type = object) -> Any:
         named = {
             parameter: _accepted(kinds, name, parameter, value, owner) for parameter, value in given.items()
         }
+        if shapes:
+            _agree(shapes, name, dict(zip(positional, values, strict=False)) | named)
         return function(*values, *more, **named)
 
     return checking
@@ -113,6 +126,28 @@ def _accepted(kinds: Mapping[str, Kind], function: str, parameter: str, value: A
             # A reader of a file finds the line of the field.
             raise InvalidSettingError(parameter, sentence) from None
         raise refusal.error(sentence) from None
+
+
+def _agree(shapes: Mapping[str, Shape], function: str, given: Mapping[str, Any]) -> None:
+    known: dict[str, tuple[int, str]] = {}
+    for parameter, shape in shapes.items():
+        value = given.get(parameter)
+        # A number may stand for an array where the annotation has both.
+        if value is None or isinstance(value, int | float):
+            continue
+        try:
+            shape.check(value, known, parameter)
+        except Refusal as refusal:
+            raise refusal.error(f"`{parameter}` of {function} {refusal.sentence}") from None
+
+
+def _shapes_of(function: Any, signature: inspect.Signature) -> dict[str, Shape]:
+    own = inspect.unwrap(function).__globals__
+    found = {
+        name: shape_of(_resolved(parameter.annotation, own))
+        for name, parameter in signature.parameters.items()
+    }
+    return {name: shape for name, shape in found.items() if shape is not None}
 
 
 def _kinds_of(function: Any, signature: inspect.Signature, owner: type = object) -> dict[str, Kind]:

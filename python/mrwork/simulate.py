@@ -6,13 +6,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
-from mrwork.arguments import checked
+from mrwork.arguments import AnyArrayLike, AnyNumbers, Count, Shape, Threads, checked
 from mrwork.dampers.parameters import CommandUnit
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError, SimulationError
@@ -116,6 +116,7 @@ class Sensitivities:
     substeps: NDArray[np.uint32]
 
 
+@checked
 def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
     """Motion of a test, with its command in the unit of the model, constant or held from sample to sample.
 
@@ -136,16 +137,17 @@ def loading_of(test: DamperTest, spec: DamperSpec) -> Loading:
     )
 
 
+@checked
 def simulate_misfits(
     spec: DamperSpec,
-    theta: ArrayLike,
+    theta: AnyArrayLike,
     history: _rust.LoadingHistory,
-    force: NDArray[np.float64],
+    force: Annotated[AnyNumbers, Shape(("n_time",))],
     *,
     first: int = 0,
-    limits: NDArray[np.float64] | None = None,
-    substep_factor: int = 1,
-    threads: int = 0,
+    limits: Annotated[AnyNumbers, Shape(("n_batch",))] | None = None,
+    substep_factor: Count = 1,
+    threads: Threads = 0,
 ) -> Misfits:
     """Simulate a batch and return its misfits to a measured force.
 
@@ -180,13 +182,14 @@ def simulate_misfits(
     return Misfits(squared_error=squared_error, outcome=outcome, substeps=substeps, steps=steps)
 
 
+@checked
 def simulate_forces(
     spec: DamperSpec,
-    theta: ArrayLike,
+    theta: AnyArrayLike,
     history: _rust.LoadingHistory,
     *,
-    substep_factor: int = 1,
-    threads: int = 0,
+    substep_factor: Count = 1,
+    threads: Threads = 0,
 ) -> ForceHistories:
     """Simulate a batch and return its force histories; parameters as in `simulate_misfits`."""
     with _refusals():
@@ -196,14 +199,15 @@ def simulate_forces(
     return ForceHistories(force=force, outcome=outcome, substeps=substeps)
 
 
+@checked
 def simulate_sensitivities(
     spec: DamperSpec,
-    theta: ArrayLike,
+    theta: AnyArrayLike,
     history: _rust.LoadingHistory,
     *,
     columns: Sequence[int] | None = None,
-    substep_factor: int = 1,
-    threads: int = 0,
+    substep_factor: Count = 1,
+    threads: Threads = 0,
 ) -> Sensitivities:
     """Simulate a batch with the exact derivatives of its forces; other parameters as in `simulate_misfits`.
 
@@ -239,7 +243,7 @@ def simulate_sensitivities(
 
 @checked
 def simulate_force(
-    spec: DamperSpec, theta: ArrayLike, loading: Loading, *, substep_factor: int = 1
+    spec: DamperSpec, theta: ArrayLike, loading: Loading, *, substep_factor: Count = 1
 ) -> NDArray[np.float64]:
     """Simulate one damper from rest and return its force [N], shape (n_time,).
 

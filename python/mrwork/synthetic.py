@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrwork.arguments import checked
 from mrwork.dampers.spec import damper
 from mrwork.errors import UnknownNameError
 from mrwork.records import DamperTest, build_damper_test
@@ -36,6 +37,7 @@ SYNTHETIC_TESTS = {
 }
 
 
+@checked
 def synthetic_test(name: str) -> DamperTest:
     """Generate the synthetic test with this name; the same name gives the same bits.
 

@@ -130,13 +130,11 @@ def test_a_long_pause_at_the_end_is_padding_only_if_it_is_zero() -> None:
     "change",
     [
         lambda: scaled(MOTION, 0.0),
-        lambda: scaled(MOTION, np.nan),
         lambda: scaled_to_peak(MOTION, -1.0),
         lambda: scaled_to_peak(GroundMotion(name="a", dt=0.1, acceleration=np.zeros(9)), 1.0),
         lambda: time_scaled(MOTION, 0.0),
         lambda: trimmed(MOTION, start=9.0),
         lambda: trimmed(MOTION, start=2.0, end=1.0),
-        lambda: trimmed(MOTION, end=np.nan, start=6.0),
         lambda: baseline_corrected(MOTION, order=-1),
         lambda: baseline_corrected(MOTION, order=11),
         lambda: resampled(MOTION, 0.0),

@@ -99,10 +99,10 @@ def test_the_suite_scales_to_a_peak_and_prefixes_names() -> None:
 @pytest.mark.parametrize(
     ("soil", "n", "seed", "said"),
     [
-        ("hard", 3, 0, "no soil is called 'hard'; choose from firm, medium, soft, rock"),
+        ("hard", 3, 0, "'hard'; choose one of firm, medium, soft, rock"),
         ("firm", 0, 0, "a suite of 0 motions"),
         ((), 3, 0, "on 0 soils"),
-        ("firm", 3, -1, "seed -1"),
+        ("firm", 3, -1, "`rng` of suite is -1"),
     ],
 )
 def test_a_wrong_suite_is_refused(soil: str, n: int, seed: int, said: str) -> None:

@@ -43,5 +43,5 @@ def test_what_has_no_spectrum_is_refused() -> None:
     short = GroundMotion(name="short", dt=0.01, acceleration=np.ones(20))
     with pytest.raises(RecordError, match="a spectrum needs 50"):
         fitted_spectrum(short)
-    with pytest.raises(SettingError, match="choose kanai_tajimi"):
+    with pytest.raises(SettingError, match="choose one of kanai_tajimi"):
         fitted_spectrum(mr.synthetic_motion(), "white")  # type: ignore[arg-type]

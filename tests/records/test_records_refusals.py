@@ -202,7 +202,6 @@ def test_arrays_are_refused_by_sample_number() -> None:
     [
         (np.ones(3), "has 3 samples where the time has 400"),
         (np.ones((400, 2)), "shape"),
-        (["1", "b"], "real numbers"),
     ],
 )
 def test_arrays_that_do_not_belong_together_are_refused(force: object, expected: str) -> None:

@@ -238,7 +238,7 @@ def test_impossible_settings_are_refused() -> None:
         sampled(walkers=8)
     with pytest.raises(SettingError, match="an even number"):
         sampled(walkers=33)
-    with pytest.raises(SettingError, match="`most_steps` is 0"):
+    with pytest.raises(SettingError, match="`most_steps` of sample is 0"):
         sampled(most_steps=0)
     with pytest.raises(SettingError, match="walkers found no place"):
         sampled(priors={"rho": Uniform(lower=1.0, upper=2.0)})

@@ -230,7 +230,7 @@ def test_a_fit_short_of_its_minimum_is_told(fit: Fit, test: DamperTest) -> None:
     ("settings", "error", "words"),
     [
         ({"parameters": ["stiffness"]}, UnknownNameError, "'stiffness'"),
-        ({"level": 95.0}, SettingError, "`level` is 95"),
+        ({"level": 95.0}, SettingError, "`level` of profile is 95"),
     ],
 )
 def test_impossible_settings_are_named(

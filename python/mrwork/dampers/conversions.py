@@ -9,11 +9,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from math import isfinite
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import AnyArray, Shape, checked
 from mrwork.errors import SettingError
 
 # NumPy or JAX.
@@ -37,6 +38,13 @@ class Conversion:
         return Conversion(convert=partial(self.convert, A=A), jacobian=partial(self.jacobian, A=A))
 
 
+def _check_columns(theta: Array, count: int) -> None:
+    if theta.ndim < 1 or theta.shape[-1] != count:
+        raise SettingError(
+            f"`theta` has shape {theta.shape}; give shape (..., {count}), one value a parameter"
+        )
+
+
 def _unchanged(theta: Floats, kept: int, n_to: int) -> Floats:
     """Jacobian with ones for the first `kept` parameters and zeros elsewhere, shape (..., n_to, n_from)."""
     slopes = np.zeros((*theta.shape[:-1], n_to, theta.shape[-1]))
@@ -44,12 +52,14 @@ def _unchanged(theta: Floats, kept: int, n_to: int) -> Floats:
     return slopes
 
 
-def normalised_from_bouc_wen(theta: Array) -> Array:
+@checked
+def normalised_from_bouc_wen(theta: AnyArray) -> Array:
     """Parameters of `normalised_bouc_wen`, shape (..., 7), equal in force to those of `bouc_wen`, shape (..., 8).
 
     With z_max = (A/(beta+gamma))^(1/n): rho = A/z_max, sigma = gamma/(beta+gamma), k_w = alpha z_max
     (Ikhouane, Rodellar 2007).
     """
+    _check_columns(theta, 8)
     xp = theta.__array_namespace__()
     c0, k0, x0, alpha, gamma, beta, A, n = (theta[..., index] for index in range(8))
     z_max = (A / (beta + gamma)) ** (1.0 / n)
@@ -80,11 +90,13 @@ def normalised_from_bouc_wen_jacobian(theta: Floats) -> Floats:
     return slopes
 
 
-def bouc_wen_from_normalised(theta: Array, A: float) -> Array:
+@checked
+def bouc_wen_from_normalised(theta: AnyArray, A: float) -> Array:
     """Parameters of `bouc_wen`, shape (..., 8), equal in force to those of `normalised_bouc_wen`, shape (..., 7).
 
     The Spencer form has one redundant scale parameter, which `A` fixes.
     """
+    _check_columns(theta, 7)
     xp = theta.__array_namespace__()
     c, k, x0, k_w, rho, sigma, n = (theta[..., index] for index in range(7))
     z_max = A / rho
@@ -113,8 +125,10 @@ def bouc_wen_from_normalised_jacobian(theta: Floats, A: float) -> Floats:
     return slopes
 
 
-def rescaled_bouc_wen(theta: Array, A: float) -> Array:
+@checked
+def rescaled_bouc_wen(theta: AnyArray, A: float) -> Array:
     """Rescale a `bouc_wen`, shape (..., 8), to another `A`: z is multiplied by s = A_new/A, the force is the same."""
+    _check_columns(theta, 8)
     xp = theta.__array_namespace__()
     c0, k0, x0, alpha, gamma, beta, old, n = (theta[..., index] for index in range(8))
     s = A / old
@@ -138,6 +152,7 @@ def rescaled_bouc_wen_jacobian(theta: Floats, A: float) -> Floats:
     return slopes
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpenSeesBoucWen:
     """Uniaxial material `BoucWen` of OpenSees, with its names and order of arguments.
@@ -159,7 +174,10 @@ class OpenSeesBoucWen:
     deltaEta: float = 0.0  # noqa: N815 - OpenSees' own spelling
 
 
-def opensees_from_bouc_wen(theta: NDArray[np.float64], *, Ao: float = 1.0) -> tuple[OpenSeesBoucWen, float]:
+@checked
+def opensees_from_bouc_wen(
+    theta: Annotated[Floats, Shape(("n_params",))], *, Ao: float = 1.0
+) -> tuple[OpenSeesBoucWen, float]:
     """OpenSees material equal to a `bouc_wen`, shape (8,), and the dashpot c0 [N s/m] to add in parallel.
 
     `BoucWen` of OpenSees has no dashpot; c0 becomes a parallel `Viscous` material. With `Ao` = 1, ko is the initial and
@@ -170,6 +188,7 @@ def opensees_from_bouc_wen(theta: NDArray[np.float64], *, Ao: float = 1.0) -> tu
     SettingError
         If no such material exists; the message gives the reason.
     """
+    _check_columns(theta, 8)
     _finite(theta, ("c0", "k0", "x0", "alpha", "gamma", "beta", "A", "n"))
     if not (isfinite(Ao) and Ao > 0.0):
         raise SettingError(f"Ao is {Ao:g}; give a positive number, 1 to make ko the initial stiffness")
@@ -190,6 +209,7 @@ def opensees_from_bouc_wen(theta: NDArray[np.float64], *, Ao: float = 1.0) -> tu
     return OpenSeesBoucWen(alpha=k0 / ko, ko=ko, n=n, gamma=beta, beta=gamma, Ao=Ao), c0
 
 
+@checked
 def bouc_wen_from_opensees(material: OpenSeesBoucWen, *, c0: float = 0.0) -> NDArray[np.float64]:
     """Parameters of `bouc_wen`, shape (8,), equal in force to an OpenSees material and a parallel dashpot c0 [N s/m].
 
@@ -279,11 +299,13 @@ def _finite(theta: NDArray[np.float64], names: tuple[str, ...]) -> None:
             raise SettingError(f"{name} is {value}; a finite number is expected")
 
 
-def normalised_from_modified_bouc_wen(theta: Array) -> Array:
+@checked
+def normalised_from_modified_bouc_wen(theta: AnyArray) -> Array:
     """Parameters of `normalised_modified_bouc_wen`, shape (..., 9), equal in force to those of `modified_bouc_wen`.
 
     The latter have shape (..., 10). The loop is converted as that of `bouc_wen`; the other parameters do not change.
     """
+    _check_columns(theta, 10)
     return _with_loop(theta, normalised_from_bouc_wen(_plain(theta)))
 
 
@@ -292,11 +314,13 @@ def normalised_from_modified_bouc_wen_jacobian(theta: Floats) -> Floats:
     return _with_loop_jacobian(theta, normalised_from_bouc_wen_jacobian(_plain(theta)))
 
 
-def modified_bouc_wen_from_normalised(theta: Array, A: float) -> Array:
+@checked
+def modified_bouc_wen_from_normalised(theta: AnyArray, A: float) -> Array:
     """Parameters of `modified_bouc_wen`, shape (..., 10), equal in force to those of `normalised_modified_bouc_wen`.
 
     The latter have shape (..., 9); `A` fixes the scale, as in `bouc_wen_from_normalised`.
     """
+    _check_columns(theta, 9)
     return _with_loop(theta, bouc_wen_from_normalised(_plain(theta), A))
 
 

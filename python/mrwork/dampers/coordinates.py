@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import isfinite
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
+from mrwork.arguments import AnyArray, checked
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 
@@ -23,6 +24,7 @@ Array = Any
 ON_BOUND = 1e-4
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Box:
     """A range for each parameter; `theta` has all parameters of the model, `unit` and `latent` the free ones only.
@@ -30,12 +32,15 @@ class Box:
     Equal bounds fix a parameter.
     """
 
+    _made_by: ClassVar[str] = "mr.Box.of(spec)"
+
     names: tuple[str, ...]
     lower: tuple[float, ...]
     upper: tuple[float, ...]
     log: tuple[bool, ...]
 
     @classmethod
+    @checked
     def of(cls, spec: DamperSpec) -> Box:
         """Admissible ranges of a model."""
         return cls(
@@ -51,6 +56,7 @@ class Box:
         pairs = zip(self.lower, self.upper, strict=True)
         return tuple(index for index, (lower, upper) in enumerate(pairs) if lower < upper)
 
+    @checked
     def with_bounds(self, bounds: Mapping[str, tuple[float, float]]) -> Box:
         """Return the box with some ranges replaced; equal bounds fix a parameter.
 
@@ -78,6 +84,13 @@ class Box:
             lower[index], upper[index] = low, high
         return replace(self, lower=tuple(lower), upper=tuple(upper))
 
+    def _check(self, name: str, values: Array, n_columns: int) -> None:
+        if values.ndim < 1 or values.shape[-1] != n_columns:
+            raise SettingError(
+                f"`{name}` has shape {values.shape}; give shape (..., {n_columns}): the box has "
+                f"{len(self.names)} parameters, {len(self.free)} of them free"
+            )
+
     def _spread(self, xp: Any) -> tuple[Array, Array, Array]:
         """Start, span and log mask of the free parameters, on their own scale (linear or logarithmic)."""
         index = list(self.free)
@@ -87,8 +100,10 @@ class Box:
         end = np.where(log, np.log(np.where(log, upper, 1.0)), upper)
         return xp.asarray(start), xp.asarray(end - start), xp.asarray(log)
 
-    def theta_from_unit(self, unit: Array) -> Array:
+    @checked
+    def theta_from_unit(self, unit: AnyArray) -> Array:
         """Physical parameters, shape (..., n_params), from unit coordinates, shape (..., n_free)."""
+        self._check("unit", unit, len(self.free))
         xp = unit.__array_namespace__()
         start, span, log = self._spread(xp)
         spread = start + span * unit
@@ -107,38 +122,46 @@ class Box:
             columns[index] = value[..., place]
         return xp.stack(columns, axis=-1)
 
-    def unit_from_theta(self, theta: Array) -> Array:
+    @checked
+    def unit_from_theta(self, theta: AnyArray) -> Array:
         """Unit coordinates, shape (..., n_free), from physical parameters, shape (..., n_params)."""
+        self._check("theta", theta, len(self.names))
         xp = theta.__array_namespace__()
         start, span, log = self._spread(xp)
         value = theta[..., np.array(self.free, dtype=int)]
         spread = xp.where(log, xp.log(xp.where(log, value, 1.0)), value)
         return (spread - start) / span
 
-    def latent_from_unit(self, unit: Array) -> Array:
+    @checked
+    def latent_from_unit(self, unit: AnyArray) -> Array:
         """Logit of the unit coordinates."""
         xp = unit.__array_namespace__()
         return xp.log(unit) - xp.log1p(-unit)
 
-    def unit_from_latent(self, latent: Array) -> Array:
+    @checked
+    def unit_from_latent(self, latent: AnyArray) -> Array:
         """Logistic function of the latent coordinates."""
         xp = latent.__array_namespace__()
         return 0.5 * (1.0 + xp.tanh(0.5 * latent))
 
-    def theta_from_latent(self, latent: Array) -> Array:
+    @checked
+    def theta_from_latent(self, latent: AnyArray) -> Array:
         """Physical parameters, shape (..., n_params), from latent coordinates, shape (..., n_free)."""
         return self.theta_from_unit(self.unit_from_latent(latent))
 
-    def latent_from_theta(self, theta: Array) -> Array:
+    @checked
+    def latent_from_theta(self, theta: AnyArray) -> Array:
         """Latent coordinates, shape (..., n_free), from physical parameters, shape (..., n_params)."""
         return self.latent_from_unit(self.unit_from_theta(theta))
 
-    def inside(self, theta: Array) -> Array:
+    @checked
+    def inside(self, theta: AnyArray) -> Array:
         """Move parameters off the faces of the box, where the latent coordinate is infinite."""
         xp = theta.__array_namespace__()
         return self.theta_from_unit(xp.clip(self.unit_from_theta(theta), 1e-6, 1.0 - 1e-6))
 
-    def log_slope(self, latent: Array) -> Array:
+    @checked
+    def log_slope(self, latent: AnyArray) -> Array:
         """Logarithm of d theta / d latent of each free parameter, shape (..., n_free)."""
         xp = latent.__array_namespace__()
         _, span, log = self._spread(xp)
@@ -147,7 +170,8 @@ class Box:
         logistic = -xp.abs(latent) - 2.0 * xp.log1p(xp.exp(-xp.abs(latent)))
         return logistic + xp.log(span) + xp.where(log, xp.log(xp.where(log, theta, 1.0)), 0.0)
 
-    def log_jacobian(self, latent: Array) -> Array:
+    @checked
+    def log_jacobian(self, latent: AnyArray) -> Array:
         """Logarithm of the determinant |d theta / d latent| over the free parameters, shape (...)."""
         xp = latent.__array_namespace__()
         return xp.sum(self.log_slope(latent), axis=-1)

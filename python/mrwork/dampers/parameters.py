@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import Literal, cast
+from typing import ClassVar, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,8 @@ CommandUnit = Literal["A", "V"]
 class Coefficient:
     """Place of a parameter in a current law: the plain parameter that follows the command, and the number from 0."""
 
+    _made_by: ClassVar[str] = "spec.parameters"
+
     parameter: str
     number: int
     is_exponent: bool = False
@@ -33,6 +35,8 @@ class ParamSpec:
 
     `coefficient` is `None` for a parameter that is not a coefficient of a current law.
     """
+
+    _made_by: ClassVar[str] = "spec.parameters"
 
     name: str
     unit: str
@@ -62,6 +66,8 @@ class CurrentLaws:
     `p = p.0 + p.1 u + p.2 u^2 + p.3 u^3`; exponential `p = p.0 + p.1 exp(p.2 u)`. A parameter that follows the
     command is limited to the admissible range of the plain model. A lagged driver has `u' = -eta (u - command)`.
     """
+
+    _made_by: ClassVar[str] = "spec.with_current_laws(laws).current"
 
     unit: CommandUnit
     laws: tuple[LawName, ...]

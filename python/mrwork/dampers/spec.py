@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cache
-from typing import ClassVar, Literal, get_args
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork import _rust
+from mrwork.arguments import checked
 from mrwork.dampers.parameters import (
     CommandUnit,
     CurrentLaws,
@@ -83,6 +84,7 @@ class DamperSpec(Summarised):
         """Whether any parameter depends on the command; a damper without such a parameter is passive."""
         return bool(self.following)
 
+    @checked
     def with_current_laws(
         self, laws: Mapping[str, LawName], *, unit: CommandUnit = "A", lagged: bool = False
     ) -> DamperSpec:
@@ -100,9 +102,9 @@ class DamperSpec(Summarised):
         Raises
         ------
         UnknownNameError
-            If the model has no such parameter, or there is no such law.
+            If the model has no such parameter.
         SettingError
-            If the model already has current laws, or the unit is none of a command.
+            If the model already has current laws.
 
         Examples
         --------
@@ -114,10 +116,6 @@ class DamperSpec(Summarised):
         if self.current is not None:
             raise SettingError(
                 f"{self.name} has current laws already; give them to the plain model, all at once"
-            )
-        if unit not in get_args(CommandUnit):
-            raise SettingError(
-                f"the unit of the command is {unit!r}; give {' or '.join(get_args(CommandUnit))}"
             )
         current = CurrentLaws(unit=unit, laws=laws_in_order(self.plain, laws, self.name), lagged=lagged)
         return replace(
@@ -132,6 +130,7 @@ class DamperSpec(Summarised):
         """Names of the model's published parameter sets."""
         return tuple(entry.name for entry in PUBLISHED_SETS if entry.model == self.name)
 
+    @checked
     def preset(self, name: str) -> Preset:
         """Return a published parameter set of the model.
 
@@ -239,6 +238,7 @@ def damper_models() -> tuple[DamperSpec, ...]:
     )
 
 
+@checked
 def damper(name: str) -> DamperSpec:
     """Return the damper model with this name.
 

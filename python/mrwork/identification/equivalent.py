@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mrwork.arguments import checked
 from mrwork.dampers.conversions import (
     Conversion,
     bouc_wen_from_normalised,
@@ -40,6 +41,7 @@ class Form:
     mirrored: tuple[int, ...] = ()
 
 
+@checked
 def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]]) -> Form:
     """Return the form in which a model is identified, with the user's bounds.
 
@@ -62,13 +64,13 @@ def identifiable_form(spec: DamperSpec, bounds: Mapping[str, tuple[float, float]
         return Form(
             spec=spec, box=box, to_model=_IDENTITY, from_model=_IDENTITY, mirrored=_mirrored(spec, box)
         )
-    checked = Box.of(spec).with_bounds(bounds)
+    bounded = Box.of(spec).with_bounds(bounds)
     index = spec.names.index("A")
     scale = spec.parameters[index].nominal
     translated: dict[str, tuple[float, float]] = {}
     for name, (lower, upper) in bounds.items():
         if name == "A" and lower == upper:
-            scale = checked.lower[index]
+            scale = bounded.lower[index]
         elif name in equivalent.shared:
             translated[equivalent.shared[name]] = (lower, upper)
         else:

@@ -9,8 +9,10 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Samples, checked
 from mrwork.dampers.parameters import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
+from mrwork.errors import UnknownNameError
 from mrwork.identification.certainty import Identifiability, Intervals
 from mrwork.identification.nuisance import NONE, Nuisance, NuisanceName
 from mrwork.identification.settings import FitSettings, Reading
@@ -32,6 +34,8 @@ class Estimate:
     `standard_error` follows from the Jacobian and counts `Fit.n_effective` samples, fewer than there are where
     residuals are correlated. It is `None` where the parameter is not identifiable, was fixed, or is on a bound.
     """
+
+    _made_by: ClassVar[str] = "fit.estimates"
 
     name: str
     unit: str
@@ -59,6 +63,8 @@ class FitQuality(Summarised):
     `nuisance` parameters were applied to the simulated force before the comparison.
     """
 
+    _made_by: ClassVar[str] = "fit.quality"
+
     _units: ClassVar[Mapping[str, str]] = {"fit_percent": "%", "rmse_n": "N", "settle_seconds": "s"}
 
     test: str
@@ -81,6 +87,8 @@ class SearchTrace(Summarised):
     For `Multistart` an entry is one iteration of all running local minimisations, and `ends` are their final misfits,
     best first.
     """
+
+    _made_by: ClassVar[str] = "fit.trace"
 
     evaluations: tuple[int, ...]
     best: tuple[float, ...]
@@ -122,6 +130,8 @@ class Fit(Summarised):
     live settings.
     """
 
+    _made_by: ClassVar[str] = "mr.identify(model, tests)"
+
     model: str
     estimates: tuple[Estimate, ...]
     status: FitStatus
@@ -157,10 +167,12 @@ class Fit(Summarised):
         laws = dict(zip(plain.names, self.current.laws, strict=True))
         return plain.with_current_laws(laws, unit=self.current.unit, lagged=self.current.lagged)
 
+    @checked
     def observed(self, test: DamperTest) -> DamperTest:
         """A test with the observation model that the settings of the fit ask for, or with its own."""
         return observed(test, self.settings.observe)
 
+    @checked
     def seen(self, test: DamperTest) -> Likeness | None:
         """The test of the fit that a test is, or whose motion and command it has; `None` where the fit has seen none.
 
@@ -186,6 +198,7 @@ class Fit(Summarised):
         separate = {"nuisances": self.nuisances, "rng": self.provenance.rng}
         return FitSettings.of_record(self.provenance.settings | separate)
 
+    @checked
     def reading(self, *, origin: str = "this fit") -> Reading:
         """How the tests of the fit were read from their files; `origin` names the fit in messages.
 
@@ -196,6 +209,7 @@ class Fit(Summarised):
         """
         return Reading.of_record(self.provenance.settings.get(_READING), origin=origin)
 
+    @checked
     def with_command(self, command: str, reading: Reading) -> Fit:
         """The fit with a record of its command line, and of how that read the tests."""
         settings = self.provenance.settings | {"command": command, _READING: reading.as_record()}
@@ -215,22 +229,34 @@ class Fit(Summarised):
             return f"standard error, {self.n_time} independent samples"
         return f"standard error, {self.n_effective:.0f} effective samples"
 
-    def outside(self, test: DamperTest, force: NDArray[np.float64] | None = None) -> Outside:
+    @checked
+    def outside(self, test: DamperTest, force: Samples | None = None) -> Outside:
         """What of a test lies outside the tested ranges, with the model's force [N], shape (n_time,), if given."""
         unit = self.current.unit if self.tested is None and self.current is not None else None
         demand = OperatingRange.of_test(test, self.tested.command_unit if self.tested else unit, force)
         return outside_of(self.spec, self.theta, self.tested, demand)
 
+    @checked
     def with_intervals(self, intervals: Intervals | None) -> Fit:
         """The fit with intervals in place of standard errors: those of `Profiles.intervals` or `Draws.intervals`."""
         return replace(self, intervals=intervals)
 
+    @checked
     def verdict_on(self, name: str) -> tuple[str, str]:
         """Verdict on a parameter, and the reason: by its interval, else by the derivatives at the fit.
 
         Instead of a verdict "fixed", and empty where none is known.
+
+        Raises
+        ------
+        UnknownNameError
+            Where the model has no such parameter.
         """
-        (estimate,) = [each for each in self.estimates if each.name == name]
+        found = [each for each in self.estimates if each.name == name]
+        if not found:
+            names = ", ".join(each.name for each in self.estimates)
+            raise UnknownNameError(f"{self.model} has no parameter {name!r}; it has {names}")
+        (estimate,) = found
         if estimate.remark == "fixed":
             return "fixed", ""
         interval = None if self.intervals is None else self.intervals.of(name)

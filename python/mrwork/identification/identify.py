@@ -10,6 +10,7 @@ from warnings import warn
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Seed, Threads, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted, MrworkWarning, SimulationError
@@ -37,6 +38,7 @@ from mrwork.records.observing import DETECT, as_words
 from mrwork.store import Journal
 
 
+@checked
 def identify(
     model: DamperSpec | str,
     tests: DamperTest | Sequence[DamperTest],
@@ -49,8 +51,8 @@ def identify(
     power: float = 2.0,
     force_exponent: float = 1.0,
     engine: Engine = "lanes",
-    rng: int = 0,
-    threads: int = 0,
+    rng: Seed = 0,
+    threads: Threads = 0,
     on_progress: Callable[[Progress], bool | None] | None = None,
     journal: Journal | None = None,
 ) -> Fit:
@@ -171,7 +173,7 @@ def identify_with(
     )
     for sentence in problem.warnings if warns else ():
         # Of the line that calls `identify`.
-        warn(sentence, MrworkWarning, stacklevel=3)
+        warn(sentence, MrworkWarning, stacklevel=4)
     reporter = _begun(problem, began, on_progress, journal)
     ending = _Ending(problem=problem, reporter=reporter, journal=journal)
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Seed, Within, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, SettingError
@@ -49,6 +50,7 @@ _RANGE_FACTOR = 10.0
 _SPREAD = 0.25
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LevelFit(Summarised):
     """Minima of the plain model at one command [A or V], shape (n_minima, n_plain), best first; the search, if any."""
@@ -147,6 +149,7 @@ def _by_level(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tupl
     }
 
 
+@checked
 def levels_of(spec: DamperSpec, tests: Sequence[DamperTest]) -> dict[float, tuple[DamperTest, ...]]:
     """The tests at each command, lowest first.
 
@@ -240,12 +243,21 @@ def _widened(searched: Box, box: Box) -> dict[str, tuple[float, float]]:
     return bounds
 
 
-def joint_starts(spec: DamperSpec, levels: list[LevelFit], n_starts: int, *, rng: int) -> NDArray[np.float64]:
+@checked
+def joint_starts(
+    spec: DamperSpec,
+    levels: list[LevelFit],
+    n_starts: Annotated[int, Within(least=0, most=100_000)],
+    *,
+    rng: Seed,
+) -> NDArray[np.float64]:
     """Coefficients of laws that are fitted to minima at several commands, shape (n_starts, n_params).
 
     The laws of the first start are fitted to the best minimum at each command, those of the others to a random one,
     each parameter multiplied by a log-normal factor (standard deviation of the logarithm 0.25).
     """
+    if not levels or any(level.minima.ndim != 2 or not len(level.minima) for level in levels):
+        raise SettingError("give the minima at one command at least, in rows, to fit laws to")
     random = np.random.default_rng([rng, n_starts])
     commands = np.array([level.command for level in levels])
     starts = []

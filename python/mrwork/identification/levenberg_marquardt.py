@@ -11,10 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Count, Shape, Within, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
@@ -44,12 +46,13 @@ class LocalMinimum:
     converged: bool
 
 
+@checked
 def find_minimum(
     objective: Objective,
     box: Box,
-    start: NDArray[np.float64],
+    start: Annotated[NDArray[np.float64], Shape(("n_params",))],
     *,
-    max_evaluations: int,
+    max_evaluations: Annotated[int, Within(least=1, most=2**31 - 1)],
     on_step: Callable[[int, float], None] | None = None,
 ) -> LocalMinimum:
     """Minimise the misfit from `start`, shape (n_params,), inside `box`, by the Levenberg-Marquardt method of SciPy.
@@ -165,12 +168,13 @@ class Hopeless:
         return np.asarray(misfit > self.factor * min(self.best, float(misfit.min())))
 
 
+@checked
 def find_minima(
     objective: Objective,
     box: Box,
-    starts: NDArray[np.float64],
+    starts: Annotated[NDArray[np.float64], Shape(("n_starts", "n_params"))],
     *,
-    max_iterations: int,
+    max_iterations: Count,
     tolerance: float = TOLERANCE,
     hopeless: Hopeless | None = None,
     on_iteration: Callable[[LocalMinima], None] | None = None,

@@ -14,6 +14,7 @@ import numpy as np
 import optimistix as optx
 from numpy.typing import NDArray
 
+from mrwork.arguments import checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
 from mrwork.identification.nuisance import NuisanceName, columns_of, scaled
@@ -158,6 +159,7 @@ class TwinMinimum:
     converged: bool
 
 
+@checked
 def find_minimum_on_twin(
     objective: Objective, box: Box, start: NDArray[np.float64], *, on_step: OnStep | None = None
 ) -> TwinMinimum:

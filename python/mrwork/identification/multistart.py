@@ -11,10 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Count, Seed, Shape, Share, Within, checked
 from mrwork.dampers.coordinates import ON_BOUND, Box
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.levenberg_marquardt import Hopeless, LocalMinima, find_minima
@@ -37,6 +39,7 @@ _CROSSED = 3
 _REPLACED = 0.3
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Multistart:
     """Settings of the search.
@@ -57,24 +60,19 @@ class Multistart:
         Largest number of iterations of a local minimisation.
     """
 
-    samples: int = 20
-    starts: int = 8
-    least_rounds: int = 2
-    most_rounds: int = 6
-    found: int = 3
-    closeness: float = 0.02
-    most_iterations: int = 60
+    samples: Count = 20
+    starts: Count = 8
+    least_rounds: Count = 2
+    most_rounds: Count = 6
+    found: Count = 3
+    closeness: Share = 0.02
+    most_iterations: Count = 60
 
     def __post_init__(self) -> None:
-        for name in ("samples", "starts", "least_rounds", "most_rounds", "found", "most_iterations"):
-            if getattr(self, name) < 1:
-                raise SettingError(f"`{name}` is at least 1, got {getattr(self, name)}")
         if self.most_rounds < self.least_rounds:
             raise SettingError(
                 f"`most_rounds` is {self.most_rounds}, below `least_rounds`, {self.least_rounds}; give as many or more"
             )
-        if not 0.0 < self.closeness < 1.0:
-            raise SettingError(f"`closeness` lies between 0 and 1, got {self.closeness}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -93,15 +91,16 @@ class MultistartResult(Summarised):
     median: tuple[float, ...]
 
 
+@checked
 def search_starts(
     objective: Objective,
     box: Box,
     searched: Box,
     settings: Multistart,
     *,
-    rng: int,
-    mirrored: tuple[int, ...] = (),
-    nested: NDArray[np.float64] | None = None,
+    rng: Seed,
+    mirrored: tuple[Annotated[int, Within(least=0)], ...] = (),
+    nested: Annotated[NDArray[np.float64], Shape(("n_starts", "n_params"))] | None = None,
     suspicious: float = math.inf,
     on_iteration: Callable[[MultistartResult, float], None] | None = None,
 ) -> MultistartResult:
@@ -132,7 +131,11 @@ def search_starts(
     Interrupted
         On Ctrl-C once a candidate was simulated, carrying the `MultistartResult` so far.
     """
-    n_free = len(searched.free)
+    n_free, n_params = len(searched.free), len(box.names)
+    if (nested is not None and nested.shape[1] != n_params) or any(each >= n_params for each in mirrored):
+        raise SettingError(
+            f"`nested` and `mirrored` are of a model with {n_params} parameters; give starts and indices of these"
+        )
     streams = Streams(rng=rng, replicate=np.zeros(1, dtype=np.int64), generation=np.zeros(1, dtype=np.int64))
     sample = latin_hypercube(streams, settings.samples * n_free, n_free)[0]
     samples, misfit = scaled_to_force(objective, searched, np.asarray(searched.theta_from_unit(sample)))

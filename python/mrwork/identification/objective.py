@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypeVar
+from typing import Annotated, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork import _rust
+from mrwork.arguments import AnyNumbers, Shape, Threads, checked
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
 from mrwork.identification.nuisance import NuisanceName
@@ -31,6 +32,7 @@ ROOT_MEAN_SQUARE = 2.0
 EQUAL_SHARES = 1.0
 
 T = TypeVar("T")
+_Rows = Annotated[AnyNumbers, Shape(("n_batch", "n_params"))]
 
 
 def shares_of(deviations: Sequence[float], force_exponent: float) -> list[float]:
@@ -57,16 +59,19 @@ class Objective(Summarised):
     recorded in the `journal`, if any.
     """
 
+    _made_by: ClassVar[str] = "mr.identification.Objective.of(spec, tests)"
+
     spec: DamperSpec
     compared: tuple[ObservedTest, ...]
     nuisances: tuple[NuisanceName, ...] = ()
     power: float = ROOT_MEAN_SQUARE
     force_exponent: float = EQUAL_SHARES
-    threads: int = 0
+    threads: Threads = 0
     tally: Tally = field(default_factory=Tally)
     journal: Journal | None = None
 
     @classmethod
+    @checked
     def of(
         cls,
         spec: DamperSpec,
@@ -75,7 +80,7 @@ class Objective(Summarised):
         nuisances: tuple[NuisanceName, ...] = (),
         power: float = ROOT_MEAN_SQUARE,
         force_exponent: float = EQUAL_SHARES,
-        threads: int = 0,
+        threads: Threads = 0,
         tally: Tally | None = None,
         journal: Journal | None = None,
     ) -> Objective:
@@ -95,6 +100,7 @@ class Objective(Summarised):
             journal=journal,
         )
 
+    @checked
     def on(self, spec: DamperSpec, tests: tuple[DamperTest, ...]) -> Objective:
         """The same misfit for another model on other tests, with the same tally and journal."""
         return Objective.of(
@@ -108,6 +114,7 @@ class Objective(Summarised):
             journal=self.journal,
         )
 
+    @checked
     def once(self, step: str, kind: type[T], compute: Callable[[], T], *inputs: object) -> T:
         """Result of `compute` for these inputs, a dataclass `kind`; recalled where the journal has recorded it."""
         if self.journal is None:
@@ -160,8 +167,9 @@ class Objective(Summarised):
         """Number of samples that are compared, of all tests together."""
         return sum(test.n_time - test.n_settle for test in self.tests)
 
+    @checked
     def __call__(
-        self, theta: NDArray[np.float64], thresholds: NDArray[np.float64] | None = None
+        self, theta: _Rows, thresholds: Annotated[AnyNumbers, Shape(("n_batch",))] | None = None
     ) -> NDArray[np.float64]:
         """Misfit of each row of `theta`, shape (n_batch,); infinite where a simulation failed.
 
@@ -214,7 +222,8 @@ class Objective(Summarised):
     def _indirect(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
         return self._mean(self.squared_nrmse(self._parts(theta, failure=np.inf)))
 
-    def squared_nrmse(self, parts: Iterable[NDArray[np.float64]]) -> NDArray[np.float64]:
+    @checked
+    def squared_nrmse(self, parts: Iterable[AnyNumbers]) -> NDArray[np.float64]:
         """Squared NRMSE of each test, shape (n_tests, n_batch), from its weighted residuals."""
         return len(self.tests) * np.array([np.einsum("bt,bt->b", part, part) for part in parts])
 
@@ -226,7 +235,8 @@ class Objective(Summarised):
             total += each
         return np.asarray((total / len(squared)) ** (1.0 / self.power))
 
-    def misfits(self, theta: NDArray[np.float64]) -> tuple[Misfits, ...]:
+    @checked
+    def misfits(self, theta: _Rows) -> tuple[Misfits, ...]:
         """Misfits of each row of `theta`, test by test."""
         self.tally.simulations += len(theta)
         return tuple(self._simulated(index, theta) for index in range(len(self.tests)))
@@ -247,7 +257,8 @@ class Objective(Summarised):
         self.tally.steps += int(run.steps.sum())
         return run
 
-    def residuals(self, theta: NDArray[np.float64]) -> NDArray[np.float64]:
+    @checked
+    def residuals(self, theta: _Rows) -> NDArray[np.float64]:
         """Residuals of each row of `theta`, shape (n_batch, n_residuals); the sum of squares is the squared misfit.
 
         Residuals of a simulation that failed are 1, far above those of any fit. For a power other than 2, the residuals
@@ -259,7 +270,10 @@ class Objective(Summarised):
                 part *= factor[:, None]
         return np.concatenate(parts, axis=1)
 
-    def power_factors(self, squared: NDArray[np.float64]) -> NDArray[np.float64]:
+    @checked
+    def power_factors(
+        self, squared: Annotated[AnyNumbers, Shape(("n_tests", "n_batch"))]
+    ) -> NDArray[np.float64]:
         """(NRMSE/misfit)^(power/2 - 1), shape (n_tests, n_batch), from squared NRMSE of the same shape."""
         ratio = np.sqrt(squared) / np.maximum(self._mean(squared), np.finfo(float).tiny)
         return np.asarray(ratio ** (self.power / 2.0 - 1.0))

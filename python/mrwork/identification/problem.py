@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
+from mrwork.arguments import checked
 from mrwork.dampers.parameters import LawName, current_laws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError, UnknownNameError
@@ -240,6 +241,7 @@ def _recorded(command: Command | None) -> float | str | None:
     return digest_of(command) if isinstance(command, np.ndarray) else command
 
 
+@checked
 def start_from(fit: Fit, model: DamperSpec) -> dict[str, float]:
     """Start of a model from an earlier fit: values of the parameters with the same name and unit in both models.
 

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import checked
 from mrwork.dampers.coordinates import ON_BOUND, Box
 from mrwork.dampers.law_limits import law_limits
 from mrwork.dampers.spec import DamperSpec
@@ -23,6 +24,7 @@ from mrwork.records import DamperTest, RecordedMotion
 from mrwork.records.operating_range import OperatingRange
 
 
+@checked
 def free_run(
     spec: DamperSpec,
     theta: NDArray[np.float64],

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from mrwork.arguments import checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.nesting import Scales
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.dampers.spec import DamperSpec
+from mrwork.errors import SettingError
 from mrwork.records import DamperTest
 
 # Smallest and largest multiple of the tests' scale of each unit: for example damping that gives a thousandth of the
@@ -36,11 +38,14 @@ def half_ranges(tests: tuple[DamperTest, ...]) -> Scales:
     )
 
 
+@checked
 def search_box(spec: DamperSpec, bounds: Box, tests: tuple[DamperTest, ...]) -> Box:
     """Narrow the bounds to the range that suits the stroke, speed and force of the tests.
 
     Parameters for which that range would be empty, or whose unit has no scale, keep their bounds.
     """
+    if not tests:
+        raise SettingError("a range that suits the tests needs a test; give at least one")
     ranges = half_ranges(tests)
     stroke, speed, force = ranges.stroke, ranges.speed, ranges.force
     scales = {

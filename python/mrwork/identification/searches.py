@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, is_dataclass, replace
 from functools import cache
-from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, get_type_hints
+from typing import Any, Protocol, TypeAlias, get_type_hints
 
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.multistart import Multistart
-
-if TYPE_CHECKING:
-    from mrwork.search.loop import Optimiser
+from mrwork.search.loop import Optimiser
 
 _MULTISTART = "multistart"
 
@@ -28,7 +26,7 @@ class UnregisteredSearch:
 
 
 # Any: each optimiser has its own type of state.
-Search: TypeAlias = "Multistart | UnregisteredSearch | Optimiser[Any]"
+Search: TypeAlias = Multistart | UnregisteredSearch | Optimiser[Any]
 
 
 class SearchMethod(Protocol):

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Literal, get_args
 
+from mrwork.arguments import Seed, checked
 from mrwork.errors import RecordError, SettingError
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.objective import EQUAL_SHARES, ROOT_MEAN_SQUARE
@@ -104,6 +105,7 @@ class Reading:
         return file if exists(file) or not self.folder else str(Path(self.folder) / file)
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FitSettings:
     """Settings of `identify`, where each is described. The fields are recorded with a fit and in its journal.
@@ -126,7 +128,7 @@ class FitSettings:
     engine: Engine = "lanes"
     nuisances: tuple[NuisanceName, ...] = ()
     observe: tuple[str, ...] = (DETECT,)
-    rng: int = 0
+    rng: Seed = 0
 
     def __post_init__(self) -> None:
         if isinstance(self.search, str):
@@ -160,6 +162,7 @@ class FitSettings:
         return {"search": None if search is None else _plain(record_of_search(search))} | record
 
     @classmethod
+    @checked
     def of_record(cls, record: Mapping[str, Any]) -> FitSettings:
         """Undo `as_record`. Missing fields have their defaults, unknown keys are ignored.
 

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import AnyNumbers, May, checked
 from mrwork.errors import RecordError
 from mrwork.summary import Summarised, Summary
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class GroundMotion(Summarised):
     """Ground acceleration [m/s^2], shape (n_time,), every `dt` [s], linear between samples.
@@ -24,9 +27,11 @@ class GroundMotion(Summarised):
         If there are fewer than two samples, a value is not finite, or the step is not positive.
     """
 
+    _made_by: ClassVar[str] = "mr.read_motion(path)"
+
     name: str
-    dt: float
-    acceleration: NDArray[np.float64]
+    dt: Annotated[float, May.BE_INFINITE, May.BE_NAN]
+    acceleration: AnyNumbers
     source: str = ""
     changes: tuple[str, ...] = ()
     groups: tuple[str, ...] = ()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import checked
 from mrwork.motions.ground_motion import GroundMotion
 
 Floats = NDArray[np.float64]
@@ -49,6 +50,7 @@ def likeness(one: GroundMotion, other: GroundMotion) -> float:
     return found
 
 
+@checked
 def is_copy(one: GroundMotion, other: GroundMotion) -> bool:
     """Whether two motions are the same record up to its scale, a shift, cut ends, another step or time axis."""
     return likeness(one, other) > _COPY

@@ -12,25 +12,26 @@ from fractions import Fraction
 import numpy as np
 from numpy.polynomial import Legendre
 
+from mrwork.arguments import checked
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion, changed
 
 
+@checked
 def scaled(motion: GroundMotion, factor: float) -> GroundMotion:
     """Multiply the acceleration of a motion by `factor`.
 
     Raises
     ------
     SettingError
-        The factor is zero or not finite.
+        The factor is zero.
     """
-    if not math.isfinite(factor) or factor == 0.0:
-        raise SettingError(
-            f"ground motion {motion.name}: scaled by {factor}; give a finite factor other than 0"
-        )
+    if factor == 0.0:
+        raise SettingError(f"ground motion {motion.name}: scaled by 0; give another factor")
     return changed(motion, factor * motion.acceleration, motion.dt, f"acceleration x {factor:.6g}")
 
 
+@checked
 def scaled_to_peak(motion: GroundMotion, peak: float) -> GroundMotion:
     """Scale a motion to the peak ground acceleration `peak` [m/s^2].
 
@@ -39,7 +40,7 @@ def scaled_to_peak(motion: GroundMotion, peak: float) -> GroundMotion:
     SettingError
         The peak is not positive, or the motion is zero throughout.
     """
-    if not (math.isfinite(peak) and peak > 0.0):
+    if not peak > 0.0:
         raise SettingError(
             f"ground motion {motion.name}: a peak of {peak} m/s2 was requested; give a positive one"
         )
@@ -49,6 +50,7 @@ def scaled_to_peak(motion: GroundMotion, peak: float) -> GroundMotion:
     return changed(motion, motion.acceleration * (peak / motion.peak), motion.dt, change)
 
 
+@checked
 def time_scaled(motion: GroundMotion, factor: float) -> GroundMotion:
     """Multiply the time axis of a motion by `factor`: 0.2 makes it five times as fast.
 
@@ -65,11 +67,12 @@ def time_scaled(motion: GroundMotion, factor: float) -> GroundMotion:
     >>> time_scaled(synthetic_motion(), 0.2).changes[-1]
     'time axis x 0.2'
     """
-    if not (math.isfinite(factor) and factor > 0.0):
+    if not factor > 0.0:
         raise SettingError(f"ground motion {motion.name}: time axis x {factor}; give a positive factor")
     return changed(motion, motion.acceleration, factor * motion.dt, f"time axis x {factor:.6g}")
 
 
+@checked
 def trimmed(motion: GroundMotion, *, start: float = 0.0, end: float = math.inf) -> GroundMotion:
     """Keep the samples from `start` to `end` [s], both included; an end after the last sample keeps the rest.
 
@@ -80,10 +83,10 @@ def trimmed(motion: GroundMotion, *, start: float = 0.0, end: float = math.inf) 
     """
     # A bound that is a multiple of the step up to rounding includes its sample.
     slack = 1e-6 * motion.dt
-    first = max(0, math.ceil((start - slack) / motion.dt)) if start > 0.0 else 0
+    first = max(0, math.ceil((min(start, motion.duration) - slack) / motion.dt)) if start > 0.0 else 0
     last = motion.n_time - 1
     if end < motion.duration:
-        last = math.floor((end + slack) / motion.dt)
+        last = math.floor((max(end, 0.0) + slack) / motion.dt)
     if not (last > first):
         raise SettingError(
             f"ground motion {motion.name}: from {start:g} to {end:g} s it has fewer than two samples; "
@@ -95,10 +98,13 @@ def trimmed(motion: GroundMotion, *, start: float = 0.0, end: float = math.inf) 
     return changed(motion, motion.acceleration[first : last + 1].copy(), motion.dt, change)
 
 
+# Of a motion.
+MOST_SAMPLES = 10_000_000
 # Largest numerator and denominator of the ratio of steps in band-limited resampling.
 _LARGEST_RATIO = 1000
 
 
+@checked
 def resampled(motion: GroundMotion, dt: float) -> GroundMotion:
     """Resample a motion every `dt` [s] by linear interpolation, as simulations interpolate it.
 
@@ -117,6 +123,7 @@ def resampled(motion: GroundMotion, dt: float) -> GroundMotion:
     )
 
 
+@checked
 def resampled_band_limited(motion: GroundMotion, dt: float) -> GroundMotion:
     """Resample a motion every `dt` [s] without aliasing, for coarser grids.
 
@@ -144,9 +151,14 @@ def resampled_band_limited(motion: GroundMotion, dt: float) -> GroundMotion:
 
 
 def _n_time(motion: GroundMotion, dt: float) -> int:
-    if not (math.isfinite(dt) and 0.0 < dt <= motion.duration * (1.0 + 1e-9)):
+    if not (0.0 < dt <= motion.duration * (1.0 + 1e-9)):
         raise SettingError(
             f"ground motion {motion.name}: resampled every {dt} s; give a positive step up to its {motion.duration:g} s"
+        )
+    if motion.duration / dt > MOST_SAMPLES:
+        raise SettingError(
+            f"ground motion {motion.name}: resampled every {dt:g} s it would have {motion.duration / dt:.3g} samples; "
+            f"give a step of {motion.duration / MOST_SAMPLES:.3g} s or more"
         )
     return math.floor(motion.duration / dt * (1.0 + 1e-12) + 1e-9) + 1
 
@@ -154,6 +166,7 @@ def _n_time(motion: GroundMotion, dt: float) -> int:
 _HIGHEST_ORDER = 10
 
 
+@checked
 def baseline_corrected(motion: GroundMotion, *, order: int) -> GroundMotion:
     """Subtract the best-fitting polynomial from the acceleration of a motion.
 
@@ -178,6 +191,7 @@ def baseline_corrected(motion: GroundMotion, *, order: int) -> GroundMotion:
     return changed(motion, motion.acceleration - drift, motion.dt, change)
 
 
+@checked
 def brought_to_rest(motion: GroundMotion) -> GroundMotion:
     """Correct a motion so that velocity and displacement of the ground are zero at its end.
 

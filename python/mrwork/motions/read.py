@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from mrwork.arguments import checked
 from mrwork.errors import RecordError
 from mrwork.motions.formats.at2 import PEER_AT2, refuse_false_at2
 from mrwork.motions.formats.cosmos import COSMOS
@@ -28,6 +29,7 @@ _DOCUMENTS: Final = frozenset({".md", ".pdf", ".html", ".json", ".toml", ".py", 
 _MATLAB_5: Final = b"MATLAB 5.0"
 
 
+@checked
 def read_motion(
     path: str | os.PathLike[str],
     *,
@@ -83,6 +85,7 @@ def read_motion(
     return motion
 
 
+@checked
 def read_motions(
     paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]], *, unit: str | None = None
 ) -> tuple[GroundMotion, ...]:

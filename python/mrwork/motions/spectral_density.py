@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import checked
 from mrwork.errors import SettingError
 
 Floats = NDArray[np.float64]
@@ -26,6 +27,7 @@ class FilterMatrices:
     output: Floats
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KanaiTajimi:
     """Kanai-Tajimi spectrum: white noise at the bedrock filtered by one layer of soil (Kanai 1957, Tajimi 1960).
@@ -60,11 +62,13 @@ class KanaiTajimi:
         """Name in reports."""
         return "Kanai-Tajimi"
 
+    @checked
     def transfer(self, w: Floats) -> Complexes:
         """Transfer function from bedrock to ground acceleration at circular frequencies w [rad/s], shape of w."""
         w_g, zeta_g = self.frequency, self.damping
         return (w_g**2 + 2j * zeta_g * w_g * w) / (w_g**2 - w**2 + 2j * zeta_g * w_g * w)
 
+    @checked
     def density(self, w: Floats) -> Floats:
         """Two-sided density [m^2/s^3] at circular frequencies w [rad/s], in the shape of w."""
         return self.intensity * np.abs(self.transfer(w)) ** 2
@@ -79,6 +83,7 @@ class KanaiTajimi:
         )
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CloughPenzien:
     """Clough-Penzien spectrum: Kanai-Tajimi with a high-pass filter, which keeps ground displacements finite.
@@ -113,11 +118,13 @@ class CloughPenzien:
         """S0 [m^2/s^3] of the white noise."""
         return self.soil.intensity
 
+    @checked
     def transfer(self, w: Floats) -> Complexes:
         """Transfer function from bedrock to ground acceleration at circular frequencies w [rad/s], shape of w."""
         w_f, zeta_f = self.frequency, self.damping
         return self.soil.transfer(w) * -(w**2) / (w_f**2 - w**2 + 2j * zeta_f * w_f * w)
 
+    @checked
     def density(self, w: Floats) -> Floats:
         """Two-sided density [m^2/s^3] at circular frequencies w [rad/s], in the shape of w."""
         return self.soil.intensity * np.abs(self.transfer(w)) ** 2

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mrwork.arguments import checked
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.summary import Summarised, Summary, rounded
@@ -71,6 +72,7 @@ class ResponseSpectrum(Summarised):
         )
 
 
+@checked
 def response_spectrum(motion: GroundMotion, periods: ArrayLike, *, damping: float = 0.05) -> ResponseSpectrum:
     """Response spectrum of a motion, by the exact recurrence for piecewise linear ground acceleration.
 
@@ -99,7 +101,7 @@ def response_spectrum(motion: GroundMotion, periods: ArrayLike, *, damping: floa
     (3,)
     """
     period = np.atleast_1d(np.asarray(periods, dtype=np.float64))
-    if period.ndim != 1 or period.size == 0 or not (np.isfinite(period) & (period > 0.0)).all():
+    if period.ndim != 1 or period.size == 0 or not (period > 0.0).all():
         raise SettingError(
             "periods of a response spectrum must be positive numbers; give one or more in seconds"
         )

@@ -8,7 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.errors import RecordError, SettingError
+from mrwork.arguments import checked
+from mrwork.errors import RecordError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 
@@ -23,6 +24,7 @@ _FEWEST = 50
 _STARTS = ((6.0, 0.4), (15.0, 0.6), (30.0, 0.6))
 
 
+@checked
 def fitted_spectrum(motion: GroundMotion, kind: SpectrumKind = "kanai_tajimi") -> SpectralDensity:
     """Spectrum of the strong part of a motion, by Whittle's likelihood.
 
@@ -44,8 +46,6 @@ def fitted_spectrum(motion: GroundMotion, kind: SpectrumKind = "kanai_tajimi") -
     """
     from scipy.optimize import minimize  # takes a quarter of a second to load
 
-    if kind not in ("kanai_tajimi", "clough_penzien"):
-        raise SettingError(f"no spectrum is called {kind!r}; choose kanai_tajimi or clough_penzien")
     strong = _strong_part(motion)
     n = len(strong)
     w = np.asarray(2.0 * np.pi * np.fft.rfftfreq(n, motion.dt))

@@ -34,11 +34,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Final, Literal, get_args
+from typing import Annotated, Final, Literal, get_args
 
 import numpy as np
 
-from mrwork.errors import SettingError, UnknownNameError
+from mrwork.arguments import Seed, Within, checked
+from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.motions.processing import brought_to_rest, scaled_to_peak
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi
@@ -64,11 +65,12 @@ _LONGEST, _LONGEST_WITH_PULSE = 30.0, 15.0
 _LONGEST_PERIOD = 5.0
 
 
+@checked
 def suite(
     soil: Soil | Sequence[Soil] = USUAL_SOILS,
-    n: int = 24,
+    n: Annotated[int, Within(most=100_000)] = 24,
     *,
-    rng: np.random.Generator | int,
+    rng: np.random.Generator | Seed,
     pulses: Pulses = "both",
     peak: float | None = None,
     dt: float = 0.01,
@@ -104,8 +106,6 @@ def suite(
 
     Raises
     ------
-    UnknownNameError
-        A soil is not known.
     SettingError
         The number of motions, the step or the peak is not positive.
 
@@ -116,16 +116,9 @@ def suite(
     ['Firm 1', 'Firm 2', 'Firm pulse 1', 'Firm pulse 2']
     """
     soils: tuple[Soil, ...] = (soil,) if isinstance(soil, str) else tuple(dict.fromkeys(soil))
-    for each in soils:
-        if each not in _SOILS:
-            raise UnknownNameError(f"no soil is called {each!r}; choose from {', '.join(_SOILS)}")
-    if pulses not in get_args(Pulses):
-        raise UnknownNameError(f"pulses is {pulses!r}; choose from {', '.join(get_args(Pulses))}")
     if not soils or n < 1:
         raise SettingError(f"a suite of {n} motions on {len(soils)} soils; give at least one of each")
     seed = rng if isinstance(rng, int) else int(rng.integers(2**32))
-    if seed < 0:
-        raise SettingError(f"seed {seed} of a suite; give 0 or more")
     strata = [
         Stratum(soil=each, pulse=pulse, seed=seed)
         for each in soils

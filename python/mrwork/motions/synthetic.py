@@ -8,22 +8,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Seed, checked
 from mrwork.errors import SettingError
 from mrwork.motions.ground_motion import GroundMotion
-from mrwork.motions.processing import scaled_to_peak
+from mrwork.motions.processing import MOST_SAMPLES, scaled_to_peak
 from mrwork.motions.spectral_density import CloughPenzien, SpectralDensity
 
 # Run-in time of the filter before the motion begins, in its longest time constant.
 _RUN_IN = 8.0
-# Of a motion, and the bytes of each in the arrays of its Fourier transform.
-_MOST_SAMPLES = 10_000_000
+# Of each sample in the arrays of a Fourier transform.
 _BYTES = 48
 
 
+@checked
 def synthetic_motion(
     spectrum: SpectralDensity | None = None,
     *,
-    rng: np.random.Generator | int = 1940,
+    rng: np.random.Generator | Seed = 1940,
     duration: float = 30.0,
     dt: float = 0.01,
     envelope: Envelope | GammaEnvelope | None = None,
@@ -91,6 +92,7 @@ def _memory(spectrum: SpectralDensity) -> float:
     return float(1.0 / np.abs(eigenvalues.real).min())
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Envelope:
     """Envelope `(t / rise)^2` up to `rise`, 1 up to `plateau_end`, then `exp(-decay (t - plateau_end))`.
@@ -118,12 +120,14 @@ class Envelope:
         if not 0.0 <= self.decay < np.inf:
             raise SettingError(f"envelope decays at {self.decay} 1/s; give a rate of 0 or more")
 
+    @checked
     def at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """Values between 0 and 1 at times [s], in the shape of `time`."""
         rising = np.minimum(time / self.rise, 1.0) ** 2 if self.rise > 0.0 else np.ones_like(time)
         return rising * np.exp(-self.decay * np.maximum(time - self.plateau_end, 0.0))
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GammaEnvelope:
     """Envelope whose square is a gamma density in time, `t^(shape - 1) exp(-t / scale)`, with a peak of 1.
@@ -157,12 +161,14 @@ class GammaEnvelope:
         first, last = gammaincinv(self.shape, np.array([0.05, 0.95]))
         return float(self.significant_duration / (last - first))
 
+    @checked
     def time_of(self, share: float) -> float:
         """Time until which a share of the energy has come [s]."""
         from scipy.special import gammaincinv
 
         return float(self.scale * gammaincinv(self.shape, share))
 
+    @checked
     def at(self, time: NDArray[np.float64]) -> NDArray[np.float64]:
         """Values between 0 and 1 at times [s], in the shape of `time`."""
         over_peak = time / ((self.shape - 1.0) * self.scale)
@@ -170,6 +176,7 @@ class GammaEnvelope:
         return np.asarray(over_peak**power * np.exp(power * (1.0 - over_peak)), dtype=np.float64)
 
 
+@checked
 def sine(*, amplitude: float, frequency: float, cycles: float, dt: float = 0.001) -> GroundMotion:
     """Sinusoidal acceleration of `amplitude` [m/s^2] and `frequency` [Hz] for a number of cycles, from zero."""
     time = _time(cycles / _positive("frequency", frequency), dt)
@@ -177,6 +184,7 @@ def sine(*, amplitude: float, frequency: float, cycles: float, dt: float = 0.001
     return _motion(f"sine {frequency:g} Hz", dt, acceleration)
 
 
+@checked
 def sine_sweep(
     *, amplitude: float, start: float, end: float, duration: float, dt: float = 0.001
 ) -> GroundMotion:
@@ -186,6 +194,7 @@ def sine_sweep(
     return _motion(f"sweep {start:g} to {end:g} Hz", dt, amplitude * np.sin(phase))
 
 
+@checked
 def half_sine(*, amplitude: float, width: float, rest: float = 0.0, dt: float = 0.001) -> GroundMotion:
     """Half-sine pulse of acceleration, `width` [s] long, followed by `rest` [s] of zeros."""
     time = _time(_positive("width", width) + rest, dt)
@@ -193,6 +202,7 @@ def half_sine(*, amplitude: float, width: float, rest: float = 0.0, dt: float = 
     return _motion(f"half sine {width:g} s", dt, acceleration)
 
 
+@checked
 def ricker(*, amplitude: float, frequency: float, dt: float = 0.001) -> GroundMotion:
     """Ricker pulse of acceleration, `amplitude (1 - 2 u) exp(-u)` with `u = (pi frequency (t - t_0))^2`.
 
@@ -204,6 +214,7 @@ def ricker(*, amplitude: float, frequency: float, dt: float = 0.001) -> GroundMo
     return _motion(f"Ricker {frequency:g} Hz", dt, amplitude * (1.0 - 2.0 * u) * np.exp(-u))
 
 
+@checked
 def near_fault_pulse(
     *, amplitude: float, period: float, cycles: float = 1.5, phase: float = 0.0, dt: float = 0.01
 ) -> GroundMotion:
@@ -235,7 +246,7 @@ def _check_samples(duration: float, dt: float) -> None:
     SettingError
         It would have more than ten million samples.
     """
-    if duration / dt > _MOST_SAMPLES:
+    if duration / dt > MOST_SAMPLES:
         raise SettingError(
             f"a motion of {duration:g} s every {dt:g} s would have {duration / dt:.3g} samples and take "
             f"{_BYTES * duration / dt / 1e9:.3g} GB; give a shorter duration, or a longer step"

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mrwork.arguments import AnyArrayLike, checked
 from mrwork.errors import RecordError
 from mrwork.records import checks
 from mrwork.records.command import command_of, motion_matches_name
@@ -33,15 +34,16 @@ _DETECTORS: Final[tuple[Callable[[DamperTest], tuple[Finding, ...]], ...]] = (
 )
 
 
+@checked
 def build_damper_test(
     *,
     name: str,
-    time: ArrayLike,
-    displacement: ArrayLike,
-    force: ArrayLike,
-    velocity: ArrayLike | None = None,
-    current: ArrayLike | None = None,
-    voltage: ArrayLike | None = None,
+    time: AnyArrayLike,
+    displacement: AnyArrayLike,
+    force: AnyArrayLike,
+    velocity: AnyArrayLike | None = None,
+    current: AnyArrayLike | None = None,
+    voltage: AnyArrayLike | None = None,
     amplitude: float | None = None,
     frequency: float | None = None,
     synthetic: bool = False,
@@ -158,10 +160,7 @@ def examine(test: DamperTest) -> tuple[Finding, ...]:
 
 
 def _channel(samples: ArrayLike, name: str, source: str) -> NDArray[np.float64]:
-    try:
-        channel = np.asarray(samples, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise RecordError(f"{source}: the {name} must be real numbers ({error})") from error
+    channel = np.asarray(samples, dtype=np.float64)
     if channel.ndim != 1:
         raise RecordError(
             f"{source}: the {name} must have shape (n_time,), got {channel.shape}; give one channel"

@@ -138,6 +138,8 @@ def breakaway_overshoot(test: DamperTest) -> Measured | None:
         return None
     moved = np.abs(test.displacement - test.displacement[0]) > _BREAKAWAY_STROKE * np.ptp(test.displacement)
     started = int(np.argmax(moved))
+    if started + 1 >= moved.size:
+        return None
     force = np.abs(test.force - mean_over_travel(test.force, motion.velocity))
     smoother = Smoother(window=5, dt=test.dt)
     noise = smoother.noise(test.force - smoother.smooth(test.force))

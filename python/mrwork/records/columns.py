@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
+from mrwork.arguments import checked
 from mrwork.errors import MrworkError, RecordError, SettingError, UnitError
 from mrwork.records.column_names import QUANTITIES, TestQuantity, is_plain, unit_at_end, unit_in_name
 from mrwork.units import FACTORS, factor_of, factor_to_si, known_units, quantity_of
@@ -50,6 +51,7 @@ def numbered_names(count: int) -> tuple[str, ...]:
     return tuple(str(number + 1) for number in range(count))
 
 
+@checked
 def parse_column_option(option: str) -> tuple[str, str]:
     """Split ``"force=F:kN"`` into ``("force", "F:kN")``, checking quantity and unit.
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Count, Within, checked
 from mrwork.dampers.parameters import CommandUnit
 from mrwork.records.command_signal import Command, command_in_words, part_of_command
 from mrwork.records.observation import AS_IT_IS, Observation
@@ -22,6 +23,8 @@ Channel = Literal["displacement", "force"]
 class Measured:
     """A number measured by a check, in `unit`; `standard_error` is `None` if it cannot be estimated."""
 
+    _made_by: ClassVar[str] = "finding.measured"
+
     value: float
     unit: str
     standard_error: float | None = None
@@ -30,6 +33,8 @@ class Measured:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
     """Result of a check: `code` for programs, `message` for people, and the measured size, if any."""
+
+    _made_by: ClassVar[str] = "test.findings"
 
     code: str
     severity: Severity
@@ -41,11 +46,14 @@ class Finding:
 class Smoothing:
     """A moving average over `window_seconds` [s] that was applied to the named channels."""
 
+    _made_by: ClassVar[str] = "mr.records.detect_smoothing(test)"
+
     window_seconds: float
     kind: Literal["moving_average"]
     channels: tuple[Channel, ...]
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class DamperTest(Summarised):
     """A force-motion record of one damper, uniformly sampled, in SI.
@@ -60,6 +68,8 @@ class DamperTest(Summarised):
     `smoothing` is the moving average that was found in the whole record, `None` where there is none; it is kept with a
     part of the record, where it may no longer be found. `original` is the record before repairs, if it was repaired.
     """
+
+    _made_by: ClassVar[str] = "mr.read_damper_test(path)"
 
     name: str
     path: str
@@ -112,7 +122,10 @@ class DamperTest(Summarised):
         """The known commands with their units, the range of one that varies; empty if none is known."""
         return ", ".join(command_in_words(command, unit) for command, unit in self.commands)
 
-    def part(self, first: int, last: int, every: int = 1) -> DamperTest:
+    @checked
+    def part(
+        self, first: Annotated[int, Within(least=0)], last: Annotated[int, Within(least=0)], every: Count = 1
+    ) -> DamperTest:
         """Every `every`-th sample from `first` up to `last`; a varying command stays held between samples."""
         window = slice(first, last, every)
         return replace(

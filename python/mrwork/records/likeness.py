@@ -9,11 +9,12 @@ from __future__ import annotations
 import base64
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import checked
 from mrwork.records.command_signal import Command, command_range
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import regular_cycles, spectrum
@@ -52,6 +53,8 @@ class RecordedMotion:
     `force` is the standard deviation of the force [N].
     """
 
+    _made_by: ClassVar[str] = "mr.records.RecordedMotion.of(test)"
+
     test: str
     sha256: str
     current: float | None
@@ -64,6 +67,7 @@ class RecordedMotion:
     commands: tuple[str, ...] = field(default=(), repr=False)
 
     @classmethod
+    @checked
     def of(cls, test: DamperTest) -> RecordedMotion:
         """The motion and command of the samples of a test that are compared with a model."""
         displacement = test.displacement[test.counted]
@@ -96,6 +100,7 @@ class RecordedMotion:
         """The displacement about its mean [m], shape (n_samples,)."""
         return self.half_stroke * _decoded(self.shape)
 
+    @checked
     def same_command(self, other: RecordedMotion) -> bool:
         """Whether the commands are equal; where one is unknown, whether the forces are of one size.
 
@@ -112,6 +117,7 @@ class RecordedMotion:
             return all(known)
         return abs(self.force - other.force) <= _FORCE * max(self.force, other.force)
 
+    @checked
     def correlation(self, seen: RecordedMotion) -> float | None:
         """Correlation of this motion with the part of another that contains it, or most of it; `None` without one."""
         if self.periodic and seen.periodic:
@@ -145,6 +151,8 @@ class RecordedMotion:
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Likeness:
     """A test and another of the same motion at the same command; `correlation` is that of their displacements."""
+
+    _made_by: ClassVar[str] = "fit.seen(test)"
 
     test: str
     like: str

@@ -8,9 +8,11 @@ from math import isfinite
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import AnyNumbers, Positive, checked
 from mrwork.errors import SettingError
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Observation:
     """Effects of rig and processing on the recorded force, in this order; the default has no effect.
@@ -54,8 +56,11 @@ class Observation:
         ]
         return ", ".join(text for value, text in parts if value != 0.0)
 
-    def observe(self, force: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
+    @checked
+    def observe(self, force: AnyNumbers, dt: Positive) -> NDArray[np.float64]:
         """Recorded force for a damper force [N], shape (..., n_time), sampled every `dt` [s]."""
+        if force.ndim < 1 or force.shape[-1] < 2:
+            raise SettingError(f"`force` has shape {force.shape}; give two samples or more")
         observed = force
         if self.delay_seconds != 0.0:
             observed = delayed(observed, self.delay_seconds / dt)
@@ -69,6 +74,8 @@ class Observation:
 
 
 AS_IT_IS = Observation()
+# Least corner of a filter per sampling frequency, below which its equations are singular to rounding.
+_LOWEST = 1e-7
 
 
 def delayed(signal: NDArray[np.float64], samples: float) -> NDArray[np.float64]:
@@ -106,6 +113,10 @@ def _low_passed(signal: NDArray[np.float64], corner_hz: float, dt: float) -> NDA
 
     if corner_hz * dt >= 0.5:
         return signal
+    if corner_hz * dt < _LOWEST:
+        raise SettingError(
+            f"a low-pass filter at {corner_hz:g} Hz has no effect in a step of {dt:g} s; give a higher frequency"
+        )
     numerator, denominator = butter(2, 2.0 * corner_hz * dt)
     start = lfilter_zi(numerator, denominator) * signal[..., :1]
     return np.asarray(lfilter(numerator, denominator, signal, axis=-1, zi=start)[0])

@@ -7,6 +7,7 @@ from dataclasses import replace
 from math import isfinite
 from typing import Final
 
+from mrwork.arguments import checked
 from mrwork.errors import SettingError
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import spectrum
@@ -57,6 +58,7 @@ def as_words(observe: str | Sequence[str]) -> tuple[str, ...]:
     return words
 
 
+@checked
 def observed(test: DamperTest, observe: Sequence[str]) -> DamperTest:
     """The test with the observation model that the words ask for; a model that the test already has is kept.
 

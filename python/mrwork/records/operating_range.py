@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import inf, isfinite
-from typing import Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from mrwork.arguments import Samples, checked
 from mrwork.dampers.law_limits import LawLimit, law_limits
 from mrwork.dampers.parameters import CommandUnit
 from mrwork.dampers.spec import DamperSpec
+from mrwork.errors import SettingError
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import whole_cycles
 from mrwork.summary import Summarised, Summary
@@ -54,6 +56,8 @@ class Exceedance(Summarised):
 
     `extrapolated` are the parameters whose laws are used at a command that was not tested.
     """
+
+    _made_by: ClassVar[str] = "fit.outside(test).exceedances"
 
     quantity: OperatingQuantity
     demanded: float
@@ -101,6 +105,7 @@ class Exceedance(Summarised):
         return Summary(title=self.in_words)
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class OperatingRange(Summarised):
     """Ranges of motion, command and load of a damper: those it was tested in, or those that a simulation demands.
@@ -120,11 +125,16 @@ class OperatingRange(Summarised):
     power: float
 
     @classmethod
+    @checked
     def of_test(
-        cls, test: DamperTest, unit: CommandUnit | None, force: NDArray[np.float64] | None = None
+        cls, test: DamperTest, unit: CommandUnit | None, force: Samples | None = None
     ) -> OperatingRange:
         """Ranges of a test with its command in `unit`; `force` replaces the measured one [N], shape (n_time,)."""
         load = test.force if force is None else force
+        if load.size != test.n_time:
+            raise SettingError(
+                f"`force` has {load.size} samples; give one for each of the {test.n_time} of {test.label}"
+            )
         command = {"A": test.current, "V": test.voltage, None: None}[unit]
         return cls(
             stroke=0.5 * float(np.ptp(test.displacement)),
@@ -137,13 +147,17 @@ class OperatingRange(Summarised):
         )
 
     @classmethod
+    @checked
     def of_tests(cls, tests: Sequence[DamperTest], unit: CommandUnit | None = None) -> OperatingRange:
         """Ranges of one or more tests together; without a `unit`, that in which most of the commands are known."""
+        if not tests:
+            raise SettingError("the range of no test was asked for; give at least one test")
         if unit is None:
             known = [sum(value is not None for value in values) for values in _commands(tests)]
             unit = None if max(known) == 0 else "A" if known[0] >= known[1] else "V"
         return covering([cls.of_test(test, unit) for test in tests])
 
+    @checked
     def exceeded_by(self, demand: OperatingRange) -> tuple[Exceedance, ...]:
         """Quantities in which a demand is outside these ranges by more than 5 %, and 10 % in frequency."""
         found = []
@@ -197,6 +211,8 @@ class Outside(Summarised):
 
     `known` is false where the damper has no tested ranges, as that of a published set.
     """
+
+    _made_by: ClassVar[str] = "fit.outside(test)"
 
     exceedances: tuple[Exceedance, ...] = ()
     laws: tuple[LawLimit, ...] = ()

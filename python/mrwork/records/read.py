@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mrwork.arguments import checked
 from mrwork.records.build import build_damper_test
 from mrwork.records.column_names import TestQuantity
 from mrwork.records.columns import COMMAND, COMMANDS, StatedCommand, choose_columns
@@ -18,6 +19,7 @@ from mrwork.records.formats.open import open_table
 from mrwork.records.rig_table import Use, listed_tests
 
 
+@checked
 def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str] | None = None) -> DamperTest:
     """Read one test from a text, .mat, .tdms or Parquet file, check it and convert it to SI.
 
@@ -91,6 +93,7 @@ def read_damper_test(path: str | os.PathLike[str], *, columns: Mapping[str, str]
     return with_nominal_command(test, nominal)
 
 
+@checked
 def read_damper_tests(
     paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]],
     *,

@@ -8,6 +8,7 @@ from typing import Final, Literal, get_args
 
 import numpy as np
 
+from mrwork.arguments import checked
 from mrwork.errors import SettingError
 from mrwork.records.checks import mean_over_travel, rest_before_motion, samples_at_rest
 from mrwork.records.damper_test import DamperTest, Finding, Measured, frozen
@@ -40,6 +41,7 @@ AMOUNTS_IN_WORDS: Final = ", ".join(
 """The range of each amount, for help."""
 
 
+@checked
 def repair(
     test: DamperTest, kinds: Iterable[RepairKind], *, amounts: Mapping[RepairKind, float] | None = None
 ) -> tuple[DamperTest, tuple[Finding, ...]]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Literal, get_args
 
+from mrwork.arguments import checked
 from mrwork.errors import MrworkError, OutputError, RecordError, SettingError
 from mrwork.records.columns import COMMAND, REQUIRED, check_specification
 from mrwork.records.formats.delimited import decoded, read_text_bytes
@@ -35,6 +36,7 @@ _SPECIFIED: Final = (*REQUIRED, "velocity", COMMAND)
 _HEADER: Final = ("file", "use", *_SPECIFIED, _DOUBT)
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class ListedTest(Summarised):
     """A row of a table of tests: a file, its use, its `columns` as in `read_damper_test`, and what is in doubt.
@@ -130,6 +132,7 @@ def is_test_table(path: Path) -> bool:
     return _HEADER[0] in names and len(names & set(_HEADER)) > 1
 
 
+@checked
 def read_test_table(path: str | os.PathLike[str]) -> tuple[ListedTest, ...]:
     """Read a table of tests, with columns separated by commas, semicolons or tabs.
 
@@ -184,6 +187,7 @@ def read_test_table(path: str | os.PathLike[str]) -> tuple[ListedTest, ...]:
     return tuple(rows)
 
 
+@checked
 def write_test_table(path: str | os.PathLike[str], rows: Sequence[ListedTest]) -> None:
     """Write a table of tests, with paths relative to its folder where they lie within.
 

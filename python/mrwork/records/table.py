@@ -158,4 +158,7 @@ def listed_files(paths: str | os.PathLike[str] | Iterable[str | os.PathLike[str]
     files = [os.fspath(path) for path in paths]
     if not files:
         raise RecordError(none)
+    for file in files:
+        if "\0" in file:
+            raise RecordError(f"{file!r} is no path of a file; check the name")
     return files

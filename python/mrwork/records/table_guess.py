@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from mrwork.arguments import checked
 from mrwork.errors import MrworkError
 from mrwork.records.column_names import TestQuantity
 from mrwork.records.columns import COMMAND, COMMANDS, REQUIRED, ColumnChoice, guess_columns
@@ -20,6 +21,7 @@ _COMMAND_IN_NAME: Final = re.compile(r"(?<![\dA-Za-z.])(\d+(?:[x.,]\d+)?)[\s_]?(
 _IN_COLUMNS: Final[tuple[TestQuantity, ...]] = (*REQUIRED, "velocity")
 
 
+@checked
 def guess_tests(files: Sequence[Path]) -> tuple[ListedTest, ...]:
     """A row of a table of tests for each file, all for the fit; entries that cannot be told are "?".
 

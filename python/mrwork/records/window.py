@@ -8,6 +8,7 @@ from math import ceil
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Count, checked
 from mrwork.errors import SettingError
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import spectrum
@@ -25,8 +26,9 @@ def settling_samples(displacement: NDArray[np.float64]) -> int:
     return int(np.searchsorted(travel, np.ptp(displacement) / 2))
 
 
+@checked
 def cut(
-    test: DamperTest, *, start: float | None = None, end: float | None = None, every: int = 1
+    test: DamperTest, *, start: float | None = None, end: float | None = None, every: Count = 1
 ) -> DamperTest:
     """Return a test with every `every`-th of its samples from `start` to `end` [s, in the time of the record].
 
@@ -35,10 +37,13 @@ def cut(
     SettingError
         If fewer than 10 samples would remain.
     """
-    if every < 1:
-        raise SettingError(f"--every is {every}; it must be 1 or more")
-    first = 0 if start is None else max(0, ceil((start - test.start_time) / test.dt - 1e-9))
-    last = test.n_time if end is None else ceil((end - test.start_time) / test.dt - 1e-9)
+
+    def sample_at(instant: float) -> int:
+        place = (instant - test.start_time) / test.dt - 1e-9
+        return ceil(min(max(place, 0.0), float(test.n_time)))
+
+    first = 0 if start is None else sample_at(start)
+    last = test.n_time if end is None else sample_at(end)
     shorter = test.part(first, max(first, last), every)
     if shorter.n_time < _FEWEST:
         raise SettingError(

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TypeVar
+from typing import Annotated, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import AnyNumbers, Seed, Within, checked
 from mrwork.errors import SettingError
 from mrwork.search.rules import EliteRule, StopRules, distinct_best, reason_of
 from mrwork.search.unit_cube import Streams
@@ -24,6 +25,8 @@ class Proposal(Summarised):
     members are simulated; `known` is `inf` for these. A misfit at or above its `limit` (n_running, n_population) counts
     as a failure, so its simulation may stop there. `number` (n_running,) are the numbers of the replicates.
     """
+
+    _made_by: ClassVar[str] = "optimiser.ask(state)"
 
     number: NDArray[np.int64]
     population: NDArray[np.float64]
@@ -46,7 +49,8 @@ class Proposal(Summarised):
         """Misfit at which the simulation of a row may stop, shape (n_ask,); `inf` where it may not."""
         return self.limit[self.changed]
 
-    def accepted(self, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
+    @checked
+    def accepted(self, misfit: AnyNumbers) -> NDArray[np.float64]:
         """Misfits for the optimiser, shape (n_ask,): `inf` at or above the threshold.
 
         They do not depend on whether a simulation stopped at its threshold.
@@ -76,13 +80,16 @@ class Proposal(Summarised):
             )
         return np.where(misfit >= self.threshold, math.inf, misfit)
 
-    def member_misfits(self, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
+    @checked
+    def member_misfits(self, misfit: AnyNumbers) -> NDArray[np.float64]:
         """Accepted misfits of all members, shape (n_running, n_population), `inf` for those not simulated."""
         members = np.full(self.known.shape, math.inf)
         members[self.changed] = self.accepted(misfit)
         return members
 
 
+Dimension = Annotated[int, Within(least=1, most=10_000)]
+Replicate = Annotated[int, Within(least=0, most=2**63 - 1)]
 ScalarT = TypeVar("ScalarT", bound=np.generic)
 
 
@@ -93,6 +100,8 @@ class Trace(Summarised):
     Number of `evaluations` so far, `best` misfit so far, `median` misfit of the population (`inf` while half of it
     fails). The last entries of a replicate that has ended are repeated.
     """
+
+    _made_by: ClassVar[str] = "optimiser.start(n_params, rng).course.trace"
 
     evaluations: NDArray[np.int64]
     best: NDArray[np.float64]
@@ -110,6 +119,8 @@ class Course(Summarised):
     `elite_misfit` (n, n_elite), best first, padded with zeros of misfit `inf`.
     """
 
+    _made_by: ClassVar[str] = "optimiser.start(n_params, rng).course"
+
     rng: int
     replicate: NDArray[np.int64]
     generation: NDArray[np.int64]
@@ -122,7 +133,10 @@ class Course(Summarised):
     trace: Trace
 
     @classmethod
-    def begun(cls, n_params: int, rng: int, replicates: Sequence[int], elite: EliteRule) -> Course:
+    @checked
+    def begun(
+        cls, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate], elite: EliteRule
+    ) -> Course:
         """Progress before the first simulation.
 
         Raises
@@ -130,13 +144,9 @@ class Course(Summarised):
         SettingError
             Where the seed, the dimension or the numbers of the replicates are impossible.
         """
-        if n_params < 1 or not 0 <= rng < 2**64:
-            raise SettingError(
-                f"`n_params` is at least 1 and `rng` in [0, 2^64), got n_params={n_params} and rng={rng}"
-            )
         number = np.asarray(replicates, dtype=np.int64)
         n = number.size
-        if n < 1 or number.min() < 0 or np.unique(number).size < n:
+        if n < 1 or np.unique(number).size < n:
             raise SettingError(
                 f"`replicates` are different whole numbers >= 0, at least one, got {list(replicates)}"
             )
@@ -176,13 +186,14 @@ class Course(Summarised):
         rows = self.running
         return Streams(rng=self.rng, replicate=self.replicate[rows], generation=self.generation[rows])
 
+    @checked
     def after(
         self,
         proposal: Proposal,
-        simulated: NDArray[np.float64],
+        simulated: AnyNumbers,
         *,
         population: NDArray[np.float64],
-        misfit: NDArray[np.float64],
+        misfit: AnyNumbers,
         elite: EliteRule,
         stop: StopRules,
     ) -> Course:

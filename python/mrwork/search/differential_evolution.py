@@ -14,15 +14,16 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from mrwork.arguments import AnyNumbers, Seed, checked
 from mrwork.errors import SettingError
-from mrwork.search.course import Course, Proposal
+from mrwork.search.course import Course, Dimension, Proposal, Replicate
 from mrwork.search.population import PopulationState, proposed, with_better_members
 from mrwork.search.rules import EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, others, reflect
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DifferentialEvolution:
     """Settings of differential evolution; its methods are pure functions of the state.
@@ -63,11 +64,15 @@ class DifferentialEvolution:
         if self.base not in ("best", "random"):
             raise SettingError(f"`base` is 'best' or 'random', got {self.base!r}")
 
-    def start(self, n_params: int, rng: int, replicates: Sequence[int] = (0,)) -> PopulationState:
+    @checked
+    def start(
+        self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)
+    ) -> PopulationState:
         """Initial state with Latin hypercube samples of the unit cube."""
         course = Course.begun(n_params, rng, replicates, self.elite)
         return PopulationState.begun(course, latin_hypercube(course.streams, self.population, n_params))
 
+    @checked
     def ask(self, state: PopulationState) -> Proposal:
         """One trial for each member."""
         course, rows = state.course, state.course.running
@@ -87,8 +92,7 @@ class DifferentialEvolution:
         crossed |= np.arange(n_params) == certain[..., None]
         return proposed(course, np.where(crossed, mutant, parents), limit=misfit)
 
-    def tell(
-        self, state: PopulationState, proposal: Proposal, misfit: NDArray[np.float64]
-    ) -> PopulationState:
+    @checked
+    def tell(self, state: PopulationState, proposal: Proposal, misfit: AnyNumbers) -> PopulationState:
         """State after the simulations of the proposal; `misfit` (n_ask,), `inf` marks a failed one."""
         return with_better_members(state, proposal, misfit, elite=self.elite, stop=self.stop)

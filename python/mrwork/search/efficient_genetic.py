@@ -25,11 +25,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.search.course import Course, Proposal
+from mrwork.arguments import AnyNumbers, Seed, checked
+from mrwork.search.course import Course, Dimension, Proposal, Replicate
 from mrwork.search.population import Ceiling, proposed, relative_fitness, with_generation
 from mrwork.search.rules import EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
@@ -45,12 +47,15 @@ class GAState(Summarised):
     n_params) is the standard deviation of the initial population.
     """
 
+    _made_by: ClassVar[str] = "optimiser.start(n_params, rng)"
+
     course: Course
     population: NDArray[np.float64]
     misfit: NDArray[np.float64]
     mutation_spread: NDArray[np.float64]
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EfficientGA:
     """Settings of the efficient genetic algorithm; its methods are pure functions of the state.
@@ -91,7 +96,8 @@ class EfficientGA:
             {"population": (self.population, 4, math.inf), "elite_share": (self.elite_share, 0.0, 1.0)}
         )
 
-    def start(self, n_params: int, rng: int, replicates: Sequence[int] = (0,)) -> GAState:
+    @checked
+    def start(self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)) -> GAState:
         """Initial state with Latin hypercube samples of the unit cube."""
         course = Course.begun(n_params, rng, replicates, self.elite)
         population = latin_hypercube(course.streams, self.population, n_params)
@@ -102,6 +108,7 @@ class EfficientGA:
             mutation_spread=population.std(axis=1),
         )
 
+    @checked
     def ask(self, state: GAState) -> Proposal:
         """Chromosomes of the next generation; those that changed are simulated."""
         course, rows = state.course, state.course.running
@@ -111,7 +118,8 @@ class EfficientGA:
         population, known, changed = self._offspring(state, before, misfit)
         return proposed(course, population, known=known, changed=changed, limit=self.ceiling.limit(course))
 
-    def tell(self, state: GAState, proposal: Proposal, misfit: NDArray[np.float64]) -> GAState:
+    @checked
+    def tell(self, state: GAState, proposal: Proposal, misfit: AnyNumbers) -> GAState:
         """State after the simulations of the proposal; `misfit` (n_ask,), `inf` marks a failed one."""
         return with_generation(state, proposal, misfit, elite=self.elite, stop=self.stop)
 

@@ -15,8 +15,9 @@ from typing import Any, ClassVar, Generic, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Seed, checked
 from mrwork.errors import Interrupted, SettingError
-from mrwork.search.course import Proposal
+from mrwork.search.course import Dimension, Proposal, Replicate
 from mrwork.search.result import ReplicatedSearch, SearchResult, SearchState, StateT, results_of
 from mrwork.search.rules import EliteRule, StopRules
 from mrwork.store import Journal, digest_of
@@ -26,6 +27,7 @@ from mrwork.summary import Summarised
 Objective = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AbortableObjective:
     """An objective that may stop the simulation of a candidate when its misfit reaches a threshold.
@@ -57,7 +59,7 @@ class Optimiser(Protocol[StateT]):
     def elite(self) -> EliteRule:
         """Which points of the run are kept as starts of a local minimisation."""
 
-    def start(self, n_params: int, rng: int, replicates: Sequence[int] = (0,)) -> StateT:
+    def start(self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)) -> StateT:
         """Initial state of the replicates with these numbers, before the first simulation."""
 
     def ask(self, state: StateT) -> Proposal:
@@ -93,12 +95,13 @@ class GenerationEvent(Summarised, Generic[StateT]):
 OnGeneration = Callable[[GenerationEvent[StateT]], bool | None]
 
 
+@checked
 def run_search(
     optimiser: Optimiser[StateT],
     objective: Objective | AbortableObjective,
     *,
-    rng: int,
-    n_params: int,
+    rng: Seed,
+    n_params: Dimension,
     state: StateT | None = None,
     on_generation: OnGeneration[StateT] | None = None,
     journal: Journal | None = None,
@@ -135,13 +138,14 @@ def run_search(
     return run.results[0]
 
 
+@checked
 def run_replicates(
     optimiser: Optimiser[StateT],
     objective: Objective | AbortableObjective,
     *,
-    rng: int,
-    n_params: int,
-    replicates: Sequence[int],
+    rng: Seed,
+    n_params: Dimension,
+    replicates: Sequence[Replicate],
     state: StateT | None = None,
     on_generation: OnGeneration[StateT] | None = None,
     journal: Journal | None = None,

@@ -19,11 +19,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.search.course import Course, Proposal, put
+from mrwork.arguments import AnyNumbers, Seed, checked
+from mrwork.search.course import Course, Dimension, Proposal, Replicate, put
 from mrwork.search.population import proposed, with_better_members
 from mrwork.search.rules import EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
@@ -39,6 +41,8 @@ class SwarmState(Summarised):
     positions and last displacements; at generation 0 the initial ones, before the first simulation.
     """
 
+    _made_by: ClassVar[str] = "optimiser.start(n_params, rng)"
+
     course: Course
     population: NDArray[np.float64]
     misfit: NDArray[np.float64]
@@ -46,6 +50,7 @@ class SwarmState(Summarised):
     velocity: NDArray[np.float64]
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ParticleSwarm:
     """Settings of a particle swarm; its methods are pure functions of the state.
@@ -86,7 +91,8 @@ class ParticleSwarm:
             }
         )
 
-    def start(self, n_params: int, rng: int, replicates: Sequence[int] = (0,)) -> SwarmState:
+    @checked
+    def start(self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)) -> SwarmState:
         """Initial state with Latin hypercube samples of the unit cube and velocities up to the limit."""
         course = Course.begun(n_params, rng, replicates, self.elite)
         position = latin_hypercube(course.streams, self.population, n_params)
@@ -100,6 +106,7 @@ class ParticleSwarm:
             velocity=self.velocity_limit * (2.0 * drawn.reshape(position.shape) - 1.0),
         )
 
+    @checked
     def ask(self, state: SwarmState) -> Proposal:
         """Next position of every particle."""
         course, rows = state.course, state.course.running
@@ -121,7 +128,8 @@ class ParticleSwarm:
         limited = np.clip(velocity, -self.velocity_limit, self.velocity_limit)
         return proposed(course, reflect(position + limited), limit=misfit)
 
-    def tell(self, state: SwarmState, proposal: Proposal, misfit: NDArray[np.float64]) -> SwarmState:
+    @checked
+    def tell(self, state: SwarmState, proposal: Proposal, misfit: AnyNumbers) -> SwarmState:
         """State after the simulations of the proposal; `misfit` (n_ask,), `inf` marks a failed one."""
         rows = state.course.running
         # The first generation is simulated at the initial positions and keeps the initial velocities.

@@ -18,8 +18,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Seed, checked
 from mrwork.errors import SettingError
-from mrwork.search.course import Course, Proposal
+from mrwork.search.course import Course, Dimension, Proposal, Replicate
 from mrwork.search.population import proposed, with_generation
 from mrwork.search.rules import EliteRule, StopRules, check_ranges
 
@@ -27,6 +28,7 @@ from mrwork.search.rules import EliteRule, StopRules, check_ranges
 _FAILURE = 1e100
 
 
+@checked
 def library(name: str) -> ModuleType:
     """Import a module of an optional library.
 
@@ -37,7 +39,7 @@ def library(name: str) -> ModuleType:
     """
     try:
         return importlib.import_module(name)
-    except ImportError as error:
+    except (ImportError, ValueError) as error:
         raise SettingError(
             f"{name.partition('.')[0]} is not installed; install it with: pip install 'mrwork[peers]'"
         ) from error
@@ -120,7 +122,7 @@ class PeerOptimiser(ABC):
     def _starter(self, course: Course, n_params: int) -> Callable[[int], Peer]:
         """Return the function that starts a peer from a seed; it is called once for each replicate, in order."""
 
-    def start(self, n_params: int, rng: int, replicates: Sequence[int] = (0,)) -> PeerState:
+    def start(self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)) -> PeerState:
         """Start one search for each replicate, each from its own seed; nothing is simulated yet."""
         course = Course.begun(n_params, rng, replicates, self.elite)
         starter = self._starter(course, n_params)

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import checked
 from mrwork.search.course import Course, Proposal, put
 from mrwork.search.result import StateT
 from mrwork.search.rules import EliteRule, StopRules, check_ranges
@@ -21,11 +23,14 @@ class PopulationState(Summarised):
     They are the last simulated generation, or the initial one with misfit `inf` at generation 0.
     """
 
+    _made_by: ClassVar[str] = "optimiser.start(n_params, rng)"
+
     course: Course
     population: NDArray[np.float64]
     misfit: NDArray[np.float64]
 
     @classmethod
+    @checked
     def begun(cls, course: Course, population: NDArray[np.float64]) -> PopulationState:
         """State before the first simulation."""
         return cls(course=course, population=population, misfit=np.full(population.shape[:2], math.inf))
@@ -112,6 +117,7 @@ def relative_fitness(misfit: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(above / span)
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ceiling:
     """Misfit at or above which a chromosome counts as failed; the lower of the two limits applies, `None` is no limit.
@@ -153,6 +159,7 @@ class Ceiling:
             {"absolute": (self.absolute, 0.0, math.inf), "over_median": (self.over_median, 1.0, math.inf)}
         )
 
+    @checked
     def limit(self, course: Course) -> NDArray[np.float64]:
         """The ceiling of each running replicate, shape (n_running, 1); `inf` where there is none."""
         rows = course.running

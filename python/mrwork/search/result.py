@@ -10,6 +10,8 @@ from typing import Any, ClassVar, Generic, NamedTuple, Protocol, TypeVar, get_ty
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import checked
+from mrwork.errors import ArgumentError, SettingError
 from mrwork.search.course import Course
 from mrwork.summary import Summarised, Summary, rounded
 
@@ -35,10 +37,21 @@ class SearchState(Protocol):
 
 
 T = TypeVar("T")
+StateT = TypeVar("StateT", bound=SearchState)
 
 
-def select(state: T, rows: Sequence[int]) -> T:
+@checked
+def select(state: StateT, rows: Sequence[int]) -> StateT:
     """The state of these replicates only, in this order; traces have the length of the longest of them."""
+    if not isinstance(getattr(state, "course", None), Course):
+        raise ArgumentError(
+            "`state` of select is no state of a search; give one from `optimiser.start` or a result"
+        )
+    n_replicates = len(state.course.replicate)
+    if not all(-n_replicates <= row < n_replicates for row in rows):
+        raise SettingError(
+            f"`rows` are {list(rows)}; the state has {n_replicates} replicates, counted from 0"
+        )
     index = np.asarray(rows, dtype=np.int64)
 
     def part(value: Any) -> Any:
@@ -71,14 +84,31 @@ def arrays_of(state: object) -> dict[str, NDArray[Any]]:
     return arrays
 
 
+@checked
 def state_from_arrays(kind: type[T], arrays: Mapping[str, NDArray[Any]]) -> T:
-    """Undo `arrays_of`, bit for bit; `kind` is the class of the state."""
+    """Undo `arrays_of`, bit for bit; `kind` is the class of the state.
+
+    Raises
+    ------
+    SettingError
+        Where the arrays are not those of such a state.
+    """
+    try:
+        return _from_arrays(kind, arrays)
+    except (KeyError, TypeError, ValueError, AttributeError) as reason:
+        raise SettingError(
+            f"the arrays are not those of a {kind.__name__} ({type(reason).__name__}: {reason}); "
+            "give those of `arrays_of`"
+        ) from None
+
+
+def _from_arrays(kind: type[T], arrays: Mapping[str, NDArray[Any]]) -> T:
     hints = get_type_hints(kind)
     values: dict[str, Any] = {}
     for name, hint in ((each.name, hints[each.name]) for each in dataclasses.fields(kind)):  # type: ignore[arg-type] # a dataclass
         if dataclasses.is_dataclass(hint):
             inner = {key.removeprefix(f"{name}."): each for key, each in arrays.items()}
-            values[name] = state_from_arrays(hint, inner)  # type: ignore[arg-type] # a hint is a class here
+            values[name] = _from_arrays(hint, inner)  # type: ignore[arg-type] # a hint is a class here
         else:
             values[name] = int(arrays[name]) if hint is int else arrays[name]
     return kind(**values)
@@ -89,9 +119,6 @@ def _with_parts(value: T, change: Callable[[Any], Any]) -> T:
     names = [field.name for field in dataclasses.fields(value)]  # type: ignore[arg-type] # T is a dataclass
     changed = {name: change(getattr(value, name)) for name in names}
     return dataclasses.replace(value, **changed)  # type: ignore[type-var] # T is a dataclass
-
-
-StateT = TypeVar("StateT", bound=SearchState)
 
 
 class RunTrace(NamedTuple):
@@ -111,6 +138,8 @@ class SearchResult(Summarised, Generic[StateT]):
     succeeded; they are starts for a local minimisation. `evaluations` and `generations` count from the start of the
     search, `seconds` is the time of this call, for all replicates together.
     """
+
+    _made_by: ClassVar[str] = "mr.search.run_search(optimiser, objective, rng=..., n_params=...)"
 
     replicate: int
     best_unit: NDArray[np.float64]

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import AnyNumbers, Shape, checked
 from mrwork.errors import SettingError
 from mrwork.search.termination import hypothesis_test, stalled, threshold
 
@@ -30,6 +32,7 @@ def reason_of(code: int) -> str | None:
     return _REASONS[code]
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopRules:
     """Rules that end a replicate; the description of each begins with its stop reason. `None` switches a rule off.
@@ -88,10 +91,11 @@ class StopRules:
             }
         )
 
+    @checked
     def ended(
         self,
         *,
-        trace: NDArray[np.float64],
+        trace: AnyNumbers,
         evaluations: NDArray[np.int64],
         population: NDArray[np.float64],
         best_unit: NDArray[np.float64],
@@ -135,6 +139,7 @@ class StopRules:
         return ended
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EliteRule:
     """Elite of a run: its best mutually distant points, which are kept as starts of a local minimisation.
@@ -154,8 +159,11 @@ class EliteRule:
         check_ranges({"count": (self.count, 1, np.inf), "distance": (self.distance, 0.0, 1.0)})
 
 
+@checked
 def distinct_best(
-    population: NDArray[np.float64], misfit: NDArray[np.float64], rule: EliteRule
+    population: Annotated[NDArray[np.float64], Shape(("n_replicates", "n", "n_params"))],
+    misfit: Annotated[AnyNumbers, Shape(("n_replicates", "n"))],
+    rule: EliteRule,
 ) -> NDArray[np.int64]:
     """Best mutually distant members of each population.
 

@@ -21,12 +21,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.search.course import Course, Proposal
+from mrwork.arguments import AnyNumbers, Seed, checked
+from mrwork.search.course import Course, Dimension, Proposal, Replicate
 from mrwork.search.population import Ceiling, PopulationState, proposed, relative_fitness, with_generation
 from mrwork.search.rules import EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StandardGA:
     """Settings of the standard genetic algorithm; its methods are pure functions of the state.
@@ -67,11 +69,15 @@ class StandardGA:
             }
         )
 
-    def start(self, n_params: int, rng: int, replicates: Sequence[int] = (0,)) -> PopulationState:
+    @checked
+    def start(
+        self, n_params: Dimension, rng: Seed, replicates: Sequence[Replicate] = (0,)
+    ) -> PopulationState:
         """Initial state with Latin hypercube samples of the unit cube."""
         course = Course.begun(n_params, rng, replicates, self.elite)
         return PopulationState.begun(course, latin_hypercube(course.streams, self.population, n_params))
 
+    @checked
     def ask(self, state: PopulationState) -> Proposal:
         """Children of the present generation; those that differ from their parents are simulated."""
         course, rows = state.course, state.course.running
@@ -108,9 +114,8 @@ class StandardGA:
             limit=self.ceiling.limit(course),
         )
 
-    def tell(
-        self, state: PopulationState, proposal: Proposal, misfit: NDArray[np.float64]
-    ) -> PopulationState:
+    @checked
+    def tell(self, state: PopulationState, proposal: Proposal, misfit: AnyNumbers) -> PopulationState:
         """State after the simulations of the proposal; `misfit` (n_ask,), `inf` marks a failed one."""
         return with_generation(state, proposal, misfit, elite=self.elite, stop=self.stop)
 

@@ -26,11 +26,12 @@ normalised Bouc-Wen, two tests each, eight seeds). There are two alternatives, b
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import AnyNumbers, Shape, checked
 from mrwork.errors import SettingError
 
 
@@ -43,7 +44,7 @@ class ExpectedTermination(NamedTuple):
 
 def threshold(confidence: float) -> float:
     """Value `1/ln(1/(1 - confidence))` that the statistic must not exceed."""
-    if not 0.0 < confidence < 1.0:
+    if not (0.0 < confidence < 1.0 and 1.0 - confidence < 1.0):
         raise SettingError(
             f"`confidence` lies strictly between 0 and 1, got {confidence!r}; 0.95 and 0.99 are usual"
         )
@@ -103,8 +104,9 @@ def stalled(best: NDArray[np.float64], *, generations: int, tolerance: float) ->
     return np.asarray(now >= before * (1.0 - tolerance))
 
 
+@checked
 def expected_termination(
-    best: NDArray[np.float64], confidence: float = 0.95, *, floor: float = 0.0
+    best: Annotated[AnyNumbers, Shape(("n_generations",))], confidence: float = 0.95, *, floor: float = 0.0
 ) -> ExpectedTermination:
     """Where an exponential decay fitted to the trace meets the threshold (in the manner of thesis table 4.4).
 

@@ -10,14 +10,25 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Seed, Shape, Within, checked
+from mrwork.errors import SettingError
 from mrwork.summary import Summarised
 
+# Most numbers of one call, 8 bytes each.
+_MOST = 10**9
 
-def latin_hypercube(streams: Streams, count: int, n_params: int) -> NDArray[np.float64]:
+
+@checked
+def latin_hypercube(
+    streams: Streams,
+    count: Annotated[int, Within(least=1, most=10**6)],
+    n_params: Annotated[int, Within(least=1, most=10_000)],
+) -> NDArray[np.float64]:
     """One point per stratum of each gene, shape (n_replicates, count, n_params)."""
     drawn = streams.uniform(2 * count * n_params).reshape(-1, 2, count, n_params)
     strata = np.argsort(drawn[:, 0], axis=1, kind="stable")
@@ -64,23 +75,32 @@ def others(uniform: NDArray[np.float64], size: int) -> NDArray[np.int64]:
 _UNIFORM, _NORMAL, _LIBRARY_SEED = range(3)
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class Streams(Summarised):
     """Random streams of replicates with these numbers (n,) at these generations (n,), under one seed."""
 
-    rng: int
-    replicate: NDArray[np.int64]
-    generation: NDArray[np.int64]
+    rng: Seed
+    replicate: Annotated[NDArray[np.int64], Shape(("n",))]
+    generation: Annotated[NDArray[np.int64], Shape(("n",))]
 
-    def uniform(self, count: int) -> NDArray[np.float64]:
+    @checked
+    def uniform(self, count: Annotated[int, Within(least=0, most=_MOST)]) -> NDArray[np.float64]:
         """Numbers in [0, 1), shape (n, count)."""
         drawn = np.empty((len(self.replicate), count))
         for row, generator in enumerate(self._generators(_UNIFORM)):
             generator.random(out=drawn[row])
         return drawn
 
-    def normal(self, count: NDArray[np.int64]) -> NDArray[np.float64]:
+    @checked
+    def normal(
+        self, count: Annotated[NDArray[np.int64], Shape(("n",)), Within(least=0, most=_MOST)]
+    ) -> NDArray[np.float64]:
         """Standard normal numbers, `count` (n,) for each replicate, concatenated, shape (sum of count,)."""
+        if count.size != self.replicate.size:
+            raise SettingError(
+                f"`count` has {count.size} numbers; give one for each of {self.replicate.size} replicates"
+            )
         stop = np.cumsum(count)
         drawn = np.empty(int(stop[-1]) if stop.size else 0)
         for first, last, generator in zip(stop - count, stop, self._generators(_NORMAL), strict=True):

@@ -15,6 +15,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
+from mrwork.arguments import checked
 from mrwork.errors import JournalError, MrworkError, OutputError
 from mrwork.store.codec import plain, rebuilt
 from mrwork.store.fingerprint import differences
@@ -63,6 +64,7 @@ class Journal:
         If a line cannot be written.
     """
 
+    @checked
     def __init__(
         self, path: str | Path, *, resume: bool = False, note: Callable[[str], None] | None = None
     ) -> None:
@@ -97,10 +99,12 @@ class Journal:
         """Whether the next step is recorded."""
         return self._asked < len(self._recorded)
 
+    @checked
     def carry(self, counters: Counters) -> None:
         """Record these counters in every following line, and restore them with every recorded step."""
         self._counters = counters
 
+    @checked
     def agree(self, subject: str, facts: Mapping[str, object]) -> None:
         """Record the fingerprint of a run, or compare it with that of the run being resumed.
 
@@ -129,6 +133,7 @@ class Journal:
                 "resume with the same inputs and settings as before, or run again without --resume"
             )
 
+    @checked
     def recall(self, step: str, inputs: str, read: Callable[[dict[str, Any]], T]) -> T | None:
         """Return the recorded result of the next step, or `None` if the step must be computed.
 
@@ -159,6 +164,7 @@ class Journal:
                 f"({type(reason).__name__}: {reason}); run again without --resume"
             ) from reason
 
+    @checked
     def record(self, step: str, inputs: str, result: Mapping[str, object]) -> None:
         """Record the result of a step for which `recall` has returned `None`."""
         entry: dict[str, object] = {"inputs": inputs, "result": result}
@@ -166,6 +172,7 @@ class Journal:
             entry["counters"] = self._counters.as_record()
         self._append(step, entry)
 
+    @checked
     def once(self, step: str, inputs: str, kind: type[T], compute: Callable[[], T]) -> T:
         """Return the recorded result of a step, or compute and record it; `kind` is a dataclass as for `rebuilt`."""
         recalled = self.recall(step, inputs, lambda record: rebuilt(kind, record))

@@ -152,6 +152,8 @@ def replacing(path: Path) -> Iterator[Path]:
     OutputError
         If the file cannot be written; an earlier file at `path` is then unchanged.
     """
+    if "\0" in str(path):
+        raise OutputError(f"cannot write {str(path)!r}: no file has such a name; give another")
     beside = path.with_name(f".{path.name}.{os.getpid()}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import AnyNumbers, May, Positive, Rows, Samples, Shape, Share, Threads, checked
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.residual import ObservedTest
@@ -19,24 +20,33 @@ from mrwork.uncertainty.noise import Noise
 # Bins in which quantiles are looked for.
 _HISTOGRAM = 4096
 
+_ALONG = Shape(("n",))
+
 BandKind = Literal["parameter", "prediction"]
 """A parameter band contains the model's force under the posterior of the parameters: it narrows with more data, and
 measurements need not lie in it. A prediction band is to contain the given share of measurements."""
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Band(Summarised):
     """Lower and upper limits, shape (n,), of nominal coverage `level`; `basis` is its origin in words."""
 
     kind: BandKind
-    level: float
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
+    level: Share
+    lower: Annotated[AnyNumbers, _ALONG]
+    upper: Annotated[AnyNumbers, _ALONG]
     basis: str
 
     @classmethod
+    @checked
     def about(
-        cls, centre: NDArray[np.float64], half: NDArray[np.float64] | float, *, level: float, basis: str = ""
+        cls,
+        centre: Annotated[NDArray[np.float64], _ALONG],
+        half: Annotated[AnyNumbers, _ALONG] | Annotated[float, May.BE_INFINITE],
+        *,
+        level: Share,
+        basis: str = "",
     ) -> Band:
         """Prediction band of half width `half` about a centre, shape (n,)."""
         return cls(kind="prediction", level=level, lower=centre - half, upper=centre + half, basis=basis)
@@ -56,8 +66,13 @@ class BandScore:
     width: float
 
 
-def score(band: Band, measured: NDArray[np.float64], *, per: float = 1.0) -> BandScore:
+@checked
+def score(band: Band, measured: Samples, *, per: Positive = 1.0) -> BandScore:
     """Score a band on measurements, shape (n,); widths are divided by `per`, such as the standard deviation."""
+    if measured.size != band.lower.size:
+        raise SettingError(
+            f"`measured` has {measured.size} samples; give one for each of the {band.lower.size} of the band"
+        )
     width = band.upper - band.lower
     outside = np.maximum(band.lower - measured, 0.0) + np.maximum(measured - band.upper, 0.0)
     return BandScore(
@@ -125,8 +140,13 @@ def _equal_weights(scores: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]
     return np.concatenate([np.full(each.size, 1.0 / (each.size * len(scores))) for each in scores])
 
 
+@checked
 def simulate_draws(
-    spec: DamperSpec, theta: NDArray[np.float64], test: DamperTest, *, threads: int = 0
+    spec: DamperSpec,
+    theta: Annotated[NDArray[np.float64], Shape(("n_draws", "n_params"))],
+    test: DamperTest,
+    *,
+    threads: Threads = 0,
 ) -> NDArray[np.float64]:
     """Forces of all draws on a test, with the observation model applied [N], shape (n_draws, n_time).
 
@@ -149,8 +169,15 @@ def simulate_draws(
     return forces[~failed]
 
 
-def parameter_band(forces: NDArray[np.float64], level: float) -> Band:
+def _check_draws(forces: NDArray[np.float64]) -> None:
+    if not forces.size:
+        raise SettingError(f"`forces` has shape {forces.shape}; give at least one draw of one sample")
+
+
+@checked
+def parameter_band(forces: Rows, level: Share) -> Band:
     """Central quantiles of the columns of `forces`, shape (n_draws, n), that contain a share `level`."""
+    _check_draws(forces)
     lower, upper = np.quantile(forces, [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0)
     return Band(
         kind="parameter",
@@ -161,13 +188,14 @@ def parameter_band(forces: NDArray[np.float64], level: float) -> Band:
     )
 
 
+@checked
 def noise_band(
-    forces: NDArray[np.float64],
-    noise_draws: NDArray[np.float64],
+    forces: Rows,
+    noise_draws: Annotated[NDArray[np.float64], Shape(("n_batch", "n_noise"))],
     noise: Noise,
-    level: float,
+    level: Share,
     *,
-    deviation: float,
+    deviation: Positive,
     mean: float,
     rng: np.random.Generator,
 ) -> Band:
@@ -184,6 +212,7 @@ def noise_band(
     deviation, mean
         Standard deviation and mean of the force [N], to which noise parameters refer.
     """
+    _check_draws(forces)
     added = noise.draw((forces - mean) / deviation, noise_draws, rng)
     lower, upper = np.quantile(forces + deviation * added, [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0)
     return Band(

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mrwork.arguments import checked
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import fit_from_json
@@ -60,6 +61,7 @@ class StoredBands(Summarised):
             facts=(*calibration.facts, ("tests with predictions", str(len(self.predictions)))),
         )
 
+    @checked
     def others(self, prediction: Prediction) -> list[Prediction]:
         """The predictions of the tests that are not alike to one of them."""
         groups = alike_groups([RecordedMotion.of(each.test) for each in self.predictions])
@@ -67,6 +69,7 @@ class StoredBands(Summarised):
         alike = next(members for members in groups if number in members)
         return [each for index, each in enumerate(self.predictions) if index not in alike]
 
+    @checked
     def row(self, prediction: Prediction, level: float) -> LeftOutCoverage | None:
         """Coverage of one test at one level."""
         name = prediction.test.label

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Share, checked
 from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest, Likeness, RecordedMotion
 from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
@@ -37,6 +39,8 @@ class Calibration(Summarised):
     that were given but not used, because the fit has seen their motion at their command.
     """
 
+    _made_by: ClassVar[str] = "mr.calibrate(predictions, held_out=...)"
+
     shape: Shape
     scores: tuple[NDArray[np.float64], ...]
     tests: tuple[str, ...]
@@ -44,11 +48,13 @@ class Calibration(Summarised):
     motions: tuple[RecordedMotion, ...] = ()
     seen: tuple[Likeness, ...] = ()
 
+    @checked
     def knows(self, test: DamperTest) -> Likeness | None:
         """The test of the calibration that a test is, or whose motion and command it has; `None` where it is new."""
         return likest(RecordedMotion.of(test), self.motions)
 
-    def band(self, prediction: Prediction, level: float) -> Band:
+    @checked
+    def band(self, prediction: Prediction, level: Share) -> Band:
         """Prediction band of the force, shape (n_counted,); its basis names what lies outside the tested ranges.
 
         Raises
@@ -104,6 +110,7 @@ class Calibration(Summarised):
         )
 
 
+@checked
 def calibrate(predictions: Sequence[Prediction], *, held_out: str) -> Calibration:
     """Calibrate bands on tests that the fit has not seen.
 
@@ -169,8 +176,9 @@ class LeftOutCoverage:
     cycles_inside: float
 
 
+@checked
 def measured_coverage(
-    predictions: Sequence[Prediction], levels: Sequence[float] = LEVELS
+    predictions: Sequence[Prediction], levels: Sequence[Share] = LEVELS
 ) -> tuple[LeftOutCoverage, ...]:
     """Coverage of each test by bands calibrated on the others, at each level; alike tests are left out together.
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import ClassVar, Literal
 from warnings import warn
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import checked
 from mrwork.errors import MrworkWarning, SettingError, SimulationError
 from mrwork.identification.fit import Fit
 from mrwork.identification.nuisance import NuisanceName
@@ -54,6 +55,8 @@ class Prediction(Summarised):
     only then is the error that of a test which the fit has not seen. `outside` is what of the test lies outside the
     tested ranges of the fit. Properties are of the counted samples, shape (n_counted,).
     """
+
+    _made_by: ClassVar[str] = "mr.predict(fit, test)"
 
     test: DamperTest
     model_force: NDArray[np.float64]
@@ -116,6 +119,7 @@ class Prediction(Summarised):
         )
 
 
+@checked
 def predict(fit: Fit, test: DamperTest, *, nuisances: tuple[NuisanceName, ...] | None = None) -> Prediction:
     """Simulate a fitted damper on a test, with the test's observation model applied, or else that of the fit.
 
@@ -149,7 +153,7 @@ def predict_tests(
     """`predict` for several tests, with one warning for all."""
     for sentence in prediction_warning(fit.spec, tests):
         # Of the line that calls `predict`.
-        warn(sentence, MrworkWarning, stacklevel=3)
+        warn(sentence, MrworkWarning, stacklevel=4)
     return tuple(_predicted(fit, test, nuisances) for test in tests)
 
 
@@ -185,6 +189,7 @@ class LeftOut(Summarised):
     failures: tuple[str, ...]
 
 
+@checked
 def predict_left_out(
     tests: Sequence[DamperTest],
     fold: Fold,

@@ -9,6 +9,7 @@ from functools import partial
 from typing import TypeVar
 from warnings import warn
 
+from mrwork.arguments import Threads, checked
 from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import Interrupted, JournalError, MrworkError, MrworkWarning, OutputError, SettingError
@@ -227,6 +228,7 @@ class RunningComparison:
         )
 
 
+@checked
 def choose_model(
     tests: DamperTest | Sequence[DamperTest],
     models: str | Sequence[DamperSpec | str] = ALL,
@@ -238,7 +240,7 @@ def choose_model(
     settings: FitSettings | None = None,
     noise: str = "iid",
     sampled: bool = False,
-    threads: int = 0,
+    threads: Threads = 0,
     on_progress: Callable[[ChoiceProgress], None] | None = None,
     journal_of: JournalOf | None = None,
 ) -> Choice:
@@ -299,7 +301,7 @@ def choose_model(
     compared, remarks = families(models, laws=laws or {}, unit=unit, lagged=lagged, bounds=settings.bounds)
     about_commands = command_warning(tests, [family.spec for family in compared])
     for sentence in about_commands:
-        warn(sentence, MrworkWarning, stacklevel=2)
+        warn(sentence, MrworkWarning, stacklevel=3)
     remarks += about_commands
     if len(tests) == 1:
         remarks += (ONE_TEST,)

@@ -9,6 +9,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import checked
 from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.summary import Summarised, Summary, aligned
 from mrwork.uncertainty.choice.ranking import NEGLIGIBLE, error_of_mean, is_as_good
@@ -59,6 +60,7 @@ class TriedLaws(Summarised):
     }
 
     @classmethod
+    @checked
     def of(
         cls,
         laws: dict[str, LawName],

@@ -10,6 +10,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from mrwork.arguments import Threads, checked
 from mrwork.dampers.parameters import CommandUnit, LawName
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import Interrupted
@@ -57,6 +58,7 @@ class LawProgress:
     within: Progress | None = None
 
 
+@checked
 def choose_laws(
     model: DamperSpec | str,
     tests: DamperTest | Sequence[DamperTest],
@@ -65,7 +67,7 @@ def choose_laws(
     unit: CommandUnit = "A",
     leave_out: Fold | None = None,
     settings: FitSettings | None = None,
-    threads: int = 0,
+    threads: Threads = 0,
     on_progress: Callable[[LawProgress], None] | None = None,
     journal_of: JournalOf | None = None,
 ) -> LawChoice:

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Share, Threads, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
 from mrwork.identification.autocorrelation import effective_samples, residuals_by_test
@@ -50,13 +51,14 @@ class ProfileProgress:
     seconds: float
 
 
+@checked
 def profile(
     fit: Fit,
     tests: DamperTest | Sequence[DamperTest],
     *,
     parameters: Sequence[str] = (),
-    level: float = 0.95,
-    threads: int = 0,
+    level: Share = 0.95,
+    threads: Threads = 0,
     on_progress: Callable[[ProfileProgress], None] | None = None,
 ) -> Profiles:
     """Profile likelihood of the free parameters of a fit, both sides of all parameters simulated in one batch.
@@ -84,12 +86,10 @@ def profile(
     UnknownNameError
         Where the model has no such parameter.
     SettingError
-        Where a parameter is fixed, the level is not a probability, or the fit was not a least-squares fit.
+        Where a parameter is fixed, or the fit was not a least-squares fit.
     Interrupted
         On Ctrl-C, carrying the `Profiles` so far, whose ends are "interrupted".
     """
-    if not 0.0 < level < 1.0:
-        raise SettingError(f"`level` is {level:g}; give a probability between 0 and 1, as 0.95")
     power = fit.settings.power
     if power != ROOT_MEAN_SQUARE:
         raise SettingError(

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Threads, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.identification.autocorrelation import effective_samples, residuals_by_test
 from mrwork.identification.certainty import Identifiability, Verdict
@@ -22,11 +23,12 @@ from mrwork.uncertainty.identifiability.curvature import Scale
 from mrwork.uncertainty.identifiability.information import identifiability_from
 
 
+@checked
 def identifiability_of(
     fit: Fit,
     tests: DamperTest | Sequence[DamperTest],
     *,
-    threads: int = 0,
+    threads: Threads = 0,
 ) -> Identifiability:
     """Verdict on each parameter of a fit, and the directions in which its tests do not determine the parameters.
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from mrwork.arguments import checked
 from mrwork.dampers.parameters import CommandUnit
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
@@ -42,6 +43,7 @@ COMMAND_RANGE = (0.0, LARGEST_COMMAND)
 """Commands [A or V] that a test may have."""
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
     """Sinusoidal test: amplitude [m], frequency [Hz], and the command in the model's unit, `None` without laws."""
@@ -55,6 +57,7 @@ class Candidate:
         """Peak velocity [m/s]."""
         return 2.0 * pi * self.frequency * self.amplitude
 
+    @checked
     def in_words(self, unit: CommandUnit | None) -> str:
         """Description such as "10 mm, 1 Hz, 0.5 A"."""
         command = "" if self.command is None else f", {self.command:g} {unit}"
@@ -81,6 +84,7 @@ def check_possible(candidates: Sequence[Candidate]) -> None:
                 )
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
     """Limits of a rig: `stroke` peak to peak [m] and `peak_velocity` [m/s]; `None` is no limit."""
@@ -93,6 +97,7 @@ class Limits:
             if value is not None and not (isfinite(value) and value > 0.0):
                 raise SettingError(f"`{name}` is {value:g}; a limit is a positive number, in SI")
 
+    @checked
     def allow(self, candidate: Candidate) -> bool:
         """Whether the test is within the limits, up to rounding."""
         within = 1.0 + 1e-9

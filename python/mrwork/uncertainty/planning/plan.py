@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Threads, checked
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, SimulationError, UnknownNameError
 from mrwork.identification.autocorrelation import effective_samples, residuals_by_test
@@ -139,6 +140,7 @@ class LinearisedPosterior:
         )
 
 
+@checked
 def plan(
     fit: Fit,
     tests: DamperTest | Sequence[DamperTest],
@@ -146,7 +148,7 @@ def plan(
     *,
     band: str = "force",
     targets: Sequence[Candidate] = (),
-    threads: int = 0,
+    threads: Threads = 0,
 ) -> Plan:
     """Rank candidate tests by the expected reduction of the variance of a band.
 

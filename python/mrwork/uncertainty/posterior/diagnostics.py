@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from importlib import import_module
 from math import ceil
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from mrwork.arguments import Shape, Within, checked
 
 Array = NDArray[np.float64]
 
@@ -90,7 +92,8 @@ class Convergence(NamedTuple):
     mcse: float
 
 
-def convergence(chains: Array) -> Convergence:
+@checked
+def convergence(chains: Annotated[Array, Shape(("n_chains", "n_draws"))]) -> Convergence:
     """Rank-normalised R-hat, effective sizes and Monte-Carlo error of draws, shape (n_chains, n_draws)."""
     # ArviZ takes a second to load, and has no type annotations.
     statistics: Any = import_module("arviz_stats.base").array_stats
@@ -112,7 +115,8 @@ def autocorrelation_times(values: Array) -> Array:
         return np.asarray(integrated_time(values, tol=0, has_walkers=True))
 
 
-def kept(n_steps: int) -> slice:
+@checked
+def kept(n_steps: Annotated[int, Within(least=1, most=2**53)]) -> slice:
     """Rows of a chain after the burn-in; its first row is the start."""
     return slice(1 + int(BURN_IN * n_steps), n_steps + 1)
 

@@ -6,11 +6,12 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from math import log
 from statistics import NormalDist
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import checked
 from mrwork.identification.certainty import Interval, Intervals, VerdictName
 from mrwork.identification.fit import Provenance
 from mrwork.summary import Summarised, Summary, rounded, with_decimals
@@ -109,6 +110,8 @@ class Draws(Summarised):
     file has it as text.
     """
 
+    _made_by: ClassVar[str] = "mr.sample(fit, tests)"
+
     model: str
     names: tuple[str, ...]
     noise_model: str
@@ -141,6 +144,7 @@ class Draws(Summarised):
         """Summaries of the parameters that were not held fixed."""
         return tuple(each for each in self.summaries if not each.fixed)
 
+    @checked
     def chain(self, name: str) -> Array:
         """Draws of one parameter or noise parameter, shape (n_walkers, n_kept)."""
         if name in self.noise_names:

@@ -15,6 +15,7 @@ from emcee import EnsembleSampler, State
 from emcee.moves import Move
 from numpy.typing import NDArray
 
+from mrwork.arguments import checked
 from mrwork.summary import Summarised
 
 Array = NDArray[np.float64]
@@ -69,6 +70,7 @@ class Ensemble(Summarised):
     at: tuple[int, RandomState]
 
     @classmethod
+    @checked
     def begin(cls, target: Callable[[Array], Array], walkers: Array, rng: int) -> Ensemble:
         """An ensemble at its start, shape (n_walkers, n_dim), with its own random stream."""
         # emcee uses the legacy generator.
@@ -90,6 +92,7 @@ class Ensemble(Summarised):
         """Number of walkers."""
         return int(self.positions.shape[1])
 
+    @checked
     def advance(self, until: int, on_step: Callable[[int], None]) -> None:
         """Advance to step `until`; `on_step` is called after each step."""
         done, random_state = self.at

@@ -7,11 +7,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from importlib import import_module
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Shape, Within, checked
 from mrwork.errors import SettingError
 from mrwork.identification.linearisation import linearised
 from mrwork.uncertainty.posterior.target import Target
@@ -80,7 +81,13 @@ def _noise_curvature(target: Target, position: Array, index: int) -> float:
     return max(curvature, 0.0) if np.isfinite(curvature) else 0.0
 
 
-def first_walkers(target: Target, start: Array, n_walkers: int, rng: np.random.Generator) -> Array:
+@checked
+def first_walkers(
+    target: Target,
+    start: Annotated[Array, Shape(("n_params",))],
+    n_walkers: Annotated[int, Within(least=1, most=10_000)],
+    rng: np.random.Generator,
+) -> Array:
     """Starting positions about `start`, (n_params,), shape (n_walkers, n_dim), all of positive density.
 
     Normal with the inverse of the tempered Fisher information as covariance, reflected at the faces of the box.

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Count, Seed, checked
 from mrwork.errors import SettingError
 from mrwork.simulate import loading_of
 from mrwork.summary import Summarised
@@ -24,6 +25,7 @@ Array = NDArray[np.float64]
 LogDensity = Callable[[jax.Array], jax.Array]
 
 
+@checked
 def twin_log_posterior(target: Target, substeps: tuple[int, ...]) -> LogDensity:
     """Log posterior of one position, (n_dim,), equal to that of `target`, with fixed sub-steps for each test.
 
@@ -70,6 +72,7 @@ def twin_log_posterior(target: Target, substeps: tuple[int, ...]) -> LogDensity:
     return log_posterior
 
 
+@checked
 def substeps_at(target: Target, theta: Any) -> tuple[int, ...]:
     """Sub-steps of the stepping rule for one candidate, (n_params,), on each test."""
     runs = target.objective.misfits(np.asarray(theta)[None])
@@ -133,14 +136,15 @@ class Trajectories:
         return -density
 
 
+@checked
 def sample_nuts(
     target: Target,
     start: Array,
     *,
-    warmup: int = 500,
-    draws: int = 1000,
-    chains: int = 4,
-    rng: int = 0,
+    warmup: Count = 500,
+    draws: Count = 1000,
+    chains: Count = 4,
+    rng: Seed = 0,
 ) -> NutsDraws:
     """Sample a target by the no-U-turn sampler, in sequential chains that start near `start`, (n_params,).
 
@@ -154,8 +158,9 @@ def sample_nuts(
     return nuts_of(target, start, warmup=warmup, draws=draws, chains=chains)(rng)
 
 
+@checked
 def nuts_of(
-    target: Target, start: Array, *, warmup: int, draws: int, chains: int
+    target: Target, start: Array, *, warmup: Count, draws: Count, chains: Count
 ) -> Callable[[int], NutsDraws]:
     """The sampler of `sample_nuts` as a function of the seed, compiled on the first call.
 

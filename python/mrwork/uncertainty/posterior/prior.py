@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from math import isfinite, log, pi
 from typing import Any, Protocol
 
+from mrwork.arguments import checked
 from mrwork.errors import SettingError
 
 # NumPy or JAX, as in `coordinates`.
@@ -26,6 +27,7 @@ class Prior(Protocol):
         """Log density of each value, of the same shape; -inf outside the support."""
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Normal:
     """Normal about `mean` with standard `deviation`."""
@@ -42,6 +44,7 @@ class Normal:
         return -0.5 * ((value - self.mean) / self.deviation) ** 2 - log(self.deviation) - _HALF_LOG_2_PI
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Lognormal:
     """Lognormal about `median`, with the standard `deviation` of the natural logarithm."""
@@ -65,6 +68,7 @@ class Lognormal:
         return xp.where(positive, density, -xp.inf)
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Uniform:
     """Uniform in the value between two limits, regardless of the scale of the parameter."""

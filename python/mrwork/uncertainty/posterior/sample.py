@@ -5,11 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.errors import Interrupted, SettingError
+from mrwork.arguments import Threads, Within, checked
+from mrwork.errors import Interrupted
 from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
@@ -49,6 +51,7 @@ class ChainSoFar:
     draws: Callable[[], Draws]
 
 
+@checked
 def sample(
     fit: Fit,
     tests: DamperTest | Sequence[DamperTest],
@@ -56,10 +59,10 @@ def sample(
     noise: str = "iid",
     priors: Mapping[str, Prior] | None = None,
     tempering: Tempering | None = None,
-    walkers: int = 64,
-    most_steps: int = 20_000,
-    rng: int = 0,
-    threads: int = 0,
+    walkers: Annotated[int, Within(least=2, most=10_000)] = 64,
+    most_steps: Annotated[int, Within(least=1, most=10_000_000)] = 20_000,
+    rng: Annotated[int, Within(least=0, most=2**32 - 1)] = 0,
+    threads: Threads = 0,
     journal: Journal | None = None,
     on_progress: Callable[[SamplingProgress], None] | None = None,
 ) -> Draws:
@@ -136,8 +139,6 @@ def sample(
         rng=rng,
         threads=threads,
     )
-    if most_steps < 1:
-        raise SettingError(f"`most_steps` is {most_steps}; give 1 or more")
     density: Callable[[Array], Array] = problem.target
     if journal is not None:
         journal.agree("sampling", problem.fingerprint())

@@ -1,0 +1,81 @@
+"""Public functions with one wrong argument: of another kind, shape, length, size, range or name.
+
+Each call ends in an error of ours whose text is one line, or in a result, and soon.
+"""
+
+from __future__ import annotations
+
+import signal
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+import valid_calls_dampers
+import valid_calls_fits
+import valid_calls_loop
+from wrong_arguments import Calls, ValidCall, wrong
+
+from mrwork.errors import MrworkError
+
+ROOMS = (*valid_calls_dampers.ROOMS, *valid_calls_fits.ROOMS, *valid_calls_loop.ROOMS)
+# A refusal takes milliseconds; what takes this long would run for hours.
+SECONDS = 20.0
+# Calls that are refused as they are: they would take long, or need more than a test has.
+REFUSED = {"read_test_table", "Fit.reading", "profile", "choose_model", "choose_laws"}
+
+
+@contextmanager
+def soon() -> Iterator[None]:
+    def late(*_: object) -> None:
+        raise TimeoutError(f"longer than {SECONDS:g} s")
+
+    before = signal.signal(signal.SIGALRM, late)
+    signal.setitimer(signal.ITIMER_REAL, SECONDS)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def said(valid: ValidCall, **changed: Any) -> str:
+    """What is wrong with how a call ends; empty where nothing is."""
+    try:
+        with soon():
+            valid.function(**{**valid.arguments, **changed})
+    except MrworkError as error:
+        return "" if str(error).isprintable() else f"not one line: {error!r}"
+    except Exception as error:
+        return repr(error)
+    return ""
+
+
+@pytest.mark.parametrize("room", ROOMS, ids=lambda room: room.__name__)
+def test_a_wrong_argument_is_refused_in_a_sentence_or_accepted(
+    room: Callable[[Path], Calls], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    broken = []
+    with warnings.catch_warnings():
+        # Overflows of absurd numbers; what is said in them is not asked here.
+        warnings.simplefilter("ignore")
+        for name, made in room(tmp_path).items():
+            valid = made()
+            for argument, value in valid.arguments.items():
+                for label, other in wrong(value):
+                    if found := said(valid, **{argument: other}):
+                        broken.append(f"{name}: `{argument}`, {label}: {found}")
+    assert not broken, "\n".join(broken)
+
+
+@pytest.mark.parametrize("room", ROOMS, ids=lambda room: room.__name__)
+def test_the_calls_that_are_made_wrong_are_right(room: Callable[[Path], Calls], tmp_path: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for name, made in room(tmp_path).items():
+            valid = made()
+            if name not in REFUSED:
+                valid.function(**valid.arguments)
