@@ -21,6 +21,8 @@ from mrwork.keys import suggestion
 
 # As many characters of a value as a message repeats.
 _SHOWN = 40
+# Products of three numbers are finite below the largest, quotients of numbers above the smallest.
+_LARGEST, _SMALLEST = 1e100, 1e-100
 
 
 class May(Enum):
@@ -194,7 +196,7 @@ def _float(notes: tuple[Any, ...]) -> Kind:
             plain = float(number)
         except OverflowError:
             raise Refusal(f"is {_described(value)}; give a smaller number", SettingError) from None
-        if notes or not math.isfinite(plain):
+        if notes or not (plain == 0.0 or _SMALLEST <= abs(plain) <= _LARGEST):
             _check_numbers(np.float64(plain), notes)
         exact = isinstance(number, float) or (isinstance(number, int) and abs(number) < 2**53)
         return number if exact else plain
@@ -321,14 +323,18 @@ def _as_array(value: Any, kinds: str, words: str) -> Any:
 def _check_numbers(values: Any, notes: tuple[Any, ...]) -> None:
     """Refuse numbers that are not finite, and those out of the ranges among the notes."""
     numbers = "finite numbers" if np.ndim(values) else "a finite number"
-    if not (finite := np.isfinite(values)).all():
+    size = np.abs(values)
+    if not (size <= _LARGEST).all():
         allowed = (
-            finite
-            | (np.isinf(values) & (May.BE_INFINITE in notes))
+            (size <= _LARGEST)
+            | ((size > _LARGEST) & (May.BE_INFINITE in notes))
             | (np.isnan(values) & (May.BE_NAN in notes))
         )
         if not np.all(allowed):
-            raise Refusal(f"{_worst(values, ~allowed)}; give {numbers}", SettingError)
+            most = "" if np.any(~allowed & ~np.isfinite(values)) else f" of at most {_LARGEST:g}"
+            raise Refusal(f"{_worst(values, ~allowed)}; give {numbers}{most}", SettingError)
+    if np.ndim(values) == 0 and 0.0 < size < _SMALLEST:
+        raise Refusal(f"is {values:g}; give zero, or a number of at least {_SMALLEST:g}", SettingError)
     for each in notes:
         if isinstance(each, Within) and np.any(out := each.excludes(values)):
             raise Refusal(
@@ -356,7 +362,8 @@ def _sequence(item: Any, notes: tuple[Any, ...]) -> Kind:
     words = f"a list, each item {of.words}"
 
     def accept(value: Any) -> Any:
-        listed = _listed(value, words)
+        # The rows of a matrix are items of their own where items are lists.
+        listed = _listed(value, words, most_axes=2 if of.rank > 1 else 1)
         items = [_at(of, each, f"[{position}]") for position, each in enumerate(listed)]
         unchanged = listed is value and all(new is old for new, old in zip(items, listed, strict=True))
         return value if unchanged else items if isinstance(listed, list) else tuple(items)
@@ -414,8 +421,8 @@ def _mapping(inner: tuple[Any, ...], notes: tuple[Any, ...]) -> Kind:
     return Kind(words, accept, rank=2)
 
 
-def _listed(value: Any, words: str) -> Any:
-    if isinstance(value, np.ndarray) and value.ndim == 1 and not np.ma.is_masked(value):
+def _listed(value: Any, words: str, most_axes: int = 1) -> Any:
+    if isinstance(value, np.ndarray) and 1 <= value.ndim <= most_axes and not np.ma.is_masked(value):
         return value.tolist()
     if isinstance(value, str | bytes) or not isinstance(value, Sequence):
         raise OtherKind(value, words)

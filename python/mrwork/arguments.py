@@ -10,6 +10,7 @@ A class says in `_made_by` how a user gets one of its objects.
 from __future__ import annotations
 
 import inspect
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import is_dataclass
 from functools import wraps
@@ -20,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork.argument_kinds import Kind, May, Refusal, Shape, Within, kind_of, shape_of
+from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.escaping import escaped
 
 __all__ = [
@@ -73,20 +75,22 @@ def checked(target: TargetT) -> TargetT:
     if isinstance(target, type):
         if not is_dataclass(target):
             raise TypeError(f"{target.__name__} is no dataclass; put `checked` on its constructor")
-        setattr(target, "__init__", _checking(target.__init__, target.__name__))  # noqa: B010 # not for a type checker
+        setattr(target, "__init__", _checking(target.__init__, target.__name__, target))  # noqa: B010 # not for a type checker
         return target
     # A method is named with its class, a constructor by its class, a function within a function by its own name.
     name = target.__qualname__.rpartition("<locals>.")[2].removesuffix(".__init__")
     return cast(TargetT, _checking(target, name))
 
 
-def _checking(function: Any, name: str) -> Any:
+def _checking(function: Any, name: str, owner: type = object) -> Any:
+    """The function behind the check; a constructor has the fields of its class, the `owner`."""
     signature = inspect.signature(function)
     positional = tuple(
         each.name
         for each in signature.parameters.values()
         if each.kind in (each.POSITIONAL_ONLY, each.POSITIONAL_OR_KEYWORD)
     )
+    rest = next((each.name for each in signature.parameters.values() if each.kind is each.VAR_POSITIONAL), "")
     # Empty until the first call: an annotation may name what is defined after the function.
     kinds: dict[str, Kind] = {}
     shapes: dict[str, Shape] = {}
@@ -94,29 +98,34 @@ def _checking(function: Any, name: str) -> Any:
     @wraps(function)
     def checking(*args: Any, **given: Any) -> Any:
         if not kinds:
-            kinds.update(_kinds_of(function, signature))
+            kinds.update(_kinds_of(function, signature, owner))
             shapes.update(_shapes_of(function, signature))
         values = [
-            _accepted(kinds, name, parameter, value)
+            _accepted(kinds, name, parameter, value, owner)
             for parameter, value in zip(positional, args, strict=False)
         ]
-        named = {parameter: _accepted(kinds, name, parameter, value) for parameter, value in given.items()}
+        more = [_accepted(kinds, name, rest, value, owner) for value in args[len(values) :]]
+        named = {
+            parameter: _accepted(kinds, name, parameter, value, owner) for parameter, value in given.items()
+        }
         if shapes:
             _agree(shapes, name, dict(zip(positional, values, strict=False)) | named)
-        return function(*values, *args[len(values) :], **named)
+        return function(*values, *more, **named)
 
     return checking
 
 
-def _accepted(kinds: Mapping[str, Kind], function: str, parameter: str, value: Any) -> Any:
+def _accepted(kinds: Mapping[str, Kind], function: str, parameter: str, value: Any, owner: type) -> Any:
     if parameter not in kinds:
         return value
     try:
         return kinds[parameter].accept(value)
     except Refusal as refusal:
-        raise refusal.error(
-            escaped(f"`{parameter}{refusal.place}` of {function} {refusal.sentence}")
-        ) from None
+        sentence = escaped(f"`{parameter}{refusal.place}` of {function} {refusal.sentence}")
+        if owner is not object and refusal.error is SettingError:
+            # A reader of a file finds the line of the field.
+            raise InvalidSettingError(parameter, sentence) from None
+        raise refusal.error(sentence) from None
 
 
 def _agree(shapes: Mapping[str, Shape], function: str, given: Mapping[str, Any]) -> None:
@@ -133,25 +142,32 @@ def _agree(shapes: Mapping[str, Shape], function: str, given: Mapping[str, Any])
 
 
 def _shapes_of(function: Any, signature: inspect.Signature) -> dict[str, Shape]:
+    own = inspect.unwrap(function).__globals__
     found = {
-        name: shape_of(_resolved(parameter.annotation, function))
+        name: shape_of(_resolved(parameter.annotation, own))
         for name, parameter in signature.parameters.items()
     }
     return {name: shape for name, shape in found.items() if shape is not None}
 
 
-def _kinds_of(function: Any, signature: inspect.Signature) -> dict[str, Kind]:
+def _kinds_of(function: Any, signature: inspect.Signature, owner: type = object) -> dict[str, Kind]:
+    # An inherited field is annotated with names of the module of its own class.
+    homes = {
+        name: vars(sys.modules[each.__module__])
+        for each in reversed(owner.__mro__)
+        for name in vars(each).get("__annotations__", ())
+    }
+    own = inspect.unwrap(function).__globals__
     return {
-        name: kind_of(_resolved(parameter.annotation, function), parameter.default)
+        name: kind_of(_resolved(parameter.annotation, homes.get(name, own)), parameter.default)
         for name, parameter in signature.parameters.items()
-        if parameter.annotation is not parameter.empty
-        and parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+        if parameter.annotation is not parameter.empty and parameter.kind is not parameter.VAR_KEYWORD
     }
 
 
-def _resolved(annotation: Any, function: Any) -> Any:
+def _resolved(annotation: Any, names: dict[str, Any]) -> Any:
     alone = SimpleNamespace(__annotations__={"annotation": annotation})
     try:
-        return get_type_hints(alone, function.__globals__, include_extras=True)["annotation"]
+        return get_type_hints(alone, names, include_extras=True)["annotation"]
     except NameError:
         return Any

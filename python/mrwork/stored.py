@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from pathlib import Path
 
+from mrwork.arguments import checked
 from mrwork.errors import RecordError
 from mrwork.identification.certainty import Intervals
 from mrwork.identification.fit import Fit
@@ -58,6 +59,7 @@ class StoredRun(Summarised):
         )
 
 
+@checked
 def load(run: str | Path) -> StoredRun:
     """Read back what the run folder of a fit holds; `mr.study.read_results` reads that of a study.
 

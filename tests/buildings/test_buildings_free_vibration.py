@@ -124,7 +124,7 @@ def test_the_older_reading_of_the_half_power_width_passes_a_short_record_for_dam
         (np.zeros(3), None, RecordError, "3 samples"),
         (np.zeros(0), None, RecordError, "0 samples"),
         (np.ones(100), None, RecordError, "constant"),
-        (np.append(decay(3.0, 0.01, 5.0), np.nan), None, RecordError, "sample 1000 is not"),
+        (np.append(decay(3.0, 0.01, 5.0), np.nan), None, SettingError, "is nan at 1000"),
         (decay(3.0, 0.01, 5.0), (4.0, 2.0), SettingError, "band is 4 to 2 Hz"),
         (decay(3.0, 0.01, 5.0), (2.0, 101.0), SettingError, "half the sampling frequency"),
         (decay(3.0, 0.01, 5.0), (5.0, 8.0), RecordError, "damping does not show"),
@@ -151,7 +151,7 @@ def test_a_record_without_a_mode_in_it_is_refused(
 
 
 def test_a_step_that_is_not_positive_is_refused() -> None:
-    with pytest.raises(SettingError, match="step is 0"):
+    with pytest.raises(SettingError, match="`dt` of fourier_peak is 0; give a number above 0"):
         fourier_peak(decay(3.0, 0.01, 5.0), dt=0.0)
 
 

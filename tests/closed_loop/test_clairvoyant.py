@@ -85,11 +85,17 @@ def test_commands_that_cannot_be_sent_are_refused(
         simulate_prescribed(five_storeys(), loop(), prescribed, sweep(1.0), hardware)
 
 
-@pytest.mark.parametrize("command", [[1.0], [[-1.0]], [[np.nan]], [[]]])
-def test_commands_of_no_meaning_are_refused_when_they_are_made(command: object) -> None:
-    with pytest.raises(
-        SettingError, match=r"give finite numbers from 0, of shape \(n_intervals, n_devices\)"
-    ):
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ([1.0], r"has shape \(1,\); give \(n_intervals, n_devices\)"),
+        ([[-1.0]], "is -1 at"),
+        ([[np.nan]], "is nan at"),
+        ([[]], r"has shape \(1, 0\)"),
+    ],
+)
+def test_commands_of_no_meaning_are_refused_when_they_are_made(command: object, words: str) -> None:
+    with pytest.raises(SettingError, match=words):
         PrescribedCommands(interval=0.01, command=command)  # type: ignore[arg-type]
 
 

@@ -310,17 +310,17 @@ def test_a_floor_that_is_none_cannot_be_measured() -> None:
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
-        ({"sample_time": 0.0}, "`sample_time` is 0.0; give a positive number"),
-        ({"sample_time": np.inf}, "`sample_time` is inf"),
-        ({"step": np.nan}, "`step` is nan"),
-        ({"command_rate": 0.0}, "`command_rate` is 0.0"),
+        ({"sample_time": 0.0}, "`sample_time` of Hardware is 0; give a number above 0"),
+        ({"sample_time": np.inf}, "`sample_time` of Hardware is inf"),
+        ({"step": np.nan}, "`step` of Hardware is nan"),
+        ({"command_rate": 0.0}, "`command_rate` of Hardware is 0; give a number above 0"),
         ({"delay": 3e-4}, "not a whole number of integration steps"),
-        ({"delay": -1e-3}, "`delay` is -0.001 s"),
-        ({"delay": np.inf}, "`delay` is inf s"),
+        ({"delay": -1e-3}, "`delay` of Hardware is -0"),
+        ({"delay": np.inf}, "`delay` of Hardware is inf"),
         ({"delay": 1e9}, "1000000 samples of delay"),
         ({"step": 1e-12}, "at most 10000 steps to a sample"),
-        ({"force_noise": -1.0}, "`force_noise` is -1.0"),
-        ({"deformation_resolution": np.nan}, "`deformation_resolution` is nan"),
+        ({"force_noise": -1.0}, "`force_noise` of Hardware is -1"),
+        ({"deformation_resolution": np.nan}, "`deformation_resolution` of Hardware is nan"),
         ({"seed": -1}, "`seed` is -1"),
         ({"seed": 2**32}, "give a whole number from 0 to"),
     ],
@@ -333,11 +333,11 @@ def test_hardware_that_cannot_be_is_refused(settings: dict[str, float], sentence
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
-        ({"channel": "voltage"}, "a fault is in acceleration, deformation, force, command"),
-        ({"channel": "force", "index": -1}, "count from 0"),
+        ({"channel": "voltage"}, "choose one of acceleration, deformation, force, command"),
+        ({"channel": "force", "index": -1}, "give a whole number at least 0"),
         ({"channel": "force", "start": 2.0, "end": 1.0}, "lasts from 2.0 s to 1.0 s"),
-        ({"channel": "force", "start": np.nan}, "lasts from nan s"),
-        ({"channel": "force", "value": "holt"}, 'give "hold" or a number'),
+        ({"channel": "force", "start": np.nan}, "`start` of Fault is nan"),
+        ({"channel": "force", "value": "holt"}, "did you mean hold"),
     ],
 )
 def test_a_fault_that_cannot_be_is_refused(settings: dict[str, object], sentence: str) -> None:

@@ -11,7 +11,7 @@ from loop_samples import devices, five_storeys, friction, rd1005, still, sweep
 import mrwork as mr
 from mrwork.closed_loop import Hardware, LoopSample, Responses, UserLaw
 from mrwork.control import lyapunov_function, plant_of
-from mrwork.errors import SettingError
+from mrwork.errors import ArgumentError, SettingError
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 CASES = {
@@ -120,11 +120,11 @@ def test_ctrl_c_in_a_law_ends_the_run() -> None:
 
 
 def test_a_law_that_cannot_be_is_refused_when_it_is_made() -> None:
-    with pytest.raises(SettingError, match="the command of mine is float; give a function"):
+    with pytest.raises(ArgumentError, match=r"`command` of UserLaw is 1\.0; give a function"):
         UserLaw(name="mine", command=1.0)  # type: ignore[arg-type]
-    with pytest.raises(SettingError, match="`n_candidates` of mine is 0"):
+    with pytest.raises(SettingError, match="`n_candidates` of UserLaw is 0"):
         replace(friction_law(), name="mine", n_candidates=0)
-    with pytest.raises(SettingError, match="`n_memory` of mine is 1"):
+    with pytest.raises(ArgumentError, match="`n_memory` of UserLaw is 1"):
         replace(friction_law(), name="mine", n_memory=1.5)  # type: ignore[arg-type] # wrong on purpose
     spec = mr.damper("dahl")
     dahl = mr.Device(

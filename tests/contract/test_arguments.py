@@ -30,6 +30,14 @@ NAMESPACES: tuple[str, ...] = (
     "mrwork.simulate",
     "mrwork.synthetic",
     "mrwork.store.journal",
+    "mrwork.buildings",
+    "mrwork.control",
+    "mrwork.closed_loop",
+    "mrwork.study",
+    "mrwork.tuning",
+    "mrwork.report",
+    "mrwork.twins",
+    "mrwork.stored",
 )
 # Nothing can be checked against these: anything at all, and type variables.
 UNCHECKED = re.compile(r"\b(Any|object|T|StateT|Array)\b")
@@ -119,7 +127,8 @@ def kinds(target: Any) -> dict[str, Kind]:
 
 def declared(target: Any) -> dict[str, Kind]:
     function = vars(target)["__init__"] if isinstance(target, type) else target
-    return _kinds_of(inspect.unwrap(function), inspect.signature(target))
+    owner = target if isinstance(target, type) else object
+    return _kinds_of(inspect.unwrap(function), inspect.signature(target), owner)
 
 
 def shown(target: Any) -> str:

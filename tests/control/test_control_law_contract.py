@@ -28,7 +28,7 @@ from mrwork.closed_loop.hardware import Fault, Hardware
 from mrwork.closed_loop.responses import History, Responses
 from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.control.laws import ControlLaw, ControlLawSpec, control_laws
-from mrwork.errors import SettingError
+from mrwork.errors import ArgumentError, SettingError
 from mrwork.simulate import Outcome
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
@@ -251,7 +251,7 @@ def test_gains_that_are_no_numbers_are_refused(spec: ControlLawSpec) -> None:
     for name in law.gains:
         broken = np.array(law.gains[name])
         broken[4] = np.nan
-        with pytest.raises(SettingError, match=f"the gain '{name}' of {spec.name} has NaN"):
+        with pytest.raises(SettingError, match=rf"`gains\['{name}'\]` of ControlLaw is nan"):
             replace(law, gains={**law.gains, name: broken})
 
 
@@ -346,15 +346,15 @@ def test_gains_of_the_wrong_shape_are_refused(spec: ControlLawSpec) -> None:
                 simulate_loop(five_storeys(), loop, replace(law, gains={**law.gains, name: wrong}), [SHORT])
     with pytest.raises(SettingError, match="has no gain 'more'"):
         replace(law, gains={**law.gains, "more": 1.0})
-    for name, gain in law.gains.items():
+    for name in law.gains:
         with pytest.raises(SettingError, match=f"has no gain '{name}s', did you mean {name}"):
             replace(law, gains={**law.gains, f"{name}s": 1.0})
         with pytest.raises(SettingError, match=f"{spec.name} lacks the gain '{name}'"):
             replace(law, gains={key: gain for key, gain in law.gains.items() if key != name})
-        with pytest.raises(SettingError, match=f"'{name}' of {spec.name} is not an array of numbers"):
+        with pytest.raises(
+            ArgumentError, match=rf"`gains\['{name}'\]` of ControlLaw is 'large'; give an array"
+        ):
             replace(law, gains={**law.gains, name: "large"})
-        with pytest.raises(SettingError, match=f"'{name}' of {spec.name} has NaN"):
-            replace(law, gains={**law.gains, name: np.full(np.shape(gain), np.nan)})
 
 
 @pytest.mark.parametrize("spec", [spec for spec in control_laws() if spec.needs_curve], ids=name_of)

@@ -168,7 +168,7 @@ def test_weights_that_cannot_be_are_refused() -> None:
     for W, R, message in (
         ([1.0], 1.0, "weights has 1 weight, and there are 3 outputs; give one for each"),
         ([1.0, -1.0, 0.0], 1.0, "weights is not positive semidefinite"),
-        ([1.0, np.inf, 0.0], 1.0, "holds a value that is not a finite number"),
+        ([1.0, np.inf, 0.0], 1.0, "is inf at 1; give finite numbers"),
         (THIRD_FLOOR, 0.0, "give a positive `control_weight`"),
         (THIRD_FLOOR, [1.0, 1.0], "control_weight has 2 weights, and there is 1 device"),
     ):

@@ -169,8 +169,11 @@ def test_what_the_ground_does_not_move_is_corrected_too() -> None:
 def test_settings_that_cannot_be_are_refused() -> None:
     system = plant()
     for keywords, message in (
-        ({"sample_time": 0.0}, "the sample time is 0.0 s"),
-        ({"sample_time": TS, "ground_intensity": -1.0}, "all must be positive"),
+        ({"sample_time": 0.0}, "`sample_time` of observer_of is 0; give a number above 0"),
+        (
+            {"sample_time": TS, "ground_intensity": -1.0},
+            "`ground_intensity` of observer_of is -1",
+        ),
         ({"sample_time": TS, "noise_intensity": [1.0, 2.0]}, r"has shape \(2,\) for 4 measurements"),
     ):
         with pytest.raises(SettingError, match=message):

@@ -109,8 +109,8 @@ def test_other_units_are_the_same_building() -> None:
     [
         ([[1.0, 0.0]], r"has shape \(1, 2\), three storeys takes \(n_devices, 3\)"),
         (np.zeros((0, 3)), "one row for each device"),
-        ([[0.0, 0.0, 0.0]], "is zero or not finite"),
-        ([[np.nan, 0.0, 0.0]], "is zero or not finite"),
+        ([[0.0, 0.0, 0.0]], "a row of `attachment` is zero"),
+        ([[np.nan, 0.0, 0.0]], "is nan at"),
     ],
 )
 def test_an_attachment_that_cannot_be_is_refused(attachment: object, message: str) -> None:
@@ -120,5 +120,7 @@ def test_an_attachment_that_cannot_be_is_refused(attachment: object, message: st
 
 def test_names_must_be_as_many_as_devices() -> None:
     building = three_storeys()
-    with pytest.raises(SettingError, match="2 names were given for 1 devices"):
+    with pytest.raises(
+        SettingError, match="1 devices have the names a, b; give each device a name of its own"
+    ):
         plant_of(building, building.storeys[:1], ["a", "b"])

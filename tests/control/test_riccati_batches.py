@@ -27,7 +27,7 @@ from mrwork.control.plant import Plant, accelerations
 from mrwork.control.riccati import RiccatiSolutions
 from mrwork.control.setting_base import LawSettings
 from mrwork.control.weights import Weighed, weighed_outputs
-from mrwork.errors import SettingError
+from mrwork.errors import MrworkError, SettingError
 
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
@@ -182,22 +182,22 @@ def test_rows_without_a_solution_leave_their_neighbours_alone() -> None:
         ({"scaling": np.eye(3)}, r"`scaling` has shape \(3, 3\); give \(2, 2\)"),
         (
             {"state_weight": np.diag([1.0, np.nan])},
-            "`state_weight` holds a value that is not a finite number",
+            r"`state_weight` of regulator_gains is nan at \(1, 1\)",
         ),
         (
             {"control_weight": np.full((3, 1, 1), np.inf)},
-            "`control_weight` holds a value that is not a finite",
+            r"`control_weight` of regulator_gains is inf at \(0, 0, 0\)",
         ),
         (
             {"A": np.zeros((3, 2, 2)), "control_weight": np.ones((4, 1, 1))},
             "the matrices have 3, 4 rows; give",
         ),
-        ({"time": "sampled"}, '`time` is "sampled"; give'),
-        ({"threads": -1}, "`threads` is -1; give 0"),
-        ({"threads": 1.5}, "`threads` is 1.5; give 0"),
+        ({"time": "sampled"}, "`time` of regulator_gains is 'sampled'; choose one of continuous, discrete"),
+        ({"threads": -1}, "`threads` of regulator_gains is -1; give a whole number at least 0"),
+        ({"threads": 1.5}, "`threads` of regulator_gains is 1.5; give a whole number"),
         ({"scaling": np.zeros((2, 2))}, "`scaling` is singular"),
-        ({"state_weight": "x"}, "`state_weight` holds what is no number"),
-        ({"state_weight": 1j * np.eye(2)}, "`state_weight` is complex"),
+        ({"state_weight": "x"}, "`state_weight` of regulator_gains is 'x'; give an array of numbers"),
+        ({"state_weight": 1j * np.eye(2)}, "`state_weight` of regulator_gains has values of type complex128"),
     ],
 )
 def test_what_does_not_fit_is_refused(change: dict[str, object], message: str) -> None:
@@ -207,7 +207,7 @@ def test_what_does_not_fit_is_refused(change: dict[str, object], message: str) -
         "state_weight": np.eye(2),
         "control_weight": np.eye(1),
     }
-    with pytest.raises(SettingError, match=message):
+    with pytest.raises(MrworkError, match=message):
         regulator_gains(**(given | change))  # type: ignore[arg-type]
 
 

@@ -19,7 +19,7 @@ from mrwork.control import (
     soil_cases,
     stiffness_cases,
 )
-from mrwork.errors import SettingError
+from mrwork.errors import MrworkError, SettingError
 from mrwork.motions import KanaiTajimi
 
 LIMITS = {"rms_drift": 4e-3, "rms_acceleration": 5.2}
@@ -172,21 +172,21 @@ def test_a_given_damping_of_the_condition_is_kept() -> None:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: SemiActiveCondition(share=1.5), "between 0 and 1"),
-        (lambda: SemiActiveCondition(share=0.5, damping=-1.0), "give a positive one"),
-        (lambda: SemiActiveCondition(share="0.5"), "between 0 and 1"),  # type: ignore[arg-type] # wrong on purpose
+        (lambda: SemiActiveCondition(share=1.5), "give a number above 0 and below 1"),
+        (lambda: SemiActiveCondition(share=0.5, damping=-1.0), "is -1; give a number above 0"),
+        (lambda: SemiActiveCondition(share="0.5"), "'0.5'; give a number"),  # type: ignore[arg-type] # wrong on purpose
         (lambda: design(semi_active=0.1), "give a SemiActiveCondition"),
         (lambda: design(timing={"sample_time": 1e-3}), "give a LoopTiming"),
         (lambda: design(semi_active=SemiActiveCondition(share=0.2, damping=(1e3, 1e3))), "devices is 1"),
-        (lambda: LoopTiming(sample_time="1 ms"), "give a number in SI"),  # type: ignore[arg-type] # wrong on purpose
-        (lambda: LoopTiming(sample_time=0.0), "give a positive number"),
+        (lambda: LoopTiming(sample_time="1 ms"), "'1 ms'; give a number"),  # type: ignore[arg-type] # wrong on purpose
+        (lambda: LoopTiming(sample_time=0.0), "give a number above 0"),
         (lambda: LoopTiming(delay=1.5e-3), "not a whole number of samples"),
         (lambda: LoopTiming(delay=0.1), "20 at most"),
-        (lambda: stiffness_cases(FRAME, [0.0]), "positive numbers"),
+        (lambda: stiffness_cases(FRAME, [0.0]), "give a number above 0"),
     ],
 )
 def test_an_extension_that_cannot_be_is_refused(make: Any, words: str) -> None:
-    with pytest.raises(SettingError, match=words):
+    with pytest.raises(MrworkError, match=words):
         make()
 
 

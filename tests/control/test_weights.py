@@ -18,7 +18,7 @@ from mrwork.control import (
     RegulatorSettings,
     design_law,
 )
-from mrwork.errors import InvalidSettingError, MrworkError
+from mrwork.errors import InvalidSettingError, MrworkError, SettingError
 from mrwork.study.reading import read_study
 
 M, C, K = np.diag([2.0, 1.0, 1.5]), np.zeros((3, 3)), np.zeros((3, 3))
@@ -170,7 +170,6 @@ REFUSED = [
         "not symmetric: row 1, column 2 is 1 and row 2, column 1 is 0",
     ),
     ("velocities", np.eye(3) - 0.5, "not positive semidefinite: .* smallest eigenvalue is -1"),
-    ("displacements", np.full((3, 3), np.nan), "not a finite number"),
     ("state_weight", np.eye(3), "there are 6 states"),
     ("relative_velocities", -1.0, "can be no less than 0"),
 ]
@@ -183,6 +182,14 @@ def test_a_weight_that_cannot_be_is_refused(law: str, name: str, given: Any, wor
     with pytest.raises(InvalidSettingError, match=words) as refusal:
         design_law(law, problem(), {**told, name: given})
     assert refusal.value.key == name
+
+
+def test_a_weight_that_is_not_a_number_is_refused() -> None:
+    with pytest.raises(SettingError, match="is nan; give a finite number"):
+        design_law("lyapunov", problem(), {"displacements": np.full((3, 3), np.nan)})
+    with pytest.raises(InvalidSettingError, match="is nan; give a finite number") as refusal:
+        LyapunovSettings(displacements=np.full((3, 3), np.nan))  # type: ignore[arg-type]
+    assert refusal.value.key == "displacements"
 
 
 @pytest.mark.parametrize(

@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from mrwork.arguments import checked
 from mrwork.buildings.matrices import Building, modes_of
 from mrwork.errors import SettingError
 
 
+@checked
 def with_rayleigh_coefficients(building: Building, *, a0: float, a1: float) -> Building:
     """Return the building with Rayleigh damping, C = a0 M + a1 K, with a0 [1/s] and a1 [s].
 
@@ -31,6 +33,7 @@ def with_rayleigh_coefficients(building: Building, *, a0: float, a1: float) -> B
     return replace(building, damping=a0 * building.mass + a1 * building.stiffness)
 
 
+@checked
 def with_rayleigh_damping(
     building: Building, *, ratios: tuple[float, float], modes: tuple[int, int] = (1, 2)
 ) -> Building:
@@ -60,6 +63,7 @@ def with_rayleigh_damping(
     return with_rayleigh_coefficients(building, a0=float(a0), a1=float(a1))
 
 
+@checked
 def with_modal_damping(building: Building, *, ratios: Sequence[float]) -> Building:
     """Return the building with given modal damping ratios, one for each mode or a single one for all.
 
@@ -90,6 +94,7 @@ def check_ratios(ratios: Sequence[float], name: str) -> None:
             )
 
 
+@checked
 def with_viscous_damper(building: Building, *, storey: int | str, damping: float) -> Building:
     """Return the building with a linear viscous damper across a storey: C grows by `damping e'e`.
 
@@ -170,6 +175,7 @@ def with_coordinate(
     )
 
 
+@checked
 def with_brace(
     building: Building,
     *,
@@ -232,6 +238,7 @@ def with_brace(
     )
 
 
+@checked
 def with_base_isolation(building: Building, *, mass: float, stiffness: float, damping: float) -> Building:
     """Return the building on a base slab with isolators between slab and ground.
 
@@ -274,6 +281,7 @@ def with_base_isolation(building: Building, *, mass: float, stiffness: float, da
     )
 
 
+@checked
 def with_base_isolation_of_period(
     building: Building, *, mass: float, period: float, ratio: float
 ) -> Building:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Final
+from typing import Annotated, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.buildings.free_vibration import ModeEstimate, checked, fourier_peak, mode_estimate
+from mrwork.arguments import Positive, Within, checked
+from mrwork.buildings.free_vibration import ModeEstimate, fourier_peak, mode_estimate, record_in_band
 from mrwork.errors import RecordError
 
 Floats = NDArray[np.float64]
@@ -20,8 +21,13 @@ _FILTER_ORDER: Final = 3
 _SETTLING: Final = 3.0
 
 
+@checked
 def logarithmic_decrement(
-    signal: Floats, *, dt: float, band: tuple[float, float] | None = None, smallest: float = 0.05
+    signal: Floats,
+    *,
+    dt: Positive,
+    band: tuple[float, float] | None = None,
+    smallest: Annotated[float, Within(least=0.0, below=1.0)] = 0.05,
 ) -> ModeEstimate:
     """Estimate frequency and damping of a mode from the extremes of its free vibration.
 
@@ -48,7 +54,7 @@ def logarithmic_decrement(
     SettingError
         If the step or the band is invalid.
     """
-    signal, limits = checked(signal, dt, band)
+    signal, limits = record_in_band(signal, dt, band)
     start = fourier_peak(signal, dt=dt, band=band)
     period = 1.0 / start.frequency
     margin = 0.0

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mrwork.arguments import NotNegative, Positive, checked
+from mrwork.buildings.matrices import Building
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.records.operating_range import OperatingRange, Outside, outside_of
@@ -19,6 +23,7 @@ Floats = NDArray[np.float64]
 _CONSTANT = 0.9
 
 
+@checked
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Device(Summarised):
@@ -46,6 +51,8 @@ class Device(Summarised):
         If `theta` does not fit the model, or a number is not positive.
     """
 
+    _made_by: ClassVar[str] = "mr.Device(name=..., spec=..., theta=..., row=..., largest_command=...)"
+
     name: str
     spec: DamperSpec
     theta: ArrayLike
@@ -62,7 +69,11 @@ class Device(Summarised):
                 f"{self.name}: `theta` has shape {np.shape(self.theta)}, {self.spec.name} takes ({n_params},) or "
                 f"(n_draws, {n_params})"
             )
-        if not (self.largest_command > 0.0 and np.isfinite(self.largest_command)):
+        if np.ndim(self.row) != 1 or not np.size(self.row):
+            raise SettingError(
+                f"{self.name}: `row` has shape {np.shape(self.row)}; give (n,), a row of `building.storeys`"
+            )
+        if not self.largest_command > 0.0:
             raise SettingError(
                 f"{self.name}: the largest command is {self.largest_command}; give a positive number"
             )
@@ -74,16 +85,17 @@ class Device(Summarised):
         """Parameters, shape (n_draws, n_params)."""
         return np.atleast_2d(np.asarray(self.theta, dtype=np.float64))
 
+    @checked
     def demand(
         self,
         *,
-        stroke: float,
-        velocity: float,
-        force: float,
+        stroke: NotNegative,
+        velocity: NotNegative,
+        force: NotNegative,
         energy: float,
-        seconds: float,
-        peak_command: float,
-        mean_command: float,
+        seconds: Positive,
+        peak_command: NotNegative,
+        mean_command: NotNegative,
     ) -> OperatingRange:
         """Demand of a run on one of the dampers, from peaks and the dissipated energy of all of them.
 
@@ -106,6 +118,7 @@ class Device(Summarised):
             power=max(0.0, energy / n_dampers / seconds),
         )
 
+    @checked
     def outside(self, demand: OperatingRange) -> Outside:
         """What of a demand lies outside the tested ranges; laws are evaluated at the median of the draws."""
         return outside_of(self.spec, np.median(self.draws, axis=0), self.tested, demand)
@@ -128,3 +141,23 @@ class Device(Summarised):
                 for index, parameter in enumerate(self.spec.parameters)
             ],
         )
+
+
+def elongation_rows(building: Building, devices: Sequence[Device]) -> Floats:
+    """Rows of elongation of devices in a building, shape (n_devices, n).
+
+    Raises
+    ------
+    SettingError
+        If there is no device, or the row of one does not fit the building.
+    """
+    n = building.n_coordinates
+    if not devices:
+        raise SettingError(f"no device was given for {building.name}; give one or more")
+    for device in devices:
+        if np.shape(device.row) != (n,) or not np.any(device.row):
+            raise SettingError(
+                f"{device.name}: `row` has shape {np.shape(device.row)}; {building.name} takes ({n},), not all zero: "
+                "a row of `building.storeys`"
+            )
+    return np.array([device.row for device in devices], dtype=np.float64)

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Final, Literal
+from typing import Annotated, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import NotNegative, Positive, Within, checked
 from mrwork.errors import RecordError, SettingError
 from mrwork.summary import Summarised
 
@@ -49,14 +50,15 @@ class ModeEstimate(Summarised):
         return 2.0 * np.pi * self.damping_ratio / float(np.sqrt(1.0 - self.damping_ratio**2))
 
 
+@checked
 def mode_estimate(
     method: Literal["fourier", "decrement"],
     *,
-    omega: float,
-    omega_error: float,
+    omega: Positive,
+    omega_error: NotNegative,
     decay: float,
-    decay_error: float,
-    n_extremes: int = 0,
+    decay_error: NotNegative,
+    n_extremes: Annotated[int, Within(least=0)] = 0,
 ) -> ModeEstimate:
     """Return an estimate from the damped circular frequency [rad/s] and the decay rate [1/s], with standard errors.
 
@@ -73,7 +75,7 @@ def mode_estimate(
     )
 
 
-def checked(
+def record_in_band(
     signal: Floats, dt: float, band: tuple[float, float] | None
 ) -> tuple[Floats, tuple[float, float]]:
     """Check a record and a band; return the record as an array and the band [Hz] to search for a mode.
@@ -81,22 +83,16 @@ def checked(
     Raises
     ------
     RecordError
-        If the record is too short, constant, or has a value that is not finite.
+        If the record is too short or constant.
     SettingError
-        If the step is not positive, or the band does not lie between zero and half the sampling frequency.
+        If the band does not lie between zero and half the sampling frequency.
     """
-    signal = np.asarray(signal, dtype=np.float64)
     if signal.ndim != 1 or signal.size < _FEWEST:
         raise RecordError(
             f"free vibration: a record of {signal.size} samples; give one column of {_FEWEST} or more"
         )
-    if not np.isfinite(signal).all():
-        first = int(np.flatnonzero(~np.isfinite(signal))[0])
-        raise RecordError(f"free vibration: sample {first} is not a finite number; cut it off or repair it")
     if np.ptp(signal) == 0.0:
         raise RecordError("free vibration: the record is constant; check which column was read")
-    if not (np.isfinite(dt) and dt > 0.0):
-        raise SettingError(f"free vibration: the step is {dt} s; give a positive number")
     highest = 0.5 / dt
     # A peak is separable from the offset only if the record holds at least two periods.
     low, high = band if band is not None else (2.0 / (dt * signal.size), highest)
@@ -114,7 +110,8 @@ _PADDING: Final = 8
 _CLEAR: Final = 25.0
 
 
-def fourier_peak(signal: Floats, *, dt: float, band: tuple[float, float] | None = None) -> ModeEstimate:
+@checked
+def fourier_peak(signal: Floats, *, dt: Positive, band: tuple[float, float] | None = None) -> ModeEstimate:
     """Estimate frequency and damping of the mode with the highest peak in a band, from that peak and its width.
 
     Near its peak, the spectrum of `exp(-sigma t) cos(omega_d t)` cut off at time T is
@@ -139,7 +136,7 @@ def fourier_peak(signal: Floats, *, dt: float, band: tuple[float, float] | None 
     SettingError
         If the step or the band is invalid.
     """
-    signal, (low, high) = checked(signal, dt, band)
+    signal, (low, high) = record_in_band(signal, dt, band)
     spectrum = _FourierIntegral(signal - signal.mean(), dt)
     padded = 1 << int(np.ceil(np.log2(_PADDING * signal.size)))
     frequency = np.fft.rfftfreq(padded, dt)

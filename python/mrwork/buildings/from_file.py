@@ -36,6 +36,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import checked
 from mrwork.buildings.matrices import Building
 from mrwork.buildings.matrix_files import read_matrices, read_matrix
 from mrwork.buildings.published import building as published_building
@@ -60,6 +61,7 @@ _WORDS: Final = ("name", "source")
 KEYS: Final = ("published", "file", *_MATRICES, *_SHEAR, "influence", *_ROWS, *_NAMES, *_WORDS, *ADDITIONS)
 
 
+@checked
 def read_building(path: str | Path) -> Building:
     """Read a building from a .toml file, a .mat file, or a folder with one text file per matrix.
 

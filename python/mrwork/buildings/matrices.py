@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
+from mrwork.arguments import checked
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import control_in
 from mrwork.records.damper_test import frozen
@@ -20,6 +21,7 @@ Floats = NDArray[np.float64]
 
 
 @holds_arrays
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Building(Summarised):
     """Plane building `M q'' + C q' + K q = -sum_d e_d' f_d - M r a_g`, with q relative to the ground.
@@ -49,8 +51,10 @@ class Building(Summarised):
     Raises
     ------
     SettingError
-        If shapes disagree, a number is not finite or above 1e50, M or K is not symmetric, M is singular or K unstable.
+        If shapes disagree, a number is above 1e50, M or K is not symmetric, M is singular or K unstable.
     """
+
+    _made_by: ClassVar[str] = "mr.building(name) or mr.buildings.read_building(path)"
 
     name: str
     mass: Floats
@@ -110,6 +114,7 @@ class Building(Summarised):
         poles = np.linalg.eigvals(self.state_matrices()[0]).astype(np.complex128)
         return poles[np.lexsort((poles.imag, np.abs(poles).round(9)))]
 
+    @checked
     def state_matrices(self, rows: Floats | None = None) -> tuple[Floats, Floats, Floats]:
         """A, B, E of `s' = A s + B f + E a_g`, with s = [q; q'].
 
@@ -124,13 +129,16 @@ class Building(Summarised):
             Shapes (2 n, 2 n), (2 n, n_devices), (2 n,). B has the sign of a resisting force.
         """
         n = self.n_coordinates
-        rows = self.storeys if rows is None else np.asarray(rows, dtype=np.float64)
+        rows = self.storeys if rows is None else rows
+        if rows.ndim != 2 or rows.shape[1] != n:
+            raise SettingError(f"`rows` has shape {rows.shape}, {self.name} takes (n_devices, {n})")
         solved = np.linalg.solve(self.mass, np.hstack([-self.stiffness, -self.damping, -rows.T]))
         A = np.vstack([np.hstack([np.zeros((n, n)), np.eye(n)]), solved[:, : 2 * n]])
         B = np.vstack([np.zeros((n, len(rows))), solved[:, 2 * n :]])
         E = np.concatenate([np.zeros(n), -self.influence])
         return A, B, E
 
+    @checked
     def storey_row(self, storey: int | str) -> Floats:
         """Row of a storey, shape (n,), by its number from 1 or by its name.
 
@@ -141,6 +149,7 @@ class Building(Summarised):
         """
         return np.asarray(self.storeys[self._storey(storey)])
 
+    @checked
     def floor_row(self, floor: int | str) -> Floats:
         """Row of a floor, shape (n,), by its number from 1 or by its name.
 
@@ -151,6 +160,7 @@ class Building(Summarised):
         """
         return np.asarray(self.floors[_index(floor, self.floor_names, f"{self.name}: there is no floor")])
 
+    @checked
     def storey_name(self, storey: int | str) -> str:
         """Name of a storey, by its number from 1 or by its name."""
         return self.storey_names[self._storey(storey)]
@@ -215,7 +225,7 @@ def check_building(building: Building) -> None:
     Raises
     ------
     SettingError
-        If shapes disagree, a number is not finite, M or K is not symmetric, M is singular or K unstable.
+        If shapes disagree, M or K is not symmetric, M is singular or K unstable.
     """
     where = f"building {building.name}"
     _check_shapes(building, where)
@@ -231,11 +241,9 @@ def check_building(building: Building) -> None:
         if not possible.all():
             index = tuple(np.argwhere(~possible)[0])
             place = ", ".join(str(each + 1) for each in index)
-            finite = np.isfinite(matrix[index])
-            what = (
-                f"is {matrix[index]:g}, which is beyond any building" if finite else "is not a finite number"
+            raise SettingError(
+                f"{where}: entry {place} of {title} is {matrix[index]:g}, which is beyond any building; correct it"
             )
-            raise SettingError(f"{where}: entry {place} of {title} {what}; correct it")
     _check_symmetric(building.mass, "mass", where)
     _check_symmetric(building.stiffness, "stiffness", where)
     _check_mass(building.mass, where)

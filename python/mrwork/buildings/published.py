@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from mrwork.arguments import checked
 from mrwork.buildings.additions import with_modal_damping, with_rayleigh_coefficients, with_rayleigh_damping
 from mrwork.buildings.matrices import Building
 from mrwork.buildings.shear import floor_differences, shear_building
@@ -118,6 +119,7 @@ def buildings() -> tuple[Building, ...]:
     return tuple(make() for make in _MAKERS.values())
 
 
+@checked
 def building(name: str) -> Building:
     """Return the published building with this name.
 

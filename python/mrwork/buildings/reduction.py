@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_continuous_lyapunov, svd
 
+from mrwork.arguments import checked
 from mrwork.buildings.matrices import Building, modes_of
 from mrwork.buildings.state_space import LinearSystem
 from mrwork.errors import SettingError
@@ -21,6 +22,7 @@ Floats = NDArray[np.float64]
 _NOISE: Final = 1e-8
 
 
+@checked
 def modal_truncation(building: Building, *, n_modes: int) -> Building:
     """Return the building in the coordinates of its lowest modes.
 
@@ -67,6 +69,7 @@ class BalancedReduction(Summarised):
     error_bound: float
 
 
+@checked
 def balanced_truncation(system: LinearSystem, *, order: int) -> BalancedReduction:
     """Reduce a stable system to its most controllable and observable states.
 
@@ -78,6 +81,8 @@ def balanced_truncation(system: LinearSystem, *, order: int) -> BalancedReductio
     SettingError
         If the system is not stable, or has fewer significant states than `order`.
     """
+    if not system.n_states:
+        raise SettingError("balanced truncation: the system has no states; give one that has")
     slowest = float(system.poles.real.max())
     if slowest >= 0.0:
         raise SettingError(

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import checked
 from mrwork.buildings.matrices import Building
 from mrwork.errors import SettingError
 
@@ -32,6 +33,7 @@ def check_storeys(count: int) -> None:
         )
 
 
+@checked
 def shear_building(
     *,
     name: str,
@@ -100,8 +102,27 @@ def shear_building(
     )
 
 
+@checked
 def chain(storeys: Floats, values: Sequence[float]) -> Floats:
-    """Matrix of springs or dashpots across storeys: the sum of value e'e, shape (n, n)."""
+    """Matrix of springs or dashpots across storeys: the sum of value e'e, shape (n, n).
+
+    Parameters
+    ----------
+    storeys
+        Row e of each storey, shape (n_storeys, n).
+    values
+        Stiffness or damping of each storey.
+
+    Raises
+    ------
+    SettingError
+        If there is not one value for each row.
+    """
+    if storeys.ndim != 2 or len(storeys) != len(values):
+        raise SettingError(
+            f"`storeys` has shape {storeys.shape}, and there are {len(values)} values; give (n_storeys, n) and one "
+            "value for each storey"
+        )
     # What overflows is refused by `Building`.
     with np.errstate(over="ignore", invalid="ignore"):
         return storeys.T @ np.diag(np.asarray(values, dtype=np.float64)) @ storeys

@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, ClassVar, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import checked
 from mrwork.buildings.matrices import Building
 from mrwork.buildings.matrix_files import read_matrices
 from mrwork.buildings.shear import numbered
-from mrwork.errors import SettingError, UnknownNameError
+from mrwork.errors import ArgumentError, SettingError, UnknownNameError
 from mrwork.records.damper_test import frozen
 from mrwork.summary import Summarised
 from mrwork.values import holds_arrays
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 
+@checked
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class LinearSystem(Summarised):
@@ -42,6 +44,8 @@ class LinearSystem(Summarised):
         If shapes disagree or a number is not finite.
     """
 
+    _made_by: ClassVar[str] = "mr.buildings.system_of(building) or mr.buildings.read_system(path)"
+
     A: Floats
     B: Floats
     C: Floats
@@ -53,8 +57,8 @@ class LinearSystem(Summarised):
         for title in ("A", "B", "C", "D"):
             kept = frozen(getattr(self, title))
             object.__setattr__(self, title, kept)
-            if kept.ndim != 2 or not np.isfinite(kept).all():
-                raise SettingError(f"linear system: {title} must be a matrix of finite numbers")
+            if kept.ndim != 2:
+                raise SettingError(f"linear system: {title} has shape {kept.shape}; give a matrix")
         n, n_inputs, n_outputs = len(self.A), self.B.shape[1], len(self.C)
         for title, matrix, shape in (
             ("A", self.A, (n, n)),
@@ -73,6 +77,8 @@ class LinearSystem(Summarised):
                 raise SettingError(
                     f"linear system: {len(names)} {noun} names for {count} {noun}s; name each of them"
                 )
+            if len(set(names)) < count:
+                raise SettingError(f"linear system: two {noun}s have one name; give each a name of its own")
             object.__setattr__(self, field, names)
 
     @property
@@ -85,12 +91,21 @@ class LinearSystem(Summarised):
         """Eigenvalues of A [rad/s], shape (n,)."""
         return np.linalg.eigvals(self.A).astype(np.complex128)
 
+    @checked
     def frequency_response(self, frequency: Floats) -> NDArray[np.complex128]:
         """`C (i omega - A)^-1 B + D` at frequencies [Hz], shape (n_frequencies, n_outputs, n_inputs)."""
-        s = 2j * np.pi * np.asarray(frequency, dtype=np.float64)[:, None, None]
-        states = np.linalg.solve(s * np.eye(self.n_states) - self.A, self.B[None])
+        if frequency.ndim != 1:
+            raise SettingError(f"`frequency` has shape {frequency.shape}; give (n_frequencies,)")
+        s = 2j * np.pi * frequency[:, None, None]
+        try:
+            states = np.linalg.solve(s * np.eye(self.n_states) - self.A, self.B[None])
+        except np.linalg.LinAlgError:
+            raise SettingError(
+                "the response is infinite at one of the frequencies, that of an undamped pole; leave it out"
+            ) from None
         return np.asarray(self.C @ states + self.D, dtype=np.complex128)
 
+    @checked
     def select(self, *, inputs: Sequence[str] = (), outputs: Sequence[str] = ()) -> LinearSystem:
         """Return the system with selected inputs and outputs, by name and in that order; an empty selection means all.
 
@@ -131,6 +146,7 @@ class LinearSystem(Summarised):
         return StateSpace(self.A, self.B, self.C, self.D, inputs=inputs, outputs=outputs)
 
 
+@checked
 def from_control(system: StateSpace) -> LinearSystem:
     """Convert a StateSpace of python-control to a linear system.
 
@@ -139,6 +155,10 @@ def from_control(system: StateSpace) -> LinearSystem:
     SettingError
         If it is a discrete-time system.
     """
+    if not all(hasattr(system, name) for name in ("A", "B", "C", "D", "dt", "input_labels", "output_labels")):
+        raise ArgumentError(
+            f"`system` of from_control is a {type(system).__name__}; give a StateSpace of python-control"
+        )
     # A step of None, common in old models, leaves the time base open and is accepted.
     if system.dt not in (None, 0):
         raise SettingError(
@@ -180,6 +200,7 @@ OUTPUTS: Final[Mapping[str, _Output]] = {
 _ROUNDING: Final = 1e-8
 
 
+@checked
 def system_of(
     building: Building, *, outputs: Sequence[str] = ("displacement",), devices: Sequence[int | str] = ()
 ) -> LinearSystem:
@@ -238,6 +259,7 @@ def system_of(
     )
 
 
+@checked
 def building_of(
     system: LinearSystem,
     *,
@@ -301,6 +323,7 @@ def building_of(
     )
 
 
+@checked
 def read_system(path: str | Path) -> LinearSystem:
     """Read A, B, C and optionally D from a .mat file or a folder of A.csv, B.csv and so on.
 

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from mrwork.arguments import checked
 from mrwork.buildings.additions import check_not_negative, check_positive, with_coordinate
 from mrwork.buildings.matrices import Building, damping_ratios_of, modes_of
 from mrwork.errors import SettingError, UnknownNameError
@@ -61,6 +62,7 @@ TUNINGS: Final[Mapping[str, Callable[[float, float], Tuning]]] = MappingProxyTyp
 )
 
 
+@checked
 def with_tuned_mass(
     building: Building,
     *,
@@ -116,6 +118,7 @@ def with_tuned_mass(
     )
 
 
+@checked
 def with_optimal_tuned_mass(
     building: Building,
     *,

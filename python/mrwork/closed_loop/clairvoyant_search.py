@@ -12,11 +12,12 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Count, Positive, Threads, Within, checked
 from mrwork.buildings.devices import Device
 from mrwork.buildings.matrices import Building
 from mrwork.closed_loop.clairvoyant_problem import ClairvoyantProblem
@@ -40,6 +41,7 @@ _EXPLORING, _FINISHING = 16.0, 64.0
 _MEMORY = 20
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClairvoyantSettings:
     """Settings of the search for the non-causal optimum.
@@ -63,18 +65,13 @@ class ClairvoyantSettings:
         If a number is out of range.
     """
 
-    interval: float = 0.01
-    explore: int = 25
-    finish: int = 75
-    random_starts: int = 1
-    seed: int = 0
+    _made_by: ClassVar[str] = "mr.closed_loop.ClairvoyantSettings(interval=...)"
 
-    def __post_init__(self) -> None:
-        if not (math.isfinite(self.interval) and self.interval > 0.0):
-            raise SettingError(f"`interval` is {self.interval} s; give a positive number")
-        for name, least in (("explore", 1), ("finish", 0), ("random_starts", 0), ("seed", 0)):
-            if getattr(self, name) < least:
-                raise SettingError(f"`{name}` is {getattr(self, name)}; it can be no less than {least}")
+    interval: Positive = 0.01
+    explore: Count = 25
+    finish: Annotated[int, Within(least=0)] = 75
+    random_starts: Annotated[int, Within(least=0)] = 1
+    seed: Annotated[int, Within(least=0)] = 0
 
 
 @holds_arrays
@@ -181,6 +178,7 @@ def _done(name: str, start: Floats, search: Callable[[], ClairvoyantStart]) -> C
     return search()
 
 
+@checked
 def clairvoyant(
     building: Building,
     devices: Sequence[Device],
@@ -189,11 +187,11 @@ def clairvoyant(
     *,
     settings: ClairvoyantSettings | None = None,
     starts: Mapping[str, PrescribedCommands] = MappingProxyType({}),
-    floors: tuple[int, ...] | None = None,
-    storeys: tuple[int, ...] | None = None,
+    floors: tuple[Annotated[int, Within(least=0)], ...] | None = None,
+    storeys: tuple[Annotated[int, Within(least=0)], ...] | None = None,
     on_progress: Callable[[ClairvoyantProgress], None] = lambda progress: None,
     recall: Recall = _done,
-    threads: int = 0,
+    threads: Threads = 0,
 ) -> Clairvoyant:
     """Find commands with a low score for a motion that is known in advance.
 
@@ -225,6 +223,14 @@ def clairvoyant(
     >>> found = mr.closed_loop.clairvoyant(frame, [damper], motion)  # doctest: +SKIP
     >>> found.score, found.statement  # doctest: +SKIP
     """
+    for noun, places, count in (
+        ("floors", floors, len(building.floors)),
+        ("storeys", storeys, len(building.storeys)),
+    ):
+        if places is not None and not (places and len(set(places)) == len(places) and max(places) < count):
+            raise SettingError(
+                f"`{noun}` is {places}; give one or more of the {count} {noun} of {building.name}, each once, from 0"
+            )
     settings = ClairvoyantSettings() if settings is None else settings
     problem = ClairvoyantProblem(
         building=building,
@@ -268,14 +274,14 @@ def _starts(
     problem: ClairvoyantProblem, settings: ClairvoyantSettings, given: Mapping[str, PrescribedCommands]
 ) -> Iterator[tuple[str, Floats]]:
     """Name and commands of every start: constant, given, random."""
+    fitted = {name: problem.fitted(commands) for name, commands in given.items()}
     shares = np.linspace(0.0, 1.0, _LEVELS)
     scores = problem.constant_scores(shares)
     best = float(shares[int(np.nanargmin(scores))])
     yield f"best constant command, {best:g} of the largest", problem.constant(best)
     if best != 0.5:
         yield "half of the largest command", problem.constant(0.5)
-    for name, commands in given.items():
-        yield name, problem.fitted(commands)
+    yield from fitted.items()
     rng = np.random.default_rng(settings.seed)
     held = max(1, round(_RANDOM_HOLD / settings.interval))
     for number in range(settings.random_starts):

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
-from mrwork.buildings.devices import Device
+from mrwork.arguments import checked
+from mrwork.buildings.devices import Device, elongation_rows
 from mrwork.buildings.matrices import Building
 from mrwork.closed_loop.hardware import Hardware
 from mrwork.control.counterpart import is_curve
@@ -98,14 +99,6 @@ def matrices_of(building: Building, devices: Sequence[Device]) -> _rust.Building
     SettingError
         If the row of a device does not match, or the matrices are not those of a building.
     """
-    rows = [np.asarray(device.row, dtype=np.float64) for device in devices]
-    n = len(building.mass)
-    for device, row in zip(devices, rows, strict=True):
-        if row.shape != (n,) or not np.isfinite(row).all() or not row.any():
-            raise SettingError(
-                f"{device.name}: `row` has shape {row.shape}; {building.name} takes ({n},), not all zero: "
-                f"a row of `building.storeys`"
-            )
     arrays: list[ArrayLike] = [
         building.mass,
         building.damping,
@@ -113,7 +106,7 @@ def matrices_of(building: Building, devices: Sequence[Device]) -> _rust.Building
         building.influence,
         building.floors,
         building.storeys,
-        np.array(rows),
+        elongation_rows(building, devices),
     ]
     try:
         return _rust.Building(*(np.ascontiguousarray(array, dtype=np.float64) for array in arrays))
@@ -127,7 +120,7 @@ def curve_of(law: ControlLaw) -> tuple[Laws, Floats] | None:
     Raises
     ------
     SettingError
-        If it is not static hysteretic with current laws.
+        If it is not static hysteretic with current laws, or has other parameters.
     """
     if law.curve is None:
         return None
@@ -135,6 +128,11 @@ def curve_of(law: ControlLaw) -> tuple[Laws, Floats] | None:
     if not is_curve(spec):
         raise SettingError(
             f"the curve of {law.name} is a {spec.name}; give a static_hysteretic with current laws"
+        )
+    if np.shape(theta) != (len(spec.parameters),):
+        raise SettingError(
+            f"the curve of {law.name} has parameters of shape {np.shape(theta)}, this {spec.name} takes "
+            f"({len(spec.parameters)},)"
         )
     return _laws(spec), np.ascontiguousarray(theta, dtype=np.float64)
 
@@ -156,6 +154,7 @@ def observer_arrays(
     return floors, list(range(len(devices))), Ad, Bd, gain, C, D
 
 
+@checked
 def loop_observer(
     building: Building, devices: Sequence[Device], hardware: Hardware, floors: Sequence[int]
 ) -> Observer:
@@ -164,16 +163,16 @@ def loop_observer(
     Raises
     ------
     SettingError
-        If a floor does not exist, or no observer can be designed.
+        If a floor does not exist or is named twice, or no observer can be designed.
     """
     unknown = [floor for floor in floors if not 0 <= floor < len(building.floors)]
     if unknown:
         raise SettingError(
             f"{building.name} has {len(building.floors)} floors, counted from 0; {unknown} do not exist"
         )
-    plant = plant_of(
-        building, np.array([device.row for device in devices]), [device.name for device in devices]
-    )
+    if len(set(floors)) < len(floors):
+        raise SettingError(f"the measured floors are {list(floors)}; give each once")
+    plant = plant_of(building, elongation_rows(building, devices), [device.name for device in devices])
     measured = accelerations(plant)
     chosen = measured.select([measured.names[floor] for floor in floors])
     return observer_of(

@@ -6,14 +6,15 @@ Ohtori), the thesis to the value at i = 0. `||.||` is the root mean square over 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import AnyNumbers, Positive, checked
 from mrwork.closed_loop.responses import axis_of, unit_of
-from mrwork.errors import UnknownNameError
+from mrwork.errors import ArgumentError, SettingError, UnknownNameError
 from mrwork.units import STANDARD_GRAVITY as STANDARD_GRAVITY
 
 Floats = NDArray[np.float64]
@@ -49,9 +50,16 @@ class Criterion:
         """Unit of the number, as in tables."""
         return "1" if self.over_weight else unit_of(self.quantity).replace("^", "")
 
-    def value(self, responses: object, weight: float) -> Floats:
+    @checked
+    def value(self, responses: object, weight: Positive) -> Floats:
         """The value for each run of `responses`, which has the quantities of runs as attributes; `weight` [N]."""
-        values = np.asarray(getattr(responses, self.quantity))
+        try:
+            values = np.asarray(getattr(responses, self.quantity))
+        except AttributeError:
+            raise ArgumentError(
+                f"`responses` is {type(responses).__name__} without {self.quantity}; give the Responses of "
+                "mr.simulate_loop, or a run of mr.run_study"
+            ) from None
         if axis_of(self.quantity) == "run":
             found = values
         elif self.summed:
@@ -74,6 +82,7 @@ def criteria() -> tuple[Criterion, ...]:
     return _CRITERIA
 
 
+@checked
 def criterion(name: str) -> Criterion:
     """Return the criterion called `name`.
 
@@ -89,14 +98,21 @@ def criterion(name: str) -> Criterion:
     raise UnknownNameError(f"no criterion is called {name!r}; choose from {known}")
 
 
-def values(responses: object, *, weight: float) -> dict[str, Floats]:
+@checked
+def values(responses: object, *, weight: Positive) -> dict[str, Floats]:
     """Every criterion of `responses`, which has the quantities of runs as attributes; `weight` of the building [N]."""
     return {entry.name: entry.value(responses, weight) for entry in _CRITERIA}
 
 
-def ratio(numerator: Floats, denominator: Floats) -> Floats:
+@checked
+def ratio(numerator: AnyNumbers, denominator: AnyNumbers) -> Floats:
     """The quotient, NaN for a zero denominator."""
-    above, below = np.broadcast_arrays(np.asarray(numerator, float), np.asarray(denominator, float))
+    try:
+        above, below = np.broadcast_arrays(numerator, denominator)
+    except ValueError:
+        raise SettingError(
+            f"`numerator` has shape {numerator.shape} and `denominator` {denominator.shape}; give shapes that broadcast"
+        ) from None
     quotient: Floats = np.divide(above, below, out=np.full(above.shape, np.nan), where=below != 0.0)
     return quotient
 
@@ -105,14 +121,30 @@ SCORE = ("peak_drift", "peak_acceleration", "rms_drift", "rms_acceleration")
 """Criteria whose ratios are averaged in the score."""
 
 
-def score(controlled: Sequence[dict[str, Floats]], passive: Sequence[dict[str, Floats]]) -> Floats:
+@checked
+def score(
+    controlled: Sequence[Mapping[str, AnyNumbers]], passive: Sequence[Mapping[str, AnyNumbers]]
+) -> Floats:
     """Mean over motions and `SCORE` of the ratio of each criterion to its value at i = 0, as defined in this project.
 
     Parameters
     ----------
     controlled, passive
         Criteria of one law and of i = 0, for each motion.
+
+    Raises
+    ------
+    SettingError
+        If there is no motion, one side has more of them, or a criterion of `SCORE` is missing.
     """
+    if not controlled or len(controlled) != len(passive):
+        raise SettingError(
+            f"criteria of {len(controlled)} motions with the law and of {len(passive)} at i = 0 were given; give both "
+            "for each of one or more motions"
+        )
+    missing = next((name for name in SCORE for each in (*controlled, *passive) if name not in each), None)
+    if missing is not None:
+        raise SettingError(f"a motion has no {missing}; give the criteria {', '.join(SCORE)} for each motion")
     ratios = [
         ratio(with_law[name], without[name])
         for with_law, without in zip(controlled, passive, strict=True)

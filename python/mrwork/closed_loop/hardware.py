@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
-from typing import Literal, get_args
+from typing import Annotated, ClassVar, Literal
 
+from mrwork.arguments import May, NotNegative, Positive, Within, checked
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised, Summary
 
@@ -19,6 +20,7 @@ _MOST_STEPS = 10_000
 _LONGEST_DELAY = 1_000_000
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
     """A fault of a signal from `start` to `end` [s].
@@ -32,26 +34,22 @@ class Fault:
         If there is no such channel, or a number is out of range.
     """
 
+    _made_by: ClassVar[str] = "mr.closed_loop.Fault(channel=...)"
+
     channel: LoopSignal
-    index: int = 0
+    index: Annotated[int, Within(least=0)] = 0
     start: float = 0.0
     end: float = math.inf
-    value: float | Literal["hold"] = "hold"
+    value: Annotated[float, May.BE_NAN, May.BE_INFINITE] | Literal["hold"] = "hold"
 
     def __post_init__(self) -> None:
-        channels = get_args(LoopSignal)
-        if self.channel not in channels:
-            raise SettingError(f"a fault is in {', '.join(channels)}, not in {self.channel!r}")
-        if self.index < 0:
-            raise SettingError(f"the index of a fault is {self.index}; count from 0")
         if not 0.0 <= self.start <= self.end:
             raise SettingError(
                 f"a fault lasts from {self.start} s to {self.end} s; give times from 0, in their order"
             )
-        if isinstance(self.value, str) and self.value != "hold":
-            raise SettingError(f'the value of a fault is {self.value!r}; give "hold" or a number')
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Hardware(Summarised):
     """Sampling, delay, feedback and sensors of the loop.
@@ -83,36 +81,27 @@ class Hardware(Summarised):
         Seed of the noise; it is the same for all laws and candidates under the same motion.
     """
 
-    sample_time: float = 1e-3
-    step: float = 5e-4
-    delay: float = 0.0
-    command_rate: float = math.inf
+    _made_by: ClassVar[str] = "mr.Hardware(sample_time=...)"
+
+    sample_time: Positive = 1e-3
+    step: Positive = 5e-4
+    delay: NotNegative = 0.0
+    command_rate: Positive = math.inf
     feedback: Feedback = "state"
-    measured_floors: tuple[int, ...] | None = None
-    noise_ratio: float = 50.0
-    acceleration_noise: float = 0.0
-    deformation_noise: float = 0.0
-    force_noise: float = 0.0
-    acceleration_resolution: float = 0.0
-    deformation_resolution: float = 0.0
-    force_resolution: float = 0.0
+    measured_floors: tuple[Annotated[int, Within(least=0)], ...] | None = None
+    noise_ratio: Positive = 50.0
+    acceleration_noise: NotNegative = 0.0
+    deformation_noise: NotNegative = 0.0
+    force_noise: NotNegative = 0.0
+    acceleration_resolution: NotNegative = 0.0
+    deformation_resolution: NotNegative = 0.0
+    force_resolution: NotNegative = 0.0
     seed: int = 0
     faults: tuple[Fault, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("sample_time", "step", "command_rate", "noise_ratio"):
-            value = getattr(self, name)
-            if not value > 0.0 or (math.isinf(value) and name != "command_rate"):
-                raise SettingError(f"`{name}` is {value}; give a positive number")
-        for quantity in ("acceleration", "deformation", "force"):
-            for name in (f"{quantity}_noise", f"{quantity}_resolution"):
-                value = getattr(self, name)
-                if not 0.0 <= value < math.inf:
-                    raise SettingError(f"`{name}` is {value}; give zero or a positive number")
         if not 0 <= self.seed < _SEEDS:
             raise SettingError(f"`seed` is {self.seed}; give a whole number from 0 to 2^32 - 1")
-        if not 0.0 <= self.delay < math.inf:
-            raise SettingError(f"`delay` is {self.delay} s; give zero or a positive number")
         if self.sample_time / self.step > _MOST_STEPS or self.delay / self.sample_time > _LONGEST_DELAY:
             raise SettingError(
                 f"`step` is {self.step} s and `delay` {self.delay} s for samples of {self.sample_time} s; give at most "

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Positive, Threads, Within, checked
 from mrwork.buildings.devices import Device
 from mrwork.buildings.matrices import Building
 from mrwork.closed_loop.hardware import Fault, Hardware
@@ -22,8 +23,11 @@ from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
 
+_MOST_SAMPLES = 10_000_000
 
 @holds_arrays
+
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class PrescribedCommands(Summarised):
     """Commands that are held over equal intervals, from the start of a motion; the last one until its end.
@@ -41,28 +45,33 @@ class PrescribedCommands(Summarised):
         If the commands are not finite numbers of this shape, or negative.
     """
 
+    _made_by: ClassVar[str] = "mr.closed_loop.PrescribedCommands(interval=..., command=...)"
     _units: ClassVar[Mapping[str, str]] = {"interval": "s", "command": "A or V"}
 
-    interval: float
-    command: Floats
+    interval: Positive
+    command: Annotated[Floats, Within(least=0.0)]
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.interval) and self.interval > 0.0):
-            raise SettingError(f"`interval` is {self.interval} s; give a positive number")
         command = np.array(self.command, dtype=np.float64)
-        if command.ndim != 2 or not command.size or not np.isfinite(command).all() or (command < 0.0).any():
-            raise SettingError(
-                f"`command` has shape {command.shape}; give finite numbers from 0, of shape (n_intervals, n_devices)"
-            )
+        if command.ndim != 2 or not command.size:
+            raise SettingError(f"`command` has shape {command.shape}; give (n_intervals, n_devices)")
         command.setflags(write=False)
         object.__setattr__(self, "command", command)
 
     @classmethod
-    def of_history(cls, command: Floats, sample_time: float, interval: float) -> PrescribedCommands:
+    @checked
+    def of_history(
+        cls,
+        command: Annotated[Floats, Within(least=0.0)],
+        sample_time: Positive,
+        interval: Positive,
+    ) -> PrescribedCommands:
         """The mean command of each interval of a history at the control samples, shape (n_time, n_devices)."""
+        if command.ndim != 2 or not command.size:
+            raise SettingError(f"`command` has shape {command.shape}; give (n_time, n_devices)")
         each = samples_of(interval, sample_time)
         rows = -(-len(command) // each)
-        filled = np.pad(np.asarray(command), ((0, rows * each - len(command)), (0, 0)), mode="edge")
+        filled = np.pad(command, ((0, rows * each - len(command)), (0, 0)), mode="edge")
         return cls(interval=interval, command=filled.reshape(rows, each, -1).mean(axis=1))
 
 
@@ -74,7 +83,11 @@ def samples_of(interval: float, sample_time: float) -> int:
     SettingError
         If it is not a whole number.
     """
-    count = round(interval / sample_time)
+    count = round(min(interval / sample_time, 2.0 * _MOST_SAMPLES))
+    if count > _MOST_SAMPLES:
+        raise SettingError(
+            f"`interval` is {interval:g} s, more than {_MOST_SAMPLES} samples of {sample_time:g} s; give a shorter one"
+        )
     if count < 1 or abs(interval / sample_time - count) > 1e-6:
         raise SettingError(
             f"`interval` is {interval:g} s, which is not a whole number of control samples of {sample_time:g} s; "
@@ -83,6 +96,7 @@ def samples_of(interval: float, sample_time: float) -> int:
     return count
 
 
+@checked
 def simulate_prescribed(
     building: Building,
     devices: Sequence[Device],
@@ -92,7 +106,7 @@ def simulate_prescribed(
     *,
     histories: bool = False,
     step_factor: int = 1,
-    threads: int = 0,
+    threads: Threads = 0,
 ) -> Responses:
     """Simulate the loop under prescribed commands, with the sampling, delay and driver of the hardware.
 

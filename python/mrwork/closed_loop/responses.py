@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork import _rust
+from mrwork.arguments import checked
 from mrwork.buildings.devices import Device
 from mrwork.buildings.matrices import Building
 from mrwork.dampers.law_limits import LawLimit, worst_laws
+from mrwork.errors import SettingError
 from mrwork.records.operating_range import Exceedance, OperatingRange, Outside, worst_of
 from mrwork.summary import Summarised, Summary, rounded
 from mrwork.values import holds_arrays
@@ -122,15 +124,26 @@ class History(Summarised):
     input_energy: Floats
     damping_energy: Floats
 
+    @checked
     def kinetic_energy(self, building: Building) -> Floats:
         """Kinetic energy of the motion relative to the ground [J], shape (n_time,)."""
-        velocity = self.state[:, len(building.mass) :]
+        velocity = self._of(building)[:, len(building.mass) :]
         return np.asarray(0.5 * np.einsum("ti,ij,tj->t", velocity, building.mass, velocity))
 
+    @checked
     def strain_energy(self, building: Building) -> Floats:
         """Strain energy of the building [J], shape (n_time,)."""
-        displacement = self.state[:, : len(building.mass)]
+        displacement = self._of(building)[:, : len(building.mass)]
         return np.asarray(0.5 * np.einsum("ti,ij,tj->t", displacement, building.stiffness, displacement))
+
+    def _of(self, building: Building) -> Floats:
+        """The state, of the coordinates of this building."""
+        if self.state.shape[1] != 2 * len(building.mass):
+            raise SettingError(
+                f"the history is of {self.state.shape[1] // 2} coordinates, and {building.name} has "
+                f"{len(building.mass)}; give the building that was simulated"
+            )
+        return self.state
 
     def _summary(self) -> Summary:
         return Summary(
@@ -184,8 +197,22 @@ class Responses(Summarised):
     devices: tuple[Device, ...] = ()
     seconds: tuple[float, ...] = ()
 
+    @checked
     def demand(self, run: int, device: int) -> OperatingRange:
-        """Demand of a run on one damper of a device."""
+        """Demand of a run on one damper of a device.
+
+        Raises
+        ------
+        SettingError
+            If there is no such run or device, or the run did not finish.
+        """
+        if not (0 <= run < len(self.outcome) and 0 <= device < len(self.devices)):
+            raise SettingError(
+                f"there are {len(self.outcome)} runs and {len(self.devices)} dampers, counted from 0; give one of "
+                f"each, not run {run} and damper {device}"
+            )
+        if not np.isfinite(self.energy_error[run]):
+            raise SettingError(f"run {run} did not finish, and has no demand; give another")
         _, n_motions, n_draws = self.shape
         return self.devices[device].demand(
             stroke=float(self.peak_stroke[run, device]),
@@ -197,6 +224,7 @@ class Responses(Summarised):
             mean_command=float(self.mean_current[run, device]),
         )
 
+    @checked
     def outside(self, run: int) -> tuple[Outside, ...]:
         """What of the demand of a run that finished lies outside the tested ranges of each device."""
         return tuple(device.outside(self.demand(run, number)) for number, device in enumerate(self.devices))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
+from mrwork.arguments import Threads, checked
 from mrwork.buildings.devices import Device
 from mrwork.buildings.matrices import Building
 from mrwork.closed_loop.core_arguments import (
@@ -40,6 +41,7 @@ _RUNS_AT_A_TIME = 4096
 _MOST_SAMPLES = 100_000_000
 
 
+@checked
 def simulate_loop(
     building: Building,
     devices: Sequence[Device],
@@ -51,7 +53,7 @@ def simulate_loop(
     step_factor: int = 1,
     nominal: Building | None = None,
     largest_commands: ArrayLike | None = None,
-    threads: int = 0,
+    threads: Threads = 0,
     on_progress: Callable[[int, int], None] | None = None,
 ) -> Responses:
     """Simulate every candidate of the law under every motion with every draw of the dampers.
@@ -121,6 +123,10 @@ def simulate_loop(
     n_draws, factors = len(theta), np.ones((1, len(devices)))
     if largest_commands is not None:
         factors = _command_factors(law, hardware, devices, largest_commands, histories=histories)
+        if len(gains) not in (1, len(factors)):
+            raise SettingError(
+                f"the gains are of {len(gains)} candidates and `largest_commands` of {len(factors)}; give one for each"
+            )
         gains = np.ascontiguousarray(np.broadcast_to(gains, (len(factors), gains.shape[1])))
         theta = stretched_theta(devices[0].spec, theta, factors)
     shape = (len(gains), len(motions), n_draws)
@@ -204,8 +210,10 @@ def _command_factors(
             "simulate devices of that largest command"
         )
     given = np.atleast_1d(np.asarray(largest_commands, dtype=np.float64))
+    if given.ndim != 1 or not given.size:
+        raise SettingError(f"`largest_commands` has shape {given.shape}; give (n_candidates,)")
     factors: Floats = given[:, None] / np.array([device.largest_command for device in devices])
-    if given.ndim != 1 or not ((factors > 0.0) & (factors <= 1.0)).all():
+    if not ((factors > 0.0) & (factors <= 1.0)).all():
         raise SettingError(
             f"`largest_commands` are from {given.min():g} to {given.max():g}; give one for each candidate, positive "
             "and up to that of the devices"

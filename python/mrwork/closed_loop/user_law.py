@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mrwork.arguments import Within, checked
 from mrwork.buildings.devices import Device
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
@@ -72,6 +73,7 @@ class LoopSample(Summarised):
         return np.hstack([self.displacement, self.velocity])
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class UserLaw(Summarised):
     """A control law in Python, for `simulate_loop`; slower than a law of the registry, see `control_laws`.
@@ -96,7 +98,7 @@ class UserLaw(Summarised):
     Raises
     ------
     SettingError
-        If `command` is not a function, or a number is out of range.
+        If a number is out of range.
 
     Examples
     --------
@@ -114,26 +116,16 @@ class UserLaw(Summarised):
     (3, 1, 1)
     """
 
+    _made_by: ClassVar[str] = "mr.closed_loop.UserLaw(name=..., command=...)"
+
     name: str
     command: Callable[[LoopSample, Floats], ArrayLike]
-    n_candidates: int = 1
-    n_memory: int = 0
+    n_candidates: Annotated[int, Within(least=1, most=1_000_000)] = 1
+    n_memory: Annotated[int, Within(least=0, most=1_000_000)] = 0
     source: str = ""
     notes: ClassVar[tuple[str, ...]] = ()
 
-    def __post_init__(self) -> None:
-        if not callable(self.command):
-            raise SettingError(
-                f"the command of {self.name} is {type(self.command).__name__}; give a function of a LoopSample and the "
-                "memory"
-            )
-        for name, least in (("n_candidates", 1), ("n_memory", 0)):
-            given = getattr(self, name)
-            if not isinstance(given, int) or given < least:
-                raise SettingError(
-                    f"`{name}` of {self.name} is {given!r}; give a whole number from {least} on"
-                )
-
+    @checked
     def placeholder(self, devices: Sequence[Device]) -> ControlLaw:
         """The law that the core has in place of this one: its candidates, without a command.
 
@@ -150,6 +142,7 @@ class UserLaw(Summarised):
                 )
         return ControlLaw(name="passive", gains={"command": np.zeros((self.n_candidates, len(devices)))})
 
+    @checked
     def asked(self, runs: NDArray[np.uint32], devices: Sequence[Device], sample_time: float) -> Ask:
         """The law as the core asks it, for runs (candidate, motion, draw), shape (n_runs, 3)."""
         largest = np.array([device.largest_command for device in devices])

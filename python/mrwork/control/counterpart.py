@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mrwork.arguments import Positive, checked
 from mrwork.dampers.parameters import LawName
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError
@@ -56,13 +57,14 @@ class _Cycles:
     force: Floats
 
 
+@checked
 def static_counterpart(
     spec: DamperSpec,
     theta: ArrayLike,
     *,
-    largest_command: float,
-    amplitude: tuple[float, float],
-    velocity: tuple[float, float],
+    largest_command: Positive,
+    amplitude: tuple[Positive, Positive],
+    velocity: tuple[Positive, Positive],
 ) -> StaticCounterpart:
     """Fit `f = c v + k x + alpha tanh(beta v + delta tanh(x/x_s)) + f0` to a damper in steady cycles.
 
@@ -85,7 +87,7 @@ def static_counterpart(
     Raises
     ------
     SettingError
-        If the model does not follow a command, or a range is not positive.
+        If the model does not follow a command, or a range does not begin with its smaller end.
     SimulationError
         If the damper cannot be simulated at these motions.
 
@@ -98,22 +100,20 @@ def static_counterpart(
     ...                    velocity=(0.02, 0.2)).fit_percent
     100.0
     """
-    values = tuple(float(value) for value in np.asarray(theta, dtype=np.float64).ravel())
     if spec.current is None:
         raise SettingError(
             f"{spec.name} does not follow a command; give a model with current laws, which a law can drive"
         )
-    if len(values) != len(spec.names):
+    if np.shape(theta) != (len(spec.names),):
         raise SettingError(
-            f"`theta` has {len(values)} values, {spec.name} takes {len(spec.names)}; see `spec.names`"
+            f"`theta` has shape {np.shape(theta)}, {spec.name} takes ({len(spec.names)},); see `spec.names`"
         )
+    values = tuple(np.asarray(theta, dtype=np.float64).tolist())
+    for name, (low, high) in {"amplitude": amplitude, "velocity": velocity}.items():
+        if low > high:
+            raise SettingError(f"`{name}` is {low} to {high}; give the smaller number first")
     if is_curve(spec):
         return StaticCounterpart(spec=spec, theta=values, fit_percent=100.0)
-    for name, (low, high) in {"amplitude": amplitude, "velocity": velocity}.items():
-        if not 0.0 < low <= high < np.inf:
-            raise SettingError(f"`{name}` is {low} to {high}; give two positive numbers, the smaller first")
-    if not 0.0 < largest_command < np.inf:
-        raise SettingError(f"`largest_command` is {largest_command}; give a positive number")
     cycles = _simulated(spec, values, largest_command, amplitude, velocity)
     model = damper(_COUNTERPART_MODEL)
     laws = dict(zip(model.names, _counterpart_laws(), strict=True))

@@ -9,8 +9,9 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.buildings import Building
-from mrwork.buildings.devices import Device
+from mrwork.buildings.devices import Device, elongation_rows
 from mrwork.control.counterpart import is_curve, static_counterpart
 from mrwork.control.design.limits import LoopTiming
 from mrwork.control.plant import Plant, plant_of
@@ -22,6 +23,7 @@ from mrwork.values import holds_arrays
 Floats = NDArray[np.float64]
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class DesignProblem(Summarised):
     """The building with its devices for which a law is designed.
@@ -30,14 +32,15 @@ class DesignProblem(Summarised):
     largest ones expected of the dampers, if given.
     """
 
+    _made_by: ClassVar[str] = "mr.control.DesignProblem(building=..., devices=..., sample_time=...)"
     _units: ClassVar[Mapping[str, str]] = {"sample_time": "s", "delay": "s"}
 
     building: Building
     devices: Sequence[Device]
-    sample_time: float
-    amplitude: tuple[float, float] | None = None
-    velocity: tuple[float, float] | None = None
-    delay: float = 0.0
+    sample_time: Positive
+    amplitude: tuple[Positive, Positive] | None = None
+    velocity: tuple[Positive, Positive] | None = None
+    delay: NotNegative = 0.0
 
     @property
     def curve(self) -> tuple[DamperSpec, Floats]:
@@ -48,6 +51,10 @@ class DesignProblem(Summarised):
         SettingError
             If the damper needs a static counterpart, and the expected motions are not given.
         """
+        if not self.devices:
+            raise SettingError(
+                "this law needs the force of a damper, and the problem has no device; give one"
+            )
         device = self.devices[0]
         theta = device.draws[0]
         if is_curve(device.spec):
@@ -69,7 +76,7 @@ class DesignProblem(Summarised):
     @property
     def plant(self) -> Plant:
         """The linear system of the building with its devices."""
-        rows = np.array([device.row for device in self.devices])
+        rows = elongation_rows(self.building, self.devices)
         return plant_of(self.building, rows, [device.name for device in self.devices])
 
     @property
@@ -94,9 +101,10 @@ class DesignProblem(Summarised):
                 f"the drivers of the devices have lags of different rates ({shown}), and a design in discrete time "
                 "takes one; give all devices the same lag"
             )
-        (rate,) = rates
+        (rate,) = rates or (None,)
         return LoopTiming(sample_time=self.sample_time, delay=self.delay, driver_rate=rate)
 
+    @checked
     def each(self, number: float) -> Floats:
         """An array with the same number for every device."""
         return np.full(len(self.devices), number)

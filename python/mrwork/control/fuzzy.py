@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mrwork.arguments import Positive, Within, checked
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised
 from mrwork.values import holds_arrays
@@ -49,7 +51,13 @@ class FuzzyTable(Summarised):
     rate_scale: float
 
 
-def fuzzy_table(*, deformation_scale: float, rate_scale: float, n_points: int = 41) -> FuzzyTable:
+@checked
+def fuzzy_table(
+    *,
+    deformation_scale: Positive,
+    rate_scale: Positive,
+    n_points: Annotated[int, Within(least=5, most=1001)] = 41,
+) -> FuzzyTable:
     """Tabulate the controller.
 
     Parameters
@@ -57,12 +65,12 @@ def fuzzy_table(*, deformation_scale: float, rate_scale: float, n_points: int = 
     deformation_scale, rate_scale
         Expected peak deformation [m] and rate [m/s] of the device.
     n_points
-        Number of points along each input, odd and 5 or more, so that the centres of the sets are among them.
+        Number of points along each input, odd, so that the centres of the sets are among them.
 
     Raises
     ------
     SettingError
-        If a scale is not positive, or the number of points is even or too small.
+        If the number of points is even.
 
     Examples
     --------
@@ -70,13 +78,8 @@ def fuzzy_table(*, deformation_scale: float, rate_scale: float, n_points: int = 
     >>> fuzzy_table(deformation_scale=0.01, rate_scale=0.2).share.shape
     (41, 41)
     """
-    if not (np.isfinite([deformation_scale, rate_scale]).all() and min(deformation_scale, rate_scale) > 0.0):
-        raise SettingError(
-            f"the scales of the fuzzy controller are {deformation_scale} m and {rate_scale} m/s; "
-            f"give positive numbers"
-        )
-    if n_points < 5 or n_points % 2 == 0:
-        raise SettingError(f"`n_points` is {n_points}; give an odd number, 5 or more")
+    if n_points % 2 == 0:
+        raise SettingError(f"`n_points` is {n_points}; give an odd number")
     points, share = _shares(n_points)
     return FuzzyTable(points=points, share=share, deformation_scale=deformation_scale, rate_scale=rate_scale)
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mrwork.arguments import Positive, Seed, Within, checked
 from mrwork.control.inverse_samples import (
     N_SAMPLES,
     DamperGroup,
@@ -30,6 +31,8 @@ Floats = NDArray[np.float64]
 OnTrainingStep = Callable[[int, float], None]
 
 _N_CYCLES = 60
+# Of the middle frequency in a sample; fewer make a long history, more leave nothing of it between two samples.
+_FEWEST_CYCLES, _MOST_CYCLES = 1e-5, 0.5
 _MAX_STEPS = 200
 # Ridge penalty of the weights, per sample: keeps units bounded that the data do not determine.
 _RIDGE = 1e-8
@@ -73,26 +76,33 @@ class InverseNetwork(Summarised):
     fit_percent: float
     command_error: float
 
+    @checked
     def command(self, inputs: ArrayLike) -> Floats:
         """The command for inputs in the order of `names`, shape (..., n_inputs)."""
-        scaled = scaled_inputs(np.asarray(inputs, dtype=np.float64), self.input_scale)
+        given = np.asarray(inputs, dtype=np.float64)
+        if given.shape[-1:] != self.input_scale.shape:
+            raise SettingError(
+                f"`inputs` has shape {given.shape}; give (..., {len(self.names)}), {', '.join(self.names)}"
+            )
+        scaled = scaled_inputs(given, self.input_scale)
         hidden = np.tanh(scaled @ self.W1.T + self.b1)
         return self.output_scale * np.clip(hidden @ self.w2 + self.b2, 0.0, 1.0)
 
 
+@checked
 def train_inverse_network(
     spec: DamperSpec,
     theta: ArrayLike,
     *,
-    largest_command: float,
-    amplitude: float,
-    velocity: float,
-    sample_time: float,
-    n_hidden: int = 12,
-    n_previous: int = 1,
-    count: float = 1.0,
+    largest_command: Positive,
+    amplitude: Positive,
+    velocity: Positive,
+    sample_time: Positive,
+    n_hidden: Annotated[int, Within(least=1, most=1000)] = 12,
+    n_previous: Literal[0, 1] = 1,
+    count: Positive = 1.0,
     differential: bool = False,
-    rng: int = 0,
+    rng: Seed = 0,
     on_step: OnTrainingStep | None = None,
 ) -> InverseNetwork:
     """Train a network with one hidden layer on simulated forces under random motions and commands.
@@ -123,7 +133,7 @@ def train_inverse_network(
     Raises
     ------
     SettingError
-        If the model does not follow a command, or a setting is not positive.
+        If the model does not follow a command, or the motion does not fit the sample time.
     SimulationError
         If the damper cannot be simulated at these motions.
 
@@ -135,7 +145,7 @@ def train_inverse_network(
     >>> network = train_inverse_network(rd1005.spec, rd1005.theta, largest_command=1.88, amplitude=0.01,
     ...                                 velocity=0.2, sample_time=0.001, n_hidden=4)  # doctest: +SKIP
     """
-    _check(spec, largest_command, amplitude, velocity, sample_time, n_hidden, n_previous)
+    _check(spec, amplitude, velocity, sample_time)
     spec, values = _without_lag(spec, theta)
     assert spec.current is not None
     generator = np.random.default_rng(rng)
@@ -173,37 +183,25 @@ def train_inverse_network(
     return _tested(network, group, held_out, n_previous)
 
 
-def _check(
-    spec: DamperSpec,
-    largest_command: float,
-    amplitude: float,
-    velocity: float,
-    sample_time: float,
-    n_hidden: int,
-    n_previous: int,
-) -> None:
+def _check(spec: DamperSpec, amplitude: float, velocity: float, sample_time: float) -> None:
     if spec.current is None:
         raise SettingError(
             f"{spec.name} does not follow a command, so there is nothing to invert; give a model with current laws"
         )
-    settings = np.array([largest_command, amplitude, velocity, sample_time])
-    if not (np.isfinite(settings).all() and (settings > 0.0).all()):
+    cycles = sample_time * velocity / (2.0 * np.pi * amplitude)
+    if not _FEWEST_CYCLES <= cycles <= _MOST_CYCLES:
         raise SettingError(
-            f"largest command {largest_command}, amplitude {amplitude} m, velocity {velocity} m/s and sample "
-            f"time {sample_time} s must be positive"
-        )
-    if n_hidden < 1 or n_previous not in (0, 1):
-        raise SettingError(
-            f"`n_hidden` is {n_hidden} and `n_previous` {n_previous}; give 1 or more, and 0 or 1"
+            f"a motion of {amplitude:g} m and {velocity:g} m/s has {cycles:g} cycles in a sample of {sample_time:g} s; "
+            f"give numbers with {_FEWEST_CYCLES:g} to {_MOST_CYCLES:g}"
         )
 
 
 def _without_lag(spec: DamperSpec, theta: ArrayLike) -> tuple[DamperSpec, Floats]:
     """The damper without the lag of its driver: its command is the current in the coil."""
-    values = np.asarray(theta, dtype=np.float64).ravel()
-    if len(values) != len(spec.names):
+    values = np.asarray(theta, dtype=np.float64)
+    if values.shape != (len(spec.names),):
         raise SettingError(
-            f"`theta` has {len(values)} values, {spec.name} takes {len(spec.names)}; see `spec.names`"
+            f"`theta` has shape {values.shape}, {spec.name} takes ({len(spec.names)},); see `spec.names`"
         )
     current = spec.current
     if current is None or not current.lagged:

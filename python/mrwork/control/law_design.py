@@ -10,6 +10,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import checked
 from mrwork.control.design.wishes import WeightWishes
 from mrwork.control.design_problem import Design, DesignProblem
 from mrwork.control.law_settings import SETTINGS
@@ -33,6 +34,7 @@ SettingValue = (
 _NO_SETTINGS: Final[Mapping[str, SettingValue]] = MappingProxyType({})
 
 
+@checked
 def settings_of(name: str, given: Mapping[str, SettingValue]) -> LawSettings:
     """The settings of a law from values by name, in SI.
 
@@ -50,6 +52,7 @@ def settings_of(name: str, given: Mapping[str, SettingValue]) -> LawSettings:
     return SETTINGS[name](**given)
 
 
+@checked
 def design_law(
     name: str, problem: DesignProblem, settings: LawSettings | Mapping[str, SettingValue] = _NO_SETTINGS
 ) -> ControlLaw:
@@ -90,10 +93,7 @@ def design_law(
     spec = control_law(name)
     if isinstance(settings, Mapping):
         settings = settings_of(name, settings)
-    elif type(settings) is not SETTINGS[name]:
-        raise SettingError(
-            f"the settings are {type(settings).__name__}; {name} takes {SETTINGS[name].__name__}"
-        )
+    _check_class(name, settings)
     _check_loop(spec, settings)
     design = settings.design(problem)
     curve = problem.curve if spec.needs_curve else None
@@ -115,6 +115,7 @@ class DesignedCandidates(Summarised):
     refusals: Mapping[int, str]
 
 
+@checked
 def design_candidates(
     name: str, problem: DesignProblem, settings: Sequence[LawSettings]
 ) -> DesignedCandidates:
@@ -127,7 +128,7 @@ def design_candidates(
     UnknownNameError
         If there is no such law.
     SettingError
-        If the law needs a model of the damper that the problem does not give.
+        If the settings are those of another law, or the law needs a model of the damper that the problem does not give.
     """
     spec = control_law(name)
     curve = problem.curve if spec.needs_curve else None
@@ -135,6 +136,7 @@ def design_candidates(
     designed: list[int] = []
     refusals: dict[int, str] = {}
     for each in settings:
+        _check_class(name, each)
         _check_loop(spec, each)
     for index, found in enumerate(SETTINGS[name].designs(problem, settings)):
         if isinstance(found, SettingError):
@@ -151,6 +153,13 @@ def design_candidates(
     }
     law = ControlLaw(name=name, gains=gains, tables=designs[0].tables, curve=curve)
     return DesignedCandidates(law=law, designed=tuple(designed), refusals=refusals)
+
+
+def _check_class(name: str, settings: LawSettings) -> None:
+    if type(settings) is not SETTINGS[name]:
+        raise SettingError(
+            f"the settings are {type(settings).__name__}; {name} takes {SETTINGS[name].__name__}"
+        )
 
 
 def _check_loop(spec: ControlLawSpec, settings: LawSettings) -> None:

@@ -9,6 +9,7 @@ with its devices. `SETTINGS` names the class of each law.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Self
@@ -16,6 +17,7 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mrwork.arguments import checked
 from mrwork.control.design_problem import Design, DesignProblem
 from mrwork.control.fuzzy import fuzzy_table
 from mrwork.control.lqr import regulators_of_weights
@@ -36,6 +38,7 @@ from mrwork.keys import key
 Floats = NDArray[np.float64]
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoSettings(LawSettings):
     """A law without settings."""
@@ -45,6 +48,7 @@ class NoSettings(LawSettings):
         return Design()
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PassiveSettings(LawSettings):
     """A constant command."""
@@ -59,7 +63,7 @@ class PassiveSettings(LawSettings):
 
     def design(self, problem: DesignProblem) -> Design:
         """The command of each device."""
-        largest = min(device.largest_command for device in problem.devices)
+        largest = min((device.largest_command for device in problem.devices), default=math.inf)
         if self.command > largest:
             raise InvalidSettingError(
                 "command", f"command is {self.command:g}, and the driver gives {largest:g} at most"
@@ -67,6 +71,7 @@ class PassiveSettings(LawSettings):
         return Design(gains={"command": problem.each(self.command)})
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FrictionSettings(LawSettings):
     """Friction in proportion to the last peak elongation."""
@@ -83,6 +88,7 @@ class FrictionSettings(LawSettings):
         return Design(gains={"slope": problem.each(self.slope)})
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FuzzySettings(LawSettings):
     """Scales of the inputs of the fuzzy controller."""
@@ -112,6 +118,7 @@ class FuzzySettings(LawSettings):
         )
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LyapunovSettings(CostWeights, LawSettings):
     """A Lyapunov function; without weights of outputs or states its weight is the energy of the building.
@@ -154,6 +161,7 @@ class LyapunovSettings(CostWeights, LawSettings):
         )
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ProportionalSettings(LyapunovSettings):
     """The smooth law kappa sigma G; with a control weight sigma is that of a regulator with the same weights."""

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from typing import Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
+from mrwork.arguments import May, checked
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.keys import suggestion
@@ -68,6 +69,7 @@ class ControlLawSpec:
         return not (absolute or self.tables or self.needs_curve or self.commands_force)
 
 
+@checked
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class ControlLaw(Summarised):
@@ -94,8 +96,11 @@ class ControlLaw(Summarised):
         the gains differ in their number of candidates.
     """
 
+    _made_by: ClassVar[str] = "mr.control.design_law(name, problem)"
+
     name: str
-    gains: Mapping[str, ArrayLike] = field(default_factory=dict)
+    # The gain of a design without a solution is infinite.
+    gains: Mapping[str, Annotated[ArrayLike, May.BE_INFINITE]] = field(default_factory=dict)
     tables: Mapping[str, ArrayLike] = field(default_factory=dict)
     curve: tuple[DamperSpec, ArrayLike] | None = None
     notes: tuple[str, ...] = ()
@@ -104,14 +109,19 @@ class ControlLaw(Summarised):
         spec = self.spec
         _check_names(spec, "gain", self.gains, [gain.name for gain in spec.gains])
         _check_names(spec, "table", self.tables, spec.tables)
-        for name in spec.tables:
-            _numbers(spec, "table", name, self.tables[name])
         counts = [count for gain in spec.gains if (count := self._candidates(gain)) > 1]
         if len(set(counts)) > 1:
             raise SettingError(
                 f"the gains of {spec.name} have {', '.join(map(str, counts))} candidates; give the same number for "
                 "each gain, or one"
             )
+        empty = next((name for name, gain in self.gains.items() if not np.size(gain)), None)
+        if empty is not None:
+            raise SettingError(
+                f"`{empty}` of {spec.name} is empty; give its numbers for one or more candidates"
+            )
+        if self.curve is not None and not spec.needs_curve:
+            raise SettingError(f"{spec.name} does not use the force of the damper; leave `curve` out")
         if spec.needs_curve and self.curve is None:
             raise SettingError(
                 f"{spec.name} needs the force as a function of the command; give it a `curve`: a static_hysteretic "
@@ -123,6 +133,7 @@ class ControlLaw(Summarised):
         """The declaration of the law."""
         return control_law(self.name)
 
+    @checked
     def gain_rows(self, n_devices: int, n_states: int) -> Floats:
         """The gains as rows, shape (n_candidates, n_gains).
 
@@ -155,8 +166,8 @@ class ControlLaw(Summarised):
 
     def _candidates(self, gain: GainSpec) -> int:
         """Number of candidates of a gain; 1 if it is the same for all."""
-        given = _numbers(self.spec, "gain", gain.name, self.gains[gain.name])
-        return len(given) if given.ndim > gain.dimensions else 1
+        given = self.gains[gain.name]
+        return np.shape(given)[0] if np.ndim(given) > gain.dimensions else 1
 
     def _summary(self) -> Summary:
         return Summary(
@@ -187,6 +198,7 @@ def control_laws() -> tuple[ControlLawSpec, ...]:
     )
 
 
+@checked
 def control_law(name: str) -> ControlLawSpec:
     """The law of that name.
 
@@ -206,24 +218,12 @@ def control_law(name: str) -> ControlLawSpec:
 def _check_names(
     spec: ControlLawSpec, kind: str, given: Mapping[str, ArrayLike], expected: Sequence[str]
 ) -> None:
-    """Refuse gains or tables that are unknown, missing, or no numbers."""
-    for name, value in given.items():
+    """Refuse gains or tables that are unknown or missing."""
+    for name in given:
         if name not in expected:
             raise SettingError(
                 f"{spec.name} has no {kind} {name!r}{suggestion(name, expected, otherwise='it has')}"
             )
-        _numbers(spec, kind, name, value)
     for name in expected:
         if name not in given:
             raise SettingError(f"{spec.name} lacks the {kind} {name!r}; give {', '.join(expected)}")
-
-
-def _numbers(spec: ControlLawSpec, kind: str, name: str, value: ArrayLike) -> Floats:
-    try:
-        numbers = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise SettingError(f"the {kind} {name!r} of {spec.name} is not an array of numbers") from None
-    # The gain of a design without a solution is infinite.
-    if np.isnan(numbers).any():
-        raise SettingError(f"the {kind} {name!r} of {spec.name} has NaN; give numbers")
-    return numbers

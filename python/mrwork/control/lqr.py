@@ -9,7 +9,8 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.control.plant import Outputs, Plant, accelerations
+from mrwork.arguments import Threads, checked
+from mrwork.control.plant import Outputs, Plant, accelerations, check_outputs
 from mrwork.control.riccati import RiccatiStatus, regulator_gains
 from mrwork.control.setting_base import attempted, solved_together
 from mrwork.control.weights import Weighed, weighed_outputs, weighed_state, weight_matrix
@@ -53,6 +54,7 @@ class Regulator(Summarised):
     residual: float
 
 
+@checked
 def regulator_of_outputs(
     plant: Plant, outputs: Outputs, weights: ArrayLike, control_weight: ArrayLike
 ) -> Regulator:
@@ -81,10 +83,12 @@ def regulator_of_outputs(
     >>> # The acceleration of the third floor, as in Dyke et al. 1996
     >>> regulator = regulator_of_outputs(plant, accelerations(plant), [0, 0, 1], 1e-17)  # doctest: +SKIP
     """
+    check_outputs(plant, outputs)
     W = weight_matrix("weights", weights, len(outputs.names), "outputs")
     return regulator_of_weights(plant, weighed_outputs(plant, outputs, W), control_weight)
 
 
+@checked
 def regulator_of_state(plant: Plant, state_weight: ArrayLike, control_weight: ArrayLike) -> Regulator:
     """The regulator that weighs the state itself: `int s'Q s + f'R f dt`.
 
@@ -106,6 +110,7 @@ def regulator_of_state(plant: Plant, state_weight: ArrayLike, control_weight: Ar
     return regulator_of_weights(plant, weighed_state(plant, Q), control_weight)
 
 
+@checked
 def regulator_of_weights(plant: Plant, weighed: Weighed, control_weight: ArrayLike) -> Regulator:
     """The regulator of `int s'Q s + 2 s'N f + f'(R + S) f dt`, with Q, N and S of the weights of outputs and state.
 
@@ -120,8 +125,13 @@ def regulator_of_weights(plant: Plant, weighed: Weighed, control_weight: ArrayLi
     return found
 
 
+@checked
 def regulators_of_weights(
-    plant: Plant, weighed: Sequence[Weighed], control_weights: Sequence[ArrayLike], *, threads: int = 0
+    plant: Plant,
+    weighed: Sequence[Weighed],
+    control_weights: Sequence[ArrayLike],
+    *,
+    threads: Threads = 0,
 ) -> tuple[Regulator | SettingError, ...]:
     """The regulators of many weights, by one call of the compiled solver; see `regulator_of_weights`.
 
@@ -137,6 +147,11 @@ def regulators_of_weights(
     tuple
         A regulator for each, or the error that says why there is none; the others do not depend on it.
     """
+    if not weighed or len(weighed) != len(control_weights):
+        raise SettingError(
+            f"there are {len(weighed)} weights of outputs and state, and {len(control_weights)} control weights; give "
+            "both for each of one or more regulators"
+        )
 
     def cost(pair: tuple[Weighed, ArrayLike]) -> tuple[Floats, Floats, Floats]:
         each, control_weight = pair
@@ -204,6 +219,8 @@ class PublishedRegulator(Summarised):
         S_ag/S_v of the observer: intensity of the ground acceleration over that of each sensor, in SI.
     """
 
+    _made_by: ClassVar[str] = "mr.control.published_regulator(name)"
+
     name: str
     n_floors: int
     weighed: tuple[tuple[int, float], ...]
@@ -214,6 +231,7 @@ class PublishedRegulator(Summarised):
     note: str = ""
 
 
+@checked
 def published_regulator(name: str) -> PublishedRegulator:
     """Return the published weights called `name`.
 
@@ -229,6 +247,7 @@ def published_regulator(name: str) -> PublishedRegulator:
     raise UnknownNameError(f"no published regulator is called {name!r}; choose one of {known}")
 
 
+@checked
 def regulator_as_published(plant: Plant, published: PublishedRegulator) -> Regulator:
     """The regulator of a plant with published weights.
 

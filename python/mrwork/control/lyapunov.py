@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mrwork.arguments import Threads, checked
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import lyapunov_solutions
 from mrwork.control.setting_base import attempted, solved_together
@@ -36,6 +37,7 @@ class LyapunovFunction(Summarised):
     vectors: Floats
 
 
+@checked
 def lyapunov_function(plant: Plant, weight: ArrayLike | None = None) -> LyapunovFunction:
     """Solve `A'P + P A = -Q_P` (Jansen & Dyke, J. Eng. Mech. 126(8), 2000, 795-803).
 
@@ -57,7 +59,7 @@ def lyapunov_function(plant: Plant, weight: ArrayLike | None = None) -> Lyapunov
 
 
 def lyapunov_functions(
-    plant: Plant, weights: Sequence[ArrayLike], *, threads: int = 0
+    plant: Plant, weights: Sequence[ArrayLike], *, threads: Threads = 0
 ) -> tuple[LyapunovFunction | SettingError, ...]:
     """The Lyapunov functions of many weights Q_P, by one call of the compiled solver; see `lyapunov_function`.
 
@@ -105,14 +107,12 @@ def _checked(weight: ArrayLike, T: Floats) -> Floats:
     """Q_P as a matrix that is symmetric and positive semidefinite, shape (2n, 2n)."""
     size = len(T)
     Q_P = np.asarray(weight, dtype=np.float64)
-    if Q_P.ndim < 2:
+    if Q_P.shape in ((), (size,)):
         Q_P = np.diag(np.broadcast_to(Q_P, size))
     if Q_P.shape != (size, size):
         raise SettingError(
             f"`weight` has shape {Q_P.shape}, the state has {size} numbers; give ({size}, {size})"
         )
-    if not np.isfinite(Q_P).all():
-        raise SettingError("`weight` holds a value that is not a finite number")
     Q_z = T.T @ Q_P @ T
     size_z = float(np.linalg.norm(Q_z))
     asymmetry = np.abs(Q_z - Q_z.T).max()

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.control.plant import Outputs, Plant
+from mrwork.arguments import NotNegative, Positive, Within, checked
+from mrwork.control.plant import Outputs, Plant, check_outputs
 from mrwork.control.riccati import RiccatiStatus, kalman_gains
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised
@@ -50,14 +51,15 @@ class Observer(Summarised):
     covariance: Floats
 
 
+@checked
 def observer_of(
     plant: Plant,
     measurements: Outputs,
-    sample_time: float,
+    sample_time: Positive,
     *,
-    ground_intensity: float = 1.0,
-    noise_intensity: ArrayLike | None = None,
-    unmodelled: float = 1e-6,
+    ground_intensity: Positive = 1.0,
+    noise_intensity: Annotated[ArrayLike, Within(above=0.0)] | None = None,
+    unmodelled: NotNegative = 1e-6,
 ) -> Observer:
     """The steady Kalman filter for a white ground acceleration and white, independent sensor noise.
 
@@ -83,8 +85,9 @@ def observer_of(
     Raises
     ------
     SettingError
-        If a setting is not positive, or an undamped mode is not observable.
+        If an undamped mode is not observable.
     """
+    check_outputs(plant, measurements)
     n_measurements = len(measurements.names)
     noise = np.asarray(
         ground_intensity / 50.0 if noise_intensity is None else noise_intensity, dtype=np.float64
@@ -95,12 +98,6 @@ def observer_of(
             f"give one number for each of one or more measurements"
         )
     noise = np.broadcast_to(noise, n_measurements)
-    settings = np.array([sample_time, ground_intensity, *noise])
-    if not (np.isfinite(settings).all() and (settings > 0.0).all() and 0.0 <= unmodelled < np.inf):
-        raise SettingError(
-            f"the sample time is {sample_time} s, the intensities {ground_intensity} and {noise}; all must be "
-            f"positive, and the unmodelled share {unmodelled} not negative"
-        )
     Ad, Bd, Ed = _held(plant, sample_time)
     covariance, gain = _filter(
         plant, Ad, Ed, measurements, ground_intensity / sample_time, noise / sample_time, unmodelled

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mrwork.arguments import checked
 from mrwork.buildings.matrices import Building
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.summary import Summarised
@@ -37,6 +39,8 @@ class Plant(Summarised):
         Shape (2n, 2n), from the symmetric parts of K and M: s' energy s is twice the energy of the building [J].
     """
 
+    _made_by: ClassVar[str] = "mr.control.plant_of(building, rows)"
+
     building: Building
     A: Floats
     B: Floats
@@ -57,6 +61,7 @@ class Plant(Summarised):
         return int(self.attachment.shape[0])
 
 
+@checked
 def plant_of(building: Building, attachment: ArrayLike, device_names: Sequence[str] = ()) -> Plant:
     """The linear system of a building with devices.
 
@@ -86,13 +91,13 @@ def plant_of(building: Building, attachment: ArrayLike, device_names: Sequence[s
             f"`attachment` has shape {rows.shape}, {building.name} takes (n_devices, {n}): "
             f"one row for each device, its elongation per unit of each coordinate"
         )
-    if not np.isfinite(rows).all() or not np.any(rows, axis=1).all():
-        raise SettingError(
-            "a row of `attachment` is zero or not finite; each device must be elongated by some coordinate"
-        )
+    if not np.any(rows, axis=1).all():
+        raise SettingError("a row of `attachment` is zero; each device must be elongated by some coordinate")
     names = tuple(device_names) or tuple(f"device {number + 1}" for number in range(len(rows)))
-    if len(names) != len(rows):
-        raise SettingError(f"{len(names)} names were given for {len(rows)} devices; give one for each")
+    if len(names) != len(rows) or len(set(names)) < len(names):
+        raise SettingError(
+            f"{len(rows)} devices have the names {', '.join(names)}; give each device a name of its own"
+        )
     A = np.block(
         [
             [np.zeros((n, n)), np.eye(n)],
@@ -115,6 +120,7 @@ def plant_of(building: Building, attachment: ArrayLike, device_names: Sequence[s
     )
 
 
+@checked
 def natural_frequencies(plant: Plant) -> Floats:
     """Natural frequencies of the building without damping [rad/s], lowest first, shape (n,)."""
     n = plant.n_coordinates
@@ -139,6 +145,7 @@ def _scaling(A: Floats, energy: Floats) -> Floats:
     return np.asarray(np.linalg.inv(lower.T), dtype=np.float64)
 
 
+@checked
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Outputs(Summarised):
@@ -147,11 +154,28 @@ class Outputs(Summarised):
     G is zero except for accelerations of a reduced building, whose floors do not follow the ground exactly.
     """
 
+    _made_by: ClassVar[str] = "mr.control.drifts(plant) and its neighbours"
+
     names: tuple[str, ...]
     C: Floats
     D: Floats
     G: Floats
 
+    def __post_init__(self) -> None:
+        n = len(self.names)
+        if len(set(self.names)) < n:
+            raise SettingError("two outputs have one name; give each output once")
+        if (
+            self.C.ndim != 2
+            or self.D.ndim != 2
+            or {(n,)} != {self.C.shape[:1], self.D.shape[:1], self.G.shape}
+        ):
+            raise SettingError(
+                f"{n} outputs have C, D and G of shapes {self.C.shape}, {self.D.shape} and {self.G.shape}; give "
+                f"({n}, 2n), ({n}, n_devices) and ({n},)"
+            )
+
+    @checked
     def select(self, names: Sequence[str]) -> Outputs:
         """The named outputs, in the order of the names.
 
@@ -167,8 +191,22 @@ class Outputs(Summarised):
         return Outputs(names=tuple(names), C=self.C[rows], D=self.D[rows], G=self.G[rows])
 
 
+@checked
 def stacked(*parts: Outputs) -> Outputs:
-    """Concatenate groups of outputs."""
+    """Concatenate groups of outputs.
+
+    Raises
+    ------
+    SettingError
+        If there is no group, or they are not of one plant.
+    """
+    if not parts:
+        raise SettingError("no outputs were given; give one group or more")
+    shapes = {(part.C.shape[1], part.D.shape[1]) for part in parts}
+    if len(shapes) > 1:
+        raise SettingError(
+            "the outputs are of plants with other numbers of states or devices; give those of one plant"
+        )
     return Outputs(
         names=tuple(name for part in parts for name in part.names),
         C=np.vstack([part.C for part in parts]),
@@ -177,26 +215,47 @@ def stacked(*parts: Outputs) -> Outputs:
     )
 
 
+def check_outputs(plant: Plant, outputs: Outputs) -> None:
+    """Refuse outputs of another plant.
+
+    Raises
+    ------
+    SettingError
+        If their matrices are not over the state and the devices of the plant.
+    """
+    n, m = 2 * plant.n_coordinates, plant.n_devices
+    if outputs.C.shape[1:] != (n,) or outputs.D.shape[1:] != (m,):
+        raise SettingError(
+            f"the outputs are over {outputs.C.shape[1]} states and {outputs.D.shape[1]} devices, the plant of "
+            f"{plant.building.name} has {n} and {m}; give outputs of this plant"
+        )
+
+
+@checked
 def drifts(plant: Plant) -> Outputs:
     """Drift of each storey [m]: "drift NAME"."""
     return _positions(plant, plant.building.storeys, "drift", plant.building.storey_names)
 
 
+@checked
 def displacements(plant: Plant) -> Outputs:
     """Displacement of each floor relative to the ground [m]: "displacement NAME"."""
     return _positions(plant, plant.building.floors, "displacement", plant.building.floor_names)
 
 
+@checked
 def velocities(plant: Plant) -> Outputs:
     """Velocity of each floor relative to the ground [m/s]: "velocity NAME"."""
     return _rates(plant, plant.building.floors, "velocity", plant.building.floor_names)
 
 
+@checked
 def relative_velocities(plant: Plant) -> Outputs:
     """Rate of the drift of each storey [m/s]: "relative velocity NAME"."""
     return _rates(plant, plant.building.storeys, "relative velocity", plant.building.storey_names)
 
 
+@checked
 def accelerations(plant: Plant) -> Outputs:
     """Absolute acceleration of each floor [m/s^2]: "acceleration NAME".
 
@@ -212,11 +271,13 @@ def accelerations(plant: Plant) -> Outputs:
     )
 
 
+@checked
 def deformations(plant: Plant) -> Outputs:
     """Elongation of each device [m]: "deformation NAME"."""
     return _positions(plant, plant.attachment, "deformation", plant.device_names)
 
 
+@checked
 def deformation_rates(plant: Plant) -> Outputs:
     """Rate of elongation of each device [m/s]: "rate NAME"."""
     return _rates(plant, plant.attachment, "rate", plant.device_names)

@@ -13,6 +13,7 @@ from typing import ClassVar, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import checked
 from mrwork.control.design_problem import Design, DesignProblem
 from mrwork.control.inverse_network import InverseNetwork, train_inverse_network
 from mrwork.control.lqr import Regulator, regulator_of_weights, regulators_of_weights
@@ -26,6 +27,7 @@ from mrwork.keys import key
 Floats = NDArray[np.float64]
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RegulatorSettings(CostWeights, LawSettings):
     """A linear quadratic regulator; without weights of outputs or states it weighs the energy of the building."""
@@ -122,6 +124,7 @@ class RegulatorSettings(CostWeights, LawSettings):
         )
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClippedSettings(RegulatorSettings):
     """A regulator with a command in proportion to the wanted force."""
@@ -138,6 +141,7 @@ class ClippedSettings(RegulatorSettings):
         return Design(gains={"gain": gain, "full_force": problem.each(self.full_force)})
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NetworkSettings(RegulatorSettings):
     """A regulator with a neural network from the wanted force to the command.

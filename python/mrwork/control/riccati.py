@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from mrwork import _rust
+from mrwork.arguments import Threads, checked
 from mrwork.errors import SettingError
 from mrwork.summary import Summarised, Summary
 from mrwork.values import holds_arrays
@@ -71,6 +72,7 @@ class RiccatiSolutions(Summarised):
         """Whether each row is solved, shape (n_batch,)."""
         return np.asarray(self.status == RiccatiStatus.SOLVED, dtype=np.bool_)
 
+    @checked
     def check(self, row: int = 0) -> None:
         """Raise where a row is not solved.
 
@@ -79,6 +81,10 @@ class RiccatiSolutions(Summarised):
         SettingError
             If the row has no solution, with what to do.
         """
+        if not 0 <= row < len(self.status):
+            raise SettingError(
+                f"there are {len(self.status)} rows, counted from 0, and row {row} is none of them"
+            )
         status = RiccatiStatus(int(self.status[row]))
         if status is not RiccatiStatus.SOLVED:
             reached = self.residual[row]
@@ -101,6 +107,7 @@ class RiccatiSolutions(Summarised):
         )
 
 
+@checked
 def regulator_gains(
     A: ArrayLike,
     B: ArrayLike,
@@ -110,7 +117,7 @@ def regulator_gains(
     *,
     time: Time = "continuous",
     scaling: ArrayLike | None = None,
-    threads: int = 0,
+    threads: Threads = 0,
 ) -> RiccatiSolutions:
     """Gains K of f = -K s that minimise `int s'Q s + 2 s'N f + f'R f dt`, or its sum over the samples, in batches.
 
@@ -194,6 +201,7 @@ def solve_riccati(
     return RiccatiSolution(P=found.P[0], gain=found.gain[0], residual=float(found.residual[0]))
 
 
+@checked
 def kalman_gains(
     A: ArrayLike,
     C: ArrayLike,
@@ -203,7 +211,7 @@ def kalman_gains(
     *,
     time: Time = "continuous",
     scaling: ArrayLike | None = None,
-    threads: int = 0,
+    threads: Threads = 0,
 ) -> RiccatiSolutions:
     """Gains L of steady Kalman filters, in batches, and the covariances of their errors.
 
@@ -244,13 +252,14 @@ def kalman_gains(
     return RiccatiSolutions(gain=_transposed(dual.gain), P=dual.P, residual=dual.residual, status=dual.status)
 
 
+@checked
 def lyapunov_solutions(
     A: ArrayLike,
     weight: ArrayLike,
     *,
     time: Time = "continuous",
     scaling: ArrayLike | None = None,
-    threads: int = 0,
+    threads: Threads = 0,
 ) -> RiccatiSolutions:
     """P of `A'P + P A + Q = 0`, or of `A'P A - P + Q = 0` in discrete time, in batches.
 
@@ -293,8 +302,6 @@ def _solved(given: dict[str, Floats], time: Time, threads: int) -> RiccatiSoluti
             f"the matrices have {', '.join(str(count) for count in sorted(counts))} rows; give the same number of "
             "each, or one that all rows share"
         )
-    if not isinstance(threads, int) or threads < 0:
-        raise SettingError(f"`threads` is {threads}; give 0 for all processors, or their number")
     try:
         gain, P, residual, status = _rust.riccati_equations(time, **given, threads=threads)
     except ValueError as error:
@@ -313,19 +320,12 @@ def _columns(name: str, matrix: ArrayLike) -> int:
 
 def _stack(name: str, given: ArrayLike, rows: int, columns: int) -> Floats:
     """As the core takes it: with a leading axis of the batch, which has length one if all rows share the matrix."""
-    if np.iscomplexobj(given):
-        raise SettingError(f"`{name}` is complex; give a real matrix")
-    try:
-        matrices = np.asarray(given, dtype=np.float64)
-    except ValueError:
-        raise SettingError(f"`{name}` holds what is no number, or rows of different lengths") from None
+    matrices = np.asarray(given, dtype=np.float64)
     if matrices.ndim not in (2, 3) or matrices.shape[-2:] != (rows, columns):
         raise SettingError(
             f"`{name}` has shape {matrices.shape}; give ({rows}, {columns}), or a stack of such matrices, one for each "
             "row of the batch"
         )
-    if not np.isfinite(matrices).all():
-        raise SettingError(f"`{name}` holds a value that is not a finite number")
     return np.ascontiguousarray(matrices.reshape(-1, rows, columns))
 
 

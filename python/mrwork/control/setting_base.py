@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from math import exp, log
 from typing import ClassVar, Literal, Self, TypeVar
 
+from mrwork.arguments import checked
 from mrwork.control.design_problem import Design, DesignProblem
 from mrwork.errors import SettingError
 from mrwork.keys import DeclaredTable, check_keys, plain_values
@@ -87,8 +88,21 @@ class Span:
     free: bool = True
     entries: tuple[float, ...] = ()
 
+    @checked
     def unit(self, magnitudes: Magnitudes) -> float:
-        """The product of magnitudes that the numbers of the span are multiples of."""
+        """The product of magnitudes that the numbers of the span are multiples of.
+
+        Raises
+        ------
+        SettingError
+            If one of them is not positive.
+        """
+        for name, _ in self.of:
+            if not getattr(magnitudes, name) > 0.0:
+                raise SettingError(
+                    f"the {name} of the response is {getattr(magnitudes, name):g}, and the range of a setting is a "
+                    "multiple of it; give the range in numbers"
+                )
         return exp(sum(power * log(getattr(magnitudes, name)) for name, power in self.of))
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import checked
 from mrwork.control.design_problem import Design, DesignProblem
 from mrwork.control.laws import control_law
 from mrwork.control.regulator_settings import RegulatorSettings
@@ -67,6 +68,7 @@ class SignalSettings(RegulatorSettings):
         return np.array([self.deformation, self.rate, self.force, self.force])
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignalNetworkSettings(SignalSettings):
     """A regulator with a small network of measured signals, whose numbers are learned; all devices have the same."""
@@ -92,6 +94,7 @@ class SignalNetworkSettings(SignalSettings):
         return Design(gains={"gain": gain, "network": np.tile(network, (len(problem.devices), 1))})
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SignalPolynomialSettings(SignalSettings):
     """A regulator with a polynomial of measured signals, each over its scale and within -1 to 1."""

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mrwork.arguments import Positive, Within, checked
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import solve_riccati
 from mrwork.errors import SettingError
@@ -35,6 +36,7 @@ class SlidingSurface(Summarised):
         Poles of the motion on sigma = 0 [1/s], shape (2n - n_devices,).
     """
 
+    _made_by: ClassVar[str] = "mr.control.optimal_surface(plant)"
     _units: ClassVar[Mapping[str, str]] = {"poles": "1/s", "ground": "kg"}
 
     S: Floats
@@ -70,6 +72,7 @@ class SlidingGains(Summarised):
     integral: Floats
 
 
+@checked
 def optimal_surface(plant: Plant, state_weight: ArrayLike | None = None) -> SlidingSurface:
     """The surface that minimises `int s'Q s dt` (Utkin & Young, Automation and Remote Control 39, 1978, 1466-1470).
 
@@ -107,7 +110,8 @@ def optimal_surface(plant: Plant, state_weight: ArrayLike | None = None) -> Slid
     return _surface(plant, back, A, solution.gain)
 
 
-def placed_surface(plant: Plant, poles: ArrayLike) -> SlidingSurface:
+@checked
+def placed_surface(plant: Plant, poles: NDArray[np.complex128]) -> SlidingSurface:
     """The surface on which the motion has the given poles [1/s], shape (2n - n_devices,).
 
     Raises
@@ -116,30 +120,30 @@ def placed_surface(plant: Plant, poles: ArrayLike) -> SlidingSurface:
         If their number is wrong, one is not damped, a complex one lacks its conjugate, or they cannot be placed.
     """
     back, A, n_moved = _regular_form(plant)
-    placed = np.asarray(poles, dtype=np.complex128).ravel()
     n_rest = len(A) - n_moved
-    if placed.size != n_rest or not np.all(placed.real < 0.0):
+    if poles.shape != (n_rest,) or not np.all(poles.real < 0.0):
         raise SettingError(
-            f"{placed.size} poles were given; the surface of {plant.n_devices} devices takes {n_rest}, "
+            f"`poles` has shape {poles.shape}; the surface of {plant.n_devices} devices takes {n_rest}, "
             f"each with a negative real part"
         )
     from scipy.signal import place_poles
 
     try:
-        found = place_poles(A[:n_rest, :n_rest], A[:n_rest, n_rest:], placed)
+        found = place_poles(A[:n_rest, :n_rest], A[:n_rest, n_rest:], poles)
     except ValueError as error:
         raise SettingError(f"the poles of the surface cannot be placed: {error}") from error
     return _surface(plant, back, A, np.asarray(found.gain_matrix, dtype=np.float64))
 
 
+@checked
 def sliding_gains(
     surface: SlidingSurface,
     *,
-    peak_acceleration: float,
-    largest_force: ArrayLike,
-    frequency: float = 5.0,
-    margin: float = 1.2,
-    bandwidth: float = 100.0,
+    peak_acceleration: Positive,
+    largest_force: Annotated[ArrayLike, Within(above=0.0)],
+    frequency: Positive = 5.0,
+    margin: Annotated[float, Within(above=1.0)] = 1.2,
+    bandwidth: Positive = 100.0,
 ) -> SlidingGains:
     """Gains that keep the state on the surface under ground motions of a given peak.
 
@@ -166,16 +170,15 @@ def sliding_gains(
     Raises
     ------
     SettingError
-        If a setting is not positive, or the margin is not above 1.
+        If the forces are not one for each device.
     """
     size = np.abs(surface.ground)
-    force = np.broadcast_to(np.asarray(largest_force, dtype=np.float64), size.shape)
-    settings = np.array([peak_acceleration, frequency, bandwidth, *force])
-    if not (np.isfinite(settings).all() and (settings > 0.0).all() and margin > 1.0):
+    force = np.asarray(largest_force, dtype=np.float64)
+    if force.shape not in ((), size.shape):
         raise SettingError(
-            f"peak acceleration {peak_acceleration}, frequency {frequency}, bandwidth {bandwidth} and largest "
-            f"force {force} must be positive, the margin {margin} above 1"
+            f"`largest_force` has shape {force.shape}; give one number, or one for each of {size.size} devices"
         )
+    force = np.broadcast_to(force, size.shape)
     # A device without disturbance needs a gain, too: a thousandth of its force.
     switching = np.maximum(margin * size * peak_acceleration, 1e-3 * force)
     boundary = switching / bandwidth

@@ -12,6 +12,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import checked
 from mrwork.control.design_problem import Design, DesignProblem
 from mrwork.control.setting_base import LawSettings, Span, attempted
 from mrwork.control.sliding import SlidingGains, SlidingSurface, optimal_surface, sliding_gains
@@ -82,6 +83,7 @@ class _SurfaceSettings(LawSettings):
         )
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SlidingSettings(_SurfaceSettings):
     """A sliding mode with a boundary layer."""
@@ -92,6 +94,7 @@ class SlidingSettings(_SurfaceSettings):
         return Design(gains={**_pushed_down(surface, gains), "switching": gains.switching})
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AdaptiveSlidingSettings(_SurfaceSettings):
     """A sliding mode whose gain adapts."""
@@ -103,6 +106,7 @@ class AdaptiveSlidingSettings(_SurfaceSettings):
         return Design(gains={**_pushed_down(surface, gains), **adapted})
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SuperTwistingSettings(_SurfaceSettings):
     """A second-order sliding mode."""

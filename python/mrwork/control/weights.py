@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import scipy.linalg
@@ -110,6 +110,8 @@ class Weighed:
     Outputs y = C s + D f with weight W add `Q = C'W C`, `N = C'W D`, `S = D'W D`; N and S are zero unless accelerations
     are weighed.
     """
+
+    _made_by: ClassVar[str] = "the `weighed` of mr.control.RegulatorSettings"
 
     Q: Floats
     N: Floats

@@ -7,11 +7,13 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from mrwork.arguments import checked
 from mrwork.errors import RecordError
 from mrwork.store.input_file import TOML, text_of
 from mrwork.store.parse import toml_table
 
 
+@checked
 def departures(found: Mapping[str, Any], file: Path) -> list[str]:
     """One sentence for each value outside its limits; values that were not measured are not compared.
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from html import escape
 
+from mrwork.arguments import checked
 from mrwork.summary import Summarised, Summary
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class ResultTable(Summarised):
     """Text in rows; the first column names the row."""

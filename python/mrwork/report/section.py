@@ -9,6 +9,7 @@ from typing import Literal
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from mrwork.arguments import checked
 from mrwork.report.numbers import fixed
 from mrwork.report.svg import inline_svg
 from mrwork.summary import Summarised
@@ -21,6 +22,7 @@ NOTHING = fixed(None, 0)
 _PIXELS_PER_INCH = 78
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class Panel(Summarised):
     """One figure of the page with the lines above and below it, and its natural width [px]."""
@@ -110,6 +112,7 @@ def table(
     )
 
 
+@checked
 def panel(identifier: str, title: str, figure: Figure, description: str, note: str = "") -> Panel:
     """A figure as a panel; `identifier` is unique on the page, `description` is for screen readers."""
     svg = inline_svg(figure, identifier=identifier, description=description)

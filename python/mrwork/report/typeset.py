@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from html import escape
 
+from mrwork.arguments import checked
+
 _GREEK = {
     "alpha": "α",
     "beta": "β",
@@ -44,6 +46,7 @@ _TOKEN = re.compile(
 )
 
 
+@checked
 def symbol(name: str) -> str:
     """A parameter's name as a symbol: `k_w` as k with subscript w, `alpha` as its Greek letter.
 

@@ -10,7 +10,9 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from mrwork.arguments import checked
 from mrwork.closed_loop.evaluation import Criterion, criteria
+from mrwork.errors import SettingError
 from mrwork.study.over_motions import judged_in_words
 from mrwork.study.results import StudyCriteria
 from mrwork.study.study import Kind
@@ -123,16 +125,26 @@ class Comparison(Summarised):
         kinds = {row.kind for row in self.results.rows}
         return "controller" in kinds and "best_passive" not in kinds
 
+    @checked
     def rank_of(self, row: int) -> Rank:
         """The rank of a row."""
+        self._known(row)
         return next(rank for rank, rows in self.ranks if row in rows)
 
+    @checked
     def changes(self, row: int, reference: int) -> dict[str, Change]:
         """Changes of the compared quantities of a row against one of the references, by name."""
+        self._known(row)
+        if reference not in self.references:
+            raise SettingError(
+                f"row {reference} is no reference of the changes; give one of {', '.join(map(str, self.references))}"
+            )
         return self.tables[row, reference]
 
+    @checked
     def heading(self, row: int) -> str:
         """The label of a row, its place among the rows of its rank, and over what its changes are averaged."""
+        self._known(row)
         motions = len(self.results.judged)
         rank, rows = next((rank, rows) for rank, rows in self.ranks if row in rows)
         parts = [self.results.rows[row].label]
@@ -142,8 +154,16 @@ class Comparison(Summarised):
             parts.append(f"mean changes over {judged_in_words(self.results)}")
         return ", ".join(parts)
 
+    def _known(self, row: int) -> None:
+        if not 0 <= row < len(self.results.rows):
+            raise SettingError(
+                f"there are {len(self.results.rows)} rows, counted from 0, and {row} is none of them"
+            )
+
+    @checked
     def in_words(self, row: int) -> list[str]:
         """What a row changes, better and worse, a sentence for each reference whose changes are known."""
+        self._known(row)
         return [
             f"Against {self.results.rows[reference].label}: {found}."
             for reference in self.references
@@ -187,12 +207,14 @@ class Comparison(Summarised):
             else ""
         )
 
+    @checked
     def worse_counts(self, reference: int) -> dict[str, int]:
         """How many control laws are worse than a reference, for each quantity."""
         found = [self.changes(row, reference) for rank, rows in self.ranks if rank is LAWS for row in rows]
         return {entry.name: sum(each[entry.name].worse for each in found) for entry in compared_quantities()}
 
 
+@checked
 def compared(results: StudyCriteria) -> Comparison:
     """The comparison of the rows of a study."""
     scores = [results.score(row) for row in range(len(results.rows))]

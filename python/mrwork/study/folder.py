@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from mrwork import arguments
 from mrwork.closed_loop.evaluation import Spread, criteria
 from mrwork.errors import RecordError
 from mrwork.records.operating_range import Exceedance, OperatingRange
@@ -125,13 +126,17 @@ class StoredStudy(StudyCriteria):
         """Runs that were repeated with half the step; `None` if there are none."""
         return frozenset(key for key, run in self.runs.items() if run.step_check is not None) or None
 
+    @arguments.checked
     def criteria(self, row: int, motion: int) -> dict[str, float] | None:
         """Every criterion of a run that finished."""
+        self.check_place(row, motion)
         run = self.runs.get((row, motion))
         return None if run is None or not run.finished else run.criteria
 
+    @arguments.checked
     def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
         """Relative change of every criterion with half the step; `None` unless both runs finished."""
+        self.check_place(row, motion)
         run = self.runs.get((row, motion))
         if run is None or run.step_check is None:
             return None
@@ -139,6 +144,7 @@ class StoredStudy(StudyCriteria):
         return None if all(map(math.isnan, changes.values())) else changes
 
 
+@arguments.checked
 def read_results(folder: str | Path) -> StoredStudy:
     """Read the results of a study back from its folder.
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Seed, checked
 from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
 from mrwork.buildings.from_file import building_from_table
@@ -33,7 +34,8 @@ from mrwork.study.schema import DamperTable, HardwareTable, ReportTable, StudyTa
 from mrwork.study.study import MotionOfStudy, Study, StudyFile
 
 
-def read_study(path: str | Path, identified: Identified = identified_damper, *, seed: int = 0) -> Study:
+@checked
+def read_study(path: str | Path, identified: Identified = identified_damper, *, seed: Seed = 0) -> Study:
     """Read a study.
 
     Parameters

@@ -6,13 +6,16 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
+from mrwork import arguments
 from mrwork.buildings.devices import Device
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import Spread, criteria, ratio, score, values
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
+from mrwork.errors import SettingError
 from mrwork.study.demand import DeviceDemand, damper_warnings, demands_of
 from mrwork.study.run_result import RunEnd, RunResult
 from mrwork.study.study import Kind, Row, Use
@@ -54,6 +57,8 @@ class StudyCriteria(Summarised, ABC):
     `chosen_on` are the names of the motions that the best constant command is chosen on.
     """
 
+    _made_by: ClassVar[str] = "mr.run_study(study) or mr.study.read_results(folder)"
+
     __slots__ = ()
 
     title: str
@@ -85,6 +90,20 @@ class StudyCriteria(Summarised, ABC):
     @abstractmethod
     def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
         """Relative change of every criterion with half the step; `None` unless both runs finished."""
+
+    def check_place(self, row: int, motion: int) -> None:
+        """Refuse a row or a motion that the study has not.
+
+        Raises
+        ------
+        SettingError
+            If there is no such row or motion.
+        """
+        if not (0 <= row < len(self.rows) and 0 <= motion < len(self.motions)):
+            raise SettingError(
+                f"there are {len(self.rows)} rows and {len(self.motions)} motions, counted from 0; give one of each, "
+                f"not row {row} and motion {motion}"
+            )
 
     @property
     def done(self) -> int:
@@ -233,8 +252,10 @@ class StudyResults(StudyCriteria):
     varied: VariedResults | None = None
     chosen_on: tuple[str, ...] = ()
 
+    @arguments.checked
     def demands(self, row: int, motion: int) -> tuple[DeviceDemand, ...]:
         """Demand of a run on each device; none for a run without dampers or that did not finish."""
+        self.check_place(row, motion)
         run = self.runs.get((row, motion))
         return () if run is None else demands_of(run, self.devices, self.motions[motion].duration)
 
@@ -258,10 +279,13 @@ class StudyResults(StudyCriteria):
         """Runs that were repeated with half the step; `None` if the step is not to be checked."""
         return None if self.halved is None else frozenset(self.halved)
 
+    @arguments.checked
     def criteria(self, row: int, motion: int) -> dict[str, float] | None:
         """Every criterion of a run that finished."""
+        self.check_place(row, motion)
         return self._criteria(self.runs.get((row, motion)))
 
+    @arguments.checked
     def step_changes(self, row: int, motion: int) -> dict[str, float] | None:
         """Relative change of every criterion with half the step; `None` unless both runs finished."""
         whole = self.criteria(row, motion)

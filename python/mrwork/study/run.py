@@ -11,6 +11,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Threads, checked
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import score, values
 from mrwork.closed_loop.responses import Responses, history_signals
@@ -53,6 +54,7 @@ class BestConstant:
     score: float
 
 
+@checked
 def run_study(
     study: Study,
     *,
@@ -61,7 +63,7 @@ def run_study(
     keep: Callable[[int, int, RunHistory], None] = lambda row, motion, history: None,
     on_progress: Callable[[StudyProgress], None] = lambda progress: None,
     check_step: bool = False,
-    threads: int = 0,
+    threads: Threads = 0,
 ) -> StudyResults:
     """Run a study; runs in the journal are not repeated.
 
@@ -275,7 +277,7 @@ def simulated_by(
     *,
     histories: bool = False,
     step_factor: int = 1,
-    threads: int = 0,
+    threads: Threads = 0,
 ) -> Responses:
     """Simulate an arrangement under these motions; without devices it gets an actuator of zero force."""
     assert arrangement.law is not None

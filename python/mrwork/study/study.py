@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, ClassVar, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from mrwork.arguments import checked
 from mrwork.buildings import Building
 from mrwork.buildings.devices import Device
 from mrwork.closed_loop.clairvoyant_search import ClairvoyantSettings
@@ -48,6 +49,7 @@ Use = Literal["test", "training"]
 """Use of a motion: a controller is tuned on training motions and judged on test motions."""
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotionOfStudy:
     """A ground motion of a study as it is simulated, its use, and whether it was generated."""
@@ -137,6 +139,8 @@ class Study(Summarised):
     every motion.
     """
 
+    _made_by: ClassVar[str] = "mr.read_study(path)"
+
     title: str
     file: StudyFile
     building: Building
@@ -171,6 +175,7 @@ class Study(Summarised):
         """The ground motions that are simulated, in order."""
         return tuple(motion.ground for motion in self.motions)
 
+    @checked
     def of_use(self, use: Use) -> Study:
         """The study with the motions of one use; the best constant command is chosen on the same motions as before.
 

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
-from mrwork.keys import Place, key
+from mrwork.arguments import checked
+from mrwork.keys import Place, check_keys, key
 
 Risk = Literal["mean", "max", "cvar"]
 Baseline = Literal["passive_off", "best_passive"]
@@ -39,6 +40,7 @@ class UncertaintyTable:
     place: Place | None = None
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TuneTable:
     """Laws whose settings `mrwork tune` searches, each for itself, on the training motions of the study.
@@ -48,6 +50,8 @@ class TuneTable:
     that the law is better than the best constant command in every criterion. Without `free`, each law has its own free
     settings with their ranges, see `mrwork respond --laws`, and the largest command of the law is one of them.
     """
+
+    _made_by: ClassVar[str] = "mr.study.TuneTable(laws=...)"
 
     laws: tuple[str, ...] = key("names of the laws")
     label: str = key("appended to the titles of the laws in tables, by default tuned", default="", label=True)
@@ -95,3 +99,6 @@ class TuneTable:
     )
     seed: int = key("seed of the search, added to that of the command line", default=0, least=0)
     place: Place | None = None
+
+    def __post_init__(self) -> None:
+        check_keys(self)

@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from mrwork.arguments import checked
 from mrwork.errors import RecordError
 from mrwork.store.codec import finite, json_document, read_document
 from mrwork.store.parse import toml_table
@@ -65,6 +66,7 @@ def write_tuning(
     )
 
 
+@checked
 def read_tuning(folder: str | Path) -> TuningResults:
     """Read the results of a tuning back from its folder.
 

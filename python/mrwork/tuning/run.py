@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from typing import Literal
 
+from mrwork.arguments import Seed, Threads, checked
 from mrwork.control.laws import control_law, control_laws
 from mrwork.control.setting_base import Magnitudes
 from mrwork.errors import Interrupted, SettingError
@@ -30,6 +31,7 @@ from mrwork.tuning.space import space_of
 OnTuning = Callable[[TuningProgress], None]
 
 
+@checked
 def tune(
     study: Study,
     tables: Sequence[TuneTable] = (),
@@ -37,9 +39,9 @@ def tune(
     laws: Sequence[str] = (),
     risk: Risk = "mean",
     budget: int | None = None,
-    rng: int = 0,
+    rng: Seed = 0,
     journal: Journal | None = None,
-    threads: int = 0,
+    threads: Threads = 0,
     on_progress: OnTuning = lambda progress: None,
 ) -> TuningResults:
     """Tune the settings of control laws on the training motions of a study and judge them on its test motions.

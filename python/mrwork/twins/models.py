@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
+from mrwork.arguments import checked
 from mrwork.dampers.parameters import CurrentLaws, current_laws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import SettingError, UnknownNameError
@@ -37,6 +38,7 @@ class Twin:
     force: Equation
 
 
+@checked
 @cache
 def twin_of(spec: DamperSpec) -> Twin:
     """Return the twin of a model: its module in this package, with the parameters of the spec.

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.buildings.devices import Device
+from mrwork.arguments import Count, Positive, checked
+from mrwork.buildings.devices import Device, elongation_rows
 from mrwork.buildings.matrices import Building
-from mrwork.errors import SettingError
 from mrwork.motions.spectral_density import KanaiTajimi, SpectralDensity
 from mrwork.simulate import Loading, simulate_force
 from mrwork.summary import Summarised
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class DesignCase(Summarised):
     """A building under a spectrum of ground acceleration, one of those that a design averages over.
@@ -23,14 +25,17 @@ class DesignCase(Summarised):
     The buildings of all cases have the same coordinates, floors and storeys.
     """
 
+    _made_by: ClassVar[str] = "mr.control.stiffness_cases(building)"
+
     name: str
     building: Building
     spectrum: SpectralDensity = field(default_factory=KanaiTajimi)
 
 
+@checked
 def stiffness_cases(
     building: Building,
-    factors: Sequence[float] = (0.75, 1.0, 1.25),
+    factors: Sequence[Positive] = (0.75, 1.0, 1.25),
     spectrum: SpectralDensity | None = None,
 ) -> tuple[DesignCase, ...]:
     """The building with its stiffness multiplied by each factor; the damping matrix stays.
@@ -40,8 +45,6 @@ def stiffness_cases(
     SettingError
         If a factor is not positive.
     """
-    if not all(0.0 < factor < np.inf for factor in factors):
-        raise SettingError(f"factors of stiffness are {list(factors)}; give positive numbers")
     spectrum = KanaiTajimi() if spectrum is None else spectrum
     return tuple(
         DesignCase(
@@ -53,6 +56,7 @@ def stiffness_cases(
     )
 
 
+@checked
 def soil_cases(building: Building, spectra: Sequence[SpectralDensity]) -> tuple[DesignCase, ...]:
     """The building under each spectrum."""
     return tuple(
@@ -61,14 +65,15 @@ def soil_cases(building: Building, spectra: Sequence[SpectralDensity]) -> tuple[
     )
 
 
+@checked
 def damper_cases(
     building: Building,
     devices: Sequence[Device],
     *,
-    amplitude: float,
-    frequency: float,
+    amplitude: Positive,
+    frequency: Positive,
     spectrum: SpectralDensity | None = None,
-    most: int = 8,
+    most: Count = 8,
 ) -> tuple[DesignCase, ...]:
     """The building with the dampers at zero command as springs and dashpots, for draws of their parameters.
 
@@ -87,21 +92,17 @@ def damper_cases(
     Raises
     ------
     SettingError
-        If the amplitude or frequency is not positive.
+        If there is no device, or it does not fit the building.
     """
-    if not (amplitude > 0.0 and frequency > 0.0):
-        raise SettingError(
-            f"dampers are linearised in a sinusoid of {amplitude} m at {frequency} Hz; give positive numbers"
-        )
+    rows = elongation_rows(building, devices)
     n_draws = min(len(device.draws) for device in devices)
     spectrum = KanaiTajimi() if spectrum is None else spectrum
     chosen = np.unique(np.linspace(0, n_draws - 1, min(most, n_draws)).round().astype(int))
     found = []
     for draw in chosen:
         stiffness, damping = building.stiffness.copy(), building.damping.copy()
-        for device in devices:
+        for device, row in zip(devices, rows, strict=True):
             k, c = _linearised(device, device.draws[draw], amplitude, frequency)
-            row = np.asarray(device.row, dtype=np.float64)
             stiffness += k * np.outer(row, row)
             damping += c * np.outer(row, row)
         found.append(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import checked
 from mrwork.control.design.certificate import WeightCertificate
 from mrwork.control.design.law_gain import riccati_law_gain, static_law_gain
 from mrwork.control.design.limits import LimitedOutputs
@@ -91,6 +92,7 @@ class DesignedWeights(Summarised):
     system: DesignSystem
     rows: Rows
 
+    @checked
     def gain_with(self, control_scale: float) -> Floats:
         """The gain of the law with the control weight times `control_scale`, shape (n_devices, 2n).
 
@@ -108,6 +110,7 @@ class DesignedWeights(Summarised):
             return static_law_gain(self.system, self.rows, scaled, self.gain)
         return riccati_law_gain(self.system, regulated(self.system, self.rows, scaled))
 
+    @checked
     def settings(self, control_scale: float = 1.0) -> dict[str, Weights]:
         """Settings of a regulator with these weights, as `RegulatorSettings(**designed.settings(1e-2))`.
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.buildings.devices import Device
+from mrwork.arguments import Count, checked
+from mrwork.buildings.devices import Device, elongation_rows
 from mrwork.buildings.matrices import Building
 from mrwork.control.design.cases import DesignCase
 from mrwork.control.design.certificate import certificate_of
@@ -54,6 +55,7 @@ class WeightDesigner:
         up to about twelve storeys, 8 beyond.
     """
 
+    @checked
     def __init__(
         self,
         building: Building,
@@ -65,9 +67,9 @@ class WeightDesigner:
         cases: Sequence[DesignCase] = (),
         timing: LoopTiming | None = None,
         semi_active: SemiActiveCondition | None = None,
-        program_modes: int | None = None,
+        program_modes: Count | None = None,
     ) -> None:
-        rows, names = _rows(devices)
+        rows, names = _rows(building, devices)
         self.plant = plant_of(building, rows, names)
         self._outputs = LimitedOutputs.of(RmsLimits.of(limits), self.plant)
         self._budgets = as_forces(budget, self.plant)
@@ -77,12 +79,6 @@ class WeightDesigner:
                 "every case has a spectrum of its own, beside which `spectrum` has no effect; leave it out"
             )
         self._cases = tuple(cases) or (DesignCase(name=building.name, building=building, spectrum=nominal),)
-        for name, given, kind in (
-            ("timing", timing, LoopTiming),
-            ("semi_active", semi_active, SemiActiveCondition),
-        ):
-            if given is not None and not isinstance(given, kind):
-                raise SettingError(f"`{name}` is {given!r}; give a {kind.__name__}")
         self._timing, self._semi_active = timing, semi_active
         self._plants = [_plant_of_case(case, building, rows, names) for case in self._cases]
         self._systems = self._systems_of(None)
@@ -91,6 +87,7 @@ class WeightDesigner:
         self._program: DualProgram | None = None
         self._modes = program_modes
 
+    @checked
     def design(
         self,
         limits: RmsLimits | Mapping[str, Limit | str] | None = None,
@@ -289,11 +286,11 @@ class WeightDesigner:
         return Weighed(Q=Q, N=N, S=R)
 
 
-def _rows(devices: Sequence[Device] | ArrayLike) -> tuple[Floats, tuple[str, ...]]:
+def _rows(building: Building, devices: Sequence[Device] | ArrayLike) -> tuple[Floats, tuple[str, ...]]:
     """Rows of elongation and names of devices."""
     if isinstance(devices, Sequence) and devices and all(isinstance(each, Device) for each in devices):
         found = [each for each in devices if isinstance(each, Device)]
-        return np.array([each.row for each in found], dtype=np.float64), tuple(each.name for each in found)
+        return elongation_rows(building, found), tuple(each.name for each in found)
     return np.atleast_2d(np.asarray(devices, dtype=np.float64)), ()
 
 

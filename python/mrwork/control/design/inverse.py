@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from mrwork.arguments import Within, checked
 from mrwork.control.design.limits import LimitedOutputs, RmsLimits, as_forces
 from mrwork.control.design.lyapunov_equations import LyapunovEquations
 from mrwork.control.design.system import DesignSystem, system_of
@@ -72,11 +73,12 @@ class InverseWeights(Summarised):
         )
 
 
+@checked
 def inverse_weights(
     plant: Plant,
     gain: ArrayLike,
     *,
-    control_weight: float | Sequence[float] = 1.0,
+    control_weight: Annotated[float | Sequence[float], Within(above=0.0)] = 1.0,
     spectrum: SpectralDensity | None = None,
 ) -> InverseWeights:
     """Weights of a regulator that has a given gain, or the nearest gain that some weights have.
@@ -112,11 +114,15 @@ def inverse_weights(
     """
     K = np.atleast_2d(np.asarray(gain, dtype=np.float64))
     shape = (plant.n_devices, 2 * plant.n_coordinates)
-    if K.shape != shape or not np.isfinite(K).all() or not K.any():
+    if K.shape != shape or not np.any(np.abs(K) > np.finfo(float).tiny):
         raise SettingError(f"`gain` has shape {K.shape}; give finite numbers of shape {shape}, not all zero")
-    R = np.broadcast_to(np.asarray(control_weight, dtype=np.float64), plant.n_devices)
-    if not (np.isfinite(R).all() and (R > 0.0).all()):
-        raise SettingError(f"control_weight is {control_weight}; give positive numbers [1/N^2]")
+    R = np.asarray(control_weight, dtype=np.float64)
+    if R.shape not in ((), (plant.n_devices,)):
+        raise SettingError(
+            f"`control_weight` has {R.size} numbers, and the number of devices is {plant.n_devices}; give one for "
+            "each, or one for all"
+        )
+    R = np.broadcast_to(R, plant.n_devices)
     spectrum = KanaiTajimi() if spectrum is None else spectrum
     outputs = LimitedOutputs.of(RmsLimits(rms_drift=1.0), plant)
     system = system_of(plant, outputs, spectrum, budgets=as_forces(1.0, plant))

@@ -8,11 +8,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import NotNegative, Positive, Share, checked
 from mrwork.control.plant import Outputs, Plant, accelerations, displacements, drifts, stacked
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.keys import check_keys, key, plain_values
@@ -24,12 +25,15 @@ Limit = float | tuple[float, ...]
 """One limit for all places, or one for each."""
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RmsLimits:
     """Limits on rms responses, one for all places or one for each; only their ratios to each other matter.
 
     The design finds the least factor by which all limits can be met at once with the budget of force.
     """
+
+    _made_by: ClassVar[str] = "mr.control.RmsLimits(rms_drift=...)"
 
     rms_drift: Limit | None = key("limit of the rms drift of storeys", unit="m", default=None, above=0.0)
     rms_acceleration: Limit | None = key(
@@ -50,6 +54,7 @@ class RmsLimits:
         check_keys(self)
 
     @classmethod
+    @checked
     def of(cls, given: RmsLimits | Mapping[str, Limit | str]) -> RmsLimits:
         """The limits from values by name, numbers in SI or texts with a unit.
 
@@ -169,6 +174,7 @@ _QUANTITIES: Mapping[str, tuple[str, str]] = {
 """Unit of each limit, and what it belongs to."""
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SemiActiveCondition:
     """`E[(f - c v)^2] <= b^2 E[f^2]`: the wanted force is that of a damper up to a share b.
@@ -183,21 +189,16 @@ class SemiActiveCondition:
         c of each device [N s/m]; by default that of the wanted force itself, found by alternation.
     """
 
-    share: float
-    damping: float | tuple[float, ...] | None = None
+    _made_by: ClassVar[str] = "mr.control.SemiActiveCondition(share=...)"
+
+    share: Share
+    damping: Positive | tuple[Positive, ...] | None = None
 
     def __post_init__(self) -> None:
         plain_values(self)
-        if not (isinstance(self.share, int | float) and 0.0 < self.share < 1.0):
-            raise SettingError(
-                f"the share of a semi-active condition is {self.share}; give one between 0 and 1"
-            )
-        if self.damping is not None and not np.all(np.asarray(self.damping) > 0.0):
-            raise SettingError(
-                f"the damping of a semi-active condition is {self.damping} N s/m; give a positive one"
-            )
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LoopTiming:
     """Sample time, delay and driver of a loop, for a design in discrete time.
@@ -212,20 +213,13 @@ class LoopTiming:
         Rate of the first-order lag from wanted to actual force [1/s]; `None` for a force that follows at once.
     """
 
-    sample_time: float = 1e-3
-    delay: float = 0.0
-    driver_rate: float | None = None
+    _made_by: ClassVar[str] = "mr.control.LoopTiming(sample_time=...)"
+
+    sample_time: Positive = 1e-3
+    delay: NotNegative = 0.0
+    driver_rate: Positive | None = None
 
     def __post_init__(self) -> None:
-        rate = 1.0 if self.driver_rate is None else self.driver_rate
-        for name, value in (("sample_time", self.sample_time), ("delay", self.delay), ("driver_rate", rate)):
-            if not isinstance(value, int | float):
-                raise SettingError(f"{name} of the loop is {value!r}; give a number in SI")
-        for name, value in (("sample_time", self.sample_time), ("driver_rate", rate)):
-            if not 0.0 < value < math.inf:
-                raise SettingError(f"{name} of the loop is {value}; give a positive number")
-        if not 0.0 <= self.delay < math.inf:
-            raise SettingError(f"delay of the loop is {self.delay} s; give zero or a positive number")
         if abs(self.delay / self.sample_time - self.delay_samples) > 1e-6:
             raise SettingError(
                 f"delay of the loop is {self.delay} s, which is not a whole number of samples of {self.sample_time} s"

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from numpy.typing import ArrayLike
 
+from mrwork.arguments import checked
 from mrwork.buildings.devices import Device
 from mrwork.buildings.matrices import Building
 from mrwork.control.design.cases import DesignCase
@@ -15,6 +16,7 @@ from mrwork.control.design.limits import Limit, LoopTiming, RmsLimits, SemiActiv
 from mrwork.motions.spectral_density import SpectralDensity
 
 
+@checked
 def design_weights(
     building: Building,
     devices: Sequence[Device] | ArrayLike,

@@ -8,6 +8,7 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from mrwork.arguments import checked
 from mrwork.control.design.limits import LoopTiming, RmsLimits, SemiActiveCondition
 from mrwork.errors import InvalidSettingError
 from mrwork.keys import DeclaredTable, key
@@ -23,6 +24,7 @@ _FIRM = KanaiTajimi()
 _KEPT = 32
 
 
+@checked
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WeightWishes(RmsLimits, metaclass=DeclaredTable):
     """Weights of a law from limits on rms responses and a budget of force, see `design_weights`.
@@ -63,10 +65,12 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
         default=False,
     )
 
+    @checked
     def of_problem(self, problem: DesignProblem) -> DesignedWeights:
         """The weights for a building with its devices, and its loop if the design is sampled."""
         return self.design(problem.plant, problem.timing if self.sampled else None)
 
+    @checked
     def design(self, plant: Plant, timing: LoopTiming | None = None) -> DesignedWeights:
         """The weights for the building and devices of a plant; kept, so that the same design is solved once."""
         token = (self, timing, plant.A.tobytes(), plant.B.tobytes(), plant.device_names)
@@ -113,12 +117,14 @@ class WeightWishes(RmsLimits, metaclass=DeclaredTable):
         )
         return soil if self.spectrum == "kanai_tajimi" else CloughPenzien(soil=soil)
 
+    @checked
     def in_words(self, problem: DesignProblem) -> tuple[str, ...]:
         """What the design reaches, what binds, and how the weights are to be used."""
         from mrwork.control.design.designed import SCAN
 
         return (*self.of_problem(problem).in_words, SCAN)
 
+    @checked
     def relative_control_weight(self, plant: Plant) -> tuple[float, ...]:
         """R of each device as designed, over their mean."""
         found = self.design(plant).control_weight

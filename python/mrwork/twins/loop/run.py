@@ -12,6 +12,7 @@ import numpy as np
 from jax import Array, lax
 from numpy.typing import NDArray
 
+from mrwork.arguments import Count, Positive, checked
 from mrwork.errors import SettingError
 from mrwork.twins.loop.laws import Law, Measurement
 from mrwork.twins.loop.plant import Devices, LoopPlant, pulls_of, rows_of
@@ -256,7 +257,8 @@ def _samples(ground: Array, steps_per_sample: int, delay: int) -> int:
 Floats = NDArray[np.float64]
 
 
-def half_steps(acceleration: Floats, dt: float, step: float, n_steps: int) -> Floats:
+@checked
+def half_steps(acceleration: Floats, dt: Positive, step: Positive, n_steps: Count) -> Floats:
     """Ground acceleration every half step: linear between samples, zero after the last.
 
     Parameters
@@ -270,7 +272,14 @@ def half_steps(acceleration: Floats, dt: float, step: float, n_steps: int) -> Fl
     -------
     Floats
         Shape (2 n_steps + 1,) [m/s^2].
+
+    Raises
+    ------
+    SettingError
+        If the record has another shape.
     """
+    if acceleration.ndim != 1 or not acceleration.size:
+        raise SettingError(f"`acceleration` has shape {acceleration.shape}; give (n_time,)")
     # In units of samples, so that a step that divides the sampling step hits every sample exactly.
     places = np.arange(2 * n_steps + 1) * (0.5 * step / dt)
     places = np.where(np.abs(places - np.rint(places)) < 1e-9, np.rint(places), places)

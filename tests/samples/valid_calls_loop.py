@@ -1,0 +1,636 @@
+"""Valid calls on buildings, control, the loop and studies, for tests that make them wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from loop_samples import LARGEST, devices, five_storeys, rd1005, sweep
+from study_samples import results
+from wrong_arguments import Calls, ValidCall
+
+import mrwork as mr
+
+_FREE = np.exp(-0.3 * np.linspace(0.0, 10.0, 2000)) * np.cos(20.0 * np.linspace(0.0, 10.0, 2000))
+
+
+def buildings_calls(_: Path) -> Calls:
+    """Buildings, what is built into them, and linear systems."""
+    of, frame = mr.buildings, five_storeys()
+    system = of.system_of(frame, outputs=["drift"], devices=[1])
+    matrices = {
+        name: getattr(frame, name)
+        for name in ("mass", "damping", "stiffness", "influence", "floors", "storeys")
+    }
+    names = {"floor_names": frame.floor_names, "storey_names": frame.storey_names}
+    built = {
+        "influence": frame.influence,
+        "floors": frame.floors,
+        "storeys": frame.storeys,
+        "mass": frame.mass,
+    }
+    return {
+        name: partial(ValidCall, *each)
+        for name, each in {
+            "Building": (
+                mr.Building,
+                {"name": "x", **matrices, **names, "source": "s", "status": "ours", "n_strokes": 0},
+            ),
+            "state_matrices": (frame.state_matrices, {"rows": frame.storeys}),
+            "storey_row": (frame.storey_row, {"storey": 1}),
+            "floor_row": (frame.floor_row, {"floor": "floor 1"}),
+            "storey_name": (frame.storey_name, {"storey": 1}),
+            "building": (mr.building, {"name": "uts"}),
+            "read_building": (of.read_building, {"path": "missing.toml"}),
+            "read_system": (of.read_system, {"path": "missing.mat"}),
+            "LinearSystem": (of.LinearSystem, {name: getattr(system, name) for name in "ABCD"}),
+            "named LinearSystem": (
+                of.LinearSystem,
+                {
+                    "A": [[-1.0]],
+                    "B": [[1.0]],
+                    "C": [[1.0]],
+                    "D": [[0.0]],
+                    "input_names": ["u"],
+                    "output_names": ["y"],
+                },
+            ),
+            "frequency_response": (system.frequency_response, {"frequency": [0.1, 1.0]}),
+            "select": (system.select, {"inputs": ["force in storey 1"], "outputs": ["drift of storey 1"]}),
+            "system_of": (
+                of.system_of,
+                {"building": frame, "outputs": ["drift", "acceleration"], "devices": [1, "storey 2"]},
+            ),
+            "building_of": (
+                of.building_of,
+                {"system": of.system_of(frame), "name": "x", **built, **names, "source": "s"},
+            ),
+            "balanced_truncation": (of.balanced_truncation, {"system": system, "order": 4}),
+            "modal_truncation": (of.modal_truncation, {"building": frame, "n_modes": 2}),
+            "chain": (of.chain, {"storeys": frame.storeys, "values": [1.0, 2.0, 3.0, 4.0, 5.0]}),
+            "shear_building": (
+                of.shear_building,
+                {
+                    "name": "x",
+                    "masses": [1.0, 2.0],
+                    "stiffnesses": [100.0, 200.0],
+                    "storey_damping": [1.0, 1.0],
+                    "floor_names": ["a", "b"],
+                    "storey_names": ["c", "d"],
+                    "source": "s",
+                    "status": "ours",
+                },
+            ),
+            "with_rayleigh_coefficients": (
+                of.with_rayleigh_coefficients,
+                {"building": frame, "a0": 0.1, "a1": 1e-4},
+            ),
+            "with_rayleigh_damping": (
+                of.with_rayleigh_damping,
+                {"building": frame, "ratios": (0.02, 0.03), "modes": (1, 3)},
+            ),
+            "with_modal_damping": (of.with_modal_damping, {"building": frame, "ratios": [0.02] * 5}),
+            "with_viscous_damper": (
+                of.with_viscous_damper,
+                {"building": frame, "storey": 1, "damping": 100.0},
+            ),
+            "with_brace": (
+                of.with_brace,
+                {
+                    "building": frame,
+                    "storey": 1,
+                    "stiffness": 1e6,
+                    "mass": 1.0,
+                    "damping": 10.0,
+                    "name": "brace",
+                },
+            ),
+            "with_base_isolation": (
+                of.with_base_isolation,
+                {"building": frame, "mass": 300.0, "stiffness": 1e4, "damping": 10.0},
+            ),
+            "with_base_isolation_of_period": (
+                of.with_base_isolation_of_period,
+                {"building": frame, "mass": 300.0, "period": 2.0, "ratio": 0.1},
+            ),
+            "with_tuned_mass": (
+                of.with_tuned_mass,
+                {
+                    "building": frame,
+                    "floor": 5,
+                    "mass": 10.0,
+                    "frequency": 3.0,
+                    "ratio": 0.1,
+                    "name": "tuned",
+                },
+            ),
+            "with_optimal_tuned_mass": (
+                of.with_optimal_tuned_mass,
+                {
+                    "building": frame,
+                    "floor": 5,
+                    "mass_ratio": 0.02,
+                    "tuning": "sadek",
+                    "mode": 1,
+                    "name": "tuned",
+                },
+            ),
+            "fourier_peak": (of.fourier_peak, {"signal": _FREE, "dt": 0.005, "band": (1.0, 6.0)}),
+            "logarithmic_decrement": (
+                of.logarithmic_decrement,
+                {"signal": _FREE, "dt": 0.005, "band": (1.0, 6.0), "smallest": 0.05},
+            ),
+            "mode_estimate": (
+                of.mode_estimate,
+                {
+                    "method": "fourier",
+                    "omega": 6.0,
+                    "omega_error": 0.1,
+                    "decay": 0.1,
+                    "decay_error": 0.01,
+                    "n_extremes": 3,
+                },
+            ),
+        }.items()
+    }
+
+
+def plants_calls(_: Path) -> Calls:
+    """Plants, observers and surfaces."""
+    of, frame = mr.control, five_storeys()
+    plant = of.plant_of(frame, frame.storeys[:2])
+    outputs = of.drifts(plant)
+    measured = of.stacked(of.accelerations(plant), of.deformations(plant))
+    return {
+        name: partial(ValidCall, *each)
+        for name, each in {
+            "plant_of": (
+                of.plant_of,
+                {"building": frame, "attachment": frame.storeys[:2], "device_names": ["a", "b"]},
+            ),
+            **{
+                each.__name__: (each, {"plant": plant})
+                for each in (of.drifts, of.accelerations, of.deformations, of.natural_frequencies)
+            },
+            "Outputs": (of.Outputs, {name: getattr(outputs, name) for name in ("names", "C", "D", "G")}),
+            "outputs select": (outputs.select, {"names": list(outputs.names[:2])}),
+            "observer_of": (
+                of.observer_of,
+                {
+                    "plant": plant,
+                    "measurements": measured,
+                    "sample_time": 1e-3,
+                    "ground_intensity": 1.0,
+                    "noise_intensity": np.full(7, 0.02),
+                    "unmodelled": 1e-6,
+                },
+            ),
+            "optimal_surface": (of.optimal_surface, {"plant": plant, "state_weight": plant.energy}),
+            "placed_surface": (of.placed_surface, {"plant": plant, "poles": -np.arange(1.0, 19.0)}),
+            "sliding_gains": (
+                of.sliding_gains,
+                {
+                    "surface": of.optimal_surface(plant),
+                    "peak_acceleration": 2.0,
+                    "largest_force": [1000.0, 1500.0],
+                    "frequency": 5.0,
+                    "margin": 1.2,
+                    "bandwidth": 50.0,
+                },
+            ),
+            "fuzzy_table": (of.fuzzy_table, {"deformation_scale": 0.01, "rate_scale": 0.1, "n_points": 5}),
+        }.items()
+    }
+
+
+def gains_calls(_: Path) -> Calls:
+    """Regulators and matrix equations."""
+    of, frame = mr.control, five_storeys()
+    plant = of.plant_of(frame, frame.storeys[:2])
+    acceleration = of.accelerations(plant)
+    C, n = acceleration.C, len(plant.A)
+    weighed = of.RegulatorSettings(drifts=1.0, control_weight=1e-7).weighed(plant)
+    solved = of.regulator_gains(plant.A, plant.B, plant.energy, 1e-6 * np.eye(2), scaling=plant.scaling)
+    return {
+        name: partial(ValidCall, *each)
+        for name, each in {
+            "regulator_gains": (
+                of.regulator_gains,
+                {
+                    "A": plant.A,
+                    "B": plant.B,
+                    "state_weight": plant.energy,
+                    "control_weight": 1e-6 * np.eye(2),
+                    "cross_weight": np.zeros((n, 2)),
+                    "time": "continuous",
+                    "scaling": plant.scaling,
+                    "threads": 1,
+                },
+            ),
+            "kalman_gains": (
+                of.kalman_gains,
+                {
+                    "A": plant.A,
+                    "C": C,
+                    "process_noise": np.eye(n),
+                    "sensor_noise": np.eye(5),
+                    "cross_noise": np.zeros((n, 5)),
+                    "time": "continuous",
+                    "scaling": plant.scaling,
+                    "threads": 1,
+                },
+            ),
+            "lyapunov_solutions": (
+                of.lyapunov_solutions,
+                {
+                    "A": plant.A,
+                    "weight": plant.energy,
+                    "time": "continuous",
+                    "scaling": plant.scaling,
+                    "threads": 1,
+                },
+            ),
+            "check of solutions": (solved.check, {"row": 0}),
+            "lyapunov_function": (of.lyapunov_function, {"plant": plant, "weight": plant.energy}),
+            "regulator_of_outputs": (
+                of.regulator_of_outputs,
+                {
+                    "plant": plant,
+                    "outputs": acceleration,
+                    "weights": np.ones(5),
+                    "control_weight": [1e-7, 1e-7],
+                },
+            ),
+            "regulator_of_state": (
+                of.regulator_of_state,
+                {"plant": plant, "state_weight": plant.energy, "control_weight": 1e-7 * np.eye(2)},
+            ),
+            "regulator_of_weights": (
+                of.regulator_of_weights,
+                {"plant": plant, "weighed": weighed, "control_weight": 1e-7},
+            ),
+            "regulators_of_weights": (
+                of.regulators_of_weights,
+                {
+                    "plant": plant,
+                    "weighed": [weighed, weighed],
+                    "control_weights": [1e-7, 1e-6],
+                    "threads": 1,
+                },
+            ),
+            "published_regulator": (of.published_regulator, {"name": "dyke1996"}),
+            "regulator_as_published": (
+                of.regulator_as_published,
+                {
+                    "plant": of.plant_of(mr.building("dyke1996"), mr.building("dyke1996").storeys[:1]),
+                    "published": of.published_regulator("dyke1996"),
+                },
+            ),
+        }.items()
+    }
+
+
+def designs_calls(_: Path) -> Calls:
+    """Weights from limits and budgets, and models of dampers in laws."""
+    of, frame = mr.control, five_storeys()
+    plant = of.plant_of(frame, frame.storeys[:1])
+    wishes = {"limits": {"rms_drift": 2e-3, "rms_acceleration": "1 m/s2"}, "budget": [500.0]}
+    spec, theta = rd1005(lagged=False)
+    loop = devices(rd1005())
+    return {
+        name: partial(ValidCall, *each)
+        for name, each in {
+            "RmsLimits": (
+                of.RmsLimits,
+                {
+                    "rms_drift": [2e-3] * 5,
+                    "rms_acceleration": 1.0,
+                    "rms_displacement": 0.01,
+                    "rms_force": 1e3,
+                },
+            ),
+            "RmsLimits.of": (of.RmsLimits.of, {"given": wishes["limits"]}),
+            "SemiActiveCondition": (of.SemiActiveCondition, {"share": 0.5, "damping": (1e3,)}),
+            "LoopTiming": (of.LoopTiming, {"sample_time": 1e-3, "delay": 2e-3, "driver_rate": 190.0}),
+            "DesignCase": (
+                of.DesignCase,
+                {"name": "x", "building": frame, "spectrum": mr.motions.KanaiTajimi()},
+            ),
+            "stiffness_cases": (of.stiffness_cases, {"building": frame, "factors": [0.8, 1.0]}),
+            "soil_cases": (of.soil_cases, {"building": frame, "spectra": [mr.motions.KanaiTajimi()]}),
+            "damper_cases": (
+                of.damper_cases,
+                {"building": frame, "devices": loop, "amplitude": 5e-3, "frequency": 3.0, "most": 2},
+            ),
+            "WeightDesigner": (
+                of.WeightDesigner,
+                {"building": frame, "devices": frame.storeys[:1], **wishes, "program_modes": 2},
+            ),
+            "inverse_weights": (
+                of.inverse_weights,
+                {
+                    "plant": plant,
+                    "gain": of.regulator_of_state(plant, plant.energy, 1e-6).gain,
+                    "control_weight": [1.0],
+                },
+            ),
+            "static_counterpart": (
+                of.static_counterpart,
+                {
+                    "spec": spec,
+                    "theta": theta,
+                    "largest_command": LARGEST,
+                    "amplitude": (2e-3, 0.01),
+                    "velocity": (0.02, 0.2),
+                },
+            ),
+            "DesignProblem": (
+                of.DesignProblem,
+                {
+                    "building": frame,
+                    "devices": loop,
+                    "sample_time": 1e-3,
+                    "amplitude": (1e-4, 1e-2),
+                    "velocity": (0.01, 0.2),
+                    "delay": 0.0,
+                },
+            ),
+        }.items()
+    }
+
+
+def laws_calls(_: Path) -> Calls:
+    """Control laws and their settings."""
+    of, frame = mr.control, five_storeys()
+    problem = of.DesignProblem(building=frame, devices=devices(rd1005()), sample_time=1e-3)
+    clipped = {"accelerations": [1.0] * 5, "control_weight": [1e-7, 1e-7], "full_force": 1e3}
+    sliding = {
+        "peak_acceleration": 2.0,
+        "largest_force": 1e3,
+        "frequency": 5.0,
+        "margin": 1.2,
+        "bandwidth": 50.0,
+    }
+    known = of.design_law("clipped_optimal", problem, of.RegulatorSettings(control_weight=1e-7))
+    table = of.fuzzy_table(deformation_scale=2e-3, rate_scale=0.05).share.ravel()
+    return {
+        name: partial(ValidCall, *each)
+        for name, each in {
+            "ControlLaw": (mr.ControlLaw, {"name": "clipped_optimal", "gains": dict(known.gains)}),
+            "ControlLaw with a table": (
+                mr.ControlLaw,
+                {
+                    "name": "fuzzy",
+                    "gains": {"deformation_scale": [2e-3, 2e-3], "rate_scale": [0.05, 0.05]},
+                    "tables": {"shares": table},
+                },
+            ),
+            "ControlLaw with a curve": (
+                mr.ControlLaw,
+                {"name": "inverse_direct", "gains": dict(known.gains), "curve": rd1005()},
+            ),
+            "gain_rows": (known.gain_rows, {"n_devices": 2, "n_states": 10}),
+            "control_law": (of.control_law, {"name": "passive"}),
+            "settings_of": (of.settings_of, {"name": "modified_clipped_optimal", "given": clipped}),
+            "design_law": (
+                of.design_law,
+                {"name": "modified_clipped_optimal", "problem": problem, "settings": clipped},
+            ),
+            "design_law by class": (
+                of.design_law,
+                {
+                    "name": "lyapunov",
+                    "problem": problem,
+                    "settings": of.LyapunovSettings(state_weight=np.eye(10)),
+                },
+            ),
+            "design_candidates": (
+                of.design_candidates,
+                {
+                    "name": "clipped_optimal",
+                    "problem": problem,
+                    "settings": [of.RegulatorSettings(control_weight=weight) for weight in (1e-7, 1e-6)],
+                },
+            ),
+            "PassiveSettings": (of.PassiveSettings, {"command": 1.0}),
+            "FrictionSettings": (of.FrictionSettings, {"slope": 1e5}),
+            "FuzzySettings": (of.FuzzySettings, {"deformation": 0.01, "rate": 0.1}),
+            "RegulatorSettings": (
+                of.RegulatorSettings,
+                {"drifts": np.eye(5), "energy": 1.0, "state_weight": np.ones(10), "control_weight": 1e-7},
+            ),
+            "ClippedSettings": (of.ClippedSettings, clipped),
+            "NetworkSettings": (
+                of.NetworkSettings,
+                {"control_weight": 1e-7, "amplitude": 0.01, "velocity": 0.2, "hidden": 4, "seed": 1},
+            ),
+            "LyapunovSettings": (of.LyapunovSettings, {"drifts": 1.0}),
+            "ProportionalSettings": (of.ProportionalSettings, {"slope": 1.0, "control_weight": 1e-7}),
+            "SlidingSettings": (of.SlidingSettings, sliding),
+            "AdaptiveSlidingSettings": (of.AdaptiveSlidingSettings, sliding),
+            "SuperTwistingSettings": (of.SuperTwistingSettings, sliding),
+            "WeightWishes": (
+                of.WeightWishes if hasattr(of, "WeightWishes") else of.RmsLimits,
+                {
+                    "rms_drift": 2e-3,
+                    "budget": (500.0,),
+                    "spectrum": "kanai_tajimi",
+                    "ground_frequency": 15.0,
+                    "ground_damping": 0.6,
+                    "intensity": 1e-3,
+                    "stiffness": [0.8, 1.0],
+                    "semi_active": 0.5,
+                    "sampled": False,
+                },
+            ),
+        }.items()
+    }
+
+
+def loop_calls(_: Path) -> Calls:
+    """The closed loop and its hardware."""
+    of, frame, loop, motion = mr.closed_loop, five_storeys(), devices(rd1005()), sweep(0.1)
+    law = mr.ControlLaw(name="passive", gains={"command": [1.0, 1.0]})
+    share = mr.ControlLaw(name="decentralised_bang_bang")
+    run = mr.simulate_loop(frame, loop, law, [motion], histories=True, threads=1)
+    device = {
+        name: getattr(loop[0], name) for name in ("name", "spec", "theta", "row", "largest_command", "count")
+    }
+    commands = of.PrescribedCommands(interval=0.02, command=[[0.0, 0.0], [1.0, 1.0]])
+    assert run.histories is not None
+    criteria = of.values(run, weight=1e4)
+    return {
+        name: partial(ValidCall, *each)
+        for name, each in {
+            "Device": (mr.Device, {**device, "differential": True}),
+            "Device of draws": (mr.Device, {**device, "theta": np.tile(np.asarray(loop[0].theta), (3, 1))}),
+            "demand of a device": (
+                loop[0].demand,
+                {
+                    "stroke": 0.01,
+                    "velocity": 0.1,
+                    "force": 1e3,
+                    "energy": 1.0,
+                    "seconds": 3.0,
+                    "peak_command": 1.0,
+                    "mean_command": 0.5,
+                },
+            ),
+            "Hardware": (
+                mr.Hardware,
+                {
+                    "sample_time": 1e-3,
+                    "step": 5e-4,
+                    "delay": 1e-3,
+                    "command_rate": 100.0,
+                    "feedback": "observer",
+                    "measured_floors": (0, 4),
+                    "noise_ratio": 50.0,
+                    "acceleration_noise": 0.01,
+                    "deformation_resolution": 1e-5,
+                    "seed": 3,
+                    "faults": (of.Fault(channel="force"),),
+                },
+            ),
+            "Fault": (of.Fault, {"channel": "force", "index": 0, "start": 1.0, "end": 2.0, "value": 3.0}),
+            "PrescribedCommands": (
+                of.PrescribedCommands,
+                {"interval": 0.5, "command": [[0.0, 1.0], [1.0, 0.5]]},
+            ),
+            "of_history": (
+                of.PrescribedCommands.of_history,
+                {"command": np.ones((40, 2)), "sample_time": 1e-3, "interval": 0.01},
+            ),
+            "UserLaw": (
+                of.UserLaw,
+                {"name": "x", "command": abs, "n_candidates": 2, "n_memory": 1, "source": "s"},
+            ),
+            "ClairvoyantSettings": (
+                of.ClairvoyantSettings,
+                {"interval": 0.01, "explore": 5, "finish": 5, "random_starts": 1, "seed": 0},
+            ),
+            "simulate_loop": (
+                mr.simulate_loop,
+                {
+                    "building": frame,
+                    "devices": loop,
+                    "law": law,
+                    "motions": [motion],
+                    "hardware": mr.Hardware(feedback="observer"),
+                    "histories": True,
+                    "step_factor": 1,
+                    "nominal": frame,
+                    "threads": 1,
+                    "on_progress": None,
+                },
+            ),
+            "simulate_loop at largest commands": (
+                mr.simulate_loop,
+                {
+                    "building": frame,
+                    "devices": loop,
+                    "law": share,
+                    "motions": [motion],
+                    "largest_commands": [1.0, 1.5],
+                    "threads": 1,
+                },
+            ),
+            "simulate_prescribed": (
+                of.simulate_prescribed,
+                {
+                    "building": frame,
+                    "devices": loop,
+                    "commands": commands,
+                    "motion": motion,
+                    "hardware": mr.Hardware(),
+                    "histories": False,
+                    "step_factor": 1,
+                    "threads": 1,
+                },
+            ),
+            "loop_observer": (
+                of.loop_observer,
+                {"building": frame, "devices": loop, "hardware": mr.Hardware(), "floors": [0, 4]},
+            ),
+            "kinetic_energy": (run.histories[0].kinetic_energy, {"building": frame}),
+            "demand of a run": (run.demand, {"run": 0, "device": 1}),
+            "outside of a run": (run.outside, {"run": 0}),
+            "criterion": (of.criterion, {"name": "peak_drift"}),
+            "value of a criterion": (
+                of.criterion("peak_force_share").value,
+                {"responses": run, "weight": 1e4},
+            ),
+            "values": (of.values, {"responses": run, "weight": 1e4}),
+            "ratio": (of.ratio, {"numerator": np.array([1.0, 2.0]), "denominator": np.array([1.0, 0.0])}),
+            "score": (of.score, {"controlled": [criteria], "passive": [criteria]}),
+            "clairvoyant": (
+                of.clairvoyant,
+                {
+                    "building": frame,
+                    "devices": [replace(each, theta=np.asarray(each.theta)) for each in loop],
+                    "motion": motion,
+                    "hardware": mr.Hardware(),
+                    "settings": of.ClairvoyantSettings(interval=0.05, explore=1, finish=0, random_starts=0),
+                    "starts": {"mine": commands},
+                    "floors": (0, 1),
+                    "storeys": (0,),
+                    "threads": 1,
+                },
+            ),
+        }.items()
+    }
+
+
+def studies_calls(_: Path) -> Calls:
+    """Studies and their results."""
+    found = results()
+    comparison = mr.study.compared(found)
+    return {
+        name: partial(ValidCall, *each)
+        for name, each in {
+            "read_study": (mr.read_study, {"path": "missing.toml", "seed": 0}),
+            "read_results": (mr.study.read_results, {"folder": "missing"}),
+            "read_tuning": (mr.tuning.read_tuning, {"folder": "missing"}),
+            "load": (mr.load, {"run": "missing"}),
+            "run_study": (mr.run_study, {"study": None}),
+            "tune": (mr.tune, {"study": None}),
+            "compared": (mr.study.compared, {"results": found}),
+            **{name: (getattr(comparison, name), {"row": 3}) for name in ("rank_of", "heading", "in_words")},
+            "changes": (comparison.changes, {"row": 3, "reference": 0}),
+            "worse_counts": (comparison.worse_counts, {"reference": 0}),
+            "criteria": (found.criteria, {"row": 3, "motion": 0}),
+            "demands": (found.demands, {"row": 3, "motion": 0}),
+            "step_changes": (found.step_changes, {"row": 3, "motion": 0}),
+            "MotionOfStudy": (
+                mr.study.MotionOfStudy,
+                {"ground": sweep(0.1), "use": "test", "synthetic": False},
+            ),
+            "TuneTable": (
+                mr.study.TuneTable,
+                {
+                    "laws": ["clipped_optimal"],
+                    "label": "tuned",
+                    "settings": {"control_weight": 1e-7},
+                    "free": {"drifts": (1.0, 2.0)},
+                    "criteria": {"peak_drift": 1.0},
+                    "relative_to": "passive_off",
+                    "combine": "mean",
+                    "objectives": ["peak_drift", "peak_force"],
+                    "risk": "cvar",
+                    "tail": 0.2,
+                    "constraints": {"peak_stroke": "20 mm"},
+                    "robust": False,
+                    "search": "differential_evolution",
+                    "population": 8,
+                    "budget": 16,
+                    "gradient_steps": 0,
+                    "seed": 0,
+                },
+            ),
+        }.items()
+    }
+
+
+ROOMS = (buildings_calls, plants_calls, gains_calls, designs_calls, laws_calls, loop_calls, studies_calls)
