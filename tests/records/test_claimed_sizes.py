@@ -15,6 +15,7 @@ from record_files import clean_columns
 from mrwork.errors import RecordError
 from mrwork.records import read_damper_test
 from mrwork.records.formats.matlab import read_matlab_matrices
+from mrwork.records.formats.open import open_table
 
 HEAD = b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
 MATRIX, SPARSE, DOUBLE, STRUCT = 14, 5, 6, 2
@@ -133,3 +134,27 @@ def test_texts_of_a_parquet_file_are_not_read(tmp_path: Path) -> None:
     assert read_damper_test(path).n_time == columns["t_s"].size
     with pytest.raises(RecordError, match="'note'"):
         read_damper_test(path, columns={"force": "note:N"})
+
+
+@pytest.mark.parametrize("suffix", [".mat", ".parquet"])
+def test_columns_that_do_not_change_are_read_however_far_they_shrink(tmp_path: Path, suffix: str) -> None:
+    time = 1e-3 * np.arange(1_000_000)
+    columns = {
+        "t_s": time,
+        "displacement_m": np.round(0.01 * np.sin(2.0 * np.pi * time), 3),
+        "velocity_mps": np.zeros(time.size),
+        "force_n": 300.0 * np.sign(np.cos(2.0 * np.pi * time)),
+    }
+    path = tmp_path / f"rig{suffix}"
+    if suffix == ".mat":
+        parts = (
+            packed(matrix(DOUBLE, (column.size, 1), name, element(9, column.tobytes())))
+            for name, column in columns.items()
+        )
+        path.write_bytes(HEAD + b"".join(parts))
+    else:
+        pyarrow = pytest.importorskip("pyarrow")
+        pytest.importorskip("pyarrow.parquet").write_table(pyarrow.table(columns), path, compression="zstd")
+    assert path.stat().st_size < 32e6 / 4
+    for name, column in open_table(path).read(list(columns)).items():
+        np.testing.assert_array_equal(column, columns[name])

@@ -102,7 +102,7 @@ def test_every_format_has_a_program_for_the_child(form: Format) -> None:
 def test_claimed_sizes_are_refused_before_they_are_allocated(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "file.h5", "w") as file:
         file.create_dataset("force", shape=(LEAST // 8 + 1, 1), chunks=(1024, 1), dtype="f4")
-    with pytest.raises(TooLargeError, match="the data up to 'force' claim more than the 134 MB"):
+    with pytest.raises(TooLargeError, match="the data up to 'force' claim more than the 101 MB"):
         read_members((tmp_path / "file.h5").read_bytes(), "hdf5")
 
 

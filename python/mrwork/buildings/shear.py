@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 
 # Three matrices of 134 MB; natural frequencies take minutes.
-_MOST_STOREYS = 4096
+_MOST_STOREYS = 1000
 
 
 def check_storeys(count: int) -> None:
@@ -24,7 +24,7 @@ def check_storeys(count: int) -> None:
     Raises
     ------
     SettingError
-        It would have more than 4096 storeys.
+        It would have more than 1000 storeys.
     """
     if count > _MOST_STOREYS:
         raise SettingError(

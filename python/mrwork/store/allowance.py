@@ -7,16 +7,19 @@ from typing import Final
 
 from mrwork.errors import RecordError
 
-LEAST: Final = 128 << 20
-"""Bytes that the contents of any file may take: columns that hardly change shrink a thousandfold."""
+LEAST: Final = 96 << 20
+"""Bytes that the contents of any file may take, however small it is: columns that do not change shrink a thousandfold.
 
-# Doubles of a rig shrink to a quarter or an eighth; it decides for large files only.
-_RATIO: Final = 16
+A test of so many samples takes less than 1 GiB to check.
+"""
+
+# Doubles of a rig shrink to a quarter or an eighth; it decides for files above 10 MB only.
+_RATIO: Final = 10
 _MOST: Final = 1 << 30
 
 
 def allowed(size: int, *, least: int = LEAST) -> int:
-    """Bytes that the contents of a file of `size` bytes may take: 16 times its size, from `least` to 1 GiB."""
+    """Bytes that the contents of a file of `size` bytes may take: 10 times its size, from `least` to 1 GiB."""
     return min(_MOST, max(least, _RATIO * size))
 
 

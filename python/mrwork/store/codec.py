@@ -70,8 +70,6 @@ def array_of(numbers: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
     if isinstance(numbers, Mapping):
         table = np.frombuffer(bytes.fromhex(numbers[_HEX]), dtype=_LITTLE_ENDIAN)
         return table.astype(np.float64).reshape(numbers["shape"])
-    if not isinstance(numbers, list):
-        raise TypeError(f"{str(numbers)[:40]!r} where a list of numbers was expected")
     return np.array(_floats(numbers), dtype=np.float64)
 
 

@@ -148,15 +148,14 @@ def recalled_result(record: Mapping[str, Any], arrangement: Arrangement) -> RunR
     """
     found = rebuilt(RunResult, record)
     Outcome[found.outcome.upper()]
-    counts = {"floor": len(arrangement.floors), "storey": len(arrangement.storeys)}
+    # Ideal actuators have no currents, and storeys without devices may have strokes.
     n_devices = 0 if arrangement.has_actuators else len(arrangement.devices)
+    least = {"floor": len(arrangement.floors), "storey": len(arrangement.storeys), "device": n_devices}
     for quantity in run_quantities():
         if _KEPT.get(quantity.name, float) is float:
             continue
         shape = getattr(found, quantity.name).shape
-        count = counts.get(quantity.axis, shape[0] if shape else 1)
-        least = n_devices if quantity.axis == "device" else count
-        if len(shape) > 1 or (shape != (count,) and bool(shape)) or (shape and shape[0] < least):
+        if len(shape) != (quantity.axis in least) or (shape and shape[0] < least[quantity.axis]):
             raise ValueError(f"{quantity.name} has the shape {shape}")
     return found
 

@@ -116,7 +116,8 @@ def _array(
     if min(shape, default=0) < 0 or len(items) != math.prod(shape) * np.dtype(item).itemsize:
         sides = " x ".join(str(side) for side in shape)
         raise DamagedError(f"a {sides} matrix has {len(items)} bytes of {item[1:]} items")
-    allowance.take(_NUMBER * math.prod(shape), f"variable '{name}'")
+    # What the items take already has been counted.
+    allowance.take(max(_NUMBER * math.prod(shape) - len(items), 0), f"variable '{name}'")
     return np.frombuffer(items, dtype=item).reshape(shape, order="F")
 
 
