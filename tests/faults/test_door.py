@@ -194,6 +194,38 @@ def test_before_signals_are_answered_next_to_nothing_is_loaded() -> None:
     assert ended.stdout.strip() == "['mrwork', 'mrwork.cli', 'mrwork.cli.signals']"
 
 
+LOST = """
+import os, signal, sys, time, weakref
+from mrwork.cli.signals import Signals
+
+signals = Signals.of_this_process()
+signals.interrupt()
+
+class Thing:
+    pass
+
+def released(reference):
+    os.kill(os.getpid(), signal.SIGTERM)
+    for _ in range(1000):
+        pass
+
+thing = Thing()
+reference = weakref.ref(thing, released)
+try:
+    del thing
+    time.sleep(60)
+except KeyboardInterrupt:
+    print(signals.status)
+"""
+
+
+def test_an_interrupt_while_an_object_is_released_is_not_lost() -> None:
+    ended = subprocess.run(
+        [sys.executable, "-c", LOST], capture_output=True, text=True, check=False, timeout=PATIENCE
+    )
+    assert (ended.stdout, ended.stderr) == (f"{128 + signal.SIGTERM}\n", "")
+
+
 def test_a_terminated_identification_keeps_what_it_has(tmp_path: Path) -> None:
     out = tmp_path / "run"
     # The optimiser of the last stage is loaded while the search runs.

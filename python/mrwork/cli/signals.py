@@ -7,6 +7,10 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
+
+# Seconds until an interrupt that was lost is raised again.
+_AGAIN = 0.01
 
 
 class Signals:
@@ -32,6 +36,8 @@ class Signals:
     def interrupt(self) -> None:
         """From now on each raises KeyboardInterrupt, after which a computation keeps what it has."""
         self._answer(self._interrupt)
+        if self._numbers:
+            sys.unraisablehook = self._lost
 
     def leave_with(self, status: int) -> None:
         """From now on each ends the process at once with this status."""
@@ -46,6 +52,15 @@ class Signals:
             os.write(2, b"mrwork: interrupted\n")
         finally:
             os._exit(128 + number)
+
+    def _lost(self, unraisable: sys.UnraisableHookArgs) -> None:
+        """Raise an interrupt again that came where nothing can be raised, as while an object is released."""
+        if isinstance(unraisable.exc_value, KeyboardInterrupt) and hasattr(signal, "setitimer"):
+            received = self._received
+            signal.signal(signal.SIGALRM, lambda number, frame: self._interrupt(received, frame))
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+        else:
+            sys.__unraisablehook__(unraisable)
 
     def _interrupt(self, number: int, frame: object) -> None:
         self._received = number
