@@ -7,10 +7,12 @@ from pathlib import Path
 
 from mrwork.errors import RecordError
 from mrwork.identification.certainty import Intervals
+from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import read_fit
-from mrwork.store.codec import json_document, read_document
+from mrwork.identification.fit_file import read_addition, read_fit
+from mrwork.store.codec import json_document
 from mrwork.store.input_file import exists, is_file
+from mrwork.store.record import read_document
 from mrwork.store.run_folder import FIT, LAWS, PLAN, PROFILES, RANKING, RESULTS, write_files
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.calibration_files import StoredBands, read_bands
@@ -96,16 +98,23 @@ def with_additions(place: Path, fit: Fit) -> StoredRun:
         Where one of the files is damaged.
     """
     draws = read_draws(place, fit)
-    profiles = read_document(Profiles, place / PROFILES, name="profiles", verb="profile")
+    ranking = read_document(Ranking, place / RANKING, name="ranking", verb="identify")
+    laws = read_document(LawTable, place / LAWS, name="choice of laws", verb="identify")
+    for name, model in ((RANKING, ranking and ranking.chosen), (LAWS, laws and laws.model)):
+        if model not in (None, fit.model):
+            raise RecordError(
+                f"{place / name} is of {model} where {FIT} beside it is of {fit.model}; run `mrwork identify` again"
+            )
+    profiles = _profiles(place, fit)
     return StoredRun(
         place=place,
         fit=fit.with_intervals(_intervals(fit, draws, profiles)),
         draws=draws,
         profiles=profiles,
-        bands=read_bands(place),
-        plan=read_document(CheckedPlan, place / PLAN, name="plan", verb="plan"),
-        ranking=read_document(Ranking, place / RANKING, name="ranking", verb="identify"),
-        laws=read_document(LawTable, place / LAWS, name="choice of laws", verb="identify"),
+        bands=read_bands(place, fit),
+        plan=read_addition(CheckedPlan, place / PLAN, fit, name="plan", verb="plan"),
+        ranking=ranking,
+        laws=laws,
     )
 
 
@@ -120,6 +129,21 @@ def record_intervals(place: Path) -> None:
         Where the fit cannot be written.
     """
     write_files(place, {FIT: json_document(load(place).fit.as_dict()).encode()})
+
+
+def _profiles(place: Path, fit: Fit) -> Profiles | None:
+    path = place / PROFILES
+    profiles = read_addition(Profiles, path, fit, name="profiles", verb="profile")
+    if profiles is None:
+        return None
+    # Profiles of a model with redundant parameters are in the form without them.
+    form = identifiable_form(fit.spec, {}).spec
+    known = form.names if profiles.model == form.name else fit.spec.names
+    strange = [each.name for each in profiles.profiles if each.name not in known]
+    if profiles.model not in (form.name, fit.model) or strange:
+        what = f"profiles {strange[0]}" if strange else f"is of {profiles.model}"
+        raise RecordError(f"{path} {what}, and {FIT} beside it is of {fit.model}; run `mrwork profile` again")
+    return profiles
 
 
 def _intervals(fit: Fit, draws: Draws | None, profiles: Profiles | None) -> Intervals | None:

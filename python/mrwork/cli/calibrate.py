@@ -71,12 +71,12 @@ def add_parser(verbs: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Predict, calibrate, measure the coverage, and write the result into the run folder."""
     if options.files:
-        predictions, held_out = _unseen(options), "the fit has not seen"
+        (fit, predictions), held_out = _unseen(options), "the fit has not seen"
     else:
-        predictions, held_out = _left_out(options), IN_WORDS[options.leave_out]
+        (fit, predictions), held_out = _left_out(options), IN_WORDS[options.leave_out]
     calibration = calibrate(predictions, held_out=held_out)
     coverage = measured_coverage(predictions) if len(calibration.tests) > 1 else ()
-    write_calibration(options.run_folder, calibration, coverage)
+    write_calibration(options.run_folder, calibration, coverage, fit)
     write_predictions(options.run_folder, [each for each in predictions if each.seen is None])
     status = renew_page(options.run_folder, quiet=options.quiet or options.json)
     if options.json:
@@ -86,8 +86,8 @@ def run(options: argparse.Namespace) -> int:
     return status
 
 
-def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:
-    """Predictions of the files by the fit of the run, for which they must not have been used."""
+def _unseen(options: argparse.Namespace) -> tuple[Fit, tuple[Prediction, ...]]:
+    """The fit of the run, and predictions of the files by it, for which they must not have been used."""
     fit = read_fit(options.run_folder)
     if not fit.motions:
         note(
@@ -97,11 +97,11 @@ def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:
     words = observation_of(options, fit.settings.observe)
     tests = [observed(test, words) for test in read_tests(options, "calibration")]
     nuisances = nuisances_of(options, fit.nuisances)
-    return predict_tests(fit, tests, nuisances=nuisances)
+    return fit, predict_tests(fit, tests, nuisances=nuisances)
 
 
-def _left_out(options: argparse.Namespace) -> tuple[Prediction, ...]:
-    """Predictions of the tests of the run, each by a fit to the others."""
+def _left_out(options: argparse.Namespace) -> tuple[Fit, tuple[Prediction, ...]]:
+    """The fit of the run, and predictions of the tests of the run, each by a fit to the others."""
     opened = reopen(options.run_folder)
     folds = Folds(opened.place, opened.fit)
     prefix = ""
@@ -125,7 +125,7 @@ def _left_out(options: argparse.Namespace) -> tuple[Prediction, ...]:
             f"{len(found.failures)} of {len(opened.tests)} tests cannot be predicted without themselves, first: "
             f"{found.failures[0]}; leave out less at a time"
         )
-    return found.predictions
+    return opened.fit, found.predictions
 
 
 def _summary(calibration: Calibration, coverage: Sequence[LeftOutCoverage]) -> dict[str, Any]:

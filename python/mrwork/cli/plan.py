@@ -17,9 +17,8 @@ from mrwork.cli.terminal import note, show
 from mrwork.dampers.parameters import CommandUnit
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
-from mrwork.identification.fit_file import OpenedRun, reopen
-from mrwork.store.codec import json_document
-from mrwork.store.run_folder import PLAN, REPORT, write_files
+from mrwork.identification.fit_file import OpenedRun, reopen, write_addition
+from mrwork.store.run_folder import PLAN, REPORT
 from mrwork.uncertainty.planning.candidates import Candidate, Limits, candidate_grid, read_candidates
 
 if TYPE_CHECKING:
@@ -98,7 +97,7 @@ def run(options: argparse.Namespace) -> int:
     check = checked_with_draws(ranked, posterior, draws, targets=targets, rng=rng)
     unit = None if spec.current is None else spec.current.unit
     document = asdict(check) | {"draws": origin, "limits": asdict(limits)}
-    write_files(opened.place, {PLAN: json_document(document).encode()})
+    write_addition(opened.place, PLAN, document, opened.fit)
     status = renew_page(opened.place, quiet=options.quiet or options.json)
     if options.json:
         print_json(document | {"out": str(opened.place / PLAN)})

@@ -15,9 +15,8 @@ from mrwork.cli.terminal import note, show
 from mrwork.errors import Interrupted
 from mrwork.identification.certainty import Identifiability
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import reopen
-from mrwork.store.codec import json_document
-from mrwork.store.run_folder import PROFILES, REPORT, write_files
+from mrwork.identification.fit_file import reopen, write_addition
+from mrwork.store.run_folder import PROFILES, REPORT
 
 if TYPE_CHECKING:
     from mrwork.uncertainty.identifiability.profile import Profiles
@@ -71,7 +70,7 @@ def run(options: argparse.Namespace) -> int:
         line.close()
     identifiability = identifiability_of(opened.fit, opened.tests, threads=options.threads)
     document = asdict(profiles) | {"directions": [asdict(each) for each in identifiability.directions]}
-    write_files(opened.place, {PROFILES: json_document(document).encode()})
+    write_addition(opened.place, PROFILES, document, opened.fit)
     record_intervals(opened.place)
     drawn = renew_page(opened.place, quiet=options.quiet or options.json)
     if options.json:

@@ -91,7 +91,7 @@ def run(options: argparse.Namespace) -> int:
         from mrwork.stored import record_intervals
         from mrwork.uncertainty.posterior.draws_file import write_draws
 
-        write_draws(opened.place, draws)
+        write_draws(opened.place, draws, opened.fit)
         # A chain of an earlier version, which is not that of the draws any more.
         (opened.place / FORMER_CHAIN).unlink(missing_ok=True)
         record_intervals(opened.place)

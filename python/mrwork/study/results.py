@@ -13,6 +13,7 @@ from mrwork.buildings.devices import Device
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import Spread, criteria, ratio, score, values
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
+from mrwork.store.record import NotNegative
 from mrwork.study.demand import DeviceDemand, damper_warnings, demands_of
 from mrwork.study.run_result import RunEnd, RunResult
 from mrwork.study.study import Kind, Row, Use
@@ -38,8 +39,8 @@ class MotionFacts:
     """A ground motion in tables: peak [m/s^2], duration [s], source, processing, use and groups."""
 
     name: str
-    peak: float
-    duration: float
+    peak: NotNegative
+    duration: NotNegative
     source: str = ""
     changes: tuple[str, ...] = ()
     synthetic: bool = False

@@ -17,12 +17,12 @@ from mrwork.closed_loop.simulate import simulate_loop
 from mrwork.errors import Interrupted
 from mrwork.motions import GroundMotion
 from mrwork.store import Journal
-from mrwork.store.codec import plain, rebuilt
+from mrwork.store.codec import plain
 from mrwork.study.arrangements import constant_command, constant_commands
 from mrwork.study.batches import RunCriteria, with_devices
 from mrwork.study.played_commands import PlayedCommands
 from mrwork.study.results import Key, MotionFacts, StudyResults
-from mrwork.study.run_result import RunHistory, RunResult, history_of, result_of
+from mrwork.study.run_result import RunHistory, RunResult, history_of, recorded_result, result_of
 from mrwork.study.study import Arrangement, Row, Study, digest_of_run, fingerprint_of
 from mrwork.study.varied import VariedResults, varied_criteria
 from mrwork.units import STANDARD_GRAVITY
@@ -217,7 +217,7 @@ def _runs(
         recalled = (
             None
             if journal is None
-            else journal.recall(step, inputs, lambda record: rebuilt(RunResult, record))
+            else journal.recall(step, inputs, lambda record: recorded_result(record, arrangement))
         )
         if recalled is not None:
             yield motion, recalled
