@@ -8,10 +8,12 @@ from pathlib import Path
 from mrwork.arguments import checked
 from mrwork.errors import RecordError
 from mrwork.identification.certainty import Intervals
+from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import read_fit
-from mrwork.store.codec import json_document, read_document
+from mrwork.identification.fit_file import read_addition, read_fit
+from mrwork.store.codec import json_document
 from mrwork.store.input_file import exists, is_file
+from mrwork.store.record import read_document
 from mrwork.store.run_folder import FIT, LAWS, PLAN, PROFILES, RANKING, RESULTS
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.calibration_files import StoredBands, read_bands
@@ -98,16 +100,23 @@ def with_additions(place: Path, fit: Fit) -> StoredRun:
         Where one of the files is damaged.
     """
     draws = read_draws(place, fit)
-    profiles = read_profiles(place)
+    ranking = read_document(Ranking, place / RANKING, name="ranking", verb="identify")
+    laws = read_document(LawTable, place / LAWS, name="choice of laws", verb="identify")
+    for name, model in ((RANKING, ranking and ranking.chosen), (LAWS, laws and laws.model)):
+        if model not in (None, fit.model):
+            raise RecordError(
+                f"{place / name} is of {model} where {FIT} beside it is of {fit.model}; run `mrwork identify` again"
+            )
+    profiles = read_profiles(place, fit)
     return StoredRun(
         place=place,
         fit=fit.with_intervals(_intervals(fit, draws, profiles)),
         draws=draws,
         profiles=profiles,
-        bands=read_bands(place),
-        plan=read_document(CheckedPlan, place / PLAN, name="plan", verb="plan"),
-        ranking=read_document(Ranking, place / RANKING, name="ranking", verb="identify"),
-        laws=read_document(LawTable, place / LAWS, name="choice of laws", verb="identify"),
+        bands=read_bands(place, fit),
+        plan=read_addition(CheckedPlan, place / PLAN, fit, name="plan", verb="plan"),
+        ranking=ranking,
+        laws=laws,
     )
 
 
@@ -124,20 +133,31 @@ def fit_content(
     found = _intervals(
         fit,
         read_draws(place, fit) if draws is None else draws,
-        read_profiles(place) if profiles is None else profiles,
+        read_profiles(place, fit) if profiles is None else profiles,
     )
     return json_document(fit.with_intervals(found).as_dict()).encode()
 
 
-def read_profiles(place: Path) -> Profiles | None:
-    """The profiles of the run folder at `place`, `None` where there are none.
+def read_profiles(place: Path, fit: Fit) -> Profiles | None:
+    """The profiles of the run folder of a fit at `place`, `None` where there are none.
 
     Raises
     ------
     RecordError
-        Where they are damaged.
+        Where they are damaged, or of another fit.
     """
-    return read_document(Profiles, place / PROFILES, name="profiles", verb="profile")
+    path = place / PROFILES
+    profiles = read_addition(Profiles, path, fit, name="profiles", verb="profile")
+    if profiles is None:
+        return None
+    # Profiles of a model with redundant parameters are in the form without them.
+    form = identifiable_form(fit.spec, {}).spec
+    known = form.names if profiles.model == form.name else fit.spec.names
+    strange = [each.name for each in profiles.profiles if each.name not in known]
+    if profiles.model not in (form.name, fit.model) or strange:
+        what = f"profiles {strange[0]}" if strange else f"is of {profiles.model}"
+        raise RecordError(f"{path} {what}, and {FIT} beside it is of {fit.model}; run `mrwork profile` again")
+    return profiles
 
 
 def _intervals(fit: Fit, draws: Draws | None, profiles: Profiles | None) -> Intervals | None:

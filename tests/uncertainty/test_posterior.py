@@ -120,7 +120,7 @@ def test_draws_are_a_datatree_with_units_and_provenance(draws: Draws, tmp_path: 
     assert tree.attrs["verdict"] == draws.verdict
     assert small_test().sha256 in tree.attrs["inputs"]
     assert tree["observed_data"]["small"].size == small_test().n_time
-    (tmp_path / "posterior.nc").write_bytes(draws_content(draws))
+    (tmp_path / "posterior.nc").write_bytes(draws_content(draws, small_fit()))
     read = read_draws(tmp_path, small_fit())
     assert read is not None
     same = ("names", "noise_names", "status", "verdict", "n_steps", "thinning")

@@ -73,13 +73,13 @@ def run(options: argparse.Namespace) -> int:
     """Predict, calibrate, measure the coverage, and write the result into the run folder."""
     with adding(options.run_folder, CALIBRATION):
         if options.files:
-            predictions, held_out = _unseen(options), "the fit has not seen"
+            (fit, predictions), held_out = _unseen(options), "the fit has not seen"
         else:
-            predictions, held_out = _left_out(options), IN_WORDS[options.leave_out]
+            (fit, predictions), held_out = _left_out(options), IN_WORDS[options.leave_out]
         calibration = calibrate(predictions, held_out=held_out)
         coverage = measured_coverage(predictions) if len(calibration.tests) > 1 else ()
         unseen = [each for each in predictions if each.seen is None]
-        write_bands(options.run_folder, calibration, coverage, unseen)
+        write_bands(options.run_folder, calibration, coverage, unseen, fit)
         status = renew_page(options.run_folder, quiet=options.quiet or options.json)
         if options.json:
             print_json(_summary(calibration, coverage))
@@ -88,8 +88,8 @@ def run(options: argparse.Namespace) -> int:
         return status
 
 
-def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:
-    """Predictions of the files by the fit of the run, for which they must not have been used."""
+def _unseen(options: argparse.Namespace) -> tuple[Fit, tuple[Prediction, ...]]:
+    """The fit of the run, and predictions of the files by it, for which they must not have been used."""
     fit = read_fit(options.run_folder)
     if not fit.motions:
         note(
@@ -99,11 +99,11 @@ def _unseen(options: argparse.Namespace) -> tuple[Prediction, ...]:
     words = observation_of(options, fit.settings.observe)
     tests = [observed(test, words) for test in read_tests(options, "calibration")]
     nuisances = nuisances_of(options, fit.nuisances)
-    return predict_tests(fit, tests, nuisances=nuisances)
+    return fit, predict_tests(fit, tests, nuisances=nuisances)
 
 
-def _left_out(options: argparse.Namespace) -> tuple[Prediction, ...]:
-    """Predictions of the tests of the run, each by a fit to the others."""
+def _left_out(options: argparse.Namespace) -> tuple[Fit, tuple[Prediction, ...]]:
+    """The fit of the run, and predictions of the tests of the run, each by a fit to the others."""
     opened = reopen(options.run_folder)
     folds = Folds(opened.place, opened.fit)
     prefix = ""
@@ -133,7 +133,7 @@ def _left_out(options: argparse.Namespace) -> tuple[Prediction, ...]:
             f"{len(found.failures)} of {len(opened.tests)} tests cannot be predicted without themselves, first: "
             f"{found.failures[0]}; leave out less at a time"
         )
-    return found.predictions
+    return opened.fit, found.predictions
 
 
 def _summary(calibration: Calibration, coverage: Sequence[LeftOutCoverage]) -> dict[str, Any]:

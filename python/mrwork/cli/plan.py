@@ -17,8 +17,7 @@ from mrwork.cli.terminal import note, show
 from mrwork.dampers.parameters import CommandUnit
 from mrwork.errors import SettingError
 from mrwork.identification.equivalent import identifiable_form
-from mrwork.identification.fit_file import OpenedRun, reopen
-from mrwork.store.codec import json_document
+from mrwork.identification.fit_file import OpenedRun, addition_content, reopen
 from mrwork.store.run_folder import PLAN, REPORT, write_files
 from mrwork.store.run_lock import adding
 from mrwork.uncertainty.planning.candidates import Candidate, Limits, candidate_grid, read_candidates
@@ -103,7 +102,7 @@ def _plan(opened: OpenedRun, options: argparse.Namespace) -> int:
     check = checked_with_draws(ranked, posterior, draws, targets=targets, rng=rng)
     unit = None if spec.current is None else spec.current.unit
     document = asdict(check) | {"draws": origin, "limits": asdict(limits)}
-    write_files(opened.place, {PLAN: json_document(document).encode()})
+    write_files(opened.place, {PLAN: addition_content(document, opened.fit)})
     status = renew_page(opened.place, quiet=options.quiet or options.json)
     if options.json:
         print_json(document | {"out": str(opened.place / PLAN)})

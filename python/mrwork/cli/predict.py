@@ -70,7 +70,7 @@ def add_parser(verbs: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Predict every test and print how the forces compare."""
     fit = read_fit(options.run_folder)
-    calibration = None if options.level is None else read_calibration(options.run_folder)
+    calibration = None if options.level is None else read_calibration(options.run_folder, fit)
     spec, theta = fit.spec, np.array(fit.theta)
     rows: list[dict[str, Any]] = []
     known: list[Likeness] = []

@@ -16,8 +16,7 @@ from mrwork.cli.terminal import note, show
 from mrwork.errors import Interrupted
 from mrwork.identification.certainty import Direction
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import OpenedRun, reopen
-from mrwork.store.codec import json_document
+from mrwork.identification.fit_file import OpenedRun, addition_content, reopen
 from mrwork.store.run_folder import FIT, PROFILES, REPORT, write_files
 from mrwork.store.run_lock import adding
 
@@ -72,13 +71,13 @@ def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
         )
     except Interrupted as interrupt:
         line.close()
-        return _stopped(opened, interrupt.result, read_profiles(opened.place), options)
+        return _stopped(opened, interrupt.result, read_profiles(opened.place, opened.fit), options)
     finally:
         line.close()
     identifiability = identifiability_of(opened.fit, opened.tests, threads=options.threads)
     document = asdict(profiles) | {"directions": [asdict(each) for each in identifiability.directions]}
     contents = {
-        PROFILES: json_document(document).encode(),
+        PROFILES: addition_content(document, opened.fit),
         FIT: fit_content(opened.place, opened.fit, profiles=profiles),
     }
     write_files(opened.place, contents)
@@ -97,7 +96,7 @@ def _stopped(
     document = asdict(profiles) | {"directions": []}
     written = earlier is None or earlier.status != "finished"
     if written:
-        write_files(opened.place, {PROFILES: json_document(document).encode()})
+        write_files(opened.place, {PROFILES: addition_content(document, opened.fit)})
     if options.json:
         print_json(document | {"out": str(opened.place / PROFILES)})
     else:

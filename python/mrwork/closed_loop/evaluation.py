@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from mrwork.arguments import AnyNumbers, Positive, checked
 from mrwork.closed_loop.responses import axis_of, unit_of
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
+from mrwork.store.record import Count, OrNan
 from mrwork.units import STANDARD_GRAVITY as STANDARD_GRAVITY
 
 Floats = NDArray[np.float64]
@@ -161,13 +162,13 @@ class Spread:
     Quartiles are interpolated linearly between the ordered values, as `numpy.quantile` does.
     """
 
-    motions: int
-    mean: float
-    least: float
-    lower_quartile: float
-    median: float
-    upper_quartile: float
-    most: float
+    motions: Count
+    mean: OrNan
+    least: OrNan
+    lower_quartile: OrNan
+    median: OrNan
+    upper_quartile: OrNan
+    most: OrNan
 
     @staticmethod
     def of(values: Sequence[float]) -> Spread:

@@ -6,13 +6,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
+from mrwork.store.record import Level, NotNegative, Positive, Related, Several
 from mrwork.summary import Summarised, Summary, of_unit, rounded
 
 VerdictName = Literal["identifiable", "weakly identifiable", "not identifiable"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Interval:
+class Interval(Related):
     """Interval of one parameter in its unit; an end that the data do not bound is `None`.
 
     `verdict` is `None` in draws of earlier versions.
@@ -23,6 +24,12 @@ class Interval:
     upper: float | None
     verdict: VerdictName | None
     reason: str
+
+    def disagreement(self) -> str:
+        """Whether the ends are in order."""
+        if self.lower is None or self.upper is None or self.lower <= self.upper:
+            return ""
+        return f"the interval of {self.name} is from {self.lower:g} to {self.upper:g}"
 
     def in_words(self, shown: Callable[[float], str]) -> str:
         """As in "6317 to 7278", or "above 835.8" where one end is open; `shown` writes a number."""
@@ -40,7 +47,7 @@ class Intervals:
     """Intervals of all free parameters of a fit at one `level`, by profile likelihood or from posterior draws."""
 
     kind: Literal["profile", "posterior"]
-    level: float
+    level: Level
     intervals: tuple[Interval, ...]
 
     @property
@@ -62,7 +69,7 @@ class Verdict:
 
     name: str
     verdict: VerdictName
-    standard_error: float | None
+    standard_error: NotNegative | None
     reason: str
 
 
@@ -93,7 +100,7 @@ class Direction:
     """
 
     changes: tuple[Change, ...]
-    effect: float
+    effect: NotNegative
     seen: bool
     sentence: str
 
@@ -115,8 +122,8 @@ class Identifiability(Summarised):
 
     verdicts: tuple[Verdict, ...]
     directions: tuple[Direction, ...]
-    n_time: int
-    n_effective: float
+    n_time: Several
+    n_effective: Positive
 
     def _summary(self) -> Summary:
         return Summary(

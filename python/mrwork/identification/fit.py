@@ -19,11 +19,24 @@ from mrwork.identification.settings import FitSettings, Reading
 from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
 from mrwork.records.likeness import Likeness, RecordedMotion, likest
 from mrwork.records.operating_range import OperatingRange, Outside, outside_of
+from mrwork.store.fingerprint import digest_of
+from mrwork.store.record import (
+    Count,
+    LowerBound,
+    NotNegative,
+    OrInfinite,
+    Positive,
+    Related,
+    Several,
+    UpperBound,
+)
 from mrwork.summary import Summarised, Summary, listed, rounded
 from mrwork.values import holds_arrays
 
 # Key of the record of settings that the command line adds to those of `FitSettings`.
 _READING = "reading"
+# Share by which a value may exceed its bound after a conversion between forms of a model.
+_ROUNDING = 1e-6
 
 FitStatus = Literal["converged", "not_converged", "interrupted", "stopped"]
 
@@ -41,9 +54,9 @@ class Estimate:
     name: str
     unit: str
     value: float
-    standard_error: float | None
-    lower: float
-    upper: float
+    standard_error: NotNegative | None
+    lower: LowerBound
+    upper: UpperBound
     remark: Literal["", "fixed", "at lower bound", "at upper bound", "not identifiable"] = ""
 
 
@@ -51,9 +64,9 @@ class Estimate:
 class ErrorNorms:
     """Normalised errors over time, displacement and velocity (Spencer et al. 1997)."""
 
-    time: float
-    displacement: float
-    velocity: float
+    time: NotNegative
+    displacement: NotNegative
+    velocity: NotNegative
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -70,19 +83,19 @@ class FitQuality(Summarised):
 
     test: str
     fit_percent: float
-    nrmse: float
-    rmse_n: float
+    nrmse: NotNegative
+    rmse_n: NotNegative
     error_norms: ErrorNorms
     residual_autocorrelation: float
-    n_time: int
-    settle_seconds: float
-    substeps: int
+    n_time: Several
+    settle_seconds: NotNegative
+    substeps: Several
     observation: Observation = AS_IT_IS
     nuisance: Nuisance = NONE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class SearchTrace(Summarised):
+class SearchTrace(Summarised, Related):
     """One entry per generation: simulations so far, least and median misfit (NRMSE) of the population.
 
     For `Multistart` an entry is one iteration of all running local minimisations, and `ends` are their final misfits,
@@ -91,11 +104,18 @@ class SearchTrace(Summarised):
 
     _made_by: ClassVar[str] = "fit.trace"
 
-    evaluations: tuple[int, ...]
-    best: tuple[float, ...]
-    median: tuple[float, ...]
+    evaluations: tuple[Count, ...]
+    best: tuple[OrInfinite, ...]
+    median: tuple[OrInfinite, ...]
     stop_reason: str
-    ends: tuple[float, ...] = ()
+    ends: tuple[OrInfinite, ...] = ()
+
+    def disagreement(self) -> str:
+        """Whether there is one entry per generation."""
+        sizes = len(self.evaluations), len(self.best), len(self.median)
+        if len(set(sizes)) == 1:
+            return ""
+        return "it has {} counts of simulations, {} least and {} median misfits".format(*sizes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,13 +130,13 @@ class Provenance:
     instruction_set: str
     inputs: dict[str, str]
     settings: dict[str, Any]
-    rng: int
+    rng: Count
     created: str
 
 
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Fit(Summarised):
+class Fit(Summarised, Related):
     """An identified damper: estimates in the order of the model's spec, quality per test, provenance.
 
     `n_effective` is the effective number of samples that the standard errors assume, see `effective_samples`; `None`
@@ -138,20 +158,20 @@ class Fit(Summarised):
     estimates: tuple[Estimate, ...]
     status: FitStatus
     stop_reason: str
-    nrmse: float
+    nrmse: NotNegative
     fit_percent: float
-    rmse_n: float
+    rmse_n: NotNegative
     error_norms: ErrorNorms
     quality: tuple[FitQuality, ...]
     trace: SearchTrace
-    evaluations: int
-    refinement_steps: int
-    seconds: float
-    n_time: int
+    evaluations: Count
+    refinement_steps: Count
+    seconds: NotNegative
+    n_time: Several
     provenance: Provenance
     current: CurrentLaws | None = None
     nuisances: tuple[NuisanceName, ...] = ()
-    n_effective: float | None = None
+    n_effective: Positive | None = None
     identifiability: Identifiability | None = None
     intervals: Intervals | None = None
     warnings: tuple[str, ...] = ()
@@ -168,6 +188,39 @@ class Fit(Summarised):
             return plain
         laws = dict(zip(plain.names, self.current.laws, strict=True))
         return plain.with_current_laws(laws, unit=self.current.unit, lagged=self.current.lagged)
+
+    @property
+    def fingerprint(self) -> str:
+        """Digest of what later verbs start from: model, parameters, laws, nuisance parameters and tests."""
+        values = [
+            (each.name, float(each.value), float(each.lower), float(each.upper)) for each in self.estimates
+        ]
+        inputs = sorted(self.provenance.inputs.items())
+        return digest_of(self.model, values, self.current, tuple(self.nuisances), inputs)
+
+    def disagreement(self) -> str:
+        """Whether the estimates are those of the model and within their bounds, and all else is of its parameters."""
+        spec = self.spec
+        found = tuple(each.name for each in self.estimates)
+        if found != spec.names:
+            named = listed(found, 8) or "nothing"
+            return f"its estimates are of {named} where {self.model} has {listed(spec.names, 8)}"
+        for each, parameter in zip(self.estimates, spec.parameters, strict=True):
+            if (each.unit or "1") != parameter.unit:
+                return f"{each.name} is in {each.unit or 'no unit'} where {self.model} has it in {parameter.unit}"
+            slack = _ROUNDING * max(abs(each.value), abs(each.lower), abs(each.upper))
+            if not each.lower - slack <= each.value <= each.upper + slack:
+                return f"{each.name} is {each.value:g}, outside its bounds {each.lower:g} to {each.upper:g}"
+        judged = [] if self.identifiability is None else [each.name for each in self.identifiability.verdicts]
+        bounded = [] if self.intervals is None else [each.name for each in self.intervals.intervals]
+        unknown = [name for name in (*judged, *bounded) if name not in found]
+        if unknown:
+            return f"it judges {unknown[0]}, which {self.model} does not have"
+        if not self.quality:
+            return "it compares no test"
+        if self.motions and len(self.motions) != len(self.quality):
+            return f"it compares {len(self.quality)} tests where it knows the motions of {len(self.motions)}"
+        return ""
 
     @checked
     def observed(self, test: DamperTest) -> DamperTest:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import isfinite, sqrt
+from math import sqrt
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from mrwork.errors import MrworkError, RecordError
 from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest, RecordedMotion
 from mrwork.records.operating_range import OperatingRange
-from mrwork.store.codec import json_document, read_document, record_from_json
-from mrwork.store.input_file import exists, is_folder, is_there, stored
+from mrwork.store.codec import json_document
+from mrwork.store.input_file import exists, is_folder, is_there, stored, text_of
+from mrwork.store.record import parsed, read_document, record_from_json, record_of
 from mrwork.store.run_folder import (
     ADDITIONS,
     FIGURES,
@@ -24,11 +25,15 @@ from mrwork.store.run_folder import (
     MODELS,
     RANKING,
     REPORT,
+    write_files,
     write_folder,
 )
 from mrwork.store.unfinished import is_part
-from mrwork.summary import listed
 
+T = TypeVar("T")
+
+# Key of a document that names its fit.
+_FIT_OF = "of_fit"
 _WRITTEN = ADDITIONS | {MANIFEST, FIT, JOURNAL, REPORT, FIGURES, RANKING, LAWS, MODELS}
 
 
@@ -106,7 +111,7 @@ def read_fit(path: str | Path) -> Fit:
     fit = read_document(Fit, place / FIT, name="fit", verb="identify")
     if fit is None:
         raise RecordError(f"{place / FIT} cannot be read (it does not exist); run `mrwork identify` again")
-    fit = _with_effective_samples(_checked(fit, str(place / FIT)))
+    fit = _with_effective_samples(fit)
     return fit if fit.tested is not None and fit.motions else _with_ranges(fit)
 
 
@@ -125,6 +130,32 @@ def _with_ranges(fit: Fit) -> Fit:
     )
 
 
+def addition_content(document: Mapping[str, object], fit: Fit) -> bytes:
+    """The file of a document about a fit in its run folder; it names the fit, so that it is not taken for another's."""
+    return json_document({_FIT_OF: fit.fingerprint, **document}).encode()
+
+
+def read_addition(kind: type[T], path: Path, fit: Fit | None, *, name: str, verb: str) -> T | None:
+    """Read a file with an `addition_content`; `None` if there is no such file.
+
+    Files of earlier versions do not name their fit; without a `fit` that is not asked.
+
+    Raises
+    ------
+    RecordError
+        Where the file is damaged, or of another fit.
+    """
+    file = stored(verb, name=f"a {name}")
+    if not is_there(path, file):
+        return None
+    document = parsed(text_of(path, file), origin=str(path), verb=verb)
+    found: T = record_of(kind, document, origin=str(path), name=name, verb=verb)
+    named = document.get(_FIT_OF)
+    if fit is not None and named is not None and named != fit.fingerprint:
+        raise RecordError(f"{path} is of another fit than {FIT} beside it; run `mrwork {verb}` again")
+    return found
+
+
 def fit_from_json(text: str, *, origin: str) -> Fit:
     """Undo `json_document(fit.as_dict())`; `origin` names the document in messages.
 
@@ -133,32 +164,7 @@ def fit_from_json(text: str, *, origin: str) -> Fit:
     RecordError
         If the text is not JSON or not a fit; the message names the field.
     """
-    fit = record_from_json(Fit, text, origin=origin, name="fit", verb="identify")
-    return _with_effective_samples(_checked(fit, origin))
-
-
-def _checked(fit: Fit, origin: str) -> Fit:
-    """The fit, if its estimates are those of its model.
-
-    Raises
-    ------
-    RecordError
-        There is no such model, its parameters are others, or a value is not a number.
-    """
-    try:
-        names = fit.spec.names
-    except MrworkError as reason:
-        raise RecordError(f"{origin} is not a fit: {reason}; run `mrwork identify` again") from None
-    found = tuple(each.name for each in fit.estimates)
-    without = next((each.name for each in fit.estimates if not isfinite(each.value)), None)
-    if found == names and without is None:
-        return fit
-    damage = (
-        f"`fit.estimates` are of {listed(found, 8) or 'nothing'} where {fit.model} has {listed(names, 8)}"
-        if without is None
-        else f"the value of {without} is not a number"
-    )
-    raise RecordError(f"{origin} is not a fit: {damage}; run `mrwork identify` again")
+    return _with_effective_samples(record_from_json(Fit, text, origin=origin, name="fit", verb="identify"))
 
 
 def _with_effective_samples(fit: Fit) -> Fit:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
-from typing import Any, Literal, get_args
+from types import SimpleNamespace
+from typing import Any, Literal, get_args, get_type_hints
 
 from mrwork.arguments import Seed, checked
 from mrwork.errors import RecordError, SettingError
@@ -17,6 +18,7 @@ from mrwork.records.observing import DETECT, NONE, as_words
 from mrwork.records.repairs import RepairKind
 from mrwork.records.window import counted_from, cut
 from mrwork.store.input_file import exists
+from mrwork.store.record import LowerBound, Several, UpperBound, built, record_of
 from mrwork.synthetic import synthetic_test
 
 # Where the final fit runs: in lanes, with derivatives by dual numbers, or on the JAX twin.
@@ -50,7 +52,7 @@ class Reading:
     columns: Mapping[str, str] = field(default_factory=dict)
     start: float | None = None
     end: float | None = None
-    every: int = 1
+    every: Several = 1
     repairs: Mapping[RepairKind, float | None] = field(default_factory=dict)
     settle: float | None = None
     columns_of: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
@@ -68,13 +70,10 @@ class Reading:
         RecordError
             Where the record cannot be read as a `Reading`.
         """
-        try:
-            fields = dict(record)  # type: ignore[call-overload] # any value; one that is no mapping is refused below
-            return cls(**(fields | {"files": tuple(fields["files"])}))
-        except (TypeError, ValueError, KeyError):
-            raise RecordError(
-                f"{origin} does not say how its tests were read; run `mrwork identify` again"
-            ) from None
+        if record is None:
+            raise RecordError(f"{origin} does not say how its tests were read; run `mrwork identify` again")
+        found: Reading = record_of(cls, record, origin=origin, name="reading of tests", verb="identify")
+        return found
 
     def tests(self) -> tuple[DamperTest, ...]:
         """Read the files as tests.
@@ -121,7 +120,7 @@ class FitSettings:
     """
 
     search: Search | str | None = None
-    bounds: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    bounds: Mapping[str, tuple[LowerBound, UpperBound]] = field(default_factory=dict)
     starts: tuple[Start, ...] = ()
     power: float = ROOT_MEAN_SQUARE
     force_exponent: float = EQUAL_SHARES
@@ -172,13 +171,17 @@ class FitSettings:
             Where the record cannot be read as settings.
         """
         try:
-            known = {each.name: record[each.name] for each in fields(cls) if each.name in record}
-            search = known.pop("search", None)
+            search = record.get("search")
+            known = {
+                name: built(kind, record[name], name)
+                for name, kind in _recorded_kinds().items()
+                if name in record
+            }
             # Before there was this setting, observation models were those of the tests.
             known.setdefault("observe", (NONE,))
             return cls(
                 search=None if search is None else search_of_record(search),
-                **{name: _restored(value) for name, value in known.items()},
+                **known,
             )
         except (TypeError, ValueError, KeyError, AttributeError) as reason:
             raise RecordError(
@@ -194,7 +197,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _restored(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {name: _restored(entry) for name, entry in value.items()}
-    return tuple(_restored(entry) for entry in value) if isinstance(value, list | tuple) else value
+def _recorded_kinds() -> dict[str, Any]:
+    """Annotations of the fields that records have as they are: all but the search."""
+    own = {name: kind for name, kind in FitSettings.__annotations__.items() if name != "search"}
+    return get_type_hints(SimpleNamespace(__annotations__=own), globals(), include_extras=True)

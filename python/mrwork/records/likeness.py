@@ -18,6 +18,7 @@ from mrwork.arguments import checked
 from mrwork.records.command_signal import Command, command_range
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import regular_cycles, spectrum
+from mrwork.store.record import NotNegative, Positive, Related
 
 Array = NDArray[np.float64]
 
@@ -44,7 +45,7 @@ _CYCLES: Final = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RecordedMotion:
+class RecordedMotion(Related):
     """Motion and command of a test, in the resolution that recognises them.
 
     `shape` is the displacement about its mean per `half_stroke` [m], in steps of `step` [s]: of the mean cycle of a
@@ -60,10 +61,10 @@ class RecordedMotion:
     current: float | None
     voltage: float | None
     periodic: bool
-    step: float
-    half_stroke: float
+    step: Positive
+    half_stroke: NotNegative
     shape: str = field(repr=False)
-    force: float
+    force: NotNegative
     commands: tuple[str, ...] = field(default=(), repr=False)
 
     @classmethod
@@ -94,6 +95,13 @@ class RecordedMotion:
             force=float(np.std(test.force[test.counted])),
             commands=tuple(_encoded(_means(command, n_each))[1] for command in varying),
         )
+
+    def disagreement(self) -> str:
+        """Whether the shapes of motion and commands can be read."""
+        for text in (self.shape, *self.commands):
+            if not _decoded(text).size:
+                return f"the motion of {self.test} has no samples"
+        return ""
 
     @property
     def displacement(self) -> Array:
@@ -229,7 +237,7 @@ def _encoded(samples: Array) -> tuple[float, str]:
 
 
 def _decoded(text: str) -> Array:
-    return np.frombuffer(base64.b64decode(text), dtype="<i2").astype(np.float64) / _INT16
+    return np.frombuffer(base64.b64decode(text, validate=True), dtype="<i2").astype(np.float64) / _INT16
 
 
 def _largest(command: Command | None) -> float | None:
@@ -252,7 +260,7 @@ def _contained(pairs: Sequence[tuple[Array, Array]], *, least: float, limit: flo
     """
     n_pattern, n_record = (min(each.size for each in side) for side in zip(*pairs, strict=True))
     n_least = max(3, int(np.ceil(least * n_pattern)))
-    if n_record < n_least:
+    if min(n_pattern, n_record) < n_least:
         return None
     found = np.min(
         [_correlations(one[:n_pattern], other[:n_record], n_least) for one, other in pairs], axis=0

@@ -17,6 +17,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import whole_cycles
+from mrwork.store.record import NotNegative, Related
 from mrwork.summary import Summarised, Summary
 
 OperatingQuantity = Literal["stroke", "velocity", "frequency", "command", "force", "power"]
@@ -107,7 +108,7 @@ class Exceedance(Summarised):
 
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class OperatingRange(Summarised):
+class OperatingRange(Summarised, Related):
     """Ranges of motion, command and load of a damper: those it was tested in, or those that a simulation demands.
 
     `stroke` is half the peak-to-peak elongation [m], or its peak from rest; `velocity` [m/s] and `force` [N] are peaks;
@@ -116,13 +117,20 @@ class OperatingRange(Summarised):
     `None` if unknown.
     """
 
-    stroke: float
-    velocity: float
+    stroke: NotNegative
+    velocity: NotNegative
     frequency: tuple[float, float] | None
     command: tuple[float, float] | None
     command_unit: CommandUnit | None
-    force: float
-    power: float
+    force: NotNegative
+    power: NotNegative
+
+    def disagreement(self) -> str:
+        """Whether the ends of ranges are in order, and a command has its unit."""
+        for name, ends in (("frequency", self.frequency), ("command", self.command)):
+            if ends is not None and ends[0] > ends[1]:
+                return f"the {name} is from {ends[0]:g} to {ends[1]:g}"
+        return "the command has no unit" if self.command is not None and self.command_unit is None else ""
 
     @classmethod
     @checked

@@ -23,6 +23,7 @@ from mrwork.control.laws import ControlLaw
 from mrwork.dampers.spec import damper
 from mrwork.errors import SettingError
 from mrwork.motions import GroundMotion
+from mrwork.store.record import OrInfinite, OrNan
 from mrwork.study.realisations import Realisations
 from mrwork.study.run_result import selected_columns
 from mrwork.study.study import Arrangement, StudyLaw
@@ -67,9 +68,9 @@ BAND = 0.9
 class Band:
     """A number over realisations: median, and the ends between which 90 % of them lie; infinite where a run failed."""
 
-    lower: float
-    median: float
-    upper: float
+    lower: OrNan
+    median: OrNan
+    upper: OrInfinite
 
     @staticmethod
     def of(values: Floats) -> Band:

@@ -14,14 +14,15 @@ from mrwork import arguments
 from mrwork.closed_loop.evaluation import Spread, criteria
 from mrwork.errors import RecordError
 from mrwork.records.operating_range import Exceedance, OperatingRange
-from mrwork.store.codec import finite, json_document, read_document
+from mrwork.store.codec import finite, json_document
+from mrwork.store.record import Count, OrInfinite, OrNan, Related, read_document
 from mrwork.store.run_folder import HISTORIES, JOURNAL, MANIFEST, REPORT, RESULTS, STUDY, write_folder
 from mrwork.study.batches import Band
 from mrwork.study.comparison import compared
 from mrwork.study.demand import largest_demand, names_outside, worst_by_quantity
 from mrwork.study.over_motions import judged_in_words
 from mrwork.study.results import Key, MotionFacts, StudyCriteria, StudyResults
-from mrwork.study.run_result import RunEnd
+from mrwork.study.run_result import OutcomeName, RunEnd
 from mrwork.study.stored_changes import StoredChanges, StoredGroup, stored_changes, stored_groups
 from mrwork.study.stored_clairvoyant import StoredClairvoyant, stored_clairvoyant
 from mrwork.study.stored_histories import Histories
@@ -31,21 +32,21 @@ _CRITERIA, _PROFILES = "criteria.csv", "profiles.csv"
 _WRITTEN = frozenset({MANIFEST, JOURNAL, RESULTS, STUDY, REPORT, HISTORIES, _CRITERIA, _PROFILES})
 
 # Every criterion by name; NaN if the run has none, `null` in the file.
-_Criteria = dict[str, float]
+_Criteria = dict[str, OrNan]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StoredStepCheck:
     """A run with half the step in the results file: relative change of each criterion."""
 
-    outcome: str
-    steps: int
-    largest: float | None
+    outcome: OutcomeName
+    steps: Count
+    largest: OrInfinite | None
     changes: _Criteria
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StoredStudyRun(RunEnd):
+class StoredStudyRun(RunEnd, Related):
     """A run in the results file: its criteria and their ratios to other rows under the same motion.
 
     These are the building without dampers, i = 0, and the passive damper with the lowest score; the last is absent from
@@ -59,12 +60,12 @@ class StoredStudyRun(RunEnd):
     controller: str
     kind: Kind
     motion: str
-    outcome: str
+    outcome: OutcomeName
     criteria: _Criteria
     over_uncontrolled: _Criteria
     over_passive_off: _Criteria
-    energy_error: float
-    steps: int
+    energy_error: OrNan
+    steps: Count
     step_check: StoredStepCheck | None
     over_best_passive: _Criteria = field(default_factory=dict)
     outside_tested_range: tuple[str, ...] | None = None
@@ -72,9 +73,16 @@ class StoredStudyRun(RunEnd):
     demand: OperatingRange | None = None
     bands: dict[str, Band] = field(default_factory=dict)
 
+    def disagreement(self) -> str:
+        """Whether a run that finished has every criterion."""
+        known = [entry.name for entry in criteria()]
+        tables = [self.criteria, *([] if self.step_check is None else [self.step_check.changes])]
+        lacking = [name for table in tables for name in known if name not in table]
+        return f"its run under {self.motion} lacks {lacking[0]}" if lacking else ""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Document:
+class _Document(Related):
     """The results file; its fields are the keys of the JSON object.
 
     `scores` are means over the motions that `judged_on` names, `spreads` the least, quartiles and most of the scores
@@ -96,8 +104,22 @@ class _Document:
     groups: tuple[StoredGroup, ...] = ()
     changes: tuple[StoredChanges, ...] = ()
     clairvoyant: tuple[StoredClairvoyant, ...] = ()
-    realisations: int = 0
+    realisations: Count = 0
     score_bands: dict[str, Band] = field(default_factory=dict)
+
+    def disagreement(self) -> str:
+        """Whether motions are named once, and each run is of one of them and the only one of its row."""
+        names = [motion.name for motion in self.motions]
+        if len(set(names)) < len(names):
+            return "it has two motions of one name"
+        keys = [(run.controller, run.motion) for run in self.results]
+        strange = [motion for _, motion in keys if motion not in names]
+        if strange:
+            return f"it has no motion {strange[0]!r}"
+        twice = (
+            next((key for key in keys if keys.count(key) > 1), None) if len(set(keys)) < len(keys) else None
+        )
+        return "" if twice is None else f"it has two runs of {twice[0]} under {twice[1]}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -168,9 +190,6 @@ def read_results(folder: str | Path) -> StoredStudy:
     for run in document.results:
         rows[run.controller] = Row(label=run.controller, kind=run.kind)
     labels, names = list(rows), [motion.name for motion in document.motions]
-    for run in document.results:
-        if run.motion not in names:
-            raise RecordError(f"{place} has no motion {run.motion!r}; run `mrwork respond` again")
     return StoredStudy(
         title=document.title,
         rows=tuple(rows.values()),

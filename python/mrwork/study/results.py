@@ -16,6 +16,7 @@ from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import Spread, criteria, ratio, score, values
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.errors import SettingError
+from mrwork.store.record import NotNegative
 from mrwork.study.demand import DeviceDemand, damper_warnings, demands_of
 from mrwork.study.run_result import RunEnd, RunResult
 from mrwork.study.study import Kind, Row, Use
@@ -41,8 +42,8 @@ class MotionFacts:
     """A ground motion in tables: peak [m/s^2], duration [s], source, processing, use and groups."""
 
     name: str
-    peak: float
-    duration: float
+    peak: NotNegative
+    duration: NotNegative
     source: str = ""
     changes: tuple[str, ...] = ()
     synthetic: bool = False

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -24,7 +23,13 @@ from mrwork.study.arrangements import constant_command, constant_commands
 from mrwork.study.batches import RunCriteria, with_devices
 from mrwork.study.played_commands import PlayedCommands
 from mrwork.study.results import Key, MotionFacts, StudyResults
-from mrwork.study.run_result import RunHistory, RunResult, history_of, recalled_result, result_of
+from mrwork.study.run_result import (
+    RunHistory,
+    RunResult,
+    history_of,
+    recorded_result,
+    result_of,
+)
 from mrwork.study.study import Arrangement, Row, Study, digest_of_run, fingerprint_of
 from mrwork.study.varied import VariedResults, varied_criteria
 from mrwork.units import STANDARD_GRAVITY
@@ -220,7 +225,7 @@ def _runs(
         recalled = (
             None
             if journal is None
-            else journal.recall(step, inputs, partial(recalled_result, arrangement=arrangement))
+            else journal.recall(step, inputs, lambda record: recorded_result(record, arrangement))
         )
         if recalled is not None:
             yield motion, recalled

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, get_type_hints
+from typing import Annotated, Any, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from mrwork.closed_loop.responses import (
 )
 from mrwork.simulate import Outcome
 from mrwork.store.codec import rebuilt
+from mrwork.store.record import OneOf
 from mrwork.study.study import Arrangement
 from mrwork.values import holds_arrays
 
@@ -31,6 +32,10 @@ _ENDS = {
     Outcome.ABANDONED: "was abandoned",
     Outcome.FAILED_SAFE: "failed safe",
 }
+
+
+OutcomeName = Annotated[str, OneOf(tuple(each.name.lower() for each in Outcome))]
+"""How a run ended, as results files have it."""
 
 
 class RunEnd:
@@ -115,6 +120,7 @@ class RunHistory:
 
 _KEPT = get_type_hints(RunResult)
 _HISTORY = get_type_hints(RunHistory)
+_COMMANDS = ("peak_current", "mean_current", "rms_current")
 
 
 def result_of(responses: Responses, run: int, arrangement: Arrangement) -> RunResult:
@@ -130,7 +136,7 @@ def result_of(responses: Responses, run: int, arrangement: Arrangement) -> RunRe
         kept["peak_stroke"] = responses.peak_drift[run, others]
     if arrangement.has_actuators:
         # The command of an ideal actuator is a force, not a current.
-        kept |= {name: kept[name][:0] for name in ("peak_current", "mean_current", "rms_current")}
+        kept |= {name: kept[name][:0] for name in _COMMANDS}
     return RunResult(
         outcome=Outcome(int(responses.outcome[run])).name.lower(),
         steps=int(responses.steps[run]),
@@ -138,26 +144,34 @@ def result_of(responses: Responses, run: int, arrangement: Arrangement) -> RunRe
     )
 
 
-def recalled_result(record: Mapping[str, Any], arrangement: Arrangement) -> RunResult:
-    """The result of a run that a journal has recorded.
+def recorded_result(record: Mapping[str, Any], arrangement: Arrangement) -> RunResult:
+    """The result of a run from its line of a journal.
 
     Raises
     ------
     LookupError, TypeError, ValueError
-        It is no such result, or not one of this arrangement.
+        Where the line does not have the result of a run of this arrangement.
     """
-    found = rebuilt(RunResult, record)
-    Outcome[found.outcome.upper()]
-    # Ideal actuators have no currents, and storeys without devices may have strokes.
-    n_devices = 0 if arrangement.has_actuators else len(arrangement.devices)
-    least = {"floor": len(arrangement.floors), "storey": len(arrangement.storeys), "device": n_devices}
+    result = rebuilt(RunResult, record)
+    _ = Outcome[result.outcome.upper()]
+    sizes = {
+        "floor": len(arrangement.floors),
+        "storey": len(arrangement.storeys),
+        "device": len(arrangement.devices),
+    }
     for quantity in run_quantities():
         if _KEPT.get(quantity.name, float) is float:
             continue
-        shape = getattr(found, quantity.name).shape
-        if len(shape) != (quantity.axis in least) or (shape and shape[0] < least[quantity.axis]):
-            raise ValueError(f"{quantity.name} has the shape {shape}")
-    return found
+        found = getattr(result, quantity.name).shape
+        expected = (sizes[quantity.axis],) if quantity.axis in sizes else ()
+        if quantity.name in _COMMANDS and arrangement.has_actuators:
+            expected = (0,)
+        if quantity.name == "peak_stroke" and not arrangement.devices and len(found) == 1:
+            # Of the added storeys, if there are any.
+            continue
+        if found != expected:
+            raise ValueError(f"{quantity.name} has the shape {found} where {expected} was expected")
+    return result
 
 
 def selected_columns(quantity: Quantity, arrangement: Arrangement) -> tuple[list[int] | slice, ...]:

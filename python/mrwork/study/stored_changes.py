@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from mrwork.store.record import OrNan, Several
 from mrwork.study.comparison import Comparison, rounds_to_increase
 from mrwork.study.over_motions import motion_groups
 from mrwork.study.results import StudyCriteria
@@ -16,8 +17,8 @@ from mrwork.study.study import Kind
 class StoredChange:
     """Change of a quantity relative to a reference, -0.2 for 20 % less: mean over motions, the largest, its motion."""
 
-    mean: float
-    largest: float
+    mean: OrNan
+    largest: OrNan
     motion: str | None
 
 
@@ -32,8 +33,8 @@ class StoredChanges:
     controller: str
     kind: Kind
     rank: str
-    place: int
-    score: float
+    place: Several
+    score: OrNan
     against_uncontrolled: dict[str, StoredChange]
     worse_than_uncontrolled: tuple[str, ...]
     against_best_passive: dict[str, StoredChange]
@@ -46,7 +47,7 @@ class StoredGroup:
 
     name: str
     motions: tuple[str, ...]
-    scores: dict[str, float]
+    scores: dict[str, OrNan]
 
 
 def stored_groups(results: StudyCriteria) -> tuple[StoredGroup, ...]:

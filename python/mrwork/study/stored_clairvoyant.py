@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
+from mrwork.store.record import Count, NotNegative, OrNan, Positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -12,10 +13,10 @@ class StoredStart:
     """A start of the search: its score, and the one reached from it."""
 
     name: str
-    start_score: float
-    score: float
-    evaluations: int
-    seconds: float
+    start_score: OrNan
+    score: OrNan
+    evaluations: Count
+    seconds: NotNegative
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,11 +24,11 @@ class StoredClairvoyant:
     """The non-causal optimum of a motion: command of each interval [A or V], shape (n_intervals, n_devices)."""
 
     motion: str
-    score: float
-    ratios: dict[str, float]
+    score: OrNan
+    ratios: dict[str, OrNan]
     statement: str
     starts: tuple[StoredStart, ...]
-    interval: float
+    interval: Positive
     command: tuple[tuple[float, ...], ...]
 
 

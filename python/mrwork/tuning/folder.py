@@ -13,8 +13,9 @@ from typing import Any
 
 from mrwork.arguments import checked
 from mrwork.errors import RecordError
-from mrwork.store.codec import finite, json_document, read_document
+from mrwork.store.codec import finite, json_document
 from mrwork.store.parse import toml_table
+from mrwork.store.record import read_document
 from mrwork.store.run_folder import JOURNAL, MANIFEST, REPORT, RESULTS, STUDY, write_folder
 from mrwork.study.study import StudyFile
 from mrwork.tuning.results import Judgement, LawResult, TuningResults

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
+from mrwork.store.record import Count, NotNegative, OrInfinite, OrNan
 from mrwork.study.batches import Band, RunCriteria
 from mrwork.summary import Summarised, Summary, listed, rounded, with_decimals
 from mrwork.tuning.objective import Objective, over
@@ -35,8 +36,8 @@ class MotionScore:
     """Score and criteria of a law under one motion, over those at i = 0."""
 
     motion: str
-    score: float
-    criteria: dict[str, float]
+    score: OrNan
+    criteria: dict[str, OrNan]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -50,14 +51,14 @@ class Judgement(Summarised):
     ratios over motions. `bands` are those of score and ratios, each the mean over motions, over realisations.
     """
 
-    score: float
-    objective: float
-    violation: float
-    criteria: dict[str, float]
-    largest: dict[str, float]
+    score: OrNan
+    objective: OrInfinite
+    violation: OrInfinite
+    criteria: dict[str, OrNan]
+    largest: dict[str, OrInfinite]
     spread: dict[str, Spread]
     motions: tuple[MotionScore, ...]
-    energy_error: float
+    energy_error: OrNan
     bands: dict[str, Band] = field(default_factory=dict)
 
 
@@ -79,18 +80,18 @@ def unjudged(objective: float) -> Judgement:
 class Better:
     """Under how many motions a law is better than the best constant command, in each criterion and in both."""
 
-    peak_drift: int
-    peak_acceleration: int
-    both: int
-    motions: int
+    peak_drift: Count
+    peak_acceleration: Count
+    both: Count
+    motions: Count
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TracePoint:
     """The least penalised objective after a number of candidates."""
 
-    candidates: int
-    least: float
+    candidates: Count
+    least: OrInfinite
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -108,11 +109,11 @@ class LawResult(Summarised):
     origin: str
     train: Judgement
     test: Judgement | None
-    candidates: int
-    seconds: float
+    candidates: Count
+    seconds: NotNegative
     certificate: str
     limited: bool = False
-    refused: int = 0
+    refused: Count = 0
     objective: str = ""
     better: Better | None = None
     free: tuple[FreeSetting, ...] = ()
@@ -124,8 +125,8 @@ class FrontPoint:
     """A point of a Pareto front: its objectives on the training and on the test motions, settings and certificate."""
 
     settings: dict[str, Any]
-    train: dict[str, float]
-    test: dict[str, float] | None
+    train: dict[str, OrInfinite]
+    test: dict[str, OrInfinite] | None
     certificate: str
 
 
@@ -137,7 +138,7 @@ class Front:
     label: str
     objectives: tuple[str, ...]
     points: tuple[FrontPoint, ...]
-    candidates: int
+    candidates: Count
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -154,11 +155,11 @@ class TuningResults(Summarised):
     training: tuple[str, ...]
     testing: tuple[str, ...]
     command_unit: str
-    realisations: int
+    realisations: Count
     fronts: tuple[Front, ...] = ()
-    seconds: float = 0.0
-    candidates_per_second: float = 0.0
-    share_outside: float = 0.0
+    seconds: NotNegative = 0.0
+    candidates_per_second: NotNegative = 0.0
+    share_outside: OrNan = 0.0
     facts: tuple[tuple[str, str], ...] = ()
 
     @property
@@ -246,8 +247,8 @@ def settings_in_words(settings: Mapping[str, Any], command_unit: str) -> str:
 
 
 def _value(value: Any) -> str:
-    if isinstance(value, str):
-        return value
+    if value is None or isinstance(value, str):
+        return value or "-"
     if isinstance(value, int | float):
         return rounded(float(value))
     if isinstance(value, Mapping):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, NoReturn
+from typing import Any, Literal, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from mrwork.control.laws import control_law, control_laws
 from mrwork.control.setting_base import LawSettings, Magnitudes, Span
 from mrwork.control.weights import CostWeights
 from mrwork.keys import is_required, keys_of, suggestion
+from mrwork.store.record import Count, Related, Share
 from mrwork.study.tuning_schema import TuneTable
 from mrwork.summary import Summarised, of_unit
 from mrwork.tuning.objective import refuse_within
@@ -39,7 +40,7 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FreeSetting:
+class FreeSetting(Related):
     """A setting with the ends of its range; a search is uniform in it or its logarithm.
 
     `levels` is the number of equal steps that it takes, 0 for all numbers; `entry` its index in a setting that is an
@@ -49,10 +50,16 @@ class FreeSetting:
     name: str
     lower: float
     upper: float
-    scale: str = "log"
-    levels: int = 0
-    entry: int | None = None
-    start: float = 0.5
+    scale: Literal["linear", "log"] = "log"
+    levels: Count = 0
+    entry: Count | None = None
+    start: Share = 0.5
+
+    def disagreement(self) -> str:
+        """Whether its range has a width, and a logarithm where it is searched in that."""
+        if self.lower < self.upper and (self.scale == "linear" or self.lower > 0.0) and self.levels != 1:
+            return ""
+        return f"{self.name} cannot be searched from {self.lower:g} to {self.upper:g}"
 
     @property
     def label(self) -> str:

@@ -44,14 +44,14 @@ from mrwork.study.folder import study_document
 from mrwork.study.stored_histories import Histories
 from mrwork.study.study import Study
 from mrwork.tuning.folder import tuning_document
-from mrwork.uncertainty.bands.calibration_files import write_calibration, write_predictions
+from mrwork.uncertainty.bands.calibration_files import write_bands
 from mrwork.uncertainty.bands.conformal import measured_coverage
 from mrwork.uncertainty.bands.prediction import predict_tests
 from mrwork.uncertainty.choice.law_table import LawTable, TriedLaws
 from mrwork.uncertainty.planning.candidates import Candidate
 from mrwork.uncertainty.planning.plan import LinearisedPosterior
 from mrwork.uncertainty.planning.plan_draws import checked_with_draws, normal_draws
-from mrwork.uncertainty.posterior.draws_file import write_draws
+from mrwork.uncertainty.posterior.draws_file import draws_content
 
 MODEL: Final = "bingham"
 _STRUCTURES: Final[Mapping[str, Structure]] = {
@@ -102,11 +102,10 @@ def _readers_of_a_fit(folder: Path) -> list[Reader]:
     write_run(place, fit=fit, report_html="", manifest={"kind": "identification"}, journal=beginning)
     with closing(mr.Journal(chain)) as journal:
         draws = mr.sample(fit, tests[0], walkers=10, most_steps=4, threads=1, journal=journal)
-    write_draws(place, draws)
+    write_files(place, {DRAWS: draws_content(draws, fit)})
     predictions = predict_tests(fit, tests[1:])
     calibration = mr.calibrate(predictions, held_out="the fit has not seen")
-    write_calibration(place, calibration, measured_coverage(predictions))
-    write_predictions(place, predictions)
+    write_bands(place, calibration, measured_coverage(predictions), predictions, fit)
     ranked = mr.plan(fit, tests[0], [Candidate(amplitude=0.01, frequency=1.0)], threads=1)
     posterior = LinearisedPosterior.of(fit, tests[0], threads=1)
     rng = np.random.default_rng(1)

@@ -14,6 +14,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import DamperTest
+from mrwork.store.record import NotNegative, Share
 from mrwork.summary import Summarised
 from mrwork.uncertainty.noise import Noise
 from mrwork.values import holds_arrays
@@ -63,9 +64,9 @@ class BandScore:
     1972; Gneiting and Raftery 2007, eq. 43). `width` and `interval_score` are in the unit of `per`.
     """
 
-    coverage: float
-    interval_score: float
-    width: float
+    coverage: Share
+    interval_score: NotNegative
+    width: NotNegative
 
 
 @checked

@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from mrwork.arguments import checked
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import fit_from_json
+from mrwork.identification.fit_file import addition_content, fit_from_json, read_addition
 from mrwork.records import DamperTest, Observation, RecordedMotion
 from mrwork.records.command_signal import Command
+from mrwork.records.damper_test import frozen
 from mrwork.records.likeness import alike_groups
 from mrwork.store.arrays_file import read_arrays
-from mrwork.store.codec import json_document, read_document
+from mrwork.store.codec import json_document
 from mrwork.store.fingerprint import digest_of
 from mrwork.store.input_file import is_there, stored, text_of
-from mrwork.store.parse import json_value
+from mrwork.store.record import Count, Positive, parsed, read_document, record_of
 from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS, write_files
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.conformal import Calibration, LeftOutCoverage
@@ -29,24 +32,12 @@ from mrwork.uncertainty.bands.prediction import Prediction
 
 # Significant digits of a stored score; the errors that it is compared with are not known more precisely.
 _DIGITS = 5
-_FACTS = (
-    "name",
-    "path",
-    "sha256",
-    "dt",
-    "start_time",
-    "n_settle",
-    "velocity_source",
-    "amplitude",
-    "frequency",
-    "synthetic",
-)
 _CHANNELS = ("displacement", "velocity", "force")
 # A constant command is a fact, one that varies a channel.
 _COMMANDS = ("current", "voltage")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class StoredBands(Summarised):
     """A calibration, the coverage of each of its tests by the others, and the tests as they were predicted."""
 
@@ -81,22 +72,48 @@ class _Coverage:
     coverage: tuple[LeftOutCoverage, ...]
 
 
-def read_bands(place: Path) -> StoredBands | None:
-    """The bands of the run folder at `place`, `None` where there are none.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Facts:
+    """What the file of predictions says of a test; its channels are arrays beside it."""
+
+    name: str
+    path: str
+    sha256: str
+    dt: Positive
+    start_time: float
+    n_settle: Count
+    velocity_source: Literal["measured", "derived"]
+    amplitude: float | None
+    frequency: float | None
+    synthetic: bool
+    current: float | None
+    voltage: float | None
+    observation: Observation
+
+
+_FACTS = tuple(each.name for each in fields(_Facts) if each.name not in (*_COMMANDS, "observation"))
+
+
+def read_bands(place: Path, fit: Fit) -> StoredBands | None:
+    """The bands of the run folder of a fit at `place`, `None` where there are none.
 
     Raises
     ------
     RecordError
-        Where they are damaged.
+        Where they are damaged, or of another fit.
     """
     covered = read_document(_Coverage, place / CALIBRATION, name="calibration", verb="calibrate")
     if covered is None:
         return None
-    return StoredBands(
-        calibration=read_calibration(place),
-        coverage=covered.coverage,
-        predictions=read_predictions(place),
-    )
+    calibration, predictions = read_calibration(place, fit), read_predictions(place)
+    known = [motion.test for motion in calibration.motions]
+    strange = [each.test.label for each in predictions if known and each.test.label not in known]
+    if strange:
+        raise RecordError(
+            f"{place / PREDICTIONS} has {strange[0]}, which {CALIBRATION} beside it does not have; "
+            f"run `mrwork calibrate {place}` again"
+        )
+    return StoredBands(calibration=calibration, coverage=covered.coverage, predictions=predictions)
 
 
 def write_bands(
@@ -104,8 +121,9 @@ def write_bands(
     calibration: Calibration,
     coverage: Sequence[LeftOutCoverage],
     predictions: Sequence[Prediction],
+    fit: Fit,
 ) -> None:
-    """Write `calibration.json` and `predictions.npz` into the run folder at `place`.
+    """Write `calibration.json` and `predictions.npz` into the run folder of a fit at `place`.
 
     Raises
     ------
@@ -113,29 +131,33 @@ def write_bands(
         Where they cannot be written.
     """
     contents = {
-        CALIBRATION: _calibration_content(calibration, coverage),
+        CALIBRATION: _calibration_content(calibration, coverage, fit),
         PREDICTIONS: predictions_content(predictions),
     }
     write_files(place, contents)
 
 
-def _calibration_content(calibration: Calibration, coverage: Sequence[LeftOutCoverage]) -> bytes:
+def _calibration_content(
+    calibration: Calibration, coverage: Sequence[LeftOutCoverage], fit: Fit
+) -> bytes:
     document = asdict(calibration) | {
         "scores": [[float(f"{value:.{_DIGITS}g}") for value in scores] for scores in calibration.scores],
         "coverage": [asdict(row) for row in coverage],
     }
-    return json_document(document).encode()
+    return addition_content(document, fit)
 
 
-def read_calibration(place: Path) -> Calibration:
-    """The calibration of the run folder at `place`.
+def read_calibration(place: Path, fit: Fit) -> Calibration:
+    """The calibration of the run folder of a fit at `place`.
 
     Raises
     ------
     RecordError
-        Where there is none, or it is damaged.
+        Where there is none, it is damaged, or of another fit.
     """
-    calibration = read_document(Calibration, place / CALIBRATION, name="calibration", verb="calibrate")
+    calibration = read_addition(
+        Calibration, place / CALIBRATION, fit, name="calibration", verb=f"calibrate {place}"
+    )
     if calibration is None:
         raise RecordError(
             f"{place} has no calibrated bands; run `mrwork calibrate {place}` with tests the fit has not seen"
@@ -183,24 +205,36 @@ def read_predictions(place: Path) -> tuple[Prediction, ...]:
     if not is_there(path, kind):
         return ()
     arrays = read_arrays(path, kind)
+    text = str(arrays.get("facts", "null"))
+    verb = f"calibrate {place}"
+    stated = record_of(
+        tuple[_Facts, ...],
+        parsed(text, origin=str(path), verb=verb),
+        origin=str(path),
+        name="list of predictions",
+        verb=verb,
+    )
     try:
-        return tuple(
-            Prediction(
-                test=DamperTest(
-                    **{fact: each[fact] for fact in (*_FACTS, *_COMMANDS)}
-                    | {
-                        channel: arrays[f"{channel}_{number}"].astype(np.float64)
-                        for channel in (*_CHANNELS, *_COMMANDS)
-                        if f"{channel}_{number}" in arrays
-                    },
-                    observation=Observation(**each["observation"]),
-                ),
-                model_force=arrays[f"model_{number}"].astype(np.float64),
-            )
-            for number, each in enumerate(json_value(str(arrays["facts"])))
-        )
+        return tuple(_prediction(facts, number, arrays) for number, facts in enumerate(stated))
     except (ValueError, KeyError, TypeError) as reason:
         raise RecordError(f"{path} is damaged ({reason}); {kind.remedy}") from None
+
+
+def _prediction(facts: _Facts, number: int, arrays: Mapping[str, NDArray[Any]]) -> Prediction:
+    channels = {
+        channel: frozen(arrays[f"{channel}_{number}"])
+        for channel in (*_CHANNELS, *_COMMANDS, "model")
+        if channel in _CHANNELS or f"{channel}_{number}" in arrays
+    }
+    model_force = channels.pop("model")
+    size = model_force.size
+    for name, samples in {**channels, "model": model_force}.items():
+        if samples.shape != (size,) or not np.isfinite(samples).all():
+            raise ValueError(f"{name} of {facts.name} is not {size} finite numbers")
+    if not facts.n_settle < size:
+        raise ValueError(f"{facts.n_settle} of {size} samples of {facts.name} are not compared")
+    stated = {each.name: getattr(facts, each.name) for each in fields(facts)}
+    return Prediction(test=DamperTest(**stated | channels), model_force=model_force)
 
 
 class Folds:

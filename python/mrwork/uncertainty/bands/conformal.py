@@ -17,6 +17,7 @@ from mrwork.arguments import Share, checked
 from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest, Likeness, RecordedMotion
 from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
+from mrwork.store.record import Level, OrNan, Related
 from mrwork.summary import Summarised, Summary, rounded
 from mrwork.uncertainty.bands.band import Band, BandScore, next_test_quantile, score
 from mrwork.uncertainty.bands.cycle import cycle_band, cycles_of, errors_over_cycles
@@ -32,7 +33,7 @@ BEYOND_TESTED = "the level holds only where the calibration had such tests"
 
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Calibration(Summarised):
+class Calibration(Summarised, Related):
     """Calibration of prediction bands from the errors on several tests.
 
     `scores` are the errors of each test in its scale; `tests` are their names; `held_out` describes how the tests were
@@ -49,6 +50,13 @@ class Calibration(Summarised):
     held_out: str
     motions: tuple[RecordedMotion, ...] = ()
     seen: tuple[Likeness, ...] = ()
+
+    def disagreement(self) -> str:
+        """Whether there are errors of every test."""
+        if not self.tests or len(self.scores) != len(self.tests):
+            return f"it has the errors of {len(self.scores)} tests for {len(self.tests)}"
+        empty = [name for name, scores in zip(self.tests, self.scores, strict=True) if not scores.size]
+        return f"it has no errors of {empty[0]}" if empty else ""
 
     @checked
     def knows(self, test: DamperTest) -> Likeness | None:
@@ -173,9 +181,9 @@ class LeftOutCoverage:
     """
 
     test: str
-    level: float
+    level: Level
     samples: BandScore
-    cycles_inside: float
+    cycles_inside: OrNan
 
 
 @checked

@@ -14,6 +14,7 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.store.record import NotNegative, Related
 from mrwork.uncertainty.bands.band import weighted_quantile
 from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles
 
@@ -28,7 +29,7 @@ _SAMPLES = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Shape:
+class Shape(Related):
     """Scale and bias of the errors over a test.
 
     The scale of an error is `deviation (level + slope steepness) + floor` [N], with the standard deviation of the
@@ -36,10 +37,16 @@ class Shape:
     systematic model error; empty where it is left out.
     """
 
-    level: float = 1.0
-    slope: float = 0.0
-    floor: float = 0.0
+    level: NotNegative = 1.0
+    slope: NotNegative = 0.0
+    floor: NotNegative = 0.0
     bias: tuple[float, ...] = ()
+
+    def disagreement(self) -> str:
+        """Whether the scale is positive, and the bias has its bins."""
+        if self.bias and len(self.bias) != _BINS:
+            return f"its bias has {len(self.bias)} bins where a cycle has {_BINS}"
+        return "" if self.level + self.slope + self.floor > 0.0 else "its scale is zero"
 
     def scale(self, deviation: Array | float, steepness: Array) -> Array:
         """Scale of the error [N], shape of `steepness`."""

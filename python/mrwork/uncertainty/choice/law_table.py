@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import checked
 from mrwork.dampers.parameters import CommandUnit, LawName
+from mrwork.store.record import Count, NotNegative, OrInfinite, Related
 from mrwork.summary import Summarised, Summary, aligned
 from mrwork.uncertainty.choice.ranking import NEGLIGIBLE, error_of_mean, is_as_good
 
@@ -42,11 +43,11 @@ class TriedLaws(Summarised):
     """
 
     laws: dict[str, LawName]
-    n_params: int
+    n_params: Count
     fit_percent: float
     left_out_percent: float
-    left_out_error: float | None
-    left_out: tuple[float, ...]
+    left_out_error: NotNegative | None
+    left_out: tuple[OrInfinite, ...]
     median_percent: float
     worst_percent: float
     verdict: LawVerdict = "behind"
@@ -107,7 +108,7 @@ LAW_HEADINGS = ("parameters", "fit %", "left-out fit %", "median", "worst", "", 
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class LawTable(Summarised):
+class LawTable(Summarised, Related):
     """Laws that were tried for a model, the best left-out fit first; the reason of the choice in `sentence`.
 
     `held_out` describes the tests left out of the fits, `given` are laws that were not to be chosen.
@@ -118,10 +119,15 @@ class LawTable(Summarised):
     tried: tuple[TriedLaws, ...]
     sentence: str
     held_out: str
-    n_folds: int
+    n_folds: Count
     given: dict[str, LawName]
     complete: bool = True
     definitions: tuple[str, ...] = LAW_DEFINITIONS
+
+    def disagreement(self) -> str:
+        """Whether one set of laws is chosen."""
+        chosen = sum(each.verdict == "chosen" for each in self.tried)
+        return "" if chosen == 1 else f"of {len(self.tried)} sets of laws {chosen} are chosen"
 
     @property
     def chosen(self) -> TriedLaws:

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import SettingError
-from mrwork.summary import Summarised, Summary, rounded
+from mrwork.store.record import Count, NotNegative, Positive, Related
+from mrwork.summary import Summarised, Summary, listed, rounded
 from mrwork.uncertainty.choice.collapse import Collapse
 from mrwork.uncertainty.choice.leave_one_out import UNRELIABLE, LeaveOneOut
 
@@ -68,21 +69,21 @@ class Standing:
 
     model: str
     title: str
-    n_params: int
+    n_params: Count
     verdict: RankVerdict
     status: str
     reason: str
-    seconds: float
+    seconds: NotNegative
     fit_percent: float | None
     left_out_percent: float | None = None
-    left_out_error: float | None = None
+    left_out_error: NotNegative | None = None
     left_out_behind: float | None = None
-    left_out_behind_error: float | None = None
+    left_out_behind_error: NotNegative | None = None
     elpd: float | None = None
-    elpd_error: float | None = None
+    elpd_error: NotNegative | None = None
     elpd_behind: float | None = None
-    elpd_behind_error: float | None = None
-    unreliable_blocks: int | None = None
+    elpd_behind_error: NotNegative | None = None
+    unreliable_blocks: Count | None = None
     bic: float | None = None
     bic_behind: float | None = None
     same_as: str = ""
@@ -204,7 +205,7 @@ def _error_of_sum(values: NDArray[np.float64]) -> float | None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Ranking(Summarised):
+class Ranking(Summarised, Related):
     """Families in order of merit, the chosen one, and the reason in a sentence.
 
     `held_out` describes the data left out of the fits, in `n_folds`. `remarks` concern the comparison as a whole;
@@ -215,12 +216,22 @@ class Ranking(Summarised):
     sentence: str
     standings: tuple[Standing, ...]
     held_out: str
-    n_folds: int
-    n_blocks: int | None
-    n_effective: float | None
+    n_folds: Count
+    n_blocks: Count | None
+    n_effective: Positive | None
     remarks: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
     definitions: tuple[str, ...] = DEFINITIONS
+
+    def disagreement(self) -> str:
+        """Whether the chosen family is ranked, and so are those that others are the same as."""
+        models = [each.model for each in self.standings]
+        if len(set(models)) < len(models):
+            return "it ranks a family twice"
+        chosen = [each.model for each in self.standings if each.verdict == "chosen"]
+        if chosen != [self.chosen]:
+            return f"it has chosen {self.chosen} and ranks {listed(chosen) or 'none'} as chosen"
+        return ""
 
     def _summary(self) -> Summary:
         return Summary(

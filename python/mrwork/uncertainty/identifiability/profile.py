@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Literal
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.identification.certainty import Interval, Intervals, VerdictName
+from mrwork.store.record import Count, Level, NotNegative, OrInfinite, Positive, Related, Several
 from mrwork.summary import Summarised, Summary, of_unit, rounded
 from mrwork.uncertainty.identifiability.curvature import ParameterScale, Scaled, verdict_on_width
 from mrwork.uncertainty.identifiability.walk import (
@@ -18,9 +20,12 @@ from mrwork.uncertainty.identifiability.walk import (
     signed_root,
 )
 
+# Share by which an end may pass the estimate in a conversion from the scaled coordinate.
+_ROUNDING = 1e-6
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Profile(Summarised):
+class Profile(Summarised, Related):
     """Least misfit with one parameter held, at increasing `values` in its `unit`.
 
     `ratio` is the likelihood ratio `dof ln(S/S_least)`; the interval ends where it reaches the threshold. An end that
@@ -32,14 +37,31 @@ class Profile(Summarised):
     estimate: float
     log: bool
     values: tuple[float, ...]
-    misfit: tuple[float, ...]
-    ratio: tuple[float, ...]
+    misfit: tuple[OrInfinite, ...]
+    ratio: tuple[OrInfinite, ...]
     lower: float | None
     upper: float | None
     lower_end: End
     upper_end: End
     verdict: VerdictName
     reason: str
+
+    def disagreement(self) -> str:
+        """Whether there is a misfit and a ratio for each value, and the interval is about the estimate."""
+        sizes = len(self.values), len(self.misfit), len(self.ratio)
+        if len(set(sizes)) > 1 or not sizes[0]:
+            return "{} has {} values, {} misfits and {} ratios".format(self.name, *sizes)
+        for end, name in ((self.lower_end, "lower"), (self.upper_end, "upper")):
+            if (end == "closed") < (getattr(self, name) is not None):
+                return f"the {name} end of {self.name} is {getattr(self, name):g} and not closed"
+        slack = _ROUNDING * abs(self.estimate)
+        low = -inf if self.lower is None else self.lower
+        high = inf if self.upper is None else self.upper
+        if not low - slack <= self.estimate <= high + slack:
+            return f"{self.name} is {self.estimate:g}, outside its interval {low:g} to {high:g}"
+        if self.log and min(self.values) <= 0.0:
+            return f"{self.name} has a value of {min(self.values):g} on a logarithmic scale"
+        return ""
 
     def _summary(self) -> Summary:
         limits = ((self.lower, self.lower_end), (self.upper, self.upper_end))
@@ -65,16 +87,16 @@ class Profiles(Summarised):
     """
 
     model: str
-    level: float
-    threshold: float
-    misfit: float
-    n_time: int
-    n_effective: float
+    level: Level
+    threshold: Positive
+    misfit: NotNegative
+    n_time: Several
+    n_effective: Positive
     profiles: tuple[Profile, ...]
     status: Literal["finished", "interrupted"]
     remark: str
-    evaluations: int
-    seconds: float
+    evaluations: Count
+    seconds: NotNegative
 
     @property
     def intervals(self) -> Intervals:

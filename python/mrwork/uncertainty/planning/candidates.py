@@ -22,6 +22,7 @@ from mrwork.records.damper_test import as_tests
 from mrwork.records.motion import spectrum
 from mrwork.simulate import Loading
 from mrwork.store.input_file import CANDIDATES, text_of
+from mrwork.store.record import Positive
 
 # Default grid: range beyond the tested amplitudes and frequencies either way, number of values, excess of velocity.
 _FURTHER = 2.0
@@ -47,8 +48,8 @@ COMMAND_RANGE = (0.0, LARGEST_COMMAND)
 class Candidate:
     """Sinusoidal test: amplitude [m], frequency [Hz], and the command in the model's unit, `None` without laws."""
 
-    amplitude: float
-    frequency: float
+    amplitude: Positive
+    frequency: Positive
     command: float | None = None
 
     @property

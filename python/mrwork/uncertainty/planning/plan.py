@@ -18,6 +18,7 @@ from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.simulate import Outcome, simulate_forces
+from mrwork.store.record import NotNegative, Related
 from mrwork.summary import Summarised, Summary, of_unit, rounded
 from mrwork.uncertainty.identifiability.curvature import Scale, Scaled, curvature, linearise
 from mrwork.uncertainty.planning.candidates import Candidate, check_possible, motion_of
@@ -36,12 +37,12 @@ class Gain:
 
     candidate: Candidate
     gain: float
-    deviation: float
+    deviation: NotNegative
     drawn: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Plan(Summarised):
+class Plan(Summarised, Related):
     """Candidates in order of gain for a `band`: "force", "energy" or the name of a parameter.
 
     `deviation` is the standard deviation of the band before a further test, in `unit`. The candidates
@@ -51,9 +52,13 @@ class Plan(Summarised):
     model: str
     band: str
     unit: str
-    deviation: float
+    deviation: NotNegative
     gains: tuple[Gain, ...]
     left_out: tuple[Candidate, ...]
+
+    def disagreement(self) -> str:
+        """Whether there is a candidate."""
+        return "" if self.gains else "it ranks no candidate"
 
     def _summary(self) -> Summary:
         return Summary(

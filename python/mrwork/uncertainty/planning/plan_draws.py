@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from mrwork.errors import SettingError
 from mrwork.identification.nuisance import without_nuisance
 from mrwork.simulate import Outcome, simulate_forces
+from mrwork.store.record import NotNegative
 from mrwork.summary import Summarised, Summary, rounded
 from mrwork.uncertainty.planning.candidates import Candidate, motion_of
 from mrwork.uncertainty.planning.plan import Gain, LinearisedPosterior, Plan, column_of
@@ -30,7 +31,7 @@ class CheckedPlan(Summarised):
 
     plan: Plan
     agreement: float | None
-    least_effective: float
+    least_effective: NotNegative
 
     @property
     def gains(self) -> tuple[Gain, ...]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -11,22 +12,56 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
+from mrwork.identification.certainty import VerdictName
 from mrwork.identification.fit import Fit
 from mrwork.store.child_reader import Member, UnreadableError, read_members
 from mrwork.store.input_file import bytes_of, is_there, stored
+from mrwork.store.record import NotNegative, Positive, Related, Several, record_of
 from mrwork.store.run_folder import DRAWS
 from mrwork.uncertainty.noise import noise_model
-from mrwork.uncertainty.posterior.draws import Draws, DrawSummary, summary_of
+from mrwork.uncertainty.posterior.draws import Draws, DrawsStatus, DrawSummary, summary_of
 from mrwork.uncertainty.posterior.space import NOISE
 
 Array = NDArray[np.float64]
+_OF_FIT = "of_fit"
+# Share by which a draw may exceed a bound after a conversion between forms of a model.
+_ROUNDING = 1e-6
 _KIND = stored("sample", name="the draws")
 
 
-def draws_content(draws: Draws) -> bytes:
-    """The file `posterior.nc` of a run folder."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Stated:
+    """What the file says of the sampling."""
+
+    noise: str
+    verdict: str
+    temper: Positive
+    steps: Several
+    thinning: Several
+    seconds: NotNegative
+    status: DrawsStatus = "unknown"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _OfVariable(Related):
+    """What the file says of a parameter."""
+
+    verdict: VerdictName | None = None
+    reason: str = ""
+    median: float = 0.0
+    lower: float = -math.inf
+    upper: float = math.inf
+
+    def disagreement(self) -> str:
+        """Whether the ends of the interval are in order."""
+        return "" if self.lower <= self.upper else f"its interval is from {self.lower:g} to {self.upper:g}"
+
+
+def draws_content(draws: Draws, fit: Fit) -> bytes:
+    """The file `posterior.nc` in the run folder of a fit."""
     # In memory first: the library ends the process where a disk is full.
     tree = draws.as_datatree()
+    tree.attrs[_OF_FIT] = fit.fingerprint
     encoding = {
         group.path: {name: {"fletcher32": True} for name in group.data_vars}
         for group in tree.subtree
@@ -43,7 +78,7 @@ def read_draws(place: Path, fit: Fit) -> Draws | None:
     Raises
     ------
     RecordError
-        Where they are damaged, or of another model.
+        Where they are damaged, or of another fit.
     """
     path = place / DRAWS
     if not is_there(path, _KIND):
@@ -57,11 +92,18 @@ def read_draws(place: Path, fit: Fit) -> Draws | None:
 
 
 def _draws(members: Mapping[str, Member], path: Path, fit: Fit) -> Draws:
+    if members[""].attributes.get(_OF_FIT, fit.fingerprint) != fit.fingerprint:
+        raise RecordError(
+            f"{path} is of another fit than that beside it; run `mrwork sample {path.parent}` again"
+        )
     posterior = _variables(members, "posterior")
     columns = {name: _numbers(member) for name, member in posterior.items()}
     densities = _numbers(members["sample_stats/lp"])
     attributes = members[""].attributes
-    noise = noise_model(str(attributes["noise"]))
+    stated: _Stated = record_of(
+        _Stated, dict(attributes), origin=str(path), name="posterior", verb=f"sample {path.parent}"
+    )
+    noise = noise_model(stated.noise)
     names = fit.spec.names
     missing = [name for name in names if name not in columns]
     if missing:
@@ -72,8 +114,17 @@ def _draws(members: Mapping[str, Member], path: Path, fit: Fit) -> Draws:
     bounds = {each.name: (each.lower, each.upper) for each in fit.estimates} | {
         NOISE + each.name: (each.lower, each.upper) for each in noise.parameters
     }
-    if densities.ndim != 2 or any(columns[name].shape != densities.shape for name in names + noise_names):
-        raise ValueError("its variables differ in shape")
+    if densities.ndim != 2 or not densities.size:
+        raise ValueError("it has no draws")
+    for name in names + noise_names:
+        lower, upper = bounds[name]
+        if columns[name].shape != densities.shape:
+            raise ValueError("its variables differ in shape")
+        slack = _ROUNDING * np.abs(columns[name])
+        if not np.all((columns[name] >= lower - slack) & (columns[name] <= upper + slack)):
+            raise ValueError(f"draws of {name} are outside its bounds {lower:g} to {upper:g}")
+    if not np.isfinite(densities).all():
+        raise ValueError("a density is not a number")
     return Draws(
         model=fit.model,
         names=names,
@@ -92,15 +143,16 @@ def _draws(members: Mapping[str, Member], path: Path, fit: Fit) -> Draws:
                     tau=np.nan,
                 ),
                 posterior[name].attributes,
+                path,
             )
             for name in names + noise_names
         ),
-        status=attributes.get("status", "unknown"),
-        verdict=str(attributes["verdict"]),
-        temper=float(attributes["temper"]),
-        n_steps=int(attributes["steps"]),
-        thinning=int(attributes["thinning"]),
-        seconds=float(attributes["seconds"]),
+        status=stated.status,
+        verdict=stated.verdict,
+        temper=stated.temper,
+        n_steps=stated.steps,
+        thinning=stated.thinning,
+        seconds=stated.seconds,
         provenance=None,
         measured={name: _numbers(member) for name, member in _variables(members, "observed_data").items()},
     )
@@ -121,13 +173,15 @@ def _numbers(member: Member) -> Array:
     return member.array.astype(np.float64)
 
 
-def _with_stored(summary: DrawSummary, attributes: Mapping[str, Any]) -> DrawSummary:
+def _with_stored(summary: DrawSummary, attributes: Mapping[str, Any], path: Path) -> DrawSummary:
     """The summary with the verdict and the quantiles of all draws, which files of earlier versions do not have."""
-    return replace(
-        summary,
-        verdict=attributes.get("verdict"),
-        reason=str(attributes.get("reason", "")),
-        median=float(attributes.get("median", summary.median)),
-        lower=float(attributes.get("lower", summary.lower)),
-        upper=float(attributes.get("upper", summary.upper)),
+    known = {each.name for each in fields(_OfVariable)}
+    given = {name: value for name, value in attributes.items() if name in known}
+    stated = record_of(
+        _OfVariable,
+        given,
+        origin=str(path),
+        name=f"posterior of {summary.name}",
+        verb=f"sample {path.parent}",
     )
+    return replace(summary, **{name: getattr(stated, name) for name in given})

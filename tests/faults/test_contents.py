@@ -1,0 +1,455 @@
+"""Files of runs that are well-formed but wrong: every leaf of their trees, in the place of which stands another value.
+
+Each file of a tiny run is read back with one value replaced, removed or doubled: it is refused in one printable
+sentence, or what it says can be used. `MRWORK_MUTANTS` is how many of the mutants of each file are tried, or `all`.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+import os
+import random
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from dataclasses import asdict, replace
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import pytest
+import tuning_samples
+from command_line import Ended, mrwork
+from study_texts import study_text
+
+import mrwork as mr
+from mrwork.errors import MrworkError, RecordError
+from mrwork.identification.fit_file import addition_content, reopen
+from mrwork.store.codec import json_document
+from mrwork.store.journal import Journal
+from mrwork.store.journal_file import line_of
+from mrwork.store.run_folder import (
+    CALIBRATION,
+    CHAIN,
+    DRAWS,
+    FIT,
+    JOURNAL,
+    LAWS,
+    MANIFEST,
+    PLAN,
+    PREDICTIONS,
+    PROFILES,
+    RANKING,
+    RESULTS,
+    write_files,
+)
+from mrwork.uncertainty.bands.calibration_files import write_bands
+from mrwork.uncertainty.bands.conformal import calibrate, measured_coverage
+from mrwork.uncertainty.bands.prediction import predict_tests
+from mrwork.uncertainty.choice.law_table import LawTable, TriedLaws
+from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank
+from mrwork.uncertainty.identifiability.profile_likelihood import profile
+from mrwork.uncertainty.planning.candidates import Candidate
+from mrwork.uncertainty.planning.plan import LinearisedPosterior, plan
+from mrwork.uncertainty.planning.plan_draws import checked_with_draws, normal_draws
+from mrwork.uncertainty.posterior.draws_file import draws_content
+from mrwork.uncertainty.posterior.sample import sample
+
+MUTANTS = os.environ.get("MRWORK_MUTANTS", "30")
+# Pages take seconds: of the mutants that can be read, one in so many is predicted with or drawn.
+PREDICTED, DRAWN = 4, 60
+TWICE = "stands twice"
+T = TypeVar("T")
+WRONG: tuple[Any, ...] = (
+    *(None, "", "text", "\x1b[31m\n", -1, 0, 1.5, 1e300, -1e300, 10**80, True, [], {}, [[]], {"a": [None]}),
+)
+
+Mutant = tuple[str, Callable[[], str]]
+
+
+def nodes(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
+    """Paths of everything within a JSON value."""
+    pairs = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for name, entry in pairs:
+        yield (*path, name)
+        yield from nodes(entry, (*path, name))
+
+
+def parent_of(document: Any, path: tuple[str | int, ...]) -> Any:
+    for name in path[:-1]:
+        document = document[name]
+    return document
+
+
+def changed(document: Any, path: tuple[str | int, ...], change: str, wrong: Any) -> str:
+    """The text of a document with one value changed."""
+    if not path:
+        return json.dumps(wrong)
+    made = copy.deepcopy(document)
+    within, name = parent_of(made, path), path[-1]
+    if change == "is":
+        within[name] = wrong
+    elif change == "removed":
+        del within[name]
+    elif change == "renamed":
+        within[f"{name}_"] = within.pop(name)
+    elif isinstance(name, int):
+        within.insert(name, copy.deepcopy(within[name]))
+    else:
+        within[TWICE] = within[name]
+    return json.dumps(made).replace(json.dumps(TWICE), json.dumps(path[-1]))
+
+
+def mutants(text: str) -> list[Mutant]:
+    """What is done to a JSON document, and what makes its text."""
+    document = json.loads(text)
+    found: list[Mutant] = []
+    for path in [(), *nodes(document)]:
+        where = ".".join(map(str, path))
+        found += [(f"{where} is {wrong!r}", partial(changed, document, path, "is", wrong)) for wrong in WRONG]
+        if path:
+            changes = ("removed", "twice", *(("renamed",) if isinstance(path[-1], str) else ()))
+            found += [
+                (f"{where} {change}", partial(changed, document, path, change, None)) for change in changes
+            ]
+    return found
+
+
+def sampled(found: list[T], share: float = 1.0) -> list[T]:
+    """Those that are tried; a `share` of them where each takes long."""
+    count = len(found) if MUTANTS == "all" else int(MUTANTS)
+    return random.Random(7).sample(found, min(len(found), max(1, int(share * count))))
+
+
+def in_one_sentence(ended: Ended, what: str) -> None:
+    """The verb has ended as it should, or has refused in one printable line."""
+    assert ended.returncode in (0, 2), (what, ended)
+    if ended.returncode == 2:
+        lines = ended.stderr.splitlines()
+        assert lines, what
+        assert lines[-1].isprintable(), (what, ended.stderr)
+        assert lines[-1].startswith("mrwork: "), (what, ended.stderr)
+        assert ended.stdout == "", (what, ended)
+
+
+def read(load: Callable[[], Any], what: str) -> bool:
+    """Whether a reader accepts; it refuses with an error of ours, in one sentence, only."""
+    refusal = ""
+    try:
+        repr(load())
+    except MrworkError as error:
+        refusal = str(error)
+    except Exception as error:
+        raise AssertionError(what) from error
+    assert "\n" not in refusal, what
+    return not refusal
+
+
+# Runs of an identification
+
+
+def write_record(path: Path, stroke: float) -> Path:
+    time = np.arange(0.0, 2.0, 0.01)
+    velocity = 2.0 * np.pi * stroke * np.cos(2.0 * np.pi * time)
+    noise = 0.01 * np.random.default_rng(3).standard_normal(time.size)
+    columns = (
+        time,
+        stroke * np.sin(2.0 * np.pi * time),
+        0.4 * np.tanh(velocity / 10.0) + 0.005 * velocity + noise,
+    )
+    rows = "\n".join(",".join(f"{number:.9f}" for number in row) for row in zip(*columns, strict=True))
+    path.write_text(f"t_s,displacement_mm,force_kN\n{rows}\n")
+    return path
+
+
+@pytest.fixture(scope="module")
+def records(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    place = tmp_path_factory.mktemp("records")
+    return [write_record(place / f"{stroke:g}mm1Hz.csv", stroke) for stroke in (10.0, 14.0, 20.0)]
+
+
+@pytest.fixture(scope="module")
+def run(records: list[Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run with every file that a verb adds."""
+    place = tmp_path_factory.mktemp("run") / "run"
+    own, *others = records
+    ended = mrwork("identify", own, "--model", "viscous_dahl", "--out", place, "--quiet", "--json")
+    assert ended.returncode == 0, ended
+    opened = reopen(place)
+    fit, tests = opened.fit, opened.tests
+    write_files(place, {PROFILES: addition_content(asdict(profile(fit, tests, threads=1)), fit)})
+    with closing(Journal(place / CHAIN)) as journal:
+        draws = sample(
+            fit, tests, walkers=12, most_steps=20, tempering="effective", threads=1, journal=journal
+        )
+    write_files(place, {DRAWS: draws_content(draws, fit)})
+    predictions = predict_tests(fit, [mr.read_damper_test(other) for other in others])
+    calibration = calibrate(predictions, held_out="the fit has not seen")
+    write_bands(place, calibration, measured_coverage(predictions), predictions, fit)
+    candidates = [Candidate(amplitude=amplitude, frequency=1.0) for amplitude in (0.005, 0.01, 0.02)]
+    posterior = LinearisedPosterior.of(fit, tests, threads=1)
+    rng = np.random.default_rng(0)
+    ranked = plan(fit, tests, candidates, threads=1)
+    checked = checked_with_draws(ranked, posterior, normal_draws(posterior, 100, rng), rng=rng)
+    write_files(place, {PLAN: addition_content(asdict(checked), fit)})
+    evidence = [
+        Evidence(
+            model=model, title=model, n_params=n, status="converged", seconds=1.0, left_out=(0.1 * n, 0.2 * n)
+        )
+        for model, n in (("viscous_dahl", 4), ("bingham", 5))
+    ]
+    ranking = Ranking(
+        chosen="viscous_dahl",
+        sentence="The best.",
+        standings=rank(evidence, None),
+        held_out="tests",
+        n_folds=2,
+        n_blocks=None,
+        n_effective=None,
+    )
+    (place / RANKING).write_text(json_document(asdict(ranking)))
+    left_out = [np.array([0.1, 0.2]), np.array([0.3])]
+    tried = TriedLaws.of({"c": "linear"}, n_params=5, fit_percent=90.0, left_out=left_out)
+    laws = LawTable(
+        model="viscous_dahl",
+        unit="A",
+        tried=(replace(tried, verdict="chosen"),),
+        sentence="The best.",
+        held_out="tests",
+        n_folds=2,
+        given={},
+    )
+    (place / LAWS).write_text(json_document(asdict(laws)))
+    mr.load(place)
+    return place
+
+
+@pytest.fixture
+def copied(run: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(run, tmp_path / "run"))
+
+
+@pytest.mark.parametrize("name", [FIT, PROFILES, PLAN, CALIBRATION, RANKING, LAWS])
+def test_a_document_of_a_run_is_used_or_refused_in_a_sentence(
+    name: str, copied: Path, records: list[Path]
+) -> None:
+    path = copied / name
+    found = mutants(path.read_text())
+    kept, accepted = path.read_text(), 0
+    for what, text in sampled(found):
+        path.write_text(text())
+        if not read(lambda: mr.load(copied), what):
+            continue
+        accepted += 1
+        if accepted % PREDICTED == 1:
+            in_one_sentence(mrwork("predict", copied, records[1], "--level", "0.9", "--json"), what)
+        if accepted % DRAWN == 1:
+            in_one_sentence(mrwork("report", copied, "--quiet"), what)
+    path.write_text(kept)
+    print(f"{name}: {len(sampled(found))} of {len(found)} mutants, {accepted} accepted")
+
+
+def test_forged_predictions_are_refused_or_used(copied: Path) -> None:
+    path = copied / PREDICTIONS
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    forged: list[tuple[str, dict[str, Any]]] = [
+        (f"facts {what}", {**arrays, "facts": np.array(text())})
+        for what, text in mutants(str(arrays["facts"]))
+    ]
+    for name, values in arrays.items():
+        forged.append((f"{name} removed", {key: each for key, each in arrays.items() if key != name}))
+        if name == "facts":
+            continue
+        for what, made in (
+            ("cut", values[:-1]),
+            ("empty", values[:0]),
+            ("of two rows", np.stack([values, values])),
+            ("a number", values[0]),
+            ("nan", np.full_like(values, np.nan)),
+            ("inf", np.full_like(values, np.inf)),
+            ("huge", np.full(values.shape, 1e300)),
+            ("zero", np.zeros_like(values)),
+            ("complex", values.astype(complex)),
+            ("text", np.full(values.shape, "x")),
+        ):
+            forged.append((f"{name} {what}", {**arrays, name: made}))
+    accepted = 0
+    for what, made in sampled(forged):
+        np.savez(path, **made)  # type: ignore[arg-type]
+        if read(lambda: mr.load(copied), what):
+            accepted += 1
+            if accepted % DRAWN == 1:
+                in_one_sentence(mrwork("report", copied, "--quiet"), what)
+    print(f"{PREDICTIONS}: {len(forged)} mutants, {accepted} of those tried accepted")
+
+
+def test_a_forged_posterior_is_refused_or_used(copied: Path) -> None:
+    import h5py
+
+    path = copied / DRAWS
+    whole = path.read_bytes()
+
+    def attributes_of(file: Any) -> list[tuple[str, str]]:
+        places = ["/", *(f"posterior/{name}" for name in file["posterior"])]
+        return [(place, name) for place in places for name in file[place].attrs if not name.startswith("_")]
+
+    with h5py.File(path) as file:
+        pairs = attributes_of(file)
+        columns = [f"posterior/{name}" for name in file["posterior"] if file[f"posterior/{name}"].ndim == 2]
+    forged: list[tuple[str, str, str, Any]] = [
+        (f"{place} {name} is {wrong!r}", place, name, wrong)
+        for place, name in pairs
+        for wrong in ("", "text", -1, 0, 1e300, float("nan"), True, None)
+    ] + [
+        (f"{place} is {value}", place, "", value)
+        for place in [*columns, "sample_stats/lp"]
+        for value in (float("nan"), float("inf"), 1e300, -1e300, None)
+    ]
+    accepted = 0
+    # A child process reads the file: a fifth of the mutants of other files.
+    for what, place, name, wrong in sampled(forged, 0.2):
+        path.write_bytes(whole)
+        with h5py.File(path, "r+") as file:
+            if name:
+                attributes = file[place].attrs
+                attributes.pop(name) if wrong is None else attributes.__setitem__(name, wrong)
+            elif wrong is None:
+                del file[place]
+            else:
+                file[place][0, 0] = wrong
+        accepted += read(lambda: mr.load(copied), what)
+    print(f"{DRAWS}: {len(forged)} mutants, {accepted} of those tried accepted")
+
+
+def test_an_addition_of_another_fit_is_refused(run: Path, copied: Path) -> None:
+    document = json.loads((copied / FIT).read_text())
+    document["estimates"][0]["value"] *= 1.01
+    (copied / FIT).write_text(json.dumps(document))
+    for name, verb in ((DRAWS, "sample"), (PROFILES, "profile"), (CALIBRATION, "calibrate"), (PLAN, "plan")):
+        with pytest.raises(RecordError, match=f"{name} is of another fit .* run `mrwork {verb}"):
+            mr.load(copied)
+        (copied / name).unlink()
+    assert mr.load(copied).profiles is None
+    for name in (RANKING, LAWS):
+        shutil.copy(run / name, copied / name)
+        (copied / name).write_text((run / name).read_text().replace("viscous_dahl", "bouc_wen"))
+        with pytest.raises(
+            RecordError, match=f"{name} is of bouc_wen where fit.json beside it is of viscous_dahl"
+        ):
+            mr.load(copied)
+        (copied / name).unlink()
+
+
+# Journals
+
+
+def forged_lines(content: bytes) -> list[tuple[str, Callable[[], bytes]]]:
+    """Mutants of a journal: each has the checksum of what it says."""
+    lines = content.splitlines()
+
+    def forged(number: int, text: Callable[[], str]) -> bytes:
+        made = json.loads(text())
+        line = line_of(made).rstrip() if isinstance(made, dict) else text().encode()
+        return b"\n".join([*lines[:number], line, *lines[number + 1 :]]) + b"\n"
+
+    entries = [json.loads(line) for line in lines]
+    for entry in entries:
+        del entry["crc32"]
+    return [
+        (f"line {number + 1}: {what}", partial(forged, number, text))
+        for number, entry in enumerate(entries)
+        for what, text in mutants(json.dumps(entry))
+    ]
+
+
+def test_a_forged_chain_is_refused_or_resumed(copied: Path) -> None:
+    path = copied / CHAIN
+    words = ("sample", copied, "--steps", 20, "--walkers", 12, "--resume", "--quiet", "--json")
+    found = forged_lines(b"\n".join(path.read_bytes().splitlines()[:3]) + b"\n")
+    for what, content in sampled(found, 0.2):
+        path.write_bytes(content())
+        in_one_sentence(mrwork(*words), what)
+    print(f"{CHAIN}: {len(found)} mutants")
+
+
+# Studies and tunings
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a study's results, and its file beside it."""
+    place = tmp_path_factory.mktemp("study")
+    (place / "study.toml").write_text(study_text("control_weight = 1e-13"))
+    ended = mrwork(
+        "respond", place / "study.toml", "--out", place / "out", "--check-step", "--quiet", "--json"
+    )
+    assert ended.returncode == 0, ended
+    return place
+
+
+def test_results_of_a_study_are_used_or_refused(study: Path, tmp_path: Path) -> None:
+    (tmp_path / MANIFEST).write_text((study / "out" / MANIFEST).read_text())
+    text = (study / "out" / RESULTS).read_text()
+    found, accepted = mutants(text), 0
+
+    def results() -> Any:
+        stored = mr.study.read_results(tmp_path)
+        for row in range(len(stored.rows)):
+            stored.score(row)
+            for motion in range(len(stored.motions)):
+                stored.ratios(row, motion, "passive_off")
+                stored.step_changes(row, motion)
+        return stored, stored.warnings()
+
+    for what, forged in sampled(found):
+        (tmp_path / RESULTS).write_text(forged())
+        accepted += read(results, what)
+    print(f"study {RESULTS}: {len(sampled(found))} of {len(found)} mutants, {accepted} accepted")
+
+
+def test_a_forged_journal_of_a_study_is_refused_or_resumed(study: Path, tmp_path: Path) -> None:
+    place = Path(shutil.copytree(study, tmp_path / "study"))
+    path = place / "out" / JOURNAL
+    found = forged_lines(path.read_bytes())
+    words = (
+        "respond",
+        place / "study.toml",
+        "--out",
+        place / "out",
+        "--check-step",
+        "--resume",
+        "--quiet",
+        "--json",
+    )
+    whole = path.read_bytes()
+    for what, content in sampled(found, 0.1 if MUTANTS != "all" else 0.05):
+        path.write_bytes(content())
+        in_one_sentence(mrwork(*words), what)
+        path.write_bytes(whole)
+    print(f"study {JOURNAL}: {len(found)} mutants")
+
+
+@pytest.fixture(scope="module")
+def tuned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("tuning")
+    file = tuning_samples.study_file(place)
+    ended = mrwork("tune", file, "--out", place / "out", "--threads", 1, "--quick", "--json", "--quiet")
+    assert ended.returncode == 0, ended
+    return place
+
+
+def test_results_of_a_tuning_are_used_or_refused(tuned: Path, tmp_path: Path) -> None:
+    for name in (MANIFEST, RESULTS):
+        shutil.copy(tuned / "out" / name, tmp_path / name)
+    accepted = 0
+    for name in (RESULTS, MANIFEST):
+        text = (tmp_path / name).read_text()
+        found = mutants(text)
+        for what, forged in sampled(found):
+            (tmp_path / name).write_text(forged())
+            accepted += read(lambda: (found := mr.tuning.read_tuning(tmp_path), found.warnings), what)
+        (tmp_path / name).write_text(text)
+        print(f"tuning {name}: {len(sampled(found))} of {len(found)} mutants, {accepted} accepted")
