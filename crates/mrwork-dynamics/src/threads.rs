@@ -44,9 +44,14 @@ pub(crate) fn on_threads<I: Send, T: Send>(
     Ok(results.into_iter().map(|(_, result)| result).collect())
 }
 
-/// `threads`, or the number of processors for 0.
+/// Most threads of a batch, beyond those of any machine.
+const MOST: usize = 1024;
+
+/// `threads`, or the number of processors for 0; at most [`MOST`].
 pub(crate) fn thread_count(threads: usize) -> usize {
-    if threads > 0 { threads } else { std::thread::available_parallelism().map_or(1, usize::from) }
+    let asked =
+        if threads > 0 { threads } else { std::thread::available_parallelism().map_or(1, usize::from) };
+    asked.min(MOST)
 }
 
 /// The pool of that many threads, started once in a process and cached.

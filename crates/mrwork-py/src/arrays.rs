@@ -8,29 +8,30 @@ use pyo3::prelude::*;
 /// An axis of an array: its name, and its length if it must have one.
 pub type Axis = (&'static str, Option<usize>);
 
-/// The elements of a float64 array, row-major.
-pub fn contiguous<'a, D: Dimension>(
+/// The elements of an array, row-major.
+pub fn contiguous<'a, T: Element, D: Dimension>(
     name: &str,
-    array: &'a PyReadonlyArray<'_, f64, D>,
-) -> PyResult<&'a [f64]> {
-    // `as_slice` also accepts column-major arrays, whose elements would be read as transposed.
+    array: &'a PyReadonlyArray<'_, T, D>,
+) -> PyResult<&'a [T]> {
+    // `as_slice` refuses unaligned arrays, but accepts column-major ones, whose elements would be read as transposed.
     array.as_slice().ok().filter(|_| array.is_c_contiguous()).ok_or_else(|| {
-        PyValueError::new_err(format!("`{name}` must be C-contiguous float64; use numpy.ascontiguousarray"))
+        let kind = array.dtype();
+        PyValueError::new_err(format!("`{name}` must be C-contiguous {kind}; use numpy.ascontiguousarray"))
     })
 }
 
-/// The elements of a float64 array of this shape, row-major.
-pub fn shaped<'a, D: Dimension>(
+/// The elements of an array of this shape, row-major.
+pub fn shaped<'a, T: Element, D: Dimension>(
     name: &str,
-    array: &'a PyReadonlyArray<'_, f64, D>,
+    array: &'a PyReadonlyArray<'_, T, D>,
     axes: &[Axis],
-) -> PyResult<&'a [f64]> {
+) -> PyResult<&'a [T]> {
     check_shape(name, array, axes)?;
     contiguous(name, array)
 }
 
 /// Refuses an array of another shape.
-pub fn check_shape<T: Element, D: Dimension>(
+fn check_shape<T: Element, D: Dimension>(
     name: &str,
     array: &PyReadonlyArray<'_, T, D>,
     axes: &[Axis],

@@ -18,7 +18,7 @@ use pyo3::exceptions::{PyLookupError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::arrays::{Axis, array_of, check_shape, contiguous, shaped, zeros};
+use crate::arrays::{Axis, array_of, contiguous, shaped, zeros};
 use crate::asked_law::AskedLaw;
 use crate::damper::parsed_laws;
 use crate::enter::{chosen_instruction_set, interruptible, value_error};
@@ -213,14 +213,12 @@ pub fn respond<'py>(
     let n_states = 2 * building.dynamics.n_coordinates();
     let n_devices = mountings.len();
     let observer = observer.map(|arguments| observer_of(arguments, n_states, n_devices)).transpose()?;
-    check_shape("runs", &runs, &[("runs", None), ("candidate, motion and draw", Some(3))])?;
-    check_shape("streams", &streams, &[("runs", Some(runs.shape()[0]))])?;
-    let runs: Vec<Run> = runs
-        .as_array()
-        .rows()
-        .into_iter()
-        .zip(streams.as_array())
-        .map(|(row, &stream)| Run { candidate: row[0], motion: row[1], draw: row[2], stream })
+    let (rows, _) =
+        shaped("runs", &runs, &[("runs", None), ("candidate, motion and draw", Some(3))])?.as_chunks::<3>();
+    let runs: Vec<Run> = rows
+        .iter()
+        .zip(shaped("streams", &streams, &[("runs", Some(rows.len()))])?)
+        .map(|(&[candidate, motion, draw], &stream)| Run { candidate, motion, draw, stream })
         .collect();
     let devices = ("devices", Some(n_devices));
     let columns = ("columns", Some(laws.n_columns()));

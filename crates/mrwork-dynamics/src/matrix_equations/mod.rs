@@ -56,9 +56,9 @@ impl<'a> Stack<'a> {
     }
 
     fn check(&self, name: &'static str, each: usize, n_batch: usize) -> Result<(), DynamicsError> {
-        let found = self.entries.len();
-        if self.each != each || (found != each && found != n_batch * each) {
-            return Err(DynamicsError::MatrixSize { name, found, expected: n_batch * each });
+        let (found, expected) = (self.entries.len(), n_batch.saturating_mul(each));
+        if self.each != each || (found != each && found != expected) {
+            return Err(DynamicsError::MatrixSize { name, found, expected });
         }
         match self.entries.iter().position(|entry| !entry.is_finite()) {
             Some(sample) => Err(DynamicsError::NotFinite { name, sample }),
@@ -98,15 +98,22 @@ pub struct Equations<'a> {
 impl Equations<'_> {
     fn check(&self) -> Result<(), DynamicsError> {
         let (n, m, n_batch) = (self.n_states, self.n_controls, self.n_batch);
-        self.state.check("state", n * n, n_batch)?;
-        self.state_weight.check("state_weight", n * n, n_batch)?;
-        self.control.check("control", n * m, n_batch)?;
-        self.control_weight.check("control_weight", m * m, n_batch)?;
+        if n == 0 && n_batch > 0 {
+            // Without entries, nothing would bound the number of rows.
+            return Err(DynamicsError::MatrixSize { name: "state", found: 0, expected: n_batch });
+        }
+        // No slice is as long as a product that overflows.
+        let [square, oblong, effort] =
+            [[n, n], [n, m], [m, m]].map(|[rows, columns]| rows.saturating_mul(columns));
+        self.state.check("state", square, n_batch)?;
+        self.state_weight.check("state_weight", square, n_batch)?;
+        self.control.check("control", oblong, n_batch)?;
+        self.control_weight.check("control_weight", effort, n_batch)?;
         if let Some(cross) = self.cross_weight {
-            cross.check("cross_weight", n * m, n_batch)?;
+            cross.check("cross_weight", oblong, n_batch)?;
         }
         if let Some(scaling) = self.scaling {
-            scaling.check("scaling", n * n, n_batch)?;
+            scaling.check("scaling", square, n_batch)?;
         }
         Ok(())
     }
@@ -150,11 +157,11 @@ pub fn solve(
 ) -> Result<Vec<Solution>, DynamicsError> {
     equations.check()?;
     let (n, m, n_batch) = (equations.n_states, equations.n_controls, equations.n_batch);
-    check_length("gain", gain.len(), n_batch * n * m)?;
-    check_length("riccati", riccati.len(), n_batch * n * n)?;
+    check_length("gain", gain.len(), n_batch.saturating_mul(n).saturating_mul(m))?;
+    check_length("riccati", riccati.len(), n_batch.saturating_mul(n).saturating_mul(n))?;
     let unsolved = Solution { residual: f64::INFINITY, status: Status::NoStabilisingSolution };
     let mut solutions = vec![unsolved; n_batch];
-    if n == 0 || n_batch == 0 {
+    if n_batch == 0 {
         return Ok(solutions);
     }
     let threads = thread_count(threads);

@@ -1,0 +1,30 @@
+"""Whatever is given to the compiled module, it returns or refuses: no panic, no signal, no memory without limit."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import boundary_sweep
+
+# A long run: MRWORK_EXAMPLES=100000.
+COUNT = os.environ.get("MRWORK_EXAMPLES", "400")
+
+
+def test_calls_with_arguments_of_any_kind_return_or_are_refused_in_a_sentence() -> None:
+    script = Path(boundary_sweep.__file__)
+    paths = os.pathsep.join([str(script.parent), *sys.path])
+    done = subprocess.run(
+        [sys.executable, str(script), COUNT],
+        env={**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr[-4000:]
+    counts = {what: int(count) for count, what in re.findall(r"(\d+) ([a-z][a-z ]*[a-z])", done.stdout)}
+    assert counts.keys() <= {"accepted", "refused", "stopped"}, done.stdout
+    assert min(counts["accepted"], counts["refused"]) > 0
