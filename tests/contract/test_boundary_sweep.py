@@ -9,16 +9,16 @@ import sys
 from pathlib import Path
 
 import boundary_sweep
+from examples import TIMES
 
-# A long run: MRWORK_EXAMPLES=100000.
-COUNT = os.environ.get("MRWORK_EXAMPLES", "400")
+COUNT = 400 * TIMES
 
 
 def test_calls_with_arguments_of_any_kind_return_or_are_refused_in_a_sentence() -> None:
     script = Path(boundary_sweep.__file__)
     paths = os.pathsep.join([str(script.parent), *sys.path])
     done = subprocess.run(
-        [sys.executable, str(script), COUNT],
+        [sys.executable, str(script), str(COUNT)],
         env={**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1"},
         capture_output=True,
         text=True,

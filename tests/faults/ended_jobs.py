@@ -8,10 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from mrwork.store.hdf5 import read_hdf5
 from sinusoidal_tests import MOTIONS, sinusoidal_test
 from tuning_samples import motion, study_file
-
-from mrwork.store.hdf5 import read_hdf5
 
 RUN = "run"
 # Facts of the day and of the machine.

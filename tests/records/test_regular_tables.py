@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from mrwork.errors import MrworkError
@@ -110,10 +110,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("regular")
 
 
-EXAMPLES = int(os.environ.get("MRWORK_EXAMPLES", "150"))
-
-
-@settings(max_examples=EXAMPLES, deadline=None)
+@examples(150)
 @given(data=tables())
 def test_both_readers_tell_the_same_of_any_table(folder: Path, data: bytes) -> None:
     path = folder / "table.csv"

@@ -84,7 +84,10 @@ def run(options: argparse.Namespace) -> int:
         from mrwork.stored import fit_content
         from mrwork.uncertainty.posterior.draws_file import draws_content
 
-        contents = {DRAWS: draws_content(draws, opened.fit), FIT: fit_content(opened.place, opened.fit, draws=draws)}
+        contents = {
+            DRAWS: draws_content(draws, opened.fit),
+            FIT: fit_content(opened.place, opened.fit, draws=draws),
+        }
         write_files(opened.place, contents, then=lambda: keep_addition(journal, kept))
         # A chain of an earlier version, which is not that of the draws any more.
         (opened.place / FORMER_CHAIN).unlink(missing_ok=True)

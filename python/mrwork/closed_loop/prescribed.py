@@ -25,8 +25,8 @@ Floats = NDArray[np.float64]
 
 _MOST_SAMPLES = 10_000_000
 
-@holds_arrays
 
+@holds_arrays
 @checked
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
 class PrescribedCommands(Summarised):

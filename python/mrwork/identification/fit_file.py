@@ -25,7 +25,6 @@ from mrwork.store.run_folder import (
     MODELS,
     RANKING,
     REPORT,
-    write_files,
     write_folder,
 )
 from mrwork.store.unfinished import is_part

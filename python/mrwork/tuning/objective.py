@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NoReturn
+from typing import ClassVar, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,8 @@ class Objective(Summarised):
     motions and realisations: their mean, the largest, or the mean of the worst share `tail` (conditional value at risk;
     Rockafellar & Uryasev, J. Risk 2, 2000, 21-41).
     """
+
+    _made_by: ClassVar[str] = "mr.tune(study)"
 
     weights: Mapping[str, float]
     risk: Risk = "mean"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, Literal, NoReturn
+from typing import Any, ClassVar, Literal, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,8 @@ _WIDEST = 1e100
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Candidate:
     """Settings of a law, in SI, and the largest command that it sends [A or V]."""
+
+    _made_by: ClassVar[str] = "mr.tune(study)"
 
     settings: Mapping[str, Any]
     largest_command: float

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Literal
 
 from mrwork.arguments import checked
 from mrwork.control.design.limits import LoopTiming, RmsLimits, SemiActiveCondition
+from mrwork.control.design_problem import DesignProblem
+from mrwork.control.plant import Plant
 from mrwork.errors import InvalidSettingError
 from mrwork.keys import DeclaredTable, key
 from mrwork.motions.spectral_density import CloughPenzien, KanaiTajimi, SpectralDensity
 
 if TYPE_CHECKING:
     from mrwork.control.design.designed import DesignedWeights
-    from mrwork.control.design_problem import DesignProblem
-    from mrwork.control.plant import Plant
 
 _FIRM = KanaiTajimi()
 # Designs that are kept: a search tries many sizes of R with one shape.

@@ -137,9 +137,7 @@ def write_bands(
     write_files(place, contents)
 
 
-def _calibration_content(
-    calibration: Calibration, coverage: Sequence[LeftOutCoverage], fit: Fit
-) -> bytes:
+def _calibration_content(calibration: Calibration, coverage: Sequence[LeftOutCoverage], fit: Fit) -> bytes:
     document = asdict(calibration) | {
         "scores": [[float(f"{value:.{_DIGITS}g}") for value in scores] for scores in calibration.scores],
         "coverage": [asdict(row) for row in coverage],
