@@ -56,7 +56,7 @@ from mrwork.uncertainty.planning.plan_draws import checked_with_draws, normal_dr
 from mrwork.uncertainty.posterior.draws_file import write_draws
 from mrwork.uncertainty.posterior.sample import sample
 
-MUTANTS = os.environ.get("MRWORK_MUTANTS", "30")
+MUTANTS = os.environ.get("MRWORK_MUTANTS", "12")
 # Pages take seconds: of the mutants that can be read, one in so many is predicted with or drawn.
 PREDICTED, DRAWN = 4, 60
 TWICE = "stands twice"
