@@ -34,7 +34,7 @@ from ended_jobs import JOBS, Job, same_results, written_results
 MOST_CPU_AFTER = 0.2
 # CPU seconds of the first points: the interpreter and the first modules are loaded.
 FIRST = (0.03, 0.08, 0.13, 0.2, 0.3)
-PATIENCE = 120.0
+PATIENCE = 600.0
 TICK = 1.0 / os.sysconf("SC_CLK_TCK")
 PAUSE = 0.002
 

@@ -316,9 +316,6 @@ def sizes(place: Path, record: Path) -> Iterator[Invocation]:
         yield Invocation(
             verb="identify", case="size", words=("identify", str(record), *name, "--out", str(place / "n"))
         )
-    yield Invocation(
-        verb="identify", case="size", words=("identify", *[str(record)] * 500, "--out", str(place / "n"))
-    )
 
 
 # How it ends
