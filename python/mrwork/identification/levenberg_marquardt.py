@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.dampers.coordinates import Box
+from mrwork.errors import JournalError
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
 
@@ -61,7 +62,7 @@ def find_minimum(
     on_step
         Called with the number of evaluations so far and the misfit; not if the result is recalled from a journal.
     """
-    return objective.once(
+    found = objective.once(
         "descent",
         LocalMinimum,
         lambda: _minimised(objective, box, start, max_evaluations, on_step),
@@ -69,6 +70,8 @@ def find_minimum(
         start,
         max_evaluations,
     )
+    _check_recalled(found.theta, start)
+    return found
 
 
 def _minimised(
@@ -238,7 +241,7 @@ def _initial(objective: Objective, box: Box, starts: NDArray[np.float64]) -> _St
 
 
 def _iteration(objective: Objective, box: Box, state: _State, tolerance: float) -> _State:
-    return objective.once(
+    found = objective.once(
         "iteration",
         _State,
         lambda: _iterated(objective, box, state, tolerance),
@@ -249,6 +252,17 @@ def _iteration(objective: Objective, box: Box, state: _State, tolerance: float) 
         state.damping,
         state.running,
     )
+    _check_recalled(found.latent, state.latent)
+    return found
+
+
+def _check_recalled(found: NDArray[np.float64], expected: NDArray[np.float64]) -> None:
+    """Refuse a result of a journal that another one has been put in the place of."""
+    if found.shape != expected.shape:
+        raise JournalError(
+            f"the journal holds a minimum of the shape {found.shape} where {expected.shape} was expected; "
+            "run again without --resume"
+        )
 
 
 def _iterated(objective: Objective, box: Box, state: _State, tolerance: float) -> _State:
