@@ -19,8 +19,23 @@ from fuzzing import trial
 from fuzzing.harness import Harness
 from fuzzing.mutants import _CHANGES, Structure, mutant
 from fuzzing.reader import Reader, Seed
+from fuzzing.readers import all_readers
 
 from mrwork.errors import MrworkWarning, RecordError
+from mrwork.motions.formats.format import Lines
+from mrwork.motions.read import FORMATS
+from mrwork.records.formats.open import EXTENSIONS
+from mrwork.store.run_folder import (
+    ADDITIONS,
+    CHAIN,
+    FIT,
+    FOLDS,
+    FORMER_CHAIN,
+    LAWS,
+    MANIFEST,
+    RANKING,
+    RESULTS,
+)
 
 HERE = Path(__file__).parent
 PATIENCE = 240.0
@@ -188,3 +203,20 @@ def test_ctrl_c_ends_the_harness_with_what_has_been_counted(tmp_path: Path) -> N
             assert "motions" in table
         finally:
             process.kill()
+
+
+def test_every_registered_format_has_a_seed() -> None:
+    readers = all_readers()
+    files = {seed.file for reader in readers for seed in reader.seeds}
+    assert set(EXTENSIONS) - {".pq"} <= {Path(file).suffix for file in files}
+    # Files of a run that a verb reads back; the page and the figures are only written.
+    named = {Path(file).name for file in files}
+    folds = {FOLDS, FORMER_CHAIN, f"{CHAIN}.part", CHAIN}
+    assert (ADDITIONS | {MANIFEST, FIT, RANKING, LAWS, RESULTS}) - folds <= named
+    motions = [
+        seed.content for reader in readers if reader.name.startswith("motions: ") for seed in reader.seeds
+    ]
+    for form in FORMATS:
+        lines = (Lines(path=Path(), texts=tuple(each.decode("latin-1").splitlines())) for each in motions)
+        recognised = [next(known for known in FORMATS if known.recognises(each)) for each in lines]
+        assert form in recognised, form.name

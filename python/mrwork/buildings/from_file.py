@@ -129,13 +129,15 @@ def _built(entries: Entries, folder: Path, readers: tuple[Path, ...]) -> Buildin
     for key in _SHEAR:
         if key in entries and form != "masses":
             entries.refuse(f"{key} goes with masses, and this building is given by {form}", key)
-    if form == "masses":
-        bare = _shear(entries)
-    elif form == "mass":
-        bare = _stated(entries, folder)
-    else:
-        bare = _changed(_named(entries, form, folder, readers), entries, folder)
-    return with_additions(bare, entries)
+    # What overflows is refused by `Building`.
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        if form == "masses":
+            bare = _shear(entries)
+        elif form == "mass":
+            bare = _stated(entries, folder)
+        else:
+            bare = _changed(_named(entries, form, folder, readers), entries, folder)
+        return with_additions(bare, entries)
 
 
 def _named(entries: Entries, form: str, folder: Path, readers: tuple[Path, ...]) -> Building:

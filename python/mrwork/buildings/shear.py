@@ -14,7 +14,7 @@ from mrwork.errors import SettingError
 Floats = NDArray[np.float64]
 
 
-# Three matrices of 134 MB; natural frequencies take minutes.
+# No building is as tall; natural frequencies of more coordinates take many seconds.
 _MOST_STOREYS = 1000
 
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Count, Shape, Within, checked
 from mrwork.dampers.coordinates import Box
+from mrwork.errors import JournalError
 from mrwork.identification.linearisation import linearised
 from mrwork.identification.objective import Objective
 from mrwork.values import holds_arrays
@@ -66,7 +67,7 @@ def find_minimum(
     on_step
         Called with the number of evaluations so far and the misfit; not if the result is recalled from a journal.
     """
-    return objective.once(
+    found = objective.once(
         "descent",
         LocalMinimum,
         lambda: _minimised(objective, box, start, max_evaluations, on_step),
@@ -74,6 +75,8 @@ def find_minimum(
         start,
         max_evaluations,
     )
+    _check_recalled(found.theta, start)
+    return found
 
 
 def _minimised(
@@ -246,7 +249,7 @@ def _initial(objective: Objective, box: Box, starts: NDArray[np.float64]) -> _St
 
 
 def _iteration(objective: Objective, box: Box, state: _State, tolerance: float) -> _State:
-    return objective.once(
+    found = objective.once(
         "iteration",
         _State,
         lambda: _iterated(objective, box, state, tolerance),
@@ -257,6 +260,17 @@ def _iteration(objective: Objective, box: Box, state: _State, tolerance: float) 
         state.damping,
         state.running,
     )
+    _check_recalled(found.latent, state.latent)
+    return found
+
+
+def _check_recalled(found: NDArray[np.float64], expected: NDArray[np.float64]) -> None:
+    """Refuse a result of a journal that another one has been put in the place of."""
+    if found.shape != expected.shape:
+        raise JournalError(
+            f"the journal holds a minimum of the shape {found.shape} where {expected.shape} was expected; "
+            "run again without --resume"
+        )
 
 
 def _iterated(objective: Objective, box: Box, state: _State, tolerance: float) -> _State:

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 Floats = NDArray[np.float64]
 
+_MOST = 10_000
+
 
 @holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -75,9 +77,11 @@ def realisations_of(
     Raises
     ------
     SettingError
-        If a range makes a factor negative, or nothing is uncertain.
+        If a range makes a factor negative, nothing is uncertain, or there are more than 10000 realisations.
     """
     n = table.realisations
+    if n > _MOST:
+        raise SettingError(f"{n:,} realisations are more than any study runs; give {_MOST:,} at most")
     for name in ("stiffness", "damping"):
         if getattr(table, name) >= 1.0:
             raise SettingError(

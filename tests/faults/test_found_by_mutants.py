@@ -1,0 +1,161 @@
+"""What mutants of the fuzzing harness have found, in its smallest form: one sentence, in little time and memory."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable
+from contextlib import closing, suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+import rig_files
+from record_files import clean_columns, write_text
+from study_texts import study_text
+
+import mrwork as mr
+from mrwork.buildings import read_building
+from mrwork.errors import JournalError, MrworkError, MrworkWarning, RecordError, SettingError
+from mrwork.motions import read_motion
+from mrwork.records import read_damper_test
+from mrwork.report.expectations import departures
+from mrwork.store.journal_file import line_of, read_lines
+
+
+def record(change: Callable[[dict[str, np.ndarray]], None]) -> Callable[[Path], object]:
+    """A record whose columns are changed before it is read."""
+
+    def read(folder: Path) -> object:
+        columns = clean_columns()
+        change(columns)
+        return read_damper_test(write_text(folder / "rig.csv", columns))
+
+    return read
+
+
+def text(name: str, content: str, read: Callable[[Path], object]) -> Callable[[Path], object]:
+    def written(folder: Path) -> object:
+        (folder / name).write_text(content)
+        return read(folder / name)
+
+    return written
+
+
+def huge(columns: dict[str, np.ndarray]) -> None:
+    columns["force_n"][5] = 1e200
+
+
+def nearly_equal_times(columns: dict[str, np.ndarray]) -> None:
+    columns["t_s"][:2] = 0.0, 1e-200
+
+
+REFUSED = {
+    "a force beyond any": (record(huge), "beyond any test"),
+    "times that nearly repeat": (record(nearly_equal_times), "repeats"),
+    "a start of LabVIEW with another decimal sign": (
+        text("rig.lvm", rig_files.lvm("No").replace("X0\t0.0", "X0\t0,0"), read_damper_test),
+        "X0 of the header is '0,0'",
+    ),
+    "a mass without size": (
+        text("a.toml", "mass = [[1e-320]]\nstiffness = [[1.0]]", read_building),
+        "the mass of coordinate 1 is 9.99989e-321 kg",
+    ),
+    "a stiffness that overflows": (
+        text("a.toml", "masses = [1.0, 1.0]\nstiffnesses = [1e308, 1e308]", read_building),
+        "correct it",
+    ),
+    "damping that overflows": (
+        text(
+            "a.toml", "masses = [1.0]\nstiffnesses = [1e40]\n[rayleigh]\na0 = 1.0\na1 = 1e300", read_building
+        ),
+        "correct it",
+    ),
+    "expected figures that are no TOML": (
+        text("a.toml", "a = = 1", lambda path: departures({}, path)),
+        "is not TOML",
+    ),
+    "expected figures without tolerance": (
+        text("a.toml", "a = { value = 1.0 }", lambda path: departures({"a": 1.0}, path)),
+        "tolerance",
+    ),
+    "a motion of many hours": (
+        text(
+            "a.toml",
+            study_text("control_weight = 1e-13").replace("duration = 2", "duration = 65536"),
+            mr.read_study,
+        ),
+        "GB",
+    ),
+    "realisations without end": (
+        text(
+            "a.toml",
+            study_text("control_weight = 1e-13")
+            + "[uncertainty]\nstiffness = 0.1\nrealisations = 9007199254740993\n",
+            mr.read_study,
+        ),
+        "realisations",
+    ),
+}
+
+
+@pytest.mark.parametrize(("read", "words"), REFUSED.values(), ids=REFUSED)
+def test_it_is_refused_in_a_sentence(tmp_path: Path, read: Callable[[Path], object], words: str) -> None:
+    with pytest.raises(MrworkError, match=re.escape(words)) as caught:
+        read(tmp_path)
+    assert str(caught.value).isprintable()
+
+
+def test_a_test_that_moves_with_its_last_sample_only_is_read(tmp_path: Path) -> None:
+    columns = clean_columns()
+    del columns["velocity_mps"]
+    columns["displacement_m"][:-1] *= 1e-6
+    assert read_damper_test(write_text(tmp_path / "rig.csv", columns)).n_time == columns["t_s"].size
+
+
+def test_rows_of_thousands_of_digits_take_no_time(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("\n".join(3 * ["9" * 200_000 + "x"]))
+    began = time.process_time()
+    with pytest.raises(MrworkError):
+        read_motion(path, unit="g", dt=0.01)
+    assert time.process_time() - began < 10.0
+
+
+def refused_or_read(path: Path) -> None:
+    with suppress(RecordError):
+        read_damper_test(path)
+
+
+def test_what_a_library_says_of_a_cut_file_is_a_warning_of_ours(tmp_path: Path) -> None:
+    pytest.importorskip("nptdms", reason="reading TDMS needs npTDMS")
+    path = tmp_path / "rig.tdms"
+    rig_files.write_tdms(path, rig_files.tdms_channels(wf_increment=0.005))
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.warns(MrworkWarning, match="npTDMS reports"):
+        refused_or_read(path)
+
+
+def test_a_journal_with_a_result_of_another_shape_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "study.toml").write_text(
+        study_text("control_weight = 1e-13").replace("duration = 2", "duration = 0.2")
+    )
+    study = mr.read_study(tmp_path / "study.toml")
+    path = tmp_path / "journal.jsonl"
+    with closing(mr.Journal(path)) as journal:
+        mr.run_study(study, journal=journal, threads=1)
+    entries, _ = read_lines(path.read_bytes(), path)
+    number = next(place for place, entry in enumerate(entries) if entry["step"] == "run")
+    for forged in (1.5, [], [[1.0]]):
+        entries[number]["result"]["peak_displacement"] = forged
+        path.write_bytes(b"".join(map(line_of, entries)))
+        with (
+            closing(mr.Journal(path, resume=True)) as journal,
+            pytest.raises(JournalError, match="result of a run"),
+        ):
+            mr.run_study(study, journal=journal, threads=1)
+
+
+def test_a_building_is_no_taller_than_any() -> None:
+    with pytest.raises(SettingError, match="1000 storeys at most"):
+        mr.buildings.shear_building(name="tower", masses=[1e3] * 1001, stiffnesses=[1e6] * 1001)
