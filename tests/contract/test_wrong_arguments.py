@@ -24,7 +24,19 @@ ROOMS = (*valid_calls_dampers.ROOMS, *valid_calls_fits.ROOMS, *valid_calls_loop.
 # A refusal takes milliseconds; what takes this long would run for hours.
 SECONDS = 20.0
 # Calls that are refused as they are: they would take long, or need more than a test has.
-REFUSED = {"read_test_table", "Fit.reading", "profile", "choose_model", "choose_laws"}
+REFUSED = {
+    *("read_test_table", "Fit.reading", "profile", "choose_model", "choose_laws"),
+    *(
+        "read_building",
+        "read_system",
+        "read_study",
+        "read_results",
+        "read_tuning",
+        "load",
+        "run_study",
+        "tune",
+    ),
+}
 
 
 @contextmanager

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -188,7 +187,7 @@ def plants_calls(_: Path) -> Calls:
                 },
             ),
             "optimal_surface": (of.optimal_surface, {"plant": plant, "state_weight": plant.energy}),
-            "placed_surface": (of.placed_surface, {"plant": plant, "poles": -np.arange(1.0, 19.0)}),
+            "placed_surface": (of.placed_surface, {"plant": plant, "poles": -np.arange(1.0, 9.0)}),
             "sliding_gains": (
                 of.sliding_gains,
                 {
@@ -523,7 +522,6 @@ def loop_calls(_: Path) -> Calls:
                     "step_factor": 1,
                     "nominal": frame,
                     "threads": 1,
-                    "on_progress": None,
                 },
             ),
             "simulate_loop at largest commands": (
@@ -565,20 +563,6 @@ def loop_calls(_: Path) -> Calls:
             "values": (of.values, {"responses": run, "weight": 1e4}),
             "ratio": (of.ratio, {"numerator": np.array([1.0, 2.0]), "denominator": np.array([1.0, 0.0])}),
             "score": (of.score, {"controlled": [criteria], "passive": [criteria]}),
-            "clairvoyant": (
-                of.clairvoyant,
-                {
-                    "building": frame,
-                    "devices": [replace(each, theta=np.asarray(each.theta)) for each in loop],
-                    "motion": motion,
-                    "hardware": mr.Hardware(),
-                    "settings": of.ClairvoyantSettings(interval=0.05, explore=1, finish=0, random_starts=0),
-                    "starts": {"mine": commands},
-                    "floors": (0, 1),
-                    "storeys": (0,),
-                    "threads": 1,
-                },
-            ),
         }.items()
     }
 

@@ -54,13 +54,12 @@ class Criterion:
     @checked
     def value(self, responses: object, weight: Positive) -> Floats:
         """The value for each run of `responses`, which has the quantities of runs as attributes; `weight` [N]."""
-        try:
-            values = np.asarray(getattr(responses, self.quantity))
-        except AttributeError:
+        if isinstance(responses, type) or not hasattr(responses, self.quantity):
             raise ArgumentError(
-                f"`responses` is {type(responses).__name__} without {self.quantity}; give the Responses of "
+                f"`responses` is a {type(responses).__name__} without {self.quantity}; give the Responses of "
                 "mr.simulate_loop, or a run of mr.run_study"
-            ) from None
+            )
+        values = np.asarray(getattr(responses, self.quantity))
         if axis_of(self.quantity) == "run":
             found = values
         elif self.summed:
@@ -151,6 +150,8 @@ def score(
         for with_law, without in zip(controlled, passive, strict=True)
         for name in SCORE
     ]
+    if len({each.shape for each in ratios}) > 1:
+        raise SettingError("the criteria have different numbers of runs; give the same runs of each")
     mean: Floats = np.mean(np.stack(ratios), axis=0)
     return mean
 

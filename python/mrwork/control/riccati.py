@@ -237,7 +237,11 @@ def kalman_gains(
     n = _columns("A", A)
     states = _stack("A", A, n, n)
     rows = np.asarray(C, dtype=np.float64)
-    m = rows.shape[-2] if rows.ndim >= 2 else 0
+    if rows.ndim < 2 or not rows.shape[-2]:
+        raise SettingError(
+            f"`C` has shape {rows.shape}; give (n_measurements, {n}), or a stack of such matrices"
+        )
+    m = rows.shape[-2]
     given = {
         "state": _transposed(states),
         "control": _transposed(_stack("C", C, m, n)),
