@@ -29,6 +29,7 @@ __all__ = [
     "AnyArrayLike",
     "AnyNumbers",
     "Count",
+    "Level",
     "May",
     "NotNegative",
     "Positive",
@@ -38,15 +39,18 @@ __all__ = [
     "Shape",
     "Share",
     "Threads",
+    "Whole",
     "Within",
     "checked",
 ]
 
 Positive = Annotated[float, Within(above=0.0)]
 NotNegative = Annotated[float, Within(least=0.0)]
-# Strictly between 0 and 1, as the level of a band.
-Share = Annotated[float, Within(above=0.0, below=1.0)]
-Count = Annotated[int, Within(least=1)]
+Share = Annotated[float, Within(least=0.0, most=1.0)]
+# Of a band.
+Level = Annotated[float, Within(above=0.0, below=1.0)]
+Whole = Annotated[int, Within(least=0, most=2**63 - 1)]
+Count = Annotated[int, Within(least=1, most=2**63 - 1)]
 Seed = Annotated[int, Within(least=0, most=2**64 - 1)]
 # 0 is all.
 Threads = Annotated[int, Within(least=0, most=1024)]

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import AnyNumbers, Positive, checked
+from mrwork.arguments import AnyNumbers, Positive, Whole, checked
 from mrwork.closed_loop.responses import axis_of, unit_of
 from mrwork.errors import ArgumentError, SettingError, UnknownNameError
-from mrwork.store.record import Count, OrNan
+from mrwork.store.record import OrNan
 from mrwork.units import STANDARD_GRAVITY as STANDARD_GRAVITY
 
 Floats = NDArray[np.float64]
@@ -163,7 +163,7 @@ class Spread:
     Quartiles are interpolated linearly between the ordered values, as `numpy.quantile` does.
     """
 
-    motions: Count
+    motions: Whole
     mean: OrNan
     least: OrNan
     lower_quartile: OrNan

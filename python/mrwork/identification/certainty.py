@@ -6,7 +6,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
-from mrwork.store.record import Level, NotNegative, Positive, Related, Several
+from mrwork.arguments import Count, Level, NotNegative, Positive
+from mrwork.store.record import Related
 from mrwork.summary import Summarised, Summary, of_unit, rounded
 
 VerdictName = Literal["identifiable", "weakly identifiable", "not identifiable"]
@@ -122,7 +123,7 @@ class Identifiability(Summarised):
 
     verdicts: tuple[Verdict, ...]
     directions: tuple[Direction, ...]
-    n_time: Several
+    n_time: Count
     n_effective: Positive
 
     def _summary(self) -> Summary:

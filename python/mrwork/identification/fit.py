@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Samples, checked
+from mrwork.arguments import Count, NotNegative, Positive, Samples, Whole, checked
 from mrwork.dampers.parameters import CurrentLaws
 from mrwork.dampers.spec import DamperSpec, damper
 from mrwork.errors import UnknownNameError
@@ -20,16 +20,7 @@ from mrwork.records import AS_IT_IS, DamperTest, Observation, observed
 from mrwork.records.likeness import Likeness, RecordedMotion, likest
 from mrwork.records.operating_range import OperatingRange, Outside, outside_of
 from mrwork.store.fingerprint import digest_of
-from mrwork.store.record import (
-    Count,
-    LowerBound,
-    NotNegative,
-    OrInfinite,
-    Positive,
-    Related,
-    Several,
-    UpperBound,
-)
+from mrwork.store.record import LowerBound, OrInfinite, Related, UpperBound
 from mrwork.summary import Summarised, Summary, listed, rounded
 from mrwork.values import holds_arrays
 
@@ -87,9 +78,9 @@ class FitQuality(Summarised):
     rmse_n: NotNegative
     error_norms: ErrorNorms
     residual_autocorrelation: float
-    n_time: Several
+    n_time: Count
     settle_seconds: NotNegative
-    substeps: Several
+    substeps: Count
     observation: Observation = AS_IT_IS
     nuisance: Nuisance = NONE
 
@@ -104,7 +95,7 @@ class SearchTrace(Summarised, Related):
 
     _made_by: ClassVar[str] = "fit.trace"
 
-    evaluations: tuple[Count, ...]
+    evaluations: tuple[Whole, ...]
     best: tuple[OrInfinite, ...]
     median: tuple[OrInfinite, ...]
     stop_reason: str
@@ -130,7 +121,7 @@ class Provenance:
     instruction_set: str
     inputs: dict[str, str]
     settings: dict[str, Any]
-    rng: Count
+    rng: Whole
     created: str
 
 
@@ -164,10 +155,10 @@ class Fit(Summarised, Related):
     error_norms: ErrorNorms
     quality: tuple[FitQuality, ...]
     trace: SearchTrace
-    evaluations: Count
-    refinement_steps: Count
+    evaluations: Whole
+    refinement_steps: Whole
     seconds: NotNegative
-    n_time: Several
+    n_time: Count
     provenance: Provenance
     current: CurrentLaws | None = None
     nuisances: tuple[NuisanceName, ...] = ()

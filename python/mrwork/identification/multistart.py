@@ -16,7 +16,7 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Count, Seed, Shape, Share, Within, checked
+from mrwork.arguments import Count, Level, Seed, Shape, Within, checked
 from mrwork.dampers.coordinates import ON_BOUND, Box
 from mrwork.errors import Interrupted, SettingError
 from mrwork.identification.levenberg_marquardt import Hopeless, LocalMinima, find_minima
@@ -66,7 +66,7 @@ class Multistart:
     least_rounds: Count = 2
     most_rounds: Count = 6
     found: Count = 3
-    closeness: Share = 0.02
+    closeness: Level = 0.02
     most_iterations: Count = 60
 
     def __post_init__(self) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, Literal, get_args, get_type_hints
 
-from mrwork.arguments import Seed, checked
+from mrwork.arguments import Count, Seed, checked
 from mrwork.errors import RecordError, SettingError
 from mrwork.identification.nuisance import NuisanceName
 from mrwork.identification.objective import EQUAL_SHARES, ROOT_MEAN_SQUARE
@@ -18,7 +18,7 @@ from mrwork.records.observing import DETECT, NONE, as_words
 from mrwork.records.repairs import RepairKind
 from mrwork.records.window import counted_from, cut
 from mrwork.store.input_file import exists
-from mrwork.store.record import LowerBound, Several, UpperBound, built, record_of
+from mrwork.store.record import LowerBound, UpperBound, built, record_of
 from mrwork.synthetic import synthetic_test
 
 # Where the final fit runs: in lanes, with derivatives by dual numbers, or on the JAX twin.
@@ -52,7 +52,7 @@ class Reading:
     columns: Mapping[str, str] = field(default_factory=dict)
     start: float | None = None
     end: float | None = None
-    every: Several = 1
+    every: Count = 1
     repairs: Mapping[RepairKind, float | None] = field(default_factory=dict)
     settle: float | None = None
     columns_of: Mapping[str, Mapping[str, str]] = field(default_factory=dict)

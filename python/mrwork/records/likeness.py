@@ -14,11 +14,11 @@ from typing import ClassVar, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import checked
+from mrwork.arguments import NotNegative, Positive, checked
 from mrwork.records.command_signal import Command, command_range
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import regular_cycles, spectrum
-from mrwork.store.record import NotNegative, Positive, Related
+from mrwork.store.record import Related
 
 Array = NDArray[np.float64]
 

@@ -10,14 +10,14 @@ from typing import ClassVar, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.arguments import Samples, checked
+from mrwork.arguments import NotNegative, Samples, checked
 from mrwork.dampers.law_limits import LawLimit, law_limits
 from mrwork.dampers.parameters import CommandUnit
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import whole_cycles
-from mrwork.store.record import NotNegative, Related
+from mrwork.store.record import Related
 from mrwork.summary import Summarised, Summary
 
 OperatingQuantity = Literal["stroke", "velocity", "frequency", "command", "force", "power"]

@@ -40,12 +40,6 @@ class OneOf:
     names: tuple[str, ...]
 
 
-Count = Annotated[int, Within(least=0, most=2**63 - 1)]
-Several = Annotated[int, Within(least=1, most=2**63 - 1)]
-NotNegative = Annotated[float, Within(least=0.0)]
-Positive = Annotated[float, Within(above=0.0)]
-Share = Annotated[float, Within(least=0.0, most=1.0)]
-Level = Annotated[float, Within(above=0.0, below=1.0)]
 OrNan = Annotated[float, May.BE_NAN, May.BE_INFINITE, Null(math.nan)]
 OrInfinite = Annotated[float, May.BE_INFINITE, Null(math.inf)]
 LowerBound = Annotated[float, May.BE_INFINITE, Null(-math.inf)]

@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from mrwork import arguments
+from mrwork.arguments import Whole
 from mrwork.closed_loop.evaluation import Spread, criteria
 from mrwork.errors import RecordError
 from mrwork.records.operating_range import Exceedance, OperatingRange
 from mrwork.store.codec import finite, json_document
-from mrwork.store.record import Count, OrInfinite, OrNan, Related, read_document
+from mrwork.store.record import OrInfinite, OrNan, Related, read_document
 from mrwork.store.run_folder import HISTORIES, JOURNAL, MANIFEST, REPORT, RESULTS, STUDY, write_folder
 from mrwork.study.batches import Band
 from mrwork.study.comparison import compared
@@ -40,7 +41,7 @@ class StoredStepCheck:
     """A run with half the step in the results file: relative change of each criterion."""
 
     outcome: OutcomeName
-    steps: Count
+    steps: Whole
     largest: OrInfinite | None
     changes: _Criteria
 
@@ -65,7 +66,7 @@ class StoredStudyRun(RunEnd, Related):
     over_uncontrolled: _Criteria
     over_passive_off: _Criteria
     energy_error: OrNan
-    steps: Count
+    steps: Whole
     step_check: StoredStepCheck | None
     over_best_passive: _Criteria = field(default_factory=dict)
     outside_tested_range: tuple[str, ...] | None = None
@@ -104,7 +105,7 @@ class _Document(Related):
     groups: tuple[StoredGroup, ...] = ()
     changes: tuple[StoredChanges, ...] = ()
     clairvoyant: tuple[StoredClairvoyant, ...] = ()
-    realisations: Count = 0
+    realisations: Whole = 0
     score_bands: dict[str, Band] = field(default_factory=dict)
 
     def disagreement(self) -> str:

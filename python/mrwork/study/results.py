@@ -11,12 +11,12 @@ from typing import ClassVar
 import numpy as np
 
 from mrwork import arguments
+from mrwork.arguments import NotNegative
 from mrwork.buildings.devices import Device
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import Spread, criteria, ratio, score, values
 from mrwork.closed_loop.responses import ENERGY_TOLERANCE
 from mrwork.errors import SettingError
-from mrwork.store.record import NotNegative
 from mrwork.study.demand import DeviceDemand, damper_warnings, demands_of
 from mrwork.study.run_result import RunEnd, RunResult
 from mrwork.study.study import Kind, Row, Use

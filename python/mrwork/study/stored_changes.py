@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from mrwork.store.record import OrNan, Several
+from mrwork.arguments import Count
+from mrwork.store.record import OrNan
 from mrwork.study.comparison import Comparison, rounds_to_increase
 from mrwork.study.over_motions import motion_groups
 from mrwork.study.results import StudyCriteria
@@ -33,7 +34,7 @@ class StoredChanges:
     controller: str
     kind: Kind
     rank: str
-    place: Several
+    place: Count
     score: OrNan
     against_uncontrolled: dict[str, StoredChange]
     worse_than_uncontrolled: tuple[str, ...]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
+from mrwork.arguments import NotNegative, Positive, Whole
 from mrwork.closed_loop.clairvoyant_search import Clairvoyant
-from mrwork.store.record import Count, NotNegative, OrNan, Positive
+from mrwork.store.record import OrNan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -15,7 +16,7 @@ class StoredStart:
     name: str
     start_score: OrNan
     score: OrNan
-    evaluations: Count
+    evaluations: Whole
     seconds: NotNegative
 
 

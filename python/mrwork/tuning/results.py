@@ -10,8 +10,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import NotNegative, Whole
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
-from mrwork.store.record import Count, NotNegative, OrInfinite, OrNan
+from mrwork.store.record import OrInfinite, OrNan
 from mrwork.study.batches import Band, RunCriteria
 from mrwork.summary import Summarised, Summary, listed, rounded, with_decimals
 from mrwork.tuning.objective import Objective, over
@@ -80,17 +81,17 @@ def unjudged(objective: float) -> Judgement:
 class Better:
     """Under how many motions a law is better than the best constant command, in each criterion and in both."""
 
-    peak_drift: Count
-    peak_acceleration: Count
-    both: Count
-    motions: Count
+    peak_drift: Whole
+    peak_acceleration: Whole
+    both: Whole
+    motions: Whole
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TracePoint:
     """The least penalised objective after a number of candidates."""
 
-    candidates: Count
+    candidates: Whole
     least: OrInfinite
 
 
@@ -109,11 +110,11 @@ class LawResult(Summarised):
     origin: str
     train: Judgement
     test: Judgement | None
-    candidates: Count
+    candidates: Whole
     seconds: NotNegative
     certificate: str
     limited: bool = False
-    refused: Count = 0
+    refused: Whole = 0
     objective: str = ""
     better: Better | None = None
     free: tuple[FreeSetting, ...] = ()
@@ -138,7 +139,7 @@ class Front:
     label: str
     objectives: tuple[str, ...]
     points: tuple[FrontPoint, ...]
-    candidates: Count
+    candidates: Whole
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -155,7 +156,7 @@ class TuningResults(Summarised):
     training: tuple[str, ...]
     testing: tuple[str, ...]
     command_unit: str
-    realisations: Count
+    realisations: Whole
     fronts: tuple[Front, ...] = ()
     seconds: NotNegative = 0.0
     candidates_per_second: NotNegative = 0.0

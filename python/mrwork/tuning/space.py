@@ -10,12 +10,13 @@ from typing import Any, ClassVar, Literal, NoReturn
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Share, Whole
 from mrwork.control.law_settings import SETTINGS
 from mrwork.control.laws import control_law, control_laws
 from mrwork.control.setting_base import LawSettings, Magnitudes, Span
 from mrwork.control.weights import CostWeights
 from mrwork.keys import is_required, keys_of, suggestion
-from mrwork.store.record import Count, Related, Share
+from mrwork.store.record import Related
 from mrwork.study.tuning_schema import TuneTable
 from mrwork.summary import Summarised, of_unit
 from mrwork.tuning.objective import refuse_within
@@ -53,8 +54,8 @@ class FreeSetting(Related):
     lower: float
     upper: float
     scale: Literal["linear", "log"] = "log"
-    levels: Count = 0
-    entry: Count | None = None
+    levels: Whole = 0
+    entry: Whole | None = None
     start: Share = 0.5
 
     def disagreement(self) -> str:

@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import NotNegative, Positive, Share, checked
+from mrwork.arguments import Level, NotNegative, Positive, checked
 from mrwork.control.plant import Outputs, Plant, accelerations, displacements, drifts, stacked
 from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.keys import check_keys, key, plain_values
@@ -191,7 +191,7 @@ class SemiActiveCondition:
 
     _made_by: ClassVar[str] = "mr.control.SemiActiveCondition(share=...)"
 
-    share: Share
+    share: Level
     damping: Positive | tuple[Positive, ...] | None = None
 
     def __post_init__(self) -> None:

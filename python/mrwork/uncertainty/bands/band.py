@@ -9,12 +9,23 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import AnyNumbers, May, Positive, Rows, Samples, Shape, Share, Threads, checked
+from mrwork.arguments import (
+    AnyNumbers,
+    Level,
+    May,
+    NotNegative,
+    Positive,
+    Rows,
+    Samples,
+    Shape,
+    Share,
+    Threads,
+    checked,
+)
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, SimulationError
 from mrwork.identification.residual import ObservedTest
 from mrwork.records import DamperTest
-from mrwork.store.record import NotNegative, Share
 from mrwork.summary import Summarised
 from mrwork.uncertainty.noise import Noise
 from mrwork.values import holds_arrays
@@ -36,7 +47,7 @@ class Band(Summarised):
     """Lower and upper limits, shape (n,), of nominal coverage `level`; `basis` is its origin in words."""
 
     kind: BandKind
-    level: Share
+    level: Level
     lower: Annotated[AnyNumbers, _ALONG]
     upper: Annotated[AnyNumbers, _ALONG]
     basis: str
@@ -48,7 +59,7 @@ class Band(Summarised):
         centre: Annotated[NDArray[np.float64], _ALONG],
         half: Annotated[AnyNumbers, _ALONG] | Annotated[float, May.BE_INFINITE],
         *,
-        level: Share,
+        level: Level,
         basis: str = "",
     ) -> Band:
         """Prediction band of half width `half` about a centre, shape (n,)."""
@@ -178,7 +189,7 @@ def _check_draws(forces: NDArray[np.float64]) -> None:
 
 
 @checked
-def parameter_band(forces: Rows, level: Share) -> Band:
+def parameter_band(forces: Rows, level: Level) -> Band:
     """Central quantiles of the columns of `forces`, shape (n_draws, n), that contain a share `level`."""
     _check_draws(forces)
     lower, upper = np.quantile(forces, [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0)
@@ -196,7 +207,7 @@ def noise_band(
     forces: Rows,
     noise_draws: Annotated[NDArray[np.float64], Shape(("n_batch", "n_noise"))],
     noise: Noise,
-    level: Share,
+    level: Level,
     *,
     deviation: Positive,
     mean: float,

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import checked
+from mrwork.arguments import Positive, Whole, checked
 from mrwork.errors import RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import addition_content, fit_from_json, read_addition
@@ -24,7 +24,7 @@ from mrwork.store.arrays_file import read_arrays
 from mrwork.store.codec import json_document
 from mrwork.store.fingerprint import digest_of
 from mrwork.store.input_file import is_there, stored, text_of
-from mrwork.store.record import Count, Positive, parsed, read_document, record_of
+from mrwork.store.record import parsed, read_document, record_of
 from mrwork.store.run_folder import CALIBRATION, FOLDS, PREDICTIONS, write_files
 from mrwork.summary import Summarised, Summary
 from mrwork.uncertainty.bands.conformal import Calibration, LeftOutCoverage
@@ -81,7 +81,7 @@ class _Facts:
     sha256: str
     dt: Positive
     start_time: float
-    n_settle: Count
+    n_settle: Whole
     velocity_source: Literal["measured", "derived"]
     amplitude: float | None
     frequency: float | None

@@ -13,11 +13,11 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Share, checked
+from mrwork.arguments import Level, checked
 from mrwork.errors import RecordError, SettingError
 from mrwork.records import DamperTest, Likeness, RecordedMotion
 from mrwork.records.likeness import alike_groups, likenesses_in_words, likest
-from mrwork.store.record import Level, OrNan, Related
+from mrwork.store.record import OrNan, Related
 from mrwork.summary import Summarised, Summary, rounded
 from mrwork.uncertainty.bands.band import Band, BandScore, next_test_quantile, score
 from mrwork.uncertainty.bands.cycle import cycle_band, cycles_of, errors_over_cycles
@@ -64,7 +64,7 @@ class Calibration(Summarised, Related):
         return likest(RecordedMotion.of(test), self.motions)
 
     @checked
-    def band(self, prediction: Prediction, level: Share) -> Band:
+    def band(self, prediction: Prediction, level: Level) -> Band:
         """Prediction band of the force, shape (n_counted,); its basis names what lies outside the tested ranges.
 
         Raises
@@ -188,7 +188,7 @@ class LeftOutCoverage:
 
 @checked
 def measured_coverage(
-    predictions: Sequence[Prediction], levels: Sequence[Share] = LEVELS
+    predictions: Sequence[Prediction], levels: Sequence[Level] = LEVELS
 ) -> tuple[LeftOutCoverage, ...]:
     """Coverage of each test by bands calibrated on the others, at each level; alike tests are left out together.
 

@@ -14,7 +14,8 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.store.record import NotNegative, Related
+from mrwork.arguments import NotNegative
+from mrwork.store.record import Related
 from mrwork.uncertainty.bands.band import weighted_quantile
 from mrwork.uncertainty.bands.prediction import Prediction, has_regular_cycles
 

@@ -9,9 +9,9 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import checked
+from mrwork.arguments import NotNegative, Whole, checked
 from mrwork.dampers.parameters import CommandUnit, LawName
-from mrwork.store.record import Count, NotNegative, OrInfinite, Related
+from mrwork.store.record import OrInfinite, Related
 from mrwork.summary import Summarised, Summary, aligned
 from mrwork.uncertainty.choice.ranking import NEGLIGIBLE, error_of_mean, is_as_good
 
@@ -43,7 +43,7 @@ class TriedLaws(Summarised):
     """
 
     laws: dict[str, LawName]
-    n_params: Count
+    n_params: Whole
     fit_percent: float
     left_out_percent: float
     left_out_error: NotNegative | None
@@ -119,7 +119,7 @@ class LawTable(Summarised, Related):
     tried: tuple[TriedLaws, ...]
     sentence: str
     held_out: str
-    n_folds: Count
+    n_folds: Whole
     given: dict[str, LawName]
     complete: bool = True
     definitions: tuple[str, ...] = LAW_DEFINITIONS

@@ -9,8 +9,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import NotNegative, Positive, Whole
 from mrwork.errors import SettingError
-from mrwork.store.record import Count, NotNegative, Positive, Related
+from mrwork.store.record import Related
 from mrwork.summary import Summarised, Summary, listed, rounded
 from mrwork.uncertainty.choice.collapse import Collapse
 from mrwork.uncertainty.choice.leave_one_out import UNRELIABLE, LeaveOneOut
@@ -69,7 +70,7 @@ class Standing:
 
     model: str
     title: str
-    n_params: Count
+    n_params: Whole
     verdict: RankVerdict
     status: str
     reason: str
@@ -83,7 +84,7 @@ class Standing:
     elpd_error: NotNegative | None = None
     elpd_behind: float | None = None
     elpd_behind_error: NotNegative | None = None
-    unreliable_blocks: Count | None = None
+    unreliable_blocks: Whole | None = None
     bic: float | None = None
     bic_behind: float | None = None
     same_as: str = ""
@@ -216,8 +217,8 @@ class Ranking(Summarised, Related):
     sentence: str
     standings: tuple[Standing, ...]
     held_out: str
-    n_folds: Count
-    n_blocks: Count | None
+    n_folds: Whole
+    n_blocks: Whole | None
     n_effective: Positive | None
     remarks: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()

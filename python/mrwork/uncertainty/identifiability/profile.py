@@ -9,9 +9,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Count, Level, NotNegative, Positive, Whole
 from mrwork.dampers.parameters import ParamSpec
 from mrwork.identification.certainty import Interval, Intervals, VerdictName
-from mrwork.store.record import Count, Level, NotNegative, OrInfinite, Positive, Related, Several
+from mrwork.store.record import OrInfinite, Related
 from mrwork.summary import Summarised, Summary, of_unit, rounded
 from mrwork.uncertainty.identifiability.curvature import ParameterScale, Scaled, verdict_on_width
 from mrwork.uncertainty.identifiability.walk import (
@@ -90,12 +91,12 @@ class Profiles(Summarised):
     level: Level
     threshold: Positive
     misfit: NotNegative
-    n_time: Several
+    n_time: Count
     n_effective: Positive
     profiles: tuple[Profile, ...]
     status: Literal["finished", "interrupted"]
     remark: str
-    evaluations: Count
+    evaluations: Whole
     seconds: NotNegative
 
     @property

@@ -11,7 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Share, Threads, checked
+from mrwork.arguments import Level, Threads, checked
 from mrwork.dampers.coordinates import Box
 from mrwork.errors import Interrupted, SettingError, UnknownNameError
 from mrwork.identification.autocorrelation import effective_samples, residuals_by_test
@@ -57,7 +57,7 @@ def profile(
     tests: DamperTest | Sequence[DamperTest],
     *,
     parameters: Sequence[str] = (),
-    level: Share = 0.95,
+    level: Level = 0.95,
     threads: Threads = 0,
     on_progress: Callable[[ProfileProgress], None] | None = None,
 ) -> Profiles:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mrwork.arguments import checked
+from mrwork.arguments import Positive, checked
 from mrwork.dampers.parameters import CommandUnit
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import RecordError, SettingError
@@ -22,7 +22,6 @@ from mrwork.records.damper_test import as_tests
 from mrwork.records.motion import spectrum
 from mrwork.simulate import Loading
 from mrwork.store.input_file import CANDIDATES, text_of
-from mrwork.store.record import Positive
 
 # Default grid: range beyond the tested amplitudes and frequencies either way, number of values, excess of velocity.
 _FURTHER = 2.0

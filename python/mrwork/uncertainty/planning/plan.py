@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Threads, checked
+from mrwork.arguments import NotNegative, Threads, checked
 from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError, SimulationError, UnknownNameError
 from mrwork.identification.autocorrelation import effective_samples, residuals_by_test
@@ -18,7 +18,7 @@ from mrwork.identification.problem import Problem
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
 from mrwork.simulate import Outcome, simulate_forces
-from mrwork.store.record import NotNegative, Related
+from mrwork.store.record import Related
 from mrwork.summary import Summarised, Summary, of_unit, rounded
 from mrwork.uncertainty.identifiability.curvature import Scale, Scaled, curvature, linearise
 from mrwork.uncertainty.planning.candidates import Candidate, check_possible, motion_of

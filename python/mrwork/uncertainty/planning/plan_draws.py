@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import NotNegative
 from mrwork.errors import SettingError
 from mrwork.identification.nuisance import without_nuisance
 from mrwork.simulate import Outcome, simulate_forces
-from mrwork.store.record import NotNegative
 from mrwork.summary import Summarised, Summary, rounded
 from mrwork.uncertainty.planning.candidates import Candidate, motion_of
 from mrwork.uncertainty.planning.plan import Gain, LinearisedPosterior, Plan, column_of

@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from mrwork.arguments import Count, NotNegative, Positive
 from mrwork.errors import RecordError
 from mrwork.identification.certainty import VerdictName
 from mrwork.identification.fit import Fit
 from mrwork.store.child_reader import Member, UnreadableError, read_members
 from mrwork.store.input_file import bytes_of, is_there, stored
-from mrwork.store.record import NotNegative, Positive, Related, Several, record_of
+from mrwork.store.record import Related, record_of
 from mrwork.store.run_folder import DRAWS
 from mrwork.uncertainty.noise import noise_model
 from mrwork.uncertainty.posterior.draws import Draws, DrawsStatus, DrawSummary, summary_of
@@ -36,8 +37,8 @@ class _Stated:
     noise: str
     verdict: str
     temper: Positive
-    steps: Several
-    thinning: Several
+    steps: Count
+    thinning: Count
     seconds: NotNegative
     status: DrawsStatus = "unknown"
 
