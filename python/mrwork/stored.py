@@ -7,6 +7,7 @@ from pathlib import Path
 
 from mrwork.arguments import checked
 from mrwork.errors import RecordError
+from mrwork.escaping import escaped
 from mrwork.identification.certainty import Intervals
 from mrwork.identification.equivalent import identifiable_form
 from mrwork.identification.fit import Fit
@@ -105,7 +106,8 @@ def with_additions(place: Path, fit: Fit) -> StoredRun:
     for name, model in ((RANKING, ranking and ranking.chosen), (LAWS, laws and laws.model)):
         if model not in (None, fit.model):
             raise RecordError(
-                f"{place / name} is of {model} where {FIT} beside it is of {fit.model}; run `mrwork identify` again"
+                f"{place / name} is of {escaped(str(model))} where {FIT} beside it is of {fit.model}; "
+                "run `mrwork identify` again"
             )
     profiles = read_profiles(place, fit)
     return StoredRun(
@@ -155,7 +157,7 @@ def read_profiles(place: Path, fit: Fit) -> Profiles | None:
     known = form.names if profiles.model == form.name else fit.spec.names
     strange = [each.name for each in profiles.profiles if each.name not in known]
     if profiles.model not in (form.name, fit.model) or strange:
-        what = f"profiles {strange[0]}" if strange else f"is of {profiles.model}"
+        what = escaped(f"profiles {strange[0]}" if strange else f"is of {profiles.model}")
         raise RecordError(f"{path} {what}, and {FIT} beside it is of {fit.model}; run `mrwork profile` again")
     return profiles
 
