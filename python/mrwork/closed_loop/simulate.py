@@ -112,6 +112,8 @@ def simulate_loop(
             )
     n_states = 2 * len(building.mass)
     gains = law.gain_rows(len(devices), n_states)
+    if not len(gains):
+        raise SettingError(f"the gains of {law.name} are of no candidate; give those of one or more")
     actuators = law.spec.commands_force
     if not (actuators or devices[0].spec.follows_command or (gains.size and not gains.any())):
         raise SettingError(

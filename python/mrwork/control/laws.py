@@ -115,11 +115,6 @@ class ControlLaw(Summarised):
                 f"the gains of {spec.name} have {', '.join(map(str, counts))} candidates; give the same number for "
                 "each gain, or one"
             )
-        empty = next((name for name, gain in self.gains.items() if not np.size(gain)), None)
-        if empty is not None:
-            raise SettingError(
-                f"`{empty}` of {spec.name} is empty; give its numbers for one or more candidates"
-            )
         if self.curve is not None and not spec.needs_curve:
             raise SettingError(f"{spec.name} does not use the force of the damper; leave `curve` out")
         if spec.needs_curve and self.curve is None:
