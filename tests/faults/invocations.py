@@ -279,6 +279,7 @@ def invocations(place: Path, seed: int) -> Iterator[Invocation]:
             yield Invocation(verb=verb, case="combined", words=(verb, *given, *words))
         if verb in ADDED:
             more = (str(record),) if verb in ("calibrate", "predict") else ()
+            more = ("--steps", "2") if verb == "sample" else more
             for _, damage in rng.sample(damages(whole), 16):
                 yield Invocation(
                     verb=verb, case="damaged run", words=(verb, "run", *more, "--json"), before=damage
