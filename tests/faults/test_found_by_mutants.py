@@ -20,6 +20,8 @@ from mrwork.errors import JournalError, MrworkError, MrworkWarning, RecordError,
 from mrwork.motions import read_motion
 from mrwork.records import read_damper_test
 from mrwork.report.expectations import departures
+from mrwork.store.arrays_file import read_arrays
+from mrwork.store.input_file import RECORD
 from mrwork.store.journal_file import line_of, read_lines
 
 
@@ -154,6 +156,17 @@ def test_a_journal_with_a_result_of_another_shape_is_refused(tmp_path: Path) -> 
             pytest.raises(JournalError, match="result of a run"),
         ):
             mr.run_study(study, journal=journal, threads=1)
+
+
+def test_texts_of_arrays_have_characters_that_exist(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    for number in (0x10FFFF, 0x110000):
+        np.savez(path, facts=np.array([number], "<u4").view("<U1"))
+        if number == 0x10FFFF:
+            assert read_arrays(path, RECORD)["facts"][0] == chr(number)
+        else:
+            with pytest.raises(RecordError, match="characters that do not exist"):
+                read_arrays(path, RECORD)
 
 
 def test_a_building_is_no_taller_than_any() -> None:

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from mrwork.errors import RecordError
 from mrwork.store.input_file import FileKind, bytes_of
 
+# The last character of Unicode; Python makes a broken text of larger numbers.
+_LAST: Final = 0x10FFFF
 # Bytes of all arrays.
 _LARGEST: Final = 256 << 20
 
@@ -48,4 +50,9 @@ def _array(data: bytes) -> NDArray[Any]:
     if dtype.hasobject or math.prod(shape) * dtype.itemsize != len(data) - stream.tell():
         raise ValueError(f"an array claims the shape {shape}")
     items = np.frombuffer(data, dtype=dtype, offset=stream.tell())
+    if (
+        dtype.kind == "U"
+        and np.frombuffer(data, f"{dtype.str[0]}u4", offset=stream.tell()).max(initial=0) > _LAST
+    ):
+        raise ValueError("a text has characters that do not exist")
     return items.reshape(shape, order="F" if by_columns else "C")

@@ -7,7 +7,6 @@ import os
 import selectors
 import shutil
 import signal
-import sys
 import tempfile
 import time
 from collections import Counter, deque
@@ -190,7 +189,9 @@ class Harness:
             with suppress(ValueError):
                 failure = json.loads(line)
                 if failure["number"] < 0:
-                    sys.exit(failure["why"])
+                    row.failures += 1
+                    row.causes[failure["why"]] += 1
+                    continue
                 self._keep(row, failure["number"], failure["why"])
 
     def _keep(self, row: Row, number: int, why: str) -> None:

@@ -148,8 +148,11 @@ def _outcome(reader: Reader, path: Path) -> tuple[str, str]:
         # What a program does with a result at least.
         repr(result)
     except MrworkError as error:
-        text = str(error)
-        fault = _fault_of(text)
+        try:
+            text = str(error)
+            fault = _fault_of(text)
+        except Exception as other:  # a text that cannot be shown
+            return "failures", _where(other)
         return (
             ("failures", f"{type(error).__name__} {fault}: {text[:_MESSAGES]!r}")
             if fault
