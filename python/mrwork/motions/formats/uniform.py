@@ -82,6 +82,8 @@ def _on_one_step(
     if uniform is not None:
         dt = float(uniform[-1] - uniform[0]) / steps.size
         return dt, acceleration, f"times written to {np.ptp(steps):.3g} s taken as uniform, every {dt:.6g} s"
+    if not regular.any():
+        raise RecordError(f"{where(0)}: no two times have a common step; check the column of times")
     dt = float(steps[regular].mean())
     # Regular steps are taken as equal, so that their samples are kept and not interpolated.
     knots = np.concatenate(([0.0], np.cumsum(np.where(regular, dt, steps))))
