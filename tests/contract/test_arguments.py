@@ -101,7 +101,7 @@ def built() -> dict[str, Any]:
     asked = [taken]
     while asked:
         words = set(re.findall(r"\w+", asked.pop()))
-        for short in words & set(data) - set(found):
+        for short in sorted(words & set(data) - set(found)):
             name, target = data[short]
             made = getattr(target, "_made_by", "")
             if not made or made.startswith(f"{short}("):

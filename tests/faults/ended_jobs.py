@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from mrwork.store.hdf5 import read_hdf5
 from sinusoidal_tests import MOTIONS, sinusoidal_test
 from tuning_samples import motion, study_file
+
+from mrwork.store.child_reader import read_members
 
 RUN = "run"
 # Facts of the day and of the machine.
@@ -248,7 +249,7 @@ def _content(path: Path) -> object:
                 None if member.array is None else member.array.tobytes(),
                 _lasting({key: str(value) for key, value in member.attributes.items()}),
             )
-            for name, member in read_hdf5(content).items()
+            for name, member in read_members(content, "hdf5").items()
         }
     return content
 
