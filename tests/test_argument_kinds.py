@@ -253,3 +253,9 @@ def test_whole_numbers_have_64_bits() -> None:
 
 def test_an_error_is_one_line_of_characters_that_can_be_seen() -> None:
     assert str(ArgumentError("a\nb\x1b")) == r"a\nb\x1b"
+
+
+def test_arrays_of_any_precision_are_taken() -> None:
+    for kind in (np.float16, np.float32, np.longdouble, np.int8, np.uint64):
+        np.testing.assert_array_equal(taken(strict=np.array([0, 2], dtype=kind))["strict"], [0.0, 2.0])
+        assert taken(number=kind(2))["number"] == 2

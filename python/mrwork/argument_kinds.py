@@ -16,13 +16,13 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin
 import numpy as np
 from numpy.typing import ArrayLike
 
-from mrwork.errors import ArgumentError, MrworkError, SettingError
+from mrwork.errors import ArgumentError, MrworkError, SettingError, UnknownChoiceError
 from mrwork.keys import suggestion
 
 # As many characters of a value as a message repeats.
 _SHOWN = 40
-# Products of three numbers are finite below the largest, quotients of numbers above the smallest.
-_LARGEST, _SMALLEST = 1e100, 1e-100
+# Products of three numbers up to this size are finite.
+_LARGEST = 1e100
 
 
 class May(Enum):
@@ -196,7 +196,7 @@ def _float(notes: tuple[Any, ...]) -> Kind:
             plain = float(number)
         except OverflowError:
             raise Refusal(f"is {_described(value)}; give a smaller number", SettingError) from None
-        if notes or not (plain == 0.0 or _SMALLEST <= abs(plain) <= _LARGEST):
+        if notes or not abs(plain) <= _LARGEST:
             _check_numbers(np.float64(plain), notes)
         exact = isinstance(number, float) or (isinstance(number, int) and abs(number) < 2**53)
         return number if exact else plain
@@ -255,8 +255,10 @@ def _name(choices: tuple[Any, ...]) -> Kind:
         for choice in choices:
             if type(value) is type(choice) and value == choice:
                 return choice
-        if isinstance(value, str):
-            raise Refusal(f"is {_described(value)}{suggestion(value, texts)}", SettingError)
+        if isinstance(value, str) and texts:
+            raise Refusal(f"is {_described(value)}{suggestion(value, texts)}", UnknownChoiceError)
+        if type(value) in {type(choice) for choice in choices}:
+            raise Refusal(f"is {_described(value)}; give {words}", UnknownChoiceError)
         raise OtherKind(value, words)
 
     return Kind(words, accept, rank=0)
@@ -323,7 +325,8 @@ def _as_array(value: Any, kinds: str, words: str) -> Any:
 def _check_numbers(values: Any, notes: tuple[Any, ...]) -> None:
     """Refuse numbers that are not finite, and those out of the ranges among the notes."""
     numbers = "finite numbers" if np.ndim(values) else "a finite number"
-    size = np.abs(values)
+    # The limits are beyond single precision.
+    size = np.abs(values.astype(np.float64) if values.dtype.itemsize < 8 else values)
     if not (size <= _LARGEST).all():
         allowed = (
             (size <= _LARGEST)
@@ -333,8 +336,6 @@ def _check_numbers(values: Any, notes: tuple[Any, ...]) -> None:
         if not np.all(allowed):
             most = "" if np.any(~allowed & ~np.isfinite(values)) else f" of at most {_LARGEST:g}"
             raise Refusal(f"{_worst(values, ~allowed)}; give {numbers}{most}", SettingError)
-    if np.ndim(values) == 0 and 0.0 < size < _SMALLEST:
-        raise Refusal(f"is {values:g}; give zero, or a number of at least {_SMALLEST:g}", SettingError)
     for each in notes:
         if isinstance(each, Within) and np.any(out := each.excludes(values)):
             raise Refusal(

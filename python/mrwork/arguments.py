@@ -126,7 +126,7 @@ def _accepted(kinds: Mapping[str, Kind], function: str, parameter: str, value: A
         return kinds[parameter].accept(value)
     except Refusal as refusal:
         sentence = escaped(f"`{parameter}{refusal.place}` of {function} {refusal.sentence}")
-        if owner is not object and refusal.error is SettingError:
+        if owner is not object and issubclass(refusal.error, SettingError):
             # A reader of a file finds the line of the field.
             raise InvalidSettingError(parameter, sentence) from None
         raise refusal.error(sentence) from None

@@ -23,6 +23,7 @@ __all__ = [
     "SettingError",
     "SimulationError",
     "UnitError",
+    "UnknownChoiceError",
     "UnknownNameError",
 ]
 
@@ -83,6 +84,10 @@ class InvalidSettingError(SettingError):
 
 class UnknownNameError(MrworkError, LookupError):
     """A model, parameter or data set of that name is not registered."""
+
+
+class UnknownChoiceError(SettingError, UnknownNameError):
+    """An argument is none of the names to choose from."""
 
 
 class SimulationError(MrworkError, ArithmeticError):

@@ -78,7 +78,8 @@ class Place:
 
     def error(self, kind: type[MrworkError], sentence: str) -> MrworkError:
         """An error whose message begins with this place."""
-        error = kind(f"{self}: {sentence}")
+        # A place says more than the key of an InvalidSettingError.
+        error = (SettingError if kind is InvalidSettingError else kind)(f"{self}: {sentence}")
         error.document = self.origin
         return error
 

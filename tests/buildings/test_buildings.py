@@ -123,11 +123,6 @@ def test_the_matrices_of_a_building_cannot_be_changed_from_outside(frame: Buildi
         ),
         pytest.param({"mass": np.eye(2)}, "damping is 3 x 3 where 2 x 2", id="two masses"),
         pytest.param({"mass": np.zeros((0, 0))}, "no coordinate", id="nothing"),
-        pytest.param(
-            {"stiffness": np.full((3, 3), np.nan)},
-            "`stiffness` of Building is nan at (0, 0); give finite numbers",
-            id="NaN",
-        ),
         pytest.param({"stiffness": np.triu(np.ones((3, 3)))}, "stiffness is not symmetric", id="triangle"),
         pytest.param({"stiffness": -np.eye(3)}, "stiffness is unstable", id="negative stiffness"),
         pytest.param({"influence": np.ones(2)}, "influence is 2 long", id="influence"),
@@ -146,9 +141,16 @@ def test_what_cannot_be_a_building_is_refused_in_one_sentence(
 ) -> None:
     with pytest.raises(SettingError) as caught:
         replace(frame, **changes)  # type: ignore[arg-type] # the wrong types are the test
-    assert expected in str(caught.value).replace("a finite", "finite")
+    assert expected in str(caught.value)
     assert str(caught.value).startswith("building frame: ")
     assert "\n" not in str(caught.value)
+
+
+def test_matrices_that_are_not_finite_are_refused_by_name(frame: Building) -> None:
+    with pytest.raises(
+        SettingError, match=r"`stiffness` of Building is nan at \(0, 0\); give finite numbers"
+    ):
+        replace(frame, stiffness=np.full((3, 3), np.nan))
 
 
 def test_a_building_that_nothing_holds_has_a_mode_without_frequency() -> None:

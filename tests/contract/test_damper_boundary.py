@@ -180,5 +180,12 @@ def test_the_facade_raises_errors_of_its_own(spec, theta, history, measured):
         simulate_misfits(spec, theta, history, measured, substep_factor=5)
     with pytest.raises(SettingError, match="sampling step"):
         Loading(dt=0.0, displacement=measured).history()
+    with pytest.raises(SettingError, match="`theta` of simulate_force is nan at 0"):
+        simulate_force(spec, np.full(len(spec.parameters), np.nan), sine(n_time=N_TIME))
+
+
+def test_a_single_simulation_that_fails_is_an_error_with_its_remedy(spec):
+    if not spec.n_states:
+        pytest.skip("without states nothing diverges")
     with pytest.raises(SimulationError, match=rf"{spec.name} ended as"):
-        simulate_force(spec, np.full(len(spec.parameters), np.finfo(float).max), sine(n_time=N_TIME))
+        simulate_force(spec, np.full(len(spec.parameters), 1e100), sine(n_time=N_TIME))

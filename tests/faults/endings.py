@@ -136,11 +136,6 @@ def run(
     after = None
     begun = False
     with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
-
-        def limited() -> None:
-            if limit is not None:
-                resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-
         process = subprocess.Popen(
             [sys.executable, "-m", "mrwork", *words],
             cwd=folder,
@@ -148,8 +143,9 @@ def run(
             stdout=out,
             stderr=err,
             env=environment(),
-            preexec_fn=limited if limit is not None else None,
         )
+        if limit is not None:
+            resource.prlimit(process.pid, resource.RLIMIT_FSIZE, (limit, limit))
         give_up = time.monotonic() + PATIENCE
         spent = 0.0
         while True:

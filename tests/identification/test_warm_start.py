@@ -145,7 +145,7 @@ def test_a_redundant_form_takes_a_start_as_a_whole(tests: tuple[DamperTest, ...]
     ("start", "error", "words"),
     [
         ({"stiffness": 1.0}, UnknownNameError, r"names 'stiffness'.* it has c, k, x0"),
-        ({"rho": float("nan")}, SettingError, "rho the value nan"),
+        ({"rho": float("nan")}, SettingError, r"`starts\[0\]\['rho'\]` of identify is nan"),
         ({"k_w.0": 1.0}, UnknownNameError, "names 'k_w.0'"),
     ],
 )

@@ -82,7 +82,7 @@ def _numbers(value: float) -> Iterator[tuple[str, Any]]:
         0.5,
         1e308,
         -1e308,
-        1e-308,
+        1e-100,
         np.nan,
         np.inf,
         -np.inf,
@@ -112,7 +112,7 @@ def _arrays(value: np.ndarray) -> Iterator[tuple[str, Any]]:
         yield "flat", value.ravel()
         yield "fewer columns", value[..., :-1]
         yield "more columns", np.concatenate([value, value[..., -1:]], axis=-1)
-    for number in (np.nan, np.inf, -1.0, 0.0, 1e308, -1e308, 1e-308):
+    for number in (np.nan, np.inf, -1.0, 0.0, 1e308, -1e308, 1e-100):
         one = np.array(value, dtype=np.float64)
         one.flat[-1] = number
         yield f"{number} at an end", one

@@ -51,7 +51,6 @@ ELSEWHERE = {
     "cli/terminal.py": "the null device in place of a closed output",
     "records/formats/delimited.py": "lines in memory",
     "records/formats/tdms.py": "bytes in memory",
-    "records/table.py": "bytes in memory",
     "records/formats/regular.py": "bytes in memory",
     "report/font.py": "a file of the package",
     "report/html.py": "files of the package",

@@ -191,8 +191,10 @@ def test_any_value_is_read_or_refused_in_a_sentence_with_its_line(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject, document: Document
 ) -> None:
     path = tmp_path_factory.mktemp("study") / "study.toml"
-    *outer, last = data.draw(st.sampled_from(places(document)))
-    table: Any = document
+    # Its parts are shared with other examples.
+    changed = copy.deepcopy(document)
+    *outer, last = data.draw(st.sampled_from(places(changed)))
+    table: Any = changed
     for key in outer:
         table = table[key]
     match data.draw(st.sampled_from(["value", "value", "value", "gone", "name", "added"])):
@@ -205,7 +207,7 @@ def test_any_value_is_read_or_refused_in_a_sentence_with_its_line(
         case _:
             if isinstance(table, dict):
                 table["surplus"] = 1
-    path.write_bytes(with_headers(document).encode())
+    path.write_bytes(with_headers(changed).encode())
     try:
         read_study(path)
     except SettingError as refusal:

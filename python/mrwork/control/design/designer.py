@@ -61,7 +61,7 @@ class WeightDesigner:
         building: Building,
         devices: Sequence[Device] | ArrayLike,
         *,
-        limits: RmsLimits | Mapping[str, Limit | str],
+        limits: RmsLimits | Mapping[str, Limit | str | Sequence[float | str]],
         budget: float | str | Sequence[float | str],
         spectrum: SpectralDensity | None = None,
         cases: Sequence[DesignCase] = (),

@@ -55,7 +55,7 @@ class RmsLimits:
 
     @classmethod
     @checked
-    def of(cls, given: RmsLimits | Mapping[str, Limit | str]) -> RmsLimits:
+    def of(cls, given: RmsLimits | Mapping[str, Limit | str | Sequence[float | str]]) -> RmsLimits:
         """The limits from values by name, numbers in SI or texts with a unit.
 
         Raises
