@@ -234,7 +234,7 @@ proptest! {
         if fit {
             mountings.resize(n_devices, Mounting { count: 1.0, differential: false });
             ranges.resize(n_devices, [0.0, 1.0]);
-            ranges.iter_mut().filter(|[from, to]| !(from <= to)).for_each(|range| *range = [0.0, 1.0]);
+            ranges.iter_mut().filter(|[from, to]| from > to || from.is_nan() || to.is_nan()).for_each(|range| *range = [0.0, 1.0]);
             gains.resize(2 * law.spec().n_gains(n_devices, 2 * n), 0.5);
         }
         let motion = GroundMotion::new(0.01, &[0.0, 1.0, -1.0, 0.5]).expect("a motion");
