@@ -127,7 +127,10 @@ def test_a_tdms_file_reads_like_a_plain_table(nptdms: Any, tmp_path: Path) -> No
         read_damper_test(path)
 
 
-def test_a_damaged_tdms_file_reads_or_is_refused(nptdms: Any, tmp_path: Path) -> None:
+@pytest.mark.filterwarnings("ignore:.*npTDMS reports:mrwork.errors.MrworkWarning")
+def test_a_damaged_tdms_file_reads_or_is_refused(
+    nptdms: Any, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / "rig.tdms"
     write_tdms(path, tdms_channels(wf_increment=DT))
     intact = path.read_bytes()
@@ -139,6 +142,7 @@ def test_a_damaged_tdms_file_reads_or_is_refused(nptdms: Any, tmp_path: Path) ->
         except MrworkError:
             n_refused += 1
     assert n_refused > 0
+    assert capfd.readouterr() == ("", "")
 
 
 def test_without_nptdms_the_remedy_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

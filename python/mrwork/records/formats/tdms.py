@@ -88,14 +88,16 @@ def open_tdms(path: Path) -> ColumnTable:
 def _reports() -> Iterator[list[str]]:
     """What npTDMS logs meanwhile."""
     kept = _Kept(logging.WARNING)
-    logger = logging.getLogger("nptdms")
-    propagate, logger.propagate = logger.propagate, False
-    logger.addHandler(kept)
+    # Each of its modules has a logger of its own, which prints on stderr.
+    names = [name for name in logging.root.manager.loggerDict if name.split(".")[0] == "nptdms"]
+    before = [(logger, logger.handlers, logger.propagate) for logger in map(logging.getLogger, names)]
+    for logger, _, _ in before:
+        logger.handlers, logger.propagate = [kept], False
     try:
         yield kept.messages
     finally:
-        logger.removeHandler(kept)
-        logger.propagate = propagate
+        for logger, handlers, propagate in before:
+            logger.handlers, logger.propagate = handlers, propagate
 
 
 class _Kept(logging.Handler):
