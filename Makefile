@@ -19,7 +19,7 @@ test: $(VENV)/.built $(VENV)/.dev
 	cargo test --quiet --release --workspace
 	$(BIN)/python -m pytest --numprocesses 2 --dist worksteal
 
-# What a user, a file or a machine may do wrong: half an hour on two idle cores.
+# What a user, a file or a machine may do wrong, in the long form; `make test` has a smoke of each.
 faults: export PYTHONPATH := tests/samples:tests/faults
 faults: $(VENV)/.built $(VENV)/.dev
 	$(BIN)/python -m fuzzing

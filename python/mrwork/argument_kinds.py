@@ -22,7 +22,7 @@ from mrwork.keys import suggestion
 # As many characters of a value as a message repeats.
 _SHOWN = 40
 # Products of three numbers up to this size are finite.
-_LARGEST = 1e100
+LARGEST = 1e100
 
 
 class May(Enum):
@@ -196,7 +196,7 @@ def _float(notes: tuple[Any, ...]) -> Kind:
             plain = float(number)
         except OverflowError:
             raise Refusal(f"is {_described(value)}; give a smaller number", SettingError) from None
-        if notes or not abs(plain) <= _LARGEST:
+        if notes or not abs(plain) <= LARGEST:
             _check_numbers(np.float64(plain), notes)
         exact = isinstance(number, float) or (isinstance(number, int) and abs(number) < 2**53)
         return number if exact else plain
@@ -327,14 +327,14 @@ def _check_numbers(values: Any, notes: tuple[Any, ...]) -> None:
     numbers = "finite numbers" if np.ndim(values) else "a finite number"
     # The limits are beyond single precision.
     size = np.abs(values.astype(np.float64) if values.dtype.itemsize < 8 else values)
-    if not (size <= _LARGEST).all():
+    if not (size <= LARGEST).all():
         allowed = (
-            (size <= _LARGEST)
-            | ((size > _LARGEST) & (May.BE_INFINITE in notes))
+            (size <= LARGEST)
+            | ((size > LARGEST) & (May.BE_INFINITE in notes))
             | (np.isnan(values) & (May.BE_NAN in notes))
         )
         if not np.all(allowed):
-            most = "" if np.any(~allowed & ~np.isfinite(values)) else f" of at most {_LARGEST:g}"
+            most = "" if np.any(~allowed & ~np.isfinite(values)) else f" of at most {LARGEST:g}"
             raise Refusal(f"{_worst(values, ~allowed)}; give {numbers}{most}", SettingError)
     for each in notes:
         if isinstance(each, Within) and np.any(out := each.excludes(values)):

@@ -17,6 +17,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_
 
 import numpy as np
 
+from mrwork.argument_kinds import LARGEST
 from mrwork.arguments import May, Within
 from mrwork.errors import MrworkError, RecordError
 from mrwork.escaping import escaped
@@ -56,8 +57,6 @@ class Related(ABC):
         """What contradicts what, such as "it has 2 scores for 3 tests"; empty where all agree."""
 
 
-# Squares and products of numbers up to this size are numbers.
-_LARGEST = 1e100
 _SHOWN = 40
 _ARTICLES = {int: "an integer", str: "a string", bool: "true or false"}
 
@@ -231,13 +230,13 @@ def _number(value: Any, place: str, notes: tuple[Any, ...]) -> float:
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
     _accepted(is_number, value, place, "a number")
     may_be_larger = May.BE_NAN in notes if value != value else May.BE_INFINITE in notes
-    _accepted(abs(value) <= _LARGEST or may_be_larger, value, place, f"a number below {_LARGEST:g} in size")
+    _accepted(abs(value) <= LARGEST or may_be_larger, value, place, f"a number below {LARGEST:g} in size")
     for note in notes:
         if isinstance(note, Within):
             _accepted(not note.excludes(value), value, place, f"a number {note.in_words}")
     # An integer of hundreds of digits is beyond any float.
     return (
-        float(value) if abs(value) <= _LARGEST or isinstance(value, float) else math.copysign(math.inf, value)
+        float(value) if abs(value) <= LARGEST or isinstance(value, float) else math.copysign(math.inf, value)
     )
 
 
