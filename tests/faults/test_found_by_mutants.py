@@ -7,11 +7,13 @@ import time
 from collections.abc import Callable
 from contextlib import closing, suppress
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
 import rig_files
 from record_files import clean_columns, write_text
+from sinusoidal_tests import MOTIONS, sinusoidal_test
 from study_texts import study_text
 
 import mrwork as mr
@@ -156,6 +158,26 @@ def test_a_journal_with_a_result_of_another_shape_is_refused(tmp_path: Path) -> 
             pytest.raises(JournalError, match="result of a run"),
         ):
             mr.run_study(study, journal=journal, threads=1)
+
+
+@pytest.mark.parametrize("engine", ["lanes", "twin"])
+def test_a_journal_with_a_minimum_out_of_bounds_is_refused(
+    tmp_path: Path, engine: Literal["lanes", "twin"]
+) -> None:
+    path = tmp_path / "journal.jsonl"
+    test = sinusoidal_test("bingham", (670.0, 5e-3, 5000.0, -95.0), MOTIONS[0], noise=0.02)
+    search = mr.search.EfficientGA(population=8, stop=mr.search.StopRules(max_generations=2))
+    with closing(mr.Journal(path)) as journal:
+        mr.identify("bingham", test, search=search, engine=engine, journal=journal, rng=0)
+    entries, _ = read_lines(path.read_bytes(), path)
+    forged = next(entry for entry in reversed(entries) if "theta" in entry.get("result", {}))
+    forged["result"]["theta"][1] = 0.0
+    path.write_bytes(b"".join(map(line_of, entries)))
+    with (
+        closing(mr.Journal(path, resume=True)) as journal,
+        pytest.raises(JournalError, match="outside of the bounds"),
+    ):
+        mr.identify("bingham", test, search=search, engine=engine, journal=journal, rng=0)
 
 
 def test_texts_of_arrays_have_characters_that_exist(tmp_path: Path) -> None:

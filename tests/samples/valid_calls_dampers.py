@@ -63,6 +63,7 @@ def damper_calls(_: Path) -> Calls:
             box.latent_from_theta, theta=0.5 * (np.array(box.lower) + box.upper)
         ),
         "Box.inside": lambda: call(box.inside, theta=np.array(box.lower)),
+        "Box.contains": lambda: call(box.contains, theta=np.array(box.lower)),
         "OpenSeesBoucWen": lambda: call(
             dampers.OpenSeesBoucWen, alpha=0.1, ko=1e5, n=2.0, gamma=100.0, beta=100.0, Ao=1.0
         ),

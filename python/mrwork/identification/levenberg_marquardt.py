@@ -75,8 +75,17 @@ def find_minimum(
         start,
         max_evaluations,
     )
-    _check_recalled(found.theta, start)
+    check_recalled_minimum(found.theta, box, start)
     return found
+
+
+def check_recalled_minimum(theta: NDArray[np.float64], box: Box, start: NDArray[np.float64]) -> None:
+    """Refuse a minimum of a journal that no search from `start` inside `box` ends at."""
+    _check_recalled(theta, start)
+    if not (np.array_equal(theta, start) or box.contains(theta)):
+        raise JournalError(
+            "the journal holds a minimum outside of the bounds of the search; run again without --resume"
+        )
 
 
 def _minimised(

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from mrwork.arguments import checked
 from mrwork.dampers.coordinates import Box
 from mrwork.dampers.spec import DamperSpec
+from mrwork.identification.levenberg_marquardt import check_recalled_minimum
 from mrwork.identification.nuisance import NuisanceName, columns_of, scaled
 from mrwork.identification.objective import Objective
 from mrwork.simulate import loading_of
@@ -176,9 +177,11 @@ def find_minimum_on_twin(
         Called after every step with the number of steps so far and the misfit; not if the result is recalled from a
         journal.
     """
-    return objective.once(
+    found = objective.once(
         "refinement", TwinMinimum, lambda: _minimised(objective, box, start, on_step), box, start
     )
+    check_recalled_minimum(found.theta, box, start)
+    return found
 
 
 def _minimised(
