@@ -104,6 +104,10 @@ _MEASURES: Final[Mapping[str, tuple[MeasuredQuantity, ...]]] = {
 }
 
 
+# Characters of the longest spelling of a unit, with room.
+_LONGEST: Final = 60
+
+
 def number_in(text: str, unit: str) -> float | str:
     """A number in SI from a text such as "1 ms", or the reason why it is not one, as the rest of a sentence."""
     factors = {name: factor for quantity in _MEASURES[unit] for name, factor in FACTORS[quantity].items()}
@@ -127,6 +131,8 @@ def number_in(text: str, unit: str) -> float | str:
 def factor_of(unit: str, quantity: MeasuredQuantity) -> float | None:
     """Factor to SI of a unit in any case and common spelling; `None` where it is no unit of the quantity."""
     symbol = unit.strip().strip("'\"")
+    if len(symbol) > _LONGEST:
+        return None
     factor = FACTORS[quantity].get(symbol)
     return factor if factor is not None else _IN_ANY_CASE.get((quantity, _without_spelling(symbol)))
 

@@ -56,6 +56,22 @@ def test_models_lists_every_model_and_shows_one_in_full() -> None:
     assert [parameter["name"] for parameter in document["parameters"]][:2] == ["c0", "k0"]
 
 
+@pytest.mark.parametrize("suffix", [".svg", ".png"])
+def test_models_draws_the_effect_of_every_parameter(tmp_path: Path, suffix: str) -> None:
+    place = tmp_path / f"figure{suffix}"
+    shown = mrwork("models", "bingham", "--figure", place)
+    assert shown.returncode == 0, shown.stderr
+    assert str(place) in shown.stdout
+    assert place.read_bytes().startswith(b"<?xml" if suffix == ".svg" else b"\x89PNG")
+
+
+def test_models_draws_one_model_in_a_known_form(tmp_path: Path) -> None:
+    for arguments in (["--figure", tmp_path / "a.svg"], ["bingham", "--figure", tmp_path / "a.pdf"]):
+        refused = mrwork("models", *arguments)
+        assert (refused.returncode, refused.stderr.count("\n")) == (2, 1), refused.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_check_prints_the_findings_without_fitting(record: Path) -> None:
     result = mrwork("check", record)
     assert result.returncode == 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import time
+import zipfile
 from collections.abc import Callable
 from contextlib import closing, suppress
 from pathlib import Path
@@ -124,6 +125,31 @@ def test_rows_of_thousands_of_digits_take_no_time(tmp_path: Path) -> None:
     with pytest.raises(MrworkError):
         read_motion(path, unit="g", dt=0.01)
     assert time.process_time() - began < 10.0
+
+
+@pytest.mark.parametrize("letters", ["(", "[", "a(", "( ", " a"])
+@pytest.mark.parametrize("columns", ["t_s,acceleration", "t_s,displacement_mm,force"])
+def test_names_of_many_letters_take_no_time(tmp_path: Path, letters: str, columns: str) -> None:
+    path = tmp_path / "a.csv"
+    rows = "\n".join(f"{0.01 * row:.2f}" + columns.count(",") * ",1.0" for row in range(50))
+    path.write_text(f"{columns}{letters * 20_000}\n{rows}\n")
+    began = time.process_time()
+    with pytest.raises(MrworkError) as caught:
+        (read_motion if "acceleration" in columns else read_damper_test)(path)
+    assert time.process_time() - began < 1.0
+    assert len(str(caught.value)) <= 2000
+
+
+def test_a_header_of_arrays_that_python_warns_of_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "a.npz"
+    np.savez(path, a=np.zeros(3))
+    with zipfile.ZipFile(path) as archive:
+        content = archive.read("a.npy")
+    for damaged in (content.replace(b"(3,), ", b"(3L,),"), content.replace(b"'<f8'", b"'\\/8'")):
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("a.npy", damaged)
+        with pytest.raises(RecordError, match="damaged"):
+            read_arrays(path, RECORD)
 
 
 def refused_or_read(path: Path) -> None:

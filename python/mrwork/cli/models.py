@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
+from mrwork.cli.numbers import AMPLITUDE, FREQUENCY, add_number
 from mrwork.cli.options import add_json
 from mrwork.cli.output import print_json
 from mrwork.cli.terminal import show
 from mrwork.dampers.spec import DamperSpec, Preset, damper, damper_models
+from mrwork.errors import SettingError
+from mrwork.store.run_folder import replacing
 from mrwork.summary import aligned
 
 
@@ -17,13 +21,25 @@ def add_parser(verbs: Any) -> None:
     """Declare the verb."""
     parser = verbs.add_parser("models", description="List the damper models, or show one in full.")
     parser.add_argument("name", nargs="?", metavar="NAME", help="model to show")
+    parser.add_argument(
+        "--figure",
+        type=Path,
+        metavar="FILE",
+        help="draw the loops of the model with each parameter halved and doubled, as an .svg or a .png file",
+    )
+    add_number(parser, "--amplitude", AMPLITUDE, "of the motion of the figure", metavar="M", default=0.015)
+    add_number(parser, "--frequency", FREQUENCY, "of the motion of the figure", metavar="HZ", default=2.5)
     add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Print the list or the model."""
+    """Print the list or the model, and draw its figure if requested."""
     if options.name is None:
+        if options.figure is not None:
+            raise SettingError(
+                "--figure draws one model; name it, as in mrwork models bouc_wen --figure FILE"
+            )
         if options.json:
             print_json({"models": [_as_dict(spec) for spec in damper_models()]})
             return 0
@@ -31,11 +47,26 @@ def run(options: argparse.Namespace) -> int:
         show("\n".join(aligned(listed)))
         return 0
     spec = damper(options.name)
+    if options.figure is not None:
+        _write_figure(spec, options)
     if options.json:
-        print_json(_as_dict(spec))
+        drawn = {} if options.figure is None else {"figure": str(options.figure)}
+        print_json(_as_dict(spec) | drawn)
     else:
-        show(_in_full(spec))
+        show(_in_full(spec) + ("" if options.figure is None else f"\n\nFigure: {options.figure}"))
     return 0
+
+
+def _write_figure(spec: DamperSpec, options: argparse.Namespace) -> None:
+    suffix = options.figure.suffix.lower()
+    if suffix not in (".svg", ".png"):
+        raise SettingError(f"--figure {options.figure} ends with {suffix or 'nothing'}; give .svg or .png")
+    from mrwork.report.parameter_effects import parameter_effects_figure
+    from mrwork.report.svg import png_bytes, svg_bytes
+
+    figure = parameter_effects_figure(spec, amplitude=options.amplitude, frequency=options.frequency)
+    with replacing(options.figure) as place:
+        place.write_bytes(svg_bytes(figure) if suffix == ".svg" else png_bytes(figure))
 
 
 def _as_dict(spec: DamperSpec) -> dict[str, Any]:

@@ -137,8 +137,10 @@ SUBSTEP_FACTOR = Range(lower=1, upper=256, whole=True)
 # What a rig can do, with room.
 STROKE = Range(lower=1e-6, upper=100.0, unit="m")
 VELOCITY = Range(lower=1e-6, upper=1000.0, unit="m/s")
-AMPLITUDES = Listed(_of(AMPLITUDE_RANGE, "m"))
-FREQUENCIES = Listed(_of(FREQUENCY_RANGE, "Hz"))
+AMPLITUDE = _of(AMPLITUDE_RANGE, "m")
+FREQUENCY = _of(FREQUENCY_RANGE, "Hz")
+AMPLITUDES = Listed(AMPLITUDE)
+FREQUENCIES = Listed(FREQUENCY)
 COMMANDS = Listed(_of(COMMAND_RANGE, "A or V"))
 SCALE = Range(lower=1e-12, upper=1e12)
 

@@ -10,6 +10,9 @@ from mrwork.units import quantity_of
 
 TestQuantity = Literal["time", "displacement", "velocity", "force", "current", "voltage"]
 
+LONGEST_NAME: Final = 300
+"""Characters of a column's name; nothing is told from a longer one."""
+
 QUANTITIES: Final[tuple[TestQuantity, ...]] = get_args(TestQuantity)
 # Set point of the driver, in amperes or volts: the unit decides.
 _COMMAND: Final = frozenset({"command", "cmd", "setpoint"})
@@ -51,6 +54,8 @@ def unit_in_name(quantity: TestQuantity, name: str) -> str | None:
 
     A name of one word and its unit, such as ``force_kN``, or of several words among which is that of the quantity.
     """
+    if len(name) > LONGEST_NAME:
+        return None
     match = _NAME.fullmatch(name)
     if match is not None and match[1].casefold() in _STEMS[quantity]:
         unit = (match[2] or "").strip()
@@ -69,7 +74,7 @@ def unit_in_name(quantity: TestQuantity, name: str) -> str | None:
 
 def unit_at_end(name: str) -> str:
     """The unit in brackets or at the end of a column's name, empty where there is none."""
-    return _words_and_unit(name)[1]
+    return _words_and_unit(name)[1] if len(name) <= LONGEST_NAME else ""
 
 
 def _words_and_unit(name: str) -> tuple[str, str]:

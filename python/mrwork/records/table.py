@@ -84,7 +84,9 @@ class VectorTable(ColumnTable):
                 f"{self._source}: column '{name}' holds {vector.dtype} values where real numbers were "
                 "expected; convert it before saving"
             )
-        return vector.astype(np.float64, copy=False)
+        # What is beyond the range of doubles is infinite, and refused with its row.
+        with np.errstate(over="ignore", invalid="ignore"):
+            return vector.astype(np.float64, copy=False)
 
 
 def open_parquet(path: Path) -> ColumnTable:

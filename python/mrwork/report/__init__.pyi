@@ -9,6 +9,7 @@ from .canvas import tested_points as tested_points
 from .expectations import departures as departures
 from .html import swatch as swatch
 from .html import write_study_page as write_study_page
+from .parameter_effects import parameter_effects_figure as parameter_effects_figure
 from .result_table import ResultTable as ResultTable
 from .section import Panel as Panel
 from .section import panel as panel

@@ -69,9 +69,14 @@ def small_axes(*, labelled: bool = False) -> tuple[Figure, Axes]:
         bottom=_SMALL_EDGE + room,
         top=_SMALL_HEIGHT + room - _SMALL_EDGE,
     )
+    few_ticks(axes)
+    return figure, axes
+
+
+def few_ticks(axes: Axes) -> None:
+    """Few, round ticks for axes of the smallest size."""
     axes.xaxis.set_major_locator(MaxNLocator(nbins=3, steps=_COARSE))
     axes.yaxis.set_major_locator(MaxNLocator(nbins=4, steps=_ROUND))
-    return figure, axes
 
 
 def grid_of_axes(count: int, columns: int, size: tuple[float, float]) -> tuple[Figure, list[Axes]]:

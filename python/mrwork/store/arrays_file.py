@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import warnings
 import zipfile
 from pathlib import Path
 from typing import Any, Final
@@ -46,7 +47,10 @@ def _array(data: bytes) -> NDArray[Any]:
     read_header = (
         np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
     )
-    shape, by_columns, dtype = read_header(stream)
+    with warnings.catch_warnings():
+        # A header that Python warns of has been written by other means.
+        warnings.simplefilter("error")
+        shape, by_columns, dtype = read_header(stream)
     if dtype.hasobject or math.prod(shape) * dtype.itemsize != len(data) - stream.tell():
         raise ValueError(f"an array claims the shape {shape}")
     items = np.frombuffer(data, dtype=dtype, offset=stream.tell())

@@ -73,12 +73,10 @@ def read_members(data: bytes, form: Format) -> dict[str, Member]:
         If its data claim more than what is `allowed`.
     """
     seconds = _SECONDS + _SECONDS_PER_BYTE * len(data)
-    # A column is held packed, unpacked and converted at a time.
-    memory = 2 * len(data) + 3 * allowed(len(data)) + _OVERHEAD
     child = subprocess.Popen(
         [
             *(sys.executable, "-P", str(_HERE / "child_program.py"), str(_HERE / f"child_{form}.py")),
-            *(str(seconds), str(memory)),
+            *(str(seconds), str(memory_of_child(len(data)))),
         ],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
@@ -103,6 +101,11 @@ def read_members(data: bytes, form: Format) -> dict[str, Member]:
         finally:
             ended.cancel()
             child.kill()
+
+
+def memory_of_child(size: int) -> int:
+    """Bytes that the child may take for a file of `size` bytes: a column is held packed, unpacked and converted."""
+    return 2 * size + 3 * allowed(size) + _OVERHEAD
 
 
 def _send(stdin: IO[bytes], data: bytes) -> None:

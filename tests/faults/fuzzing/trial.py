@@ -74,9 +74,11 @@ def try_all(
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
     warnings.simplefilter("always")
     gc.collect()
-    _limit_memory()
     if reader.in_child is False:
+        _limit_memory(child_reader.memory_of_child(max(len(seed.content) for seed in reader.seeds)))
         _read_here()
+    else:
+        _limit_memory(BYTES + _UNUSED)
     base = _peak()
     os.chdir(folder)
     for file, content in reader.beside.items():
@@ -209,10 +211,11 @@ def _reports() -> Iterator[list[str]]:
         logging.getLogger().removeHandler(kept)
 
 
-def _limit_memory() -> None:
+def _limit_memory(more: int) -> None:
+    """Let this process reserve no more than that beyond what it has."""
     if sys.platform == "linux":
         used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        resource.setrlimit(resource.RLIMIT_AS, (used + BYTES + _UNUSED, used + BYTES + _UNUSED))
+        resource.setrlimit(resource.RLIMIT_AS, (used + more, used + more))
 
 
 def _peak() -> int:

@@ -24,6 +24,7 @@ from mrwork.motions.formats.format import (
 )
 from mrwork.motions.formats.uniform import motion_of_columns
 from mrwork.motions.ground_motion import GroundMotion
+from mrwork.records.column_names import LONGEST_NAME
 from mrwork.records.formats.delimited import DelimitedTable, decoded
 from mrwork.records.formats.layout import DECIMAL_COMMA
 from mrwork.records.formats.matlab import open_matlab, read_matlab_matrices
@@ -128,7 +129,7 @@ def _unit_in(name: str) -> str | None:
     ``a_g`` does not count as an acceleration in g: it is as often the acceleration of the ground in another unit.
     """
     text = name.strip()
-    if text.casefold() in ("a_g", "ag"):
+    if text.casefold() in ("a_g", "ag") or len(text) > LONGEST_NAME:
         return None
     bracketed = re.search(r"[(\[]([^)\]]*)[)\]]$", text)
     if bracketed:
