@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import shutil
+import signal
 import sys
 from pathlib import Path
 
@@ -31,6 +32,8 @@ def main() -> int:
         "--out", type=Path, default=ROOT / "out" / "faults", help="folder for failures (default out/faults)"
     )
     options = parser.parse_args()
+    # A background job of a shell ignores Ctrl-C.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     shutil.rmtree(options.out, ignore_errors=True)
     readers = [reader for reader in all_readers() if options.reader in reader.name]
     for reader in readers:
