@@ -9,6 +9,8 @@ RUST_SOURCES := Cargo.toml Cargo.lock $(shell find crates -name '*.rs' -o -name 
 # The virtual environment is chosen here, whatever else is active in the shell.
 export VIRTUAL_ENV := $(abspath $(VENV))
 unexport CONDA_PREFIX
+# Compiled Python files are kept: a hundred tests start a process, which would compile the package anew.
+unexport PYTHONDONTWRITEBYTECODE
 
 .PHONY: demo test faults lint format bench licences clean
 
@@ -33,7 +35,7 @@ lint: $(VENV)/.built $(VENV)/.dev
 	$(BIN)/ruff check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
-	cd python && MYPYPATH=. ../$(BIN)/stubtest --mypy-config-file ../pyproject.toml mrwork._rust
+	cd python && MYPYPATH=. ../$(BIN)/stubtest --mypy-config-file ../.ci/stubtest.toml mrwork._rust
 
 format: $(VENV)/.dev
 	cargo fmt
