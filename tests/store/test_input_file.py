@@ -51,7 +51,7 @@ ELSEWHERE = {
     "cli/terminal.py": "the null device in place of a closed output",
     "records/formats/delimited.py": "lines in memory",
     "records/formats/tdms.py": "bytes in memory",
-    "records/formats/regular.py": "bytes in memory",
+    "records/formats/rows.py": "bytes in memory",
     "report/font.py": "a file of the package",
     "report/html.py": "files of the package",
     "store/child_reader.py": "what its child process prints",

@@ -25,7 +25,7 @@ from mrwork.motions.formats.format import (
 from mrwork.motions.formats.uniform import motion_of_columns
 from mrwork.motions.ground_motion import GroundMotion
 from mrwork.records.column_names import LONGEST_NAME
-from mrwork.records.formats.delimited import DelimitedTable, decoded
+from mrwork.records.formats.delimited import DelimitedTable, encoding_of
 from mrwork.records.formats.layout import DECIMAL_COMMA
 from mrwork.records.formats.matlab import open_matlab, read_matlab_matrices
 from mrwork.records.formats.regular import regular_table
@@ -189,6 +189,8 @@ def read_regular_motion(
         or len(head.texts) <= _LONGEST_HEADER
         or not above
         or b"%" in data
+        # One end of a line here, but two in a table.
+        or b"\r\r\n" in data
         or path.suffix.lower() == ".at2"
         or any(form.recognises(head) for form in others)
     ):
@@ -201,7 +203,7 @@ def read_regular_motion(
         lines = lines_of(data, path)
         return _table(lines, list(lines.texts))
 
-    table = regular_table(data, decoded, sha256="", careful=line_by_line)
+    table = regular_table(data, encoding_of(data), source=str(path), sha256="", careful=line_by_line)
     return None if table is None else motion_of_table(table, stated, path)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from codecs import BOM_UTF8
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
@@ -12,17 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
+from mrwork.records.formats.cells import Cells, number_in
 from mrwork.records.formats.labview import is_labview, labview_layout
 from mrwork.records.formats.layout import (
     DECIMAL_COMMA,
-    MISSING,
     NUMBER,
     SURELY_DECIMAL,
     Layout,
     delimiter_of,
     is_data,
     layout_of,
-    split,
 )
 from mrwork.records.formats.regular import regular_table
 from mrwork.records.table import ColumnTable
@@ -56,7 +56,10 @@ def open_delimited(path: Path) -> ColumnTable:
             lines, layout = labview_layout(lines, str(path))
         return DelimitedTable(source=str(path), sha256=sha256, lines=lines, layout=layout)
 
-    return regular_table(data, decoded, sha256=sha256, careful=line_by_line) or line_by_line()
+    return (
+        regular_table(data, encoding_of(data), source=str(path), sha256=sha256, careful=line_by_line)
+        or line_by_line()
+    )
 
 
 class DelimitedTable(ColumnTable):
@@ -82,6 +85,7 @@ class DelimitedTable(ColumnTable):
         self.names = layout.names
         self.units = dict(zip(layout.names, layout.units, strict=False))
         self._delimiter = layout.delimiter
+        self._cells = Cells(source=source, names=layout.names, delimiter=layout.delimiter)
         self._data = layout.data
         if not self._data:
             raise RecordError(f"{source}: there is a header but no data line after it; check the export")
@@ -95,7 +99,7 @@ class DelimitedTable(ColumnTable):
             # Text in a column that is not requested, an empty cell, decimal commas or an error: the slow reader tells.
             return dict(zip(wanted, self._parse_line_by_line(columns), strict=True))
         if block.shape[1] != len(self.names):
-            self._refuse_width(self._data[0] + 1, block.shape[1])
+            self._cells.refuse_width(self._data[0] + 1, block.shape[1])
         return {name: np.ascontiguousarray(block[:, i]) for name, i in zip(wanted, columns, strict=True)}
 
     def _rows_with_points(self) -> list[str]:
@@ -114,12 +118,10 @@ class DelimitedTable(ColumnTable):
     def _parse_line_by_line(self, columns: Sequence[int]) -> NDArray[np.float64]:
         texts: list[list[str]] = []
         for index in self._data:
-            fields = split(self._lines[index].partition("#")[0], self._delimiter)
-            while len(fields) > len(self.names) and not fields[-1].strip():
-                fields.pop()
+            fields = self._cells.of_line(self._lines[index])
             if len(fields) != len(self.names):
-                self._refuse_width(index + 1, len(fields))
-            texts.append([fields[column].strip() for column in columns])
+                self._cells.refuse_width(index + 1, len(fields))
+            texts.append([fields[column] for column in columns])
         with_commas = self._has_decimal_commas(texts, columns)
         rows = [
             [
@@ -165,27 +167,10 @@ class DelimitedTable(ColumnTable):
         return True
 
     def _number(self, text: str, line: int, column: int, with_commas: bool) -> float:
-        if NUMBER.fullmatch(text):
-            return float(text)
-        if text.casefold() in MISSING:
-            return float("nan")
-        if with_commas and DECIMAL_COMMA.fullmatch(text):
-            return float(text.replace(",", "."))
-        where = f"{self._source}: line {line}, column '{self.names[column]}'"
-        shown = text if len(text) <= 40 else text[:40] + "..."
-        raise RecordError(f"{where} holds '{shown}' where a number was expected; correct or delete the line")
-
-    def _refuse_width(self, line: int, n_fields: int) -> None:
-        hint = (
-            "these may be decimal commas between commas: export with decimal points, or with semicolons between "
-            "the columns"
-            if self._delimiter == "," and n_fields > len(self.names)
-            else "complete or delete the line"
-        )
-        raise RecordError(
-            f"{self._source}: line {line} has {_count(n_fields, 'field')} where the header "
-            f"names {_count(len(self.names), 'column')}; {hint}"
-        )
+        number = number_in(text, with_commas=with_commas)
+        if number is None:
+            self._cells.refuse_text(line, column, text)
+        return number
 
 
 def _without_header(lines: Sequence[str], names: tuple[str, ...]) -> Layout:
@@ -194,16 +179,19 @@ def _without_header(lines: Sequence[str], names: tuple[str, ...]) -> Layout:
     return Layout(delimiter=delimiter, names=names, units=(), data=data)
 
 
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+def encoding_of(data: bytes) -> str:
+    """Encoding of a text: UTF-8, or else Latin-1, in which every byte is a character."""
+    try:
+        data.decode("utf-8")
+    except UnicodeDecodeError:
+        return "latin-1"
+    return "utf-8"
 
 
 def decoded(data: bytes) -> str:
-    """Text of a file: UTF-8, or else Latin-1, in which every byte is a character."""
-    try:
-        return data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return data.decode("latin-1")
+    """Text of the bytes of a file, without a byte-order mark."""
+    encoding = encoding_of(data)
+    return (data.removeprefix(BOM_UTF8) if encoding == "utf-8" else data).decode(encoding)
 
 
 def read_text_bytes(path: Path) -> bytes:

@@ -32,7 +32,7 @@ _ENOUGH_ROWS: Final = 10
 # Lines between the names and the numbers: units, rules, blanks.
 _MOST_BETWEEN: Final = 5
 _MOST_BELOW: Final = 2
-_RULE: Final = re.compile(r"[\s+|]*[-=_*]{3,}[-=_*+|\s.,;:]*")
+RULE: Final = re.compile(r"[\s+|]*[-=_*]{3,}[-=_*+|\s.,;:]*")
 # Units of channels that are of no use here, as they stand in rows of units.
 _OTHER_UNITS: Final = re.compile(
     r"-|1|%|°?c|deg\.? ?c|k|f|bar|mpa|pa|psi|cycles?|segments?|counts?|none|hz|n/a|mm/mm|w|kw|ohm|ω|deg|rad|°",
@@ -47,12 +47,14 @@ class Layout:
 
     `delimiter` is `None` for blanks. `units` are those of a row below the names, empty where there is none. `data` are
     the indices of the lines with rows of numbers. Without names in the file they are the numbers of the columns.
+    `header` is the index of the line of the names where that may be repeated among the rows.
     """
 
     delimiter: str | None
     names: tuple[str, ...]
     units: tuple[str, ...]
     data: tuple[int, ...]
+    header: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,8 +84,8 @@ def layout_of(lines: Sequence[str], source: str) -> Layout:
 def sampled_layout(lines: Sequence[str], middle: Sequence[str]) -> tuple[Layout, bool] | None:
     """As `layout_of`, of a file of which the first lines and some from its middle are given, and whether it has texts.
 
-    `None` where all lines must be looked at. It is the layout of the whole file if all lines below are rows of data, of
-    which none is a row of numbers only if the rows have texts.
+    `None` where all lines must be looked at. It is the layout of the whole file if all lines below are blank, comments
+    or rows of data, of which none is a row of numbers only if the rows have texts.
     """
     filled = [index for index, line in enumerate(lines) if is_data(line)]
     pure = _run(middle, range(len(middle)), kinds=(True,))
@@ -94,7 +96,7 @@ def sampled_layout(lines: Sequence[str], middle: Sequence[str]) -> tuple[Layout,
     if like is None or rows is None or min(like.length, rows.length) < _ENOUGH_ROWS:
         return None
     layout = _layout_above(lines, filled, rows)
-    followed = layout.data == tuple(range(layout.data[0], filled[-1] + 1))
+    followed = layout.data == tuple(index for index in filled if index >= layout.data[0])
     # Names such as nan might be repeated below, and be taken for a row.
     named = layout.names == numbered_names(rows.width) or not any(map(_reads_as_number, layout.names))
     return (layout, with_texts) if followed and named else None
@@ -110,6 +112,7 @@ def _layout_above(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> La
         names=_texts(lines[header.names], rows),
         units=tuple(text.strip(_BRACKETS) for text in units),
         data=tuple(_below(lines, filled, rows, header)),
+        header=header.names,
     )
 
 
@@ -256,7 +259,7 @@ def _names_above(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> _He
 def _lines_of_texts(lines: Sequence[str], filled: Sequence[int], rows: _Run) -> Iterator[int]:
     """Lines above the rows that have texts and no number, the nearest first; incomplete rows are none of them."""
     for index in reversed(filled):
-        if index < rows.first and not _RULE.fullmatch(lines[index]):
+        if index < rows.first and not RULE.fullmatch(lines[index]):
             fields = _texts(lines[index], rows)
             if not any(map(is_number, fields)) and not all(each.casefold() in MISSING for each in fields):
                 yield index
@@ -289,7 +292,7 @@ def _below(lines: Sequence[str], filled: Sequence[int], rows: _Run, header: _Hea
     below = [index for index in filled if index > header.names]
     skipped: set[int] = set()
     for place, index in enumerate(below):
-        if (index <= last and lines[index].strip() in others) or _RULE.fullmatch(lines[index]):
+        if (index <= last and lines[index].strip() in others) or RULE.fullmatch(lines[index]):
             skipped.add(index)
         elif lines[index].strip() == lines[header.names].strip():
             skipped.add(index)
