@@ -261,3 +261,12 @@ def test_headers_of_absurd_numbers_end_at_once(tmp_path: Path) -> None:
     for number in (endless, endless[:9]):
         series = [line.replace(f"{N_TIME} acc", f"{number} acc") for line in cosmos()]
         assert "line" in refusal(write_lines(tmp_path / "a.v2", series))
+
+
+def test_lines_of_a_long_table_are_counted_though_they_end_with_two_carriage_returns(tmp_path: Path) -> None:
+    rows = [f"{0.01 * row:.2f},{row % 7}" for row in range(150)]
+    rows[120] = "1.20,OL"
+    path = tmp_path / "motion.csv"
+    path.write_bytes("\r\r\n".join(["t_s,a_mps2", *rows]).encode())
+    with pytest.raises(RecordError, match="line 122, column 'a_mps2' holds 'OL'"):
+        read_motion(path)
