@@ -26,6 +26,8 @@ from report_samples import comparison, fit
 from mrwork.errors import OutputError, RecordError
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import read_fit, write_run
+from mrwork.store.arrays_file import finite_numbers, read_arrays
+from mrwork.store.input_file import stored
 from mrwork.store.lock import Lock
 from mrwork.store.run_folder import (
     CALIBRATION,
@@ -436,6 +438,27 @@ def test_predictions_that_are_cut_or_forged_are_refused(tmp_path: Path) -> None:
         path.write_bytes(content)
         with pytest.raises(RecordError, match=r"predictions\.npz is (damaged|not a list of predictions)"):
             read_predictions(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        np.frombuffer(b"\xff" * 8, "<f4"),
+        np.array([1.0, np.inf]),
+        np.array([1.0 + 1.0j, 0.0]),
+        np.array([1, 2]),
+        np.array(["a", "b"]),
+        np.array([1.0, 2.0], np.float16),
+        np.frombuffer(b"\x01" * 32, np.longdouble),
+    ],
+)
+def test_arrays_of_other_values_than_finite_numbers_are_refused(tmp_path: Path, wrong: np.ndarray) -> None:
+    np.savez(tmp_path / "a.npz", force=wrong, time=np.arange(2.0))
+    arrays = read_arrays(tmp_path / "a.npz", stored("calibrate"))
+    assert finite_numbers(arrays, "time").tolist() == [0.0, 1.0]
+    for name in ("force", "velocity"):
+        with pytest.raises(ValueError, match=name):
+            finite_numbers(arrays, name)
 
 
 def test_what_is_not_a_run_is_refused(tmp_path: Path) -> None:
