@@ -231,7 +231,7 @@ def copied(run: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(run, tmp_path / "run"))
 
 
-@pytest.mark.parametrize("name", [FIT, PROFILES, PLAN, CALIBRATION, RANKING, LAWS])
+@pytest.mark.parametrize("name", [MANIFEST, FIT, PROFILES, PLAN, CALIBRATION, RANKING, LAWS])
 def test_a_document_of_a_run_is_used_or_refused_in_a_sentence(
     name: str, copied: Path, records: list[Path]
 ) -> None:
@@ -331,6 +331,9 @@ def test_an_addition_of_another_fit_is_refused(run: Path, copied: Path) -> None:
     document = json.loads((copied / FIT).read_text())
     document["estimates"][0]["value"] *= 1.01
     (copied / FIT).write_text(json.dumps(document))
+    with pytest.raises(RecordError, match=f"{MANIFEST} is of another run than {FIT} beside it: its of_fit"):
+        mr.load(copied)
+    (copied / MANIFEST).write_text("{}")
     for name, verb in ((DRAWS, "sample"), (PROFILES, "profile"), (CALIBRATION, "calibrate"), (PLAN, "plan")):
         with pytest.raises(RecordError, match=f"{name} is of another fit .* run `mrwork {verb}"):
             mr.load(copied)
@@ -393,10 +396,11 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place
 
 
-def test_results_of_a_study_are_used_or_refused(study: Path, tmp_path: Path) -> None:
-    (tmp_path / MANIFEST).write_text((study / "out" / MANIFEST).read_text())
-    text = (study / "out" / RESULTS).read_text()
-    found, accepted = mutants(text), 0
+@pytest.mark.parametrize("name", [RESULTS, MANIFEST])
+def test_results_of_a_study_are_used_or_refused(name: str, study: Path, tmp_path: Path) -> None:
+    for each in (RESULTS, MANIFEST):
+        shutil.copy(study / "out" / each, tmp_path / each)
+    found, accepted = mutants((study / "out" / name).read_text()), 0
 
     def results() -> Any:
         stored = mr.study.read_results(tmp_path)
@@ -408,9 +412,9 @@ def test_results_of_a_study_are_used_or_refused(study: Path, tmp_path: Path) -> 
         return stored, stored.warnings()
 
     for what, forged in sampled(found):
-        (tmp_path / RESULTS).write_text(forged())
+        (tmp_path / name).write_text(forged())
         accepted += read(results, what)
-    print(f"study {RESULTS}: {len(sampled(found))} of {len(found)} mutants, {accepted} accepted")
+    print(f"study {name}: {len(sampled(found))} of {len(found)} mutants, {accepted} accepted")
 
 
 def test_a_forged_journal_of_a_study_is_refused_or_resumed(study: Path, tmp_path: Path) -> None:

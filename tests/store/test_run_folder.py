@@ -25,7 +25,7 @@ from report_samples import comparison, fit
 
 from mrwork.errors import OutputError, RecordError
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import read_fit, write_run
+from mrwork.identification.fit_file import manifest_of, read_fit, write_run
 from mrwork.store.arrays_file import finite_numbers, read_arrays
 from mrwork.store.input_file import stored
 from mrwork.store.lock import Lock
@@ -459,6 +459,45 @@ def test_arrays_of_other_values_than_finite_numbers_are_refused(tmp_path: Path, 
     for name in ("force", "velocity"):
         with pytest.raises(ValueError, match=name):
             finite_numbers(arrays, name)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("kind", "tuning"),
+        ("model", "bingham"),
+        ("model", None),
+        ("status", "stopped"),
+        ("of_fit", "0123456789abcdef"),
+        ("inputs", {"another.csv": "0" * 64}),
+        ("rng", 17),
+        ("settings", {}),
+        ("versions", []),
+        ("created", "\x1b[31m" + "long " * 50),
+    ],
+)
+def test_a_manifest_of_another_run_is_refused(tmp_path: Path, name: str, value: object) -> None:
+    def written(manifest: dict[str, object]) -> Path:
+        return write_run(tmp_path / "run", fit=FIT, report_html="", manifest=manifest, journal=STEPS)
+
+    stated = manifest_of(FIT, FIT.status)
+    for status in (FIT.status, "interrupted"):
+        assert read_fit(written({**stated, "status": status, "of the user": [1]})) == FIT
+    assert value != stated[name]
+    with pytest.raises(
+        RecordError, match=rf"manifest\.json is of another run than fit\.json .* {name} is"
+    ) as caught:
+        read_fit(written({**stated, name: value}))
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 400
+
+
+@pytest.mark.parametrize("content", ["[]", "null", '"identification"', "3", "{", '{"kind": 1, "kind": 2}'])
+def test_a_damaged_manifest_is_refused_by_its_name(tmp_path: Path, content: str) -> None:
+    place = write(tmp_path / "run")
+    (place / MANIFEST).write_text(content)
+    with pytest.raises(RecordError, match=r"manifest\.json is not"):
+        read_fit(place)
 
 
 def test_what_is_not_a_run_is_refused(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ import study_samples
 
 from mrwork.errors import RecordError
 from mrwork.store.codec import json_document
-from mrwork.store.run_folder import RESULTS
+from mrwork.store.run_folder import MANIFEST, RESULTS
 from mrwork.study import StudyResults, read_results
 from mrwork.study.comparison import compared
 from mrwork.study.folder import StoredStudy, study_document
@@ -117,6 +117,19 @@ def test_results_that_contradict_themselves_are_refused(
     forge(document)
     (tmp_path / RESULTS).write_text(json_document(document), encoding="utf-8")
     with pytest.raises(RecordError, match=words):
+        read_results(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("kind", "tuning"), ("title", "Another"), ("status", "interrupted"), ("status", None)]
+)
+def test_a_manifest_of_another_study_is_refused(tmp_path: Path, name: str, value: object) -> None:
+    results = study_samples.results()
+    stated = {"kind": "study", "title": results.title, "status": "finished", "seed": 0}
+    (tmp_path / MANIFEST).write_text(json_document(stated))
+    read_back(results, tmp_path)
+    (tmp_path / MANIFEST).write_text(json_document({**stated, name: value}))
+    with pytest.raises(RecordError, match=rf"of another run than results\.json beside it: its {name}"):
         read_results(tmp_path)
 
 

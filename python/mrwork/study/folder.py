@@ -16,8 +16,10 @@ from mrwork.closed_loop.evaluation import Spread, criteria
 from mrwork.errors import RecordError
 from mrwork.records.operating_range import Exceedance, OperatingRange
 from mrwork.store.codec import finite, json_document
+from mrwork.store.manifest import check_manifest, read_manifest
 from mrwork.store.record import OrInfinite, OrNan, Related, read_document
 from mrwork.store.run_folder import HISTORIES, JOURNAL, MANIFEST, REPORT, RESULTS, STUDY, write_folder
+from mrwork.store.unfinished import INTERRUPTED
 from mrwork.study.batches import Band
 from mrwork.study.comparison import compared
 from mrwork.study.demand import largest_demand, names_outside, worst_by_quantity
@@ -212,6 +214,13 @@ def read_results(folder: str | Path) -> StoredStudy:
     document = read_document(_Document, place, name="study", verb="respond")
     if document is None:
         raise RecordError(f"{folder} has no {RESULTS}; give the folder that `mrwork respond --out` wrote")
+    facts = {
+        "kind": ("study",),
+        "title": (document.title,),
+        "status": ("finished" if document.complete else INTERRUPTED,),
+    }
+    stated = read_manifest(Path(folder), verb="respond")
+    check_manifest(Path(folder), stated or {}, facts, file=RESULTS, verb="respond")
     rows = {label: Row(label=label, kind="controller") for label in document.scores}
     for run in document.results:
         rows[run.controller] = Row(label=run.controller, kind=run.kind)
