@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import warnings
 import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
@@ -438,6 +439,31 @@ def test_predictions_that_are_cut_or_forged_are_refused(tmp_path: Path) -> None:
         path.write_bytes(content)
         with pytest.raises(RecordError, match=r"predictions\.npz is (damaged|not a list of predictions)"):
             read_predictions(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        b"{'descr': '<f8', 'fortran_order': False, 'shape': (2L,)}",
+        b"{'descr': '<f8', 'fortran_order': False, 'sh\\/pe': (2,)}",
+        b"{'descr': '<\x1b[31m', 'fortran_order': False, 'shape': (2,)}",
+    ],
+)
+def test_headers_that_numpy_does_not_write_are_refused_without_its_warnings(
+    tmp_path: Path, header: bytes
+) -> None:
+    path = tmp_path / "a.npz"
+    with zipfile.ZipFile(path, "w") as archive:
+        content = header.ljust(117) + b"\n"
+        archive.writestr(
+            "force.npy", b"\x93NUMPY\x01\x00" + struct.pack("<H", len(content)) + content + bytes(16)
+        )
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        with pytest.raises(RecordError, match=r"a\.npz is damaged") as caught:
+            read_arrays(path, stored("calibrate"))
+    assert not said
+    assert str(caught.value).isprintable()
 
 
 @pytest.mark.parametrize(
