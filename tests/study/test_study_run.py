@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
@@ -16,6 +17,7 @@ from mrwork.errors import Interrupted, JournalError, RecordError
 from mrwork.simulate import Outcome
 from mrwork.store import Journal
 from mrwork.store.codec import plain
+from mrwork.store.journal_file import line_of, read_lines
 from mrwork.store.unfinished import begin_journal
 from mrwork.study.reading import read_study
 from mrwork.study.results import StudyResults
@@ -269,6 +271,21 @@ def test_a_forged_history_is_refused_and_simulated_again(
     assert not histories.kept(row, motion)
     run_study(study, kept=histories.kept, keep=histories.keep, threads=1)
     assert histories.read(row, motion) is not None
+
+
+@pytest.mark.parametrize("command", [-5.0, 1e9, math.nan, 0.01])
+def test_a_best_constant_command_that_was_not_tried_is_refused(
+    study: Study, tmp_path: Path, command: float
+) -> None:
+    path = tmp_path / "study.jsonl"
+    ran(study, path)
+    entries, _ = read_lines(path.read_bytes(), path)
+    number = next(place for place, entry in enumerate(entries) if entry["step"] == "best_constant")
+    entries[number]["result"]["command"] = command
+    # Its runs, which would be others, are still to come.
+    path.write_bytes(b"".join(map(line_of, entries[: number + 1])))
+    with pytest.raises(JournalError, match="none of those that are tried"):
+        ran(study, path, resume=True)
 
 
 @pytest.mark.parametrize("damage", ["cut", "empty", "one bit", "not an archive"])
