@@ -54,6 +54,9 @@ WRONG: tuple[Any, ...] = (
 
 Mutant = tuple[str, Callable[[], str]]
 
+# Every mutant takes minutes a document.
+pytestmark = [pytest.mark.timeout(3600)] if MUTANTS == "all" else []
+
 
 def nodes(value: Any, path: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
     """Paths of everything within a JSON value."""
@@ -397,7 +400,11 @@ def test_results_of_a_tuning_are_used_or_refused(tuned: Path, tmp_path: Path) ->
         shutil.copy(tuned / "out" / name, tmp_path / name)
     accepted = 0
     for name in (RESULTS, MANIFEST):
-        text = (tmp_path / name).read_text()
+        document = json.loads((tmp_path / name).read_text())
+        if name == RESULTS:
+            # Six references have equal fields, and four fifths of the values: one of them is enough.
+            del document["references"][1:]
+        text = json.dumps(document)
         found = mutants(text)
         for what, forged in sampled(found):
             (tmp_path / name).write_text(forged())
