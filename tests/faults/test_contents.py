@@ -278,7 +278,9 @@ def test_an_addition_of_another_fit_is_refused(run: Path, copied: Path) -> None:
     document = json.loads((copied / FIT).read_text())
     document["estimates"][0]["value"] *= 1.01
     (copied / FIT).write_text(json.dumps(document))
-    with pytest.raises(RecordError, match=f"{MANIFEST} is of another run than {FIT} beside it: its of_fit"):
+    with pytest.raises(
+        RecordError, match=f"{MANIFEST} is of another run than {FIT} beside it: its estimates"
+    ):
         mr.load(copied)
     (copied / MANIFEST).write_text("{}")
     for name, verb in ((DRAWS, "sample"), (PROFILES, "profile"), (CALIBRATION, "calibrate"), (PLAN, "plan")):

@@ -129,7 +129,9 @@ def _facts(fit: Fit) -> dict[str, tuple[object, ...]]:
         "model": (fit.model,),
         # In an interrupted comparison, the fit itself may be finished.
         "status": (fit.status, INTERRUPTED),
-        _FIT_OF: (fit.fingerprint,),
+        # Not the fingerprint, which may be another one in a later version.
+        "estimates": ({each.name: each.value for each in fit.estimates},),
+        "laws": (None if fit.current is None else fit.current.laws,),
         **{name: (value,) for name, value in asdict(fit.provenance).items()},
     }
 
