@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import argparse
 import json
 import shutil
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
 from command_line import printed
 
+import mrwork as mr
 from mrwork.cli import main
-from mrwork.identification.fit_file import read_fit
+from mrwork.cli.profile import stopped
+from mrwork.errors import Interrupted
+from mrwork.identification.fit_file import addition_content, read_fit, reopen
 from mrwork.stored import load
 
 
@@ -34,6 +39,8 @@ def valley(run: Path) -> Path:
         if estimate["name"] in ("delta", "x_s"):
             estimate |= {"value": 0.5 * estimate["value"], "remark": ""}
     (place / "fit.json").write_text(json.dumps(document))
+    # That of a fit with other parameters would be refused.
+    (place / "manifest.json").write_text("{}")
     return place
 
 
@@ -66,6 +73,47 @@ def test_json_is_one_object_and_what_is_written(valley: Path, capsys: pytest.Cap
     assert document["level"] == 0.5
     assert document["status"] == "finished"
     assert document["directions"]
+
+
+def test_profiles_so_far_replace_damaged_ones_and_not_complete_ones(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    place = tmp_path / "run"
+    shutil.copytree(run, place)
+    opened, path = reopen(place), place / "profiles.json"
+
+    def press(progress: object) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted) as caught:
+        mr.profile(opened.fit, opened.tests, parameters=["c"], threads=1, on_progress=press)
+    so_far, options = caught.value.result, argparse.Namespace(json=False)
+    for damaged in ('{"profiles": 3}', "{", "[]"):
+        path.write_text(damaged)
+        assert stopped(opened, so_far, options) == 130
+        assert json.loads(path.read_text())["status"] == "interrupted"
+        assert "has the profiles so far" in capsys.readouterr().err
+    finished = replace(so_far, status="finished")
+    path.write_bytes(addition_content(asdict(finished), opened.fit))
+    before = path.read_bytes()
+    assert stopped(opened, so_far, options) == 130
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("verb", "file"), [("profile", "posterior.nc"), ("sample", "profiles.json"), ("profile", "fit.json")]
+)
+def test_a_damaged_file_beside_it_is_refused_before_anything_is_computed(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], verb: str, file: str
+) -> None:
+    place = tmp_path / "run"
+    shutil.copytree(run, place)
+    (place / file).write_text("{}")
+    before = {each.name: each.read_bytes() for each in place.iterdir() if each.is_file()}
+    # A chain of so many steps would take minutes.
+    more = ("--steps", "1000000", "--walkers", "64") if verb == "sample" else ()
+    assert file in printed(capsys, verb, place, "--quiet", *more, status=2)
+    assert {each.name: each.read_bytes() for each in place.iterdir() if each.name in before} == before
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import time
 import zipfile
 from collections.abc import Callable
 from contextlib import closing, suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -26,6 +27,7 @@ from mrwork.report.expectations import departures
 from mrwork.store.arrays_file import read_arrays
 from mrwork.store.input_file import RECORD
 from mrwork.store.journal_file import line_of, read_lines
+from mrwork.tuning.results import LawResult, unjudged
 
 
 def record(change: Callable[[dict[str, np.ndarray]], None]) -> Callable[[Path], object]:
@@ -204,6 +206,26 @@ def test_a_journal_with_a_minimum_out_of_bounds_is_refused(
         pytest.raises(JournalError, match="outside of the bounds"),
     ):
         mr.identify("bingham", test, search=search, engine=engine, journal=journal, rng=0)
+
+
+@pytest.mark.parametrize("largest", [[], "", None, {"a": 1}, True])
+def test_a_largest_command_that_is_no_number_contradicts_a_tuned_law(largest: object) -> None:
+    nominal = unjudged(1.0)
+    law = LawResult(
+        law="clipped_optimal",
+        label="law",
+        settings={"largest_command": 1.0},
+        origin="tuned",
+        train=nominal,
+        test=None,
+        candidates=1,
+        seconds=0.0,
+        certificate="",
+        limited=True,
+    )
+    assert not law.disagreement()
+    assert "largest_command" in replace(law, settings={"largest_command": largest}).disagreement()
+    assert "largest_command" in replace(law, settings={}).disagreement()
 
 
 def test_texts_of_arrays_have_characters_that_exist(tmp_path: Path) -> None:

@@ -38,6 +38,15 @@ OTHER = FitSettings(
 )
 
 
+# Of the efficient genetic algorithm.
+DAMAGED_SEARCHES: list[dict[str, Any]] = [
+    *({"population": wrong} for wrong in (None, 3, 8.0, True, "8", 10**80)),
+    *({"stop": wrong} for wrong in (None, [], -1, {"max_generations": 0}, {"max_generation": 9})),
+    *({"elite": wrong} for wrong in (None, 0.5, {"count": 0}, {"count": [1]}, {"distance": None})),
+    *({"ceiling": {"absolute": "high"}}, {"elite_share": 1e300}, {"populations": 60}),
+]
+
+
 def test_each_setting_survives_its_record() -> None:
     for each in fields(FitSettings):
         assert getattr(OTHER, each.name) != getattr(FitSettings(), each.name), each.name
@@ -121,7 +130,14 @@ def test_a_fit_of_an_unregistered_search_can_be_used() -> None:
         identify_again(read, (TEST,))
 
 
-@pytest.mark.parametrize("record", [{"search": {"kind": 3}}, {"search": 3}, {"power": "two"}])
+@pytest.mark.parametrize(
+    "record",
+    [
+        *({"search": {"kind": 3}}, {"search": 3}, {"power": "two"}),
+        *({"search": {"kind": name, "stop": "never"}} for name in searches()),
+        *({"search": {"kind": "genetic", **search}} for search in DAMAGED_SEARCHES),
+    ],
+)
 def test_a_damaged_record_is_refused(record: dict[str, Any]) -> None:
     with pytest.raises(RecordError, match="run `mrwork identify` again"):
         FitSettings.of_record(record)

@@ -36,7 +36,17 @@ def test_toml_is_refused_in_a_phrase(text: str) -> None:
         toml_table(text)
 
 
+@pytest.mark.parametrize(
+    "text",
+    ['{"gain": 1, "gain": 1}', '[{"a": {"gain": 1, "b": 2, "gain": 3}}]', '{"g\\u0061in": 1, "gain": 2}'],
+)
+def test_a_key_that_stands_twice_in_an_object_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match="the key 'gain' stands more than once"):
+        json_value(text)
+
+
 def test_sound_texts_are_read() -> None:
+    assert json_value('{"a": {"b": 1}, "b": {"a": 1, "b": 1}}')["b"] == {"a": 1, "b": 1}
     assert json_value('{"a": [1.5, 115792089237316195423570985008687907853]}')["a"][0] == 1.5
     assert toml_table("a.b.c = [[1, 2], [3, 4]] # ............ " + "a." * 300)["a"]["b"]["c"][1] == [3, 4]
 

@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import warnings
 import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
@@ -25,7 +26,9 @@ from report_samples import comparison, fit
 
 from mrwork.errors import OutputError, RecordError
 from mrwork.identification.fit import Fit
-from mrwork.identification.fit_file import read_fit, write_run
+from mrwork.identification.fit_file import manifest_of, read_fit, write_run
+from mrwork.store.arrays_file import finite_numbers, read_arrays
+from mrwork.store.input_file import stored
 from mrwork.store.lock import Lock
 from mrwork.store.run_folder import (
     CALIBRATION,
@@ -436,6 +439,93 @@ def test_predictions_that_are_cut_or_forged_are_refused(tmp_path: Path) -> None:
         path.write_bytes(content)
         with pytest.raises(RecordError, match=r"predictions\.npz is (damaged|not a list of predictions)"):
             read_predictions(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        b"{'descr': '<f8', 'fortran_order': False, 'shape': (2L,)}",
+        b"{'descr': '<f8', 'fortran_order': False, 'sh\\/pe': (2,)}",
+        b"{'descr': '<\x1b[31m', 'fortran_order': False, 'shape': (2,)}",
+    ],
+)
+def test_headers_that_numpy_does_not_write_are_refused_without_its_warnings(
+    tmp_path: Path, header: bytes
+) -> None:
+    path = tmp_path / "a.npz"
+    with zipfile.ZipFile(path, "w") as archive:
+        content = header.ljust(117) + b"\n"
+        archive.writestr(
+            "force.npy", b"\x93NUMPY\x01\x00" + struct.pack("<H", len(content)) + content + bytes(16)
+        )
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        with pytest.raises(RecordError, match=r"a\.npz is damaged") as caught:
+            read_arrays(path, stored("calibrate"))
+    assert not said
+    assert str(caught.value).isprintable()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        np.frombuffer(b"\xff" * 8, "<f4"),
+        np.array([1.0, np.inf]),
+        np.array([1.0 + 1.0j, 0.0]),
+        np.array([1, 2]),
+        np.array(["a", "b"]),
+        np.array([1.0, 2.0], np.float16),
+        np.frombuffer(b"\x01" * 32, np.longdouble),
+    ],
+)
+def test_arrays_of_other_values_than_finite_numbers_are_refused(tmp_path: Path, wrong: np.ndarray) -> None:
+    np.savez(tmp_path / "a.npz", force=wrong, time=np.arange(2.0))
+    arrays = read_arrays(tmp_path / "a.npz", stored("calibrate"))
+    assert finite_numbers(arrays, "time").tolist() == [0.0, 1.0]
+    for name in ("force", "velocity"):
+        with pytest.raises(ValueError, match=name):
+            finite_numbers(arrays, name)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("kind", "tuning"),
+        ("model", "bingham"),
+        ("model", None),
+        ("status", "stopped"),
+        ("estimates", {each.name: 1.01 * each.value for each in FIT.estimates}),
+        ("estimates", []),
+        ("laws", ["linear"]),
+        ("inputs", {"another.csv": "0" * 64}),
+        ("rng", 17),
+        ("settings", {}),
+        ("versions", []),
+        ("created", "\x1b[31m" + "long " * 50),
+    ],
+)
+def test_a_manifest_of_another_run_is_refused(tmp_path: Path, name: str, value: object) -> None:
+    def written(manifest: dict[str, object]) -> Path:
+        return write_run(tmp_path / "run", fit=FIT, report_html="", manifest=manifest, journal=STEPS)
+
+    stated = manifest_of(FIT, FIT.status)
+    for status in (FIT.status, "interrupted"):
+        assert read_fit(written({**stated, "status": status, "of the user": [1]})) == FIT
+    assert value != stated[name]
+    with pytest.raises(
+        RecordError, match=rf"manifest\.json is of another run than fit\.json .* {name} is"
+    ) as caught:
+        read_fit(written({**stated, name: value}))
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 400
+
+
+@pytest.mark.parametrize("content", ["[]", "null", '"identification"', "3", "{", '{"kind": 1, "kind": 2}'])
+def test_a_damaged_manifest_is_refused_by_its_name(tmp_path: Path, content: str) -> None:
+    place = write(tmp_path / "run")
+    (place / MANIFEST).write_text(content)
+    with pytest.raises(RecordError, match=r"manifest\.json is not"):
+        read_fit(place)
 
 
 def test_what_is_not_a_run_is_refused(tmp_path: Path) -> None:

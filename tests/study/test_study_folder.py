@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 import study_samples
 
 from mrwork.errors import RecordError
 from mrwork.store.codec import json_document
-from mrwork.store.run_folder import RESULTS
+from mrwork.store.run_folder import MANIFEST, RESULTS
 from mrwork.study import StudyResults, read_results
 from mrwork.study.comparison import compared
 from mrwork.study.folder import StoredStudy, study_document
@@ -81,6 +83,54 @@ def test_rows_that_were_not_reached_are_known_by_their_labels(tmp_path: Path) ->
     assert (stored.done, stored.total, stored.complete) == (6, 10, False)
     assert stored.criteria(4, 0) is None
     assert "6 of 10 runs" in repr(stored)
+
+
+def _two_kinds(document: dict[str, Any]) -> None:
+    document["results"][-1]["kind"] = "passive"
+
+
+FORGED: dict[str, Callable[[dict[str, Any]], object]] = {
+    "lacks peak_drift": lambda document: document["results"][3]["criteria"].pop("peak_drift"),
+    "lacks rms_drift": lambda document: document["results"][3]["over_uncontrolled"].pop("rms_drift"),
+    "has the unknown criterion 'peak_drifts'": lambda document: document["results"][0]["criteria"].update(
+        peak_drifts=1.0
+    ),
+    "finished without peak_drift": lambda document: document["results"][3]["criteria"].update(
+        peak_drift=None
+    ),
+    "it is complete without a run": lambda document: document["results"].pop(),
+    "and no score of": lambda document: document["scores"].popitem(),
+    "is of the kind": _two_kinds,
+    "it has two runs": lambda document: document["results"].append(document["results"][0]),
+    "it has no motion": lambda document: document["motions"].pop(),
+    "is not repeated with half the step": lambda document: document["results"][2].update(step_check=None),
+}
+
+
+@pytest.mark.parametrize(("words", "forge"), FORGED.items(), ids=FORGED)
+def test_results_that_contradict_themselves_are_refused(
+    tmp_path: Path, words: str, forge: Callable[[dict[str, Any]], object]
+) -> None:
+    results = study_samples.results()
+    document = study_document(replace(results, halved=dict(results.runs)))
+    assert document["complete"]
+    forge(document)
+    (tmp_path / RESULTS).write_text(json_document(document), encoding="utf-8")
+    with pytest.raises(RecordError, match=words):
+        read_results(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("kind", "tuning"), ("title", "Another"), ("status", "interrupted"), ("status", None)]
+)
+def test_a_manifest_of_another_study_is_refused(tmp_path: Path, name: str, value: object) -> None:
+    results = study_samples.results()
+    stated = {"kind": "study", "title": results.title, "status": "finished", "seed": 0}
+    (tmp_path / MANIFEST).write_text(json_document(stated))
+    read_back(results, tmp_path)
+    (tmp_path / MANIFEST).write_text(json_document({**stated, name: value}))
+    with pytest.raises(RecordError, match=rf"of another run than results\.json beside it: its {name}"):
+        read_results(tmp_path)
 
 
 def test_another_folder_is_refused(tmp_path: Path) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import json
+import math
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
 
@@ -11,10 +13,11 @@ import numpy as np
 import pytest
 from command_line import printed
 
-from mrwork.errors import Interrupted, JournalError
+from mrwork.errors import Interrupted, JournalError, RecordError
 from mrwork.simulate import Outcome
 from mrwork.store import Journal
 from mrwork.store.codec import plain
+from mrwork.store.journal_file import line_of, read_lines
 from mrwork.store.unfinished import begin_journal
 from mrwork.study.reading import read_study
 from mrwork.study.results import StudyResults
@@ -234,6 +237,55 @@ def test_half_the_step_changes_little_of_a_smooth_run_and_can_be_asked_for_later
     assert "Half the step: the largest change" in text
     # Recalled, not run again.
     assert (out / "journal.jsonl").read_text() == journal
+
+
+FORGED: dict[str, Callable[[dict[str, np.ndarray]], object]] = {
+    "it has no drift": lambda arrays: arrays.pop("drift"),
+    "rate has a number that is not finite": lambda arrays: arrays["rate"].__setitem__((3, 0), np.nan),
+    "force has other values": lambda arrays: arrays.update(force=arrays["force"].astype(complex)),
+    "energy has other values": lambda arrays: arrays.update(energy=np.full(arrays["energy"].shape, "x")),
+    r"acceleration has the shape \(\d+, 1\)": lambda arrays: arrays.update(
+        acceleration=arrays["acceleration"][:, :1]
+    ),
+    "command has the shape": lambda arrays: arrays.update(command=arrays["command"][:-1]),
+    "its times are not": lambda arrays: arrays["time"].__setitem__(2, 0.5),
+    "it has .* samples": lambda arrays: arrays.update({name: each[:9] for name, each in arrays.items()}),
+}
+
+
+@pytest.mark.parametrize(("words", "forge"), FORGED.items(), ids=FORGED)
+def test_a_forged_history_is_refused_and_simulated_again(
+    study: Study, tmp_path: Path, words: str, forge: Callable[[dict[str, np.ndarray]], object]
+) -> None:
+    histories = Histories(tmp_path / "run", study, resume=False)
+    run_study(study, keep=histories.keep, threads=1)
+    row, motion = 1, study.histories[0]
+    assert study.arrangements[row].devices
+    path = next(each for each in histories.paths() if each.name.startswith(f"{row + 1:02d}-{motion + 1:02d}"))
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    forge(arrays)
+    np.savez(path, **arrays)  # type: ignore[arg-type] # no array is called allow_pickle
+    with pytest.raises(RecordError, match=f"not the history of this run .{words}"):
+        histories.read(row, motion)
+    assert not histories.kept(row, motion)
+    run_study(study, kept=histories.kept, keep=histories.keep, threads=1)
+    assert histories.read(row, motion) is not None
+
+
+@pytest.mark.parametrize("command", [-5.0, 1e9, math.nan, 0.01])
+def test_a_best_constant_command_that_was_not_tried_is_refused(
+    study: Study, tmp_path: Path, command: float
+) -> None:
+    path = tmp_path / "study.jsonl"
+    ran(study, path)
+    entries, _ = read_lines(path.read_bytes(), path)
+    number = next(place for place, entry in enumerate(entries) if entry["step"] == "best_constant")
+    entries[number]["result"]["command"] = command
+    # Its runs, which would be others, are still to come.
+    path.write_bytes(b"".join(map(line_of, entries[: number + 1])))
+    with pytest.raises(JournalError, match="none of those that are tried"):
+        ran(study, path, resume=True)
 
 
 @pytest.mark.parametrize("damage", ["cut", "empty", "one bit", "not an archive"])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ from mrwork.control.law_settings import SETTINGS
 from mrwork.control.setting_base import Magnitudes
 from mrwork.errors import SettingError
 from mrwork.study.tuning_schema import TuneTable
-from mrwork.tuning.space import LARGEST, space_of
+from mrwork.tuning.space import LARGEST, FreeSetting, space_of
 
 MAGNITUDES = Magnitudes(
     drift=5e-3,
@@ -109,3 +111,15 @@ def test_held_settings_are_not_searched_and_ranges_of_the_table_are() -> None:
 def test_a_space_that_cannot_be_searched_is_refused(keys: dict[str, object], sentence: str) -> None:
     with pytest.raises(SettingError, match=sentence):
         space_of(TuneTable(laws=("clipped_optimal",), **keys), "clipped_optimal", MAGNITUDES)  # type: ignore[arg-type] # of several keys
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "scale", "levels"),
+    [(1.0, 1.0, "linear", 0), (0.0, 1.0, "log", 0), (1e-300, 1e90, "log", 0), (0.0, 1.0, "linear", 1)],
+)
+def test_a_stored_range_that_cannot_be_searched_contradicts_itself(
+    lower: float, upper: float, scale: Literal["linear", "log"], levels: int
+) -> None:
+    free = FreeSetting(name="gain", lower=lower, upper=upper, scale=scale, levels=levels)
+    assert free.disagreement() == f"gain cannot be searched from {lower:g} to {upper:g}"
+    assert not FreeSetting(name="gain", lower=1e-9, upper=1.0, levels=10).disagreement()

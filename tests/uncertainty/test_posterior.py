@@ -16,6 +16,8 @@ from scipy.stats import norm
 
 from mrwork.errors import Interrupted, JournalError, SettingError
 from mrwork.store import Journal
+from mrwork.store.codec import array_of
+from mrwork.store.journal_file import line_of, read_lines
 from mrwork.uncertainty.posterior.diagnostics import diagnose, next_check
 from mrwork.uncertainty.posterior.draws import Draws, summary_of
 from mrwork.uncertainty.posterior.draws_file import draws_content, read_draws
@@ -194,6 +196,31 @@ def test_an_interrupted_chain_goes_on_to_the_same_bits_on_any_threads(tmp_path: 
 def steps_of(journal: Path) -> list[dict[str, Any]]:
     lines = [json.loads(line) for line in journal.read_text().splitlines()]
     return [line for line in lines if line["step"] == "step"]
+
+
+@pytest.mark.parametrize(
+    ("line", "density", "words"),
+    [
+        (3, np.nan, "line 3 of .* a density is not a number"),
+        (3, np.inf, "line 3 of .* a density is not a number"),
+        (2, -np.inf, "begins with densities that are not finite"),
+    ],
+)
+def test_a_forged_density_is_refused(tmp_path: Path, line: int, density: float, words: str) -> None:
+    path = tmp_path / "chain.jsonl"
+
+    def sampled(*, resume: bool) -> Draws:
+        with closing(Journal(path, resume=resume)) as journal:
+            return sample(small_fit(), small_test(), walkers=16, most_steps=3, threads=1, journal=journal)
+
+    sampled(resume=False)
+    entries, _ = read_lines(path.read_bytes(), path)
+    densities = array_of(entries[line - 1]["result"]["densities"])
+    densities[0, 5] = density
+    entries[line - 1]["result"]["densities"] = densities
+    path.write_bytes(b"".join(map(line_of, entries)))
+    with pytest.raises(JournalError, match=words):
+        sampled(resume=True)
 
 
 def test_what_is_in_the_journal_is_not_simulated_again(tmp_path: Path) -> None:

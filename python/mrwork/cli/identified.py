@@ -18,7 +18,7 @@ from mrwork.dampers.spec import damper
 from mrwork.errors import Interrupted
 from mrwork.escaping import escaped
 from mrwork.identification.fit import Estimate, Fit
-from mrwork.identification.fit_file import write_run
+from mrwork.identification.fit_file import manifest_of, write_run
 from mrwork.identification.result import FitSpread
 from mrwork.identification.settings import Reading
 from mrwork.records import DamperTest
@@ -99,14 +99,11 @@ def write_identification(
     """
     if not finished and is_complete(folder):
         return False
-    # In an interrupted comparison, the fit itself may be finished.
-    status = fit.status if finished else INTERRUPTED
-    manifest = {"kind": "identification", "model": fit.model, "status": status} | asdict(fit.provenance)
     write_run(
         folder,
         fit=fit,
         report_html=_NOT_DRAWN if finished else _INTERRUPTED,
-        manifest=manifest,
+        manifest=manifest_of(fit, fit.status if finished else INTERRUPTED),
         journal=journal,
         documents=documents,
         flush=finished,

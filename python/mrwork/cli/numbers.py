@@ -11,6 +11,7 @@ from typing import Any
 
 from mrwork.identification.objective import EQUAL_SHARES, ROOT_MEAN_SQUARE
 from mrwork.identification.settings import LARGEST_POWER
+from mrwork.search.rules import LARGEST_POPULATION
 from mrwork.uncertainty.planning.candidates import AMPLITUDE_RANGE, COMMAND_RANGE, FREQUENCY_RANGE
 
 # As many digits of a number as a message repeats.
@@ -127,7 +128,7 @@ EVERY = Range(lower=1, upper=1_000_000, whole=True)
 POWER = Range(lower=ROOT_MEAN_SQUARE, upper=LARGEST_POWER)
 FORCE_EXPONENT = Range(lower=0.0, upper=EQUAL_SHARES)
 # The largest population of six parameters is 50 MB, and its generation takes minutes.
-POPULATION = Range(lower=2, upper=1_000_000, whole=True)
+POPULATION = Range(lower=2, upper=LARGEST_POPULATION, whole=True)
 GENERATIONS = Range(lower=1, upper=1_000_000, whole=True)
 SHARE = Range(lower=0.001, upper=0.999999)
 WALKERS = Range(lower=2, upper=10_000, whole=True)

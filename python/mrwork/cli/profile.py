@@ -13,7 +13,7 @@ from mrwork.cli.options import add_json, add_quiet, add_run, add_threads
 from mrwork.cli.output import print_json, renew_page, result_lines
 from mrwork.cli.progress import PATIENCE, ProgressLine, profile_described
 from mrwork.cli.terminal import note, show
-from mrwork.errors import Interrupted
+from mrwork.errors import Interrupted, RecordError
 from mrwork.identification.certainty import Direction
 from mrwork.identification.fit import Fit
 from mrwork.identification.fit_file import OpenedRun, addition_content, reopen
@@ -55,10 +55,13 @@ def run(options: argparse.Namespace) -> int:
 
 def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
     # SciPy's optimisers are slow to load, and the help does not need them.
-    from mrwork.stored import fit_content, read_profiles
+    from mrwork.stored import fit_content
     from mrwork.uncertainty.identifiability.profile_likelihood import profile
     from mrwork.uncertainty.identifiability.verdicts import identifiability_of
+    from mrwork.uncertainty.posterior.draws_file import read_draws
 
+    # The file of the fit has the intervals of the draws: damaged ones are refused before the profiles are computed.
+    draws = read_draws(opened.place, opened.fit)
     line = ProgressLine(profile_described, quiet=options.quiet or options.json, patience=PATIENCE)
     try:
         profiles = profile(
@@ -71,14 +74,14 @@ def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
         )
     except Interrupted as interrupt:
         line.close()
-        return _stopped(opened, interrupt.result, read_profiles(opened.place, opened.fit), options)
+        return stopped(opened, interrupt.result, options)
     finally:
         line.close()
     identifiability = identifiability_of(opened.fit, opened.tests, threads=options.threads)
     document = asdict(profiles) | {"directions": [asdict(each) for each in identifiability.directions]}
     contents = {
         PROFILES: addition_content(document, opened.fit),
-        FIT: fit_content(opened.place, opened.fit, profiles=profiles),
+        FIT: fit_content(opened.place, opened.fit, draws=draws, profiles=profiles),
     }
     write_files(opened.place, contents)
     status = renew_page(opened.place, quiet=options.quiet or options.json)
@@ -89,12 +92,10 @@ def _profile(opened: OpenedRun, options: argparse.Namespace) -> int:
     return status
 
 
-def _stopped(
-    opened: OpenedRun, profiles: Profiles, earlier: Profiles | None, options: argparse.Namespace
-) -> int:
+def stopped(opened: OpenedRun, profiles: Profiles, options: argparse.Namespace) -> int:
     """Write and print the profiles of an interrupted run, not in place of complete ones; return the exit status."""
     document = asdict(profiles) | {"directions": []}
-    written = earlier is None or earlier.status != "finished"
+    written = not _has_complete(opened)
     if written:
         write_files(opened.place, {PROFILES: addition_content(document, opened.fit)})
     if options.json:
@@ -104,6 +105,17 @@ def _stopped(
     where = "has the profiles so far" if written else "keeps the complete profiles that it has"
     note(f"interrupted; {opened.place / PROFILES} {where}; run the same command again for all")
     return 130
+
+
+def _has_complete(opened: OpenedRun) -> bool:
+    """Whether the run has profiles of its fit that are complete; damaged ones are none, as for a run to its end."""
+    from mrwork.stored import read_profiles
+
+    try:
+        earlier = read_profiles(opened.place, opened.fit)
+    except RecordError:
+        return False
+    return earlier is not None and earlier.status == "finished"
 
 
 def _text(fit: Fit, profiles: Profiles, directions: Sequence[Direction], place: Path) -> str:

@@ -72,8 +72,13 @@ def add_parser(verbs: Any) -> None:
 def run(options: argparse.Namespace) -> int:
     """Sample, write the draws, print the result."""
     priors = dict(parse_prior(text) for text in options.prior)
+    # SciPy is slow to load.
+    from mrwork.stored import fit_content, read_profiles
+
     opened = reopen(options.run_folder)
     kept = opened.place / CHAIN
+    # The file of the fit may have the intervals of the profiles: damaged ones are refused before the chain grows.
+    profiles = read_profiles(opened.place, opened.fit)
     if options.resume:
         _refuse_former(kept)
     with addition_journal(kept, resume=options.resume, note=note) as journal:
@@ -81,12 +86,11 @@ def run(options: argparse.Namespace) -> int:
         if draws is None:
             return status
         # ArviZ and HDF5 take seconds to load.
-        from mrwork.stored import fit_content
         from mrwork.uncertainty.posterior.draws_file import draws_content
 
         contents = {
             DRAWS: draws_content(draws, opened.fit),
-            FIT: fit_content(opened.place, opened.fit, draws=draws),
+            FIT: fit_content(opened.place, opened.fit, draws=draws, profiles=profiles),
         }
         write_files(opened.place, contents, then=lambda: keep_addition(journal, kept))
         # A chain of an earlier version, which is not that of the draws any more.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from math import sqrt
 from pathlib import Path
 from typing import Any, TypeVar
@@ -14,6 +14,7 @@ from mrwork.records import DamperTest, RecordedMotion
 from mrwork.records.operating_range import OperatingRange
 from mrwork.store.codec import json_document
 from mrwork.store.input_file import exists, is_folder, is_there, stored, text_of
+from mrwork.store.manifest import check_manifest, read_manifest
 from mrwork.store.record import parsed, read_document, record_from_json, record_of
 from mrwork.store.run_folder import (
     ADDITIONS,
@@ -27,7 +28,7 @@ from mrwork.store.run_folder import (
     REPORT,
     write_folder,
 )
-from mrwork.store.unfinished import is_part
+from mrwork.store.unfinished import INTERRUPTED, is_part
 
 T = TypeVar("T")
 
@@ -102,7 +103,8 @@ def read_fit(path: str | Path) -> Fit:
         raise RecordError(
             f"{path} is the journal of an unfinished run; run the command that began it again with --resume"
         )
-    if not is_there(place / MANIFEST, stored("identify", name="the manifest")):
+    manifest = read_manifest(place, verb="identify")
+    if manifest is None:
         raise RecordError(
             f"{path} is not a run folder, it has no {MANIFEST}; "
             "give the folder that `mrwork identify --out` wrote"
@@ -110,8 +112,28 @@ def read_fit(path: str | Path) -> Fit:
     fit = read_document(Fit, place / FIT, name="fit", verb="identify")
     if fit is None:
         raise RecordError(f"{place / FIT} cannot be read (it does not exist); run `mrwork identify` again")
+    check_manifest(place, manifest, _facts(fit), file=FIT, verb="identify")
     fit = _with_effective_samples(fit)
     return fit if fit.tested is not None and fit.motions else _with_ranges(fit)
+
+
+def manifest_of(fit: Fit, status: str) -> dict[str, object]:
+    """The manifest of a run folder that `mrwork identify` writes: what was identified from what, and how it ended."""
+    return {name: values[0] for name, values in _facts(fit).items()} | {"status": status}
+
+
+def _facts(fit: Fit) -> dict[str, tuple[object, ...]]:
+    """What the manifest of a fit may state."""
+    return {
+        "kind": ("identification",),
+        "model": (fit.model,),
+        # In an interrupted comparison, the fit itself may be finished.
+        "status": (fit.status, INTERRUPTED),
+        # Not the fingerprint, which may be another one in a later version.
+        "estimates": ({each.name: each.value for each in fit.estimates},),
+        "laws": (None if fit.current is None else fit.current.laws,),
+        **{name: (value,) for name, value in asdict(fit.provenance).items()},
+    }
 
 
 def _with_ranges(fit: Fit) -> Fit:

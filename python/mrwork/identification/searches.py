@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields, is_dataclass, replace
+from dataclasses import asdict, dataclass, is_dataclass, replace
 from functools import cache
 from typing import Any, Protocol, TypeAlias, get_type_hints
 
 from mrwork.errors import SettingError, UnknownNameError
 from mrwork.identification.multistart import Multistart
 from mrwork.search.loop import Optimiser
+from mrwork.store.record import built
 
 _MULTISTART = "multistart"
 
@@ -195,16 +196,16 @@ def _kind_of_development_version(record: Mapping[str, Any]) -> str:
 
 
 def _built(kind: type, record: Mapping[str, Any]) -> Any:
+    """The settings of a search of this class, checked as those of a caller; those that are missing have defaults."""
+    settings = {name: value for name, value in record.items() if name != "kind"}
+    _refuse_unknown(kind, settings)
+    return built(kind, settings, "search")
+
+
+def _refuse_unknown(kind: type, settings: Mapping[str, Any]) -> None:
     hints = get_type_hints(kind)
-    values = {each.name: record[each.name] for each in fields(kind) if each.name in record}
-    return kind(
-        **{
-            name: _built(hints[name], value) if isinstance(value, Mapping) else _tuples(value)
-            for name, value in values.items()
-        }
-    )
-
-
-def _tuples(value: Any) -> Any:
-    """The value with tuples in place of lists, at any depth."""
-    return tuple(_tuples(entry) for entry in value) if isinstance(value, list | tuple) else value
+    for name, value in settings.items():
+        if name not in hints:
+            raise ValueError(f"{kind.__name__} has no setting {name!r}")
+        if is_dataclass(hints[name]) and isinstance(value, Mapping):
+            _refuse_unknown(hints[name], value)

@@ -8,7 +8,6 @@ the simulation of a trial may stop when its misfit reaches that of the parent.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
@@ -19,7 +18,7 @@ from mrwork.arguments import AnyNumbers, Seed, checked
 from mrwork.errors import SettingError
 from mrwork.search.course import Course, Dimension, Proposal, Replicate
 from mrwork.search.population import PopulationState, proposed, with_better_members
-from mrwork.search.rules import EliteRule, StopRules, check_ranges
+from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, others, reflect
 
 
@@ -55,7 +54,7 @@ class DifferentialEvolution:
         least, greatest = self.factor
         check_ranges(
             {
-                "population": (self.population, 5, math.inf),
+                "population": (self.population, 5, LARGEST_POPULATION),
                 "factor": (least, 0.0, greatest),
                 "factor, the greatest,": (greatest, 0.0, 2.0),
                 "crossover_probability": (self.crossover_probability, 0.0, 1.0),

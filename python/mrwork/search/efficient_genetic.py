@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from mrwork.arguments import AnyNumbers, Seed, checked
 from mrwork.search.course import Course, Dimension, Proposal, Replicate
 from mrwork.search.population import Ceiling, proposed, relative_fitness, with_generation
-from mrwork.search.rules import EliteRule, StopRules, check_ranges
+from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
 from mrwork.summary import Summarised
 from mrwork.values import holds_arrays
@@ -95,7 +95,10 @@ class EfficientGA:
 
     def __post_init__(self) -> None:
         check_ranges(
-            {"population": (self.population, 4, math.inf), "elite_share": (self.elite_share, 0.0, 1.0)}
+            {
+                "population": (self.population, 4, LARGEST_POPULATION),
+                "elite_share": (self.elite_share, 0.0, 1.0),
+            }
         )
 
     @checked

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from mrwork.arguments import AnyNumbers, Seed, checked
 from mrwork.search.course import Course, Dimension, Proposal, Replicate, put
 from mrwork.search.population import proposed, with_better_members
-from mrwork.search.rules import EliteRule, StopRules, check_ranges
+from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
 from mrwork.summary import Summarised
 from mrwork.values import holds_arrays
@@ -84,7 +84,7 @@ class ParticleSwarm:
     def __post_init__(self) -> None:
         check_ranges(
             {
-                "population": (self.population, 2, math.inf),
+                "population": (self.population, 2, LARGEST_POPULATION),
                 "inertia": (min(self.inertia), 0.0, 1.0),
                 "inertia, the greater,": (max(self.inertia), 0.0, 1.0),
                 "own_attraction": (self.own_attraction, 0.0, 4.0),

@@ -22,7 +22,7 @@ from mrwork.arguments import Seed, checked
 from mrwork.errors import SettingError
 from mrwork.search.course import Course, Dimension, Proposal, Replicate
 from mrwork.search.population import proposed, with_generation
-from mrwork.search.rules import EliteRule, StopRules, check_ranges
+from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.values import holds_arrays
 
 # Misfit of a failed simulation for a library that needs finite numbers, above any misfit.
@@ -182,7 +182,10 @@ class CMAEvolution(PeerOptimiser):
 
     def __post_init__(self) -> None:
         check_ranges(
-            {"population": (self.population, 4, math.inf), "deviation": (self.deviation, 1e-12, 1.0)}
+            {
+                "population": (self.population, 4, LARGEST_POPULATION),
+                "deviation": (self.deviation, 1e-12, 1.0),
+            }
         )
 
     def _starter(self, course: Course, n_params: int) -> Callable[[int], Peer]:
@@ -239,7 +242,7 @@ class PymooGA(PeerOptimiser):
     elite: EliteRule = field(default_factory=EliteRule)
 
     def __post_init__(self) -> None:
-        check_ranges({"population": (self.population, 4, math.inf)})
+        check_ranges({"population": (self.population, 4, LARGEST_POPULATION)})
 
     def _starter(self, course: Course, n_params: int) -> Callable[[int], Peer]:
         problem = library("pymoo.core.problem").Problem(n_var=n_params, n_obj=1, xl=0.0, xu=1.0)

@@ -14,6 +14,9 @@ from mrwork.arguments import AnyNumbers, Shape, checked
 from mrwork.errors import SettingError
 from mrwork.search.termination import hypothesis_test, stalled, threshold
 
+LARGEST_POPULATION = 1_000_000
+"""Most candidates of a generation."""
+
 # The index is the code in `Course.ended`. Where several rules apply, the first is reported.
 _REASONS = (
     None,

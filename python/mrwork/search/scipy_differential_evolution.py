@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import threading
 import weakref
 from collections.abc import Callable
@@ -14,7 +13,7 @@ from numpy.typing import NDArray
 
 from mrwork.search.course import Course
 from mrwork.search.peers import Peer, PeerOptimiser
-from mrwork.search.rules import EliteRule, StopRules, check_ranges
+from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube
 
 
@@ -37,7 +36,7 @@ class ScipyDifferentialEvolution(PeerOptimiser):
     elite: EliteRule = field(default_factory=EliteRule)
 
     def __post_init__(self) -> None:
-        check_ranges({"population": (self.population, 5, math.inf)})
+        check_ranges({"population": (self.population, 5, LARGEST_POPULATION)})
 
     def _starter(self, course: Course, n_params: int) -> Callable[[int], Peer]:
         populations = iter(latin_hypercube(course.streams, self.population, n_params))

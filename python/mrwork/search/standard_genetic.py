@@ -14,7 +14,6 @@ Real-coded in the unit cube: roulette selection (Holland 1975; Goldberg 1989), a
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -24,7 +23,7 @@ from numpy.typing import NDArray
 from mrwork.arguments import AnyNumbers, Seed, checked
 from mrwork.search.course import Course, Dimension, Proposal, Replicate
 from mrwork.search.population import Ceiling, PopulationState, proposed, relative_fitness, with_generation
-from mrwork.search.rules import EliteRule, StopRules, check_ranges
+from mrwork.search.rules import LARGEST_POPULATION, EliteRule, StopRules, check_ranges
 from mrwork.search.unit_cube import latin_hypercube, reflect
 
 
@@ -62,7 +61,7 @@ class StandardGA:
     def __post_init__(self) -> None:
         check_ranges(
             {
-                "population": (self.population, 4, math.inf),
+                "population": (self.population, 4, LARGEST_POPULATION),
                 "crossover_probability": (self.crossover_probability, 0.0, 1.0),
                 "mutation_probability": (self.mutation_probability, 0.0, 1.0),
                 "mutation_deviation": (self.mutation_deviation, 0.0, 1.0),

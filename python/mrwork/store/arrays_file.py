@@ -6,6 +6,7 @@ import io
 import math
 import warnings
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -13,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.errors import RecordError
+from mrwork.escaping import escaped
 from mrwork.store.input_file import FileKind, bytes_of
 
 # The last character of Unicode; Python makes a broken text of larger numbers.
@@ -38,7 +40,26 @@ def read_arrays(path: Path, kind: FileKind) -> dict[str, NDArray[Any]]:
             return {each.filename.removesuffix(".npy"): _array(archive.read(each)) for each in members}
     except Exception as reason:  # the libraries raise whatever a damaged file leads them to
         first_line = str(reason).partition("\n")[0]
-        raise RecordError(f"{path} is damaged ({first_line}); {kind.remedy}") from None
+        raise RecordError(escaped(f"{path} is damaged ({first_line}); {kind.remedy}")) from None
+
+
+def finite_numbers(arrays: Mapping[str, NDArray[Any]], name: str) -> NDArray[np.float64]:
+    """One of the arrays of a file, of floating-point numbers.
+
+    Raises
+    ------
+    ValueError
+        It is not there, it has no floating-point numbers, or one that is not finite.
+    """
+    if name not in arrays:
+        raise ValueError(f"it has no {name}")
+    found = arrays[name]
+    # Half precision is written by no program of this package, and extended precision has invalid numbers.
+    if found.dtype.kind != "f" or found.dtype.itemsize not in (4, 8):
+        raise ValueError(f"{name} has other values than floating-point numbers")
+    if not np.isfinite(found).all():
+        raise ValueError(f"{name} has a number that is not finite")
+    return found.astype(np.float64)
 
 
 def _array(data: bytes) -> NDArray[Any]:

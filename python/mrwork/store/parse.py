@@ -1,15 +1,18 @@
-"""JSON and TOML texts that may be damaged or hostile: too deep, or with numbers that nothing can hold."""
+"""JSON and TOML texts that may be damaged or hostile: too deep, with numbers that nothing can hold, or ambiguous."""
 
 from __future__ import annotations
 
 import json
 import re
 import tomllib
+from collections import Counter
 from typing import Any, Final, NoReturn
 
 _DEEPEST: Final = 100
 # Of a whole number: the state of a random generator has 39.
 _MOST_DIGITS: Final = 100
+# Characters of a key in a message.
+_SHOWN: Final = 40
 # A key of many parts takes the parser of TOML time and memory in the square of their number.
 _LONG_KEY: Final = re.compile(
     rf"""(?:^|[\[{{,])[ \t]*(?:(?:[\w-]+|"(?:[^"\\\n]|\\.)*"|'[^'\n]*')[ \t]*\.[ \t]*){{{_DEEPEST}}}""",
@@ -27,7 +30,7 @@ def json_value(text: str) -> Any:
         The text is not JSON, or JSON that no program of this package writes; the message says what is wrong.
     """
     try:
-        value = json.loads(text, parse_int=_whole, parse_constant=_no_constant)
+        value = _DECODER.decode(text)
     except RecursionError:
         raise ValueError(_TOO_DEEP) from None
     _check_depth(value)
@@ -65,6 +68,18 @@ def _whole(digits: str) -> int:
 
 def _no_constant(name: str) -> NoReturn:
     raise ValueError(f"{name} is no number of JSON")
+
+
+def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """An object, each of whose keys stands once; Python's own reader keeps the last of several."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        ((twice, _),) = Counter(key for key, _ in pairs).most_common(1)
+        raise ValueError(f"the key {twice[:_SHOWN]!r} stands more than once in one object")
+    return found
+
+
+_DECODER: Final = json.JSONDecoder(parse_int=_whole, parse_constant=_no_constant, object_pairs_hook=_object)
 
 
 def _check_depth(value: Any) -> None:

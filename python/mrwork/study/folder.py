@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,8 +16,10 @@ from mrwork.closed_loop.evaluation import Spread, criteria
 from mrwork.errors import RecordError
 from mrwork.records.operating_range import Exceedance, OperatingRange
 from mrwork.store.codec import finite, json_document
+from mrwork.store.manifest import check_manifest, read_manifest
 from mrwork.store.record import OrInfinite, OrNan, Related, read_document
 from mrwork.store.run_folder import HISTORIES, JOURNAL, MANIFEST, REPORT, RESULTS, STUDY, write_folder
+from mrwork.store.unfinished import INTERRUPTED
 from mrwork.study.batches import Band
 from mrwork.study.comparison import compared
 from mrwork.study.demand import largest_demand, names_outside, worst_by_quantity
@@ -75,11 +77,19 @@ class StoredStudyRun(RunEnd, Related):
     bands: dict[str, Band] = field(default_factory=dict)
 
     def disagreement(self) -> str:
-        """Whether a run that finished has every criterion."""
+        """Whether its tables have the criteria that there are, with numbers where it finished."""
         known = [entry.name for entry in criteria()]
-        tables = [self.criteria, *([] if self.step_check is None else [self.step_check.changes])]
-        lacking = [name for table in tables for name in known if name not in table]
-        return f"its run under {self.motion} lacks {lacking[0]}" if lacking else ""
+        tables = [self.criteria, self.over_uncontrolled, self.over_passive_off]
+        tables += [self.over_best_passive] if self.over_best_passive else []
+        tables += [] if self.step_check is None else [self.step_check.changes]
+        for table in tables:
+            lacking = [name for name in known if name not in table]
+            unknown = [name for name in table if name not in known]
+            if lacking or unknown:
+                what = f"lacks {lacking[0]}" if lacking else f"has the unknown criterion {unknown[0]!r}"
+                return f"its run under {self.motion} {what}"
+        empty = [name for name, value in self.criteria.items() if self.finished and not math.isfinite(value)]
+        return f"its run under {self.motion} finished without {empty[0]}" if empty else ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,18 +119,35 @@ class _Document(Related):
     score_bands: dict[str, Band] = field(default_factory=dict)
 
     def disagreement(self) -> str:
-        """Whether motions are named once, and each run is of one of them and the only one of its row."""
+        """Whether motions are named once, and each run is of one of them, of a row, and the only one of these."""
         names = [motion.name for motion in self.motions]
         if len(set(names)) < len(names):
             return "it has two motions of one name"
-        keys = [(run.controller, run.motion) for run in self.results]
-        strange = [motion for _, motion in keys if motion not in names]
-        if strange:
-            return f"it has no motion {strange[0]!r}"
-        twice = (
-            next((key for key in keys if keys.count(key) > 1), None) if len(set(keys)) < len(keys) else None
-        )
-        return "" if twice is None else f"it has two runs of {twice[0]} under {twice[1]}"
+        kinds: dict[str, Kind] = {}
+        runs: dict[tuple[str, str], StoredStudyRun] = {}
+        for run in self.results:
+            where = f"{run.controller} under {run.motion}"
+            if run.motion not in names:
+                return f"it has no motion {run.motion!r}"
+            if run.controller not in self.scores:
+                return f"it has a run of {where} and no score of {run.controller}"
+            if run.kind != kinds.setdefault(run.controller, run.kind):
+                return f"{run.controller} is of the kind {kinds[run.controller]!r}, and {run.kind!r} under {run.motion}"
+            if runs.setdefault((run.controller, run.motion), run) is not run:
+                return f"it has two runs of {where}"
+        return self._gap(names, runs) if self.complete else ""
+
+    def _gap(self, names: Sequence[str], runs: Mapping[tuple[str, str], StoredStudyRun]) -> str:
+        """The first run of a complete study that is not there, or not repeated with half the step as others are."""
+        halved = any(run.step_check is not None for run in self.results)
+        for row in self.scores:
+            for motion in names:
+                run = runs.get((row, motion))
+                if run is None:
+                    return f"it is complete without a run of {row} under {motion}"
+                if halved and run.step_check is None:
+                    return f"{row} under {motion} is not repeated with half the step, as others are"
+        return ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
@@ -187,6 +214,13 @@ def read_results(folder: str | Path) -> StoredStudy:
     document = read_document(_Document, place, name="study", verb="respond")
     if document is None:
         raise RecordError(f"{folder} has no {RESULTS}; give the folder that `mrwork respond --out` wrote")
+    facts = {
+        "kind": ("study",),
+        "title": (document.title,),
+        "status": ("finished" if document.complete else INTERRUPTED,),
+    }
+    stated = read_manifest(Path(folder), verb="respond")
+    check_manifest(Path(folder), stated or {}, facts, file=RESULTS, verb="respond")
     rows = {label: Row(label=label, kind="controller") for label in document.scores}
     for run in document.results:
         rows[run.controller] = Row(label=run.controller, kind=run.kind)

@@ -27,11 +27,6 @@ class PlayedCommands:
     study: Study
     threads: int
 
-    @property
-    def _base(self) -> Arrangement:
-        """The dampers at i = 0, whose law the commands replace."""
-        return next(each for each in self.study.arrangements if each.row.kind == "passive_off")
-
     def searched(
         self,
         motion: int,
@@ -47,7 +42,7 @@ class PlayedCommands:
         Interrupted
             On Ctrl-C; the searches that are done are in the journal.
         """
-        asked, base = self.study.clairvoyant, self._base
+        asked, base = self.study.clairvoyant, self.study.at_zero
         assert asked is not None
         ground = self.study.grounds[motion]
 
@@ -82,7 +77,7 @@ class PlayedCommands:
         self, motion: int, found: Clairvoyant, *, histories: bool = False, step_factor: int = 1
     ) -> tuple[RunResult, RunHistory | None]:
         """The run of the loop with the commands that were found, and its history."""
-        base = self._base
+        base = self.study.at_zero
         responses = simulate_prescribed(
             base.building,
             base.devices,

@@ -15,7 +15,7 @@ from mrwork.closed_loop.clairvoyant_search import Clairvoyant
 from mrwork.closed_loop.evaluation import score, values
 from mrwork.closed_loop.responses import Responses, history_signals
 from mrwork.closed_loop.simulate import simulate_loop
-from mrwork.errors import Interrupted
+from mrwork.errors import Interrupted, JournalError
 from mrwork.motions import GroundMotion
 from mrwork.store import Journal
 from mrwork.store.codec import plain
@@ -305,10 +305,10 @@ def _with_best_constant(
     """The arrangement with the constant command of the lowest score; and its known runs, unless it is recalled."""
     devices = arrangement.devices
     weight = arrangement.building.total_mass * STANDARD_GRAVITY
+    commands = np.linspace(0.0, min(device.largest_command for device in devices), LEVELS)
     known: dict[int, RunResult] = {}
 
     def search() -> BestConstant:
-        commands = np.linspace(0.0, min(device.largest_command for device in devices), LEVELS)
         tried = replace(arrangement, law=constant_commands(devices, commands))
         responses = simulated_by(tried, study.chosen_on, study, threads=threads)
         n_motions = len(study.chosen_on)
@@ -331,6 +331,11 @@ def _with_best_constant(
     else:
         inputs = digest_of_run(arrangement, *study.chosen_on)
         best = journal.once("best_constant", inputs, BestConstant, search)
+        if best.command not in commands:
+            raise JournalError(
+                f"{journal.path} has a best constant command of {best.command:g} {study.command_unit}, which is "
+                "none of those that are tried; run again without --resume"
+            )
     label = f"{arrangement.row.label}, {best.command:.3g} {study.command_unit}"
     with_command = replace(
         arrangement,

@@ -8,16 +8,19 @@ from pathlib import Path
 
 import numpy as np
 
+from mrwork.closed_loop.responses import history_signals
 from mrwork.errors import RecordError
-from mrwork.store.arrays_file import read_arrays
+from mrwork.store.arrays_file import finite_numbers, read_arrays
 from mrwork.store.input_file import is_there, stored
 from mrwork.store.run_folder import HISTORIES, real_place, replacing
 from mrwork.store.unfinished import part_of
-from mrwork.study.run_result import RunHistory
+from mrwork.study.run_result import Floats, RunHistory
 from mrwork.study.study import Study
 
 # Hours of a tall building.
 _KIND = replace(stored("respond", name="the history of a run"), largest=4 << 30)
+# Input, kinetic, strain, damping and devices.
+_ENERGIES = 5
 
 
 class Histories:
@@ -27,6 +30,7 @@ class Histories:
     """
 
     def __init__(self, path: Path, study: Study, *, resume: bool) -> None:
+        self._study = study
         self._begun = part_of(path) / HISTORIES
         self._folders = (self._begun, real_place(path) / HISTORIES) if resume else (self._begun,)
         self._damaged: set[Path] = set()
@@ -45,7 +49,7 @@ class Histories:
         """Whether the history of a run is stored and whole; a damaged file is left out from now on."""
         while (path := self._path(row, motion)) is not None:
             try:
-                _read(path)
+                self._read(path, row, motion)
             except RecordError:
                 self._damaged.add(path)
             else:
@@ -80,7 +84,7 @@ class Histories:
             Where it is damaged.
         """
         path = self._path(row, motion)
-        return None if path is None else _read(path)
+        return None if path is None else self._read(path, row, motion)
 
     def paths(self) -> list[Path]:
         """Files of all stored histories."""
@@ -99,15 +103,51 @@ class Histories:
         found = (folder / name for folder in self._folders)
         return next((path for path in found if path not in self._damaged and is_there(path, _KIND)), None)
 
+    def _read(self, path: Path, row: int, motion: int) -> RunHistory:
+        study, arrays = self._study, read_arrays(path, _KIND)
+        try:
+            history = RunHistory(
+                **{each.name: finite_numbers(arrays, each.name) for each in fields(RunHistory)}
+            )
+            _check_time(history.time, study.grounds[motion].duration, study.hardware.sample_time)
+            for name, shape in _shapes(study, row).items():
+                found, expected = getattr(history, name).shape, (history.time.size, *shape)
+                if found != expected:
+                    raise ValueError(f"{name} has the shape {found} where {expected} was expected")
+        except ValueError as reason:
+            raise RecordError(f"{path} is not the history of this run ({reason}); {_KIND.remedy}") from None
+        return history
 
-def _read(path: Path) -> RunHistory:
-    arrays = read_arrays(path, _KIND)
-    try:
-        return RunHistory(
-            **{entry.name: arrays[entry.name].astype(np.float64) for entry in fields(RunHistory)}
-        )
-    except (KeyError, ValueError) as reason:
-        raise RecordError(f"{path} is not a history ({reason}); {_KIND.remedy}") from None
+
+def _check_time(time: Floats, duration: float, sample_time: float) -> None:
+    """Check that there is a sample at every step, from the start of a motion to its end [s].
+
+    Raises
+    ------
+    ValueError
+        If it is not so.
+    """
+    expected = np.arange(time.size) * sample_time
+    if time.ndim != 1 or not np.array_equal(time, expected):
+        raise ValueError(f"its times are not those of samples every {sample_time:g} s")
+    # A motion need not end at a sample.
+    if not abs(duration / sample_time - time.size) < 2.0:
+        raise ValueError(f"it has {time.size} samples every {sample_time:g} s of a motion of {duration:g} s")
+
+
+def _shapes(study: Study, row: int) -> dict[str, tuple[int, ...]]:
+    """Shape of one sample of each signal in the histories of a row."""
+    arrangement = study.arrangements[row] if row < len(study.arrangements) else study.at_zero
+    sizes = {
+        "run": (),
+        "floor": (len(arrangement.floors),),
+        "storey": (len(arrangement.storeys),),
+        "device": (len(arrangement.devices),),
+    }
+    known = {each.name for each in fields(RunHistory)}
+    return {"energy": (_ENERGIES,)} | {
+        signal.name: sizes[signal.axis] for signal in history_signals() if signal.name in known
+    }
 
 
 def stem_of(name: str) -> str:

@@ -166,6 +166,11 @@ class Study(Summarised):
         return (*(each.row for each in self.arrangements), *last)
 
     @property
+    def at_zero(self) -> Arrangement:
+        """The dampers at i = 0, whose law the commands of a non-causal optimum replace."""
+        return next(each for each in self.arrangements if each.row.kind == "passive_off")
+
+    @property
     def device_names(self) -> tuple[str, ...]:
         """Names of the dampers at one place each."""
         return tuple(device.name for device in self.devices)

@@ -7,13 +7,14 @@ import io
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from mrwork.arguments import checked
 from mrwork.errors import RecordError
 from mrwork.store.codec import finite, json_document
+from mrwork.store.manifest import check_manifest, read_manifest
 from mrwork.store.parse import toml_table
 from mrwork.store.record import read_document
 from mrwork.store.run_folder import JOURNAL, MANIFEST, REPORT, RESULTS, STUDY, write_folder
@@ -24,14 +25,9 @@ from mrwork.tuning.space import LARGEST
 CHOSEN = "chosen.toml"
 """The study with the chosen settings, for `mrwork respond`."""
 _SCORES = "scores.csv"
+# What the manifest says that the folder is.
+_KIND = "tuning"
 _WRITTEN = frozenset({MANIFEST, JOURNAL, RESULTS, STUDY, REPORT, CHOSEN, _SCORES})
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Manifest:
-    """What a manifest says the folder is; that of a fit does not say it."""
-
-    kind: str = ""
 
 
 def write_tuning(
@@ -83,15 +79,13 @@ def read_tuning(folder: str | Path) -> TuningResults:
     {'drifts': 1.0, 'control_weight': 1.2e-13, 'largest_command': 1.316}
     """
     place = Path(folder)
-    manifest = place / MANIFEST
-    stated = read_document(_Manifest, manifest, name="manifest", verb="tune")
-    found = (
-        read_document(TuningResults, place / RESULTS, name="tuning", verb="tune")
-        if stated is not None and stated.kind == "tuning"
-        else None
-    )
-    if found is None:
+    manifest = read_manifest(place, verb="tune")
+    is_tuning = manifest is not None and manifest.get("kind") == _KIND
+    found = read_document(TuningResults, place / RESULTS, name="tuning", verb="tune") if is_tuning else None
+    if manifest is None or found is None:
         raise RecordError(f"{place} is not the folder of a tuning; give one that `mrwork tune` has written")
+    facts = {"title": (found.title,), "status": (found.status,)}
+    check_manifest(place, manifest, facts, file=RESULTS, verb="tune")
     return found
 
 

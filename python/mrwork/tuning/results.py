@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import NotNegative, Whole
 from mrwork.closed_loop.evaluation import SCORE, Spread, criteria
-from mrwork.store.record import OrInfinite, OrNan
+from mrwork.store.record import OrInfinite, OrNan, Related
 from mrwork.study.batches import Band, RunCriteria
 from mrwork.summary import Summarised, Summary, listed, rounded, with_decimals
 from mrwork.tuning.objective import Objective, over
@@ -96,7 +96,7 @@ class TracePoint:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class LawResult(Summarised):
+class LawResult(Summarised, Related):
     """A law with the settings that were chosen for it, or a reference.
 
     `settings` include the largest command. `origin` says where the settings are from. `test` is `None` where the study
@@ -119,6 +119,14 @@ class LawResult(Summarised):
     better: Better | None = None
     free: tuple[FreeSetting, ...] = ()
     trace: tuple[TracePoint, ...] = ()
+
+    def disagreement(self) -> str:
+        """Whether the largest command is a number, and is there where it is one of the settings."""
+        if LARGEST not in self.settings:
+            return f"{self.label} has no {LARGEST} among its settings" if self.limited else ""
+        value = self.settings[LARGEST]
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        return "" if is_number else f"{LARGEST} of {self.label} is not a number"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

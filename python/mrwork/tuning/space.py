@@ -60,7 +60,8 @@ class FreeSetting(Related):
 
     def disagreement(self) -> str:
         """Whether its range has a width, and a logarithm where it is searched in that."""
-        if self.lower < self.upper and (self.scale == "linear" or self.lower > 0.0) and self.levels != 1:
+        has_logarithm = self.lower > 0.0 and self.upper <= _WIDEST * self.lower
+        if self.lower < self.upper and (self.scale == "linear" or has_logarithm) and self.levels != 1:
             return ""
         return f"{self.name} cannot be searched from {self.lower:g} to {self.upper:g}"
 

@@ -6,12 +6,11 @@ import tempfile
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import closing
-from dataclasses import asdict
 from pathlib import Path
 from typing import Final
 
-import numpy as np
 import tuning_samples
+from run_folders import WALKERS, add_every_file
 from sinusoidal_tests import sinusoidal_test
 from study_texts import study_text
 
@@ -20,7 +19,7 @@ from fuzzing.mutants import Structure
 from fuzzing.reader import Reader, Seed
 from fuzzing.user_files import in_child
 from mrwork.errors import MrworkWarning
-from mrwork.identification.fit_file import write_run
+from mrwork.identification.fit_file import manifest_of, write_run
 from mrwork.identification.searches import method_of, search_named
 from mrwork.identification.settings import FitSettings
 from mrwork.store.codec import json_document
@@ -38,22 +37,14 @@ from mrwork.store.run_folder import (
     PROFILES,
     RANKING,
     RESULTS,
-    write_files,
 )
 from mrwork.study.folder import study_document
 from mrwork.study.stored_histories import Histories
 from mrwork.study.study import Study
 from mrwork.tuning.folder import tuning_document
-from mrwork.uncertainty.bands.calibration_files import write_bands
-from mrwork.uncertainty.bands.conformal import measured_coverage
-from mrwork.uncertainty.bands.prediction import predict_tests
-from mrwork.uncertainty.choice.law_table import LawTable, TriedLaws
-from mrwork.uncertainty.planning.candidates import Candidate
-from mrwork.uncertainty.planning.plan import LinearisedPosterior
-from mrwork.uncertainty.planning.plan_draws import checked_with_draws, normal_draws
-from mrwork.uncertainty.posterior.draws_file import draws_content
 
 MODEL: Final = "bingham"
+_STEPS: Final = 4
 _STRUCTURES: Final[Mapping[str, Structure]] = {
     ".json": "json",
     ".jsonl": "journal",
@@ -96,32 +87,15 @@ def _readers_of_a_fit(folder: Path) -> list[Reader]:
     place = folder / "run"
     tests = tuple(_test(number) for number in range(3))
     search = _search().search
-    beginning, chain = folder / JOURNAL, folder / CHAIN
+    beginning = folder / JOURNAL
     with closing(mr.Journal(beginning)) as journal:
         fit = mr.identify(MODEL, tests[0], search=search, threads=1, journal=journal)
-    write_run(place, fit=fit, report_html="", manifest={"kind": "identification"}, journal=beginning)
-    with closing(mr.Journal(chain)) as journal:
-        draws = mr.sample(fit, tests[0], walkers=10, most_steps=4, threads=1, journal=journal)
-    write_files(place, {DRAWS: draws_content(draws, fit)})
-    predictions = predict_tests(fit, tests[1:])
-    calibration = mr.calibrate(predictions, held_out="the fit has not seen")
-    write_bands(place, calibration, measured_coverage(predictions), predictions, fit)
-    ranked = mr.plan(fit, tests[0], [Candidate(amplitude=0.01, frequency=1.0)], threads=1)
-    posterior = LinearisedPosterior.of(fit, tests[0], threads=1)
-    rng = np.random.default_rng(1)
-    plan = checked_with_draws(ranked, posterior, normal_draws(posterior, 20, rng), rng=rng)
-    choice = mr.choose_model(tests[:2], MODEL, settings=_search(), threads=1)
-    documents: dict[str, object] = {
-        PROFILES: asdict(mr.profile(fit, tests[0], threads=1)),
-        PLAN: asdict(plan),
-        RANKING: asdict(choice.ranking),
-        LAWS: asdict(_laws()),
-    }
-    write_files(place, {name: json_document(document).encode() for name, document in documents.items()})
+    write_run(place, fit=fit, report_html="", manifest=manifest_of(fit, fit.status), journal=beginning)
+    add_every_file(place, fit, tests[0], tests[1:], steps=_STEPS)
 
     def sampled(path: Path) -> object:
         with closing(mr.Journal(path, resume=True)) as journal:
-            return mr.sample(fit, tests[0], walkers=10, most_steps=4, threads=1, journal=journal)
+            return mr.sample(fit, tests[0], walkers=WALKERS, most_steps=_STEPS, threads=1, journal=journal)
 
     def identified(path: Path) -> object:
         with closing(mr.Journal(path, resume=True)) as journal:
@@ -148,31 +122,8 @@ def _readers_of_a_fit(folder: Path) -> list[Reader]:
     return [
         *readers,
         *_readers_of_a_journal("identify", beginning.read_bytes(), identified),
-        *_readers_of_a_journal("sample", chain.read_bytes(), sampled),
+        *_readers_of_a_journal("sample", (place / CHAIN).read_bytes(), sampled),
     ]
-
-
-def _laws() -> LawTable:
-    tried = TriedLaws(
-        laws={"c0": "linear", "f_c": "linear"},
-        n_params=5,
-        fit_percent=95.0,
-        left_out_percent=94.0,
-        left_out_error=0.5,
-        left_out=(0.05, 0.06, 0.07),
-        median_percent=94.0,
-        worst_percent=93.0,
-        verdict="chosen",
-    )
-    return LawTable(
-        model=MODEL,
-        unit="A",
-        tried=(tried,),
-        sentence="the fewest parameters",
-        held_out="each test in turn",
-        n_folds=3,
-        given={"c0": "linear"},
-    )
 
 
 def _readers_of_a_study(folder: Path) -> list[Reader]:
@@ -198,14 +149,24 @@ def _readers_of_a_study(folder: Path) -> list[Reader]:
         with closing(mr.Journal(path, resume=True)) as journal:
             return mr.tune(tuned_study, budget=8, journal=journal, threads=1)
 
-    kind = {name: json_document({"kind": name}).encode() for name in ("study", "tuning")}
+    stated = {
+        kind: json_document({"kind": kind, "title": title, "status": "finished"}).encode()
+        for kind, title in (("study", results.title), ("tuning", tuned.title))
+    }
     return [
         Reader(
             name="study: results.json",
             read=lambda path: mr.study.read_results(path.parent),
             seeds=(_seed(RESULTS, json_document(study_document(results)).encode()),),
-            beside={MANIFEST: kind["study"]},
+            beside={MANIFEST: stated["study"]},
             share=3.0,
+        ),
+        Reader(
+            name="study: manifest.json",
+            read=lambda path: mr.study.read_results(path.parent),
+            seeds=(_seed(MANIFEST, stated["study"]),),
+            beside={RESULTS: json_document(study_document(results)).encode()},
+            share=0.5,
         ),
         Reader(
             name="study: histories",
@@ -217,13 +178,13 @@ def _readers_of_a_study(folder: Path) -> list[Reader]:
             name="tuning: results.json",
             read=lambda path: mr.tuning.read_tuning(path.parent),
             seeds=(_seed(RESULTS, json_document(tuning_document(tuned)).encode()),),
-            beside={MANIFEST: kind["tuning"]},
+            beside={MANIFEST: stated["tuning"]},
             share=1.0,
         ),
         Reader(
             name="tuning: manifest.json",
             read=lambda path: mr.tuning.read_tuning(path.parent),
-            seeds=(_seed(MANIFEST, kind["tuning"]),),
+            seeds=(_seed(MANIFEST, stated["tuning"]),),
             beside={RESULTS: json_document(tuning_document(tuned)).encode()},
             share=0.5,
         ),

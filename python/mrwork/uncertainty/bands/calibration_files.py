@@ -20,7 +20,7 @@ from mrwork.records import DamperTest, Observation, RecordedMotion
 from mrwork.records.command_signal import Command
 from mrwork.records.damper_test import frozen
 from mrwork.records.likeness import alike_groups
-from mrwork.store.arrays_file import read_arrays
+from mrwork.store.arrays_file import finite_numbers, read_arrays
 from mrwork.store.codec import json_document
 from mrwork.store.fingerprint import digest_of
 from mrwork.store.input_file import is_there, stored, text_of
@@ -214,21 +214,21 @@ def read_predictions(place: Path) -> tuple[Prediction, ...]:
     )
     try:
         return tuple(_prediction(facts, number, arrays) for number, facts in enumerate(stated))
-    except (ValueError, KeyError, TypeError) as reason:
+    except (ValueError, TypeError) as reason:
         raise RecordError(f"{path} is damaged ({reason}); {kind.remedy}") from None
 
 
 def _prediction(facts: _Facts, number: int, arrays: Mapping[str, NDArray[Any]]) -> Prediction:
     channels = {
-        channel: frozen(arrays[f"{channel}_{number}"])
+        channel: frozen(finite_numbers(arrays, f"{channel}_{number}"))
         for channel in (*_CHANNELS, *_COMMANDS, "model")
-        if channel in _CHANNELS or f"{channel}_{number}" in arrays
+        if channel not in _COMMANDS or f"{channel}_{number}" in arrays
     }
     model_force = channels.pop("model")
     size = model_force.size
     for name, samples in {**channels, "model": model_force}.items():
-        if samples.shape != (size,) or not np.isfinite(samples).all():
-            raise ValueError(f"{name} of {facts.name} is not {size} finite numbers")
+        if samples.shape != (size,):
+            raise ValueError(f"{name} of {facts.name} is not {size} numbers")
     if not facts.n_settle < size:
         raise ValueError(f"{facts.n_settle} of {size} samples of {facts.name} are not compared")
     stated = {each.name: getattr(facts, each.name) for each in fields(facts)}

@@ -16,6 +16,7 @@ from emcee.moves import Move
 from numpy.typing import NDArray
 
 from mrwork.arguments import checked
+from mrwork.errors import SettingError
 from mrwork.summary import Summarised
 
 Array = NDArray[np.float64]
@@ -35,9 +36,12 @@ class PastDifferences(Move):  # type: ignore[misc] # a base class without types
     half of all walkers' past. Proposals do not depend on the current state of other walkers, so all walkers are one
     batch; a move that uses the rest of the ensemble needs two. Adaptation diminishes as the past grows; the first half
     of the past, which may not be stationary, is not used.
+
+    The densities are asked from the target, all walkers at once: emcee would look at each of them by itself.
     """
 
-    def __init__(self, past: Callable[[], Array]) -> None:
+    def __init__(self, target: Callable[[Array], Array], past: Callable[[], Array]) -> None:
+        self._target = target
         self._past = past
 
     def propose(self, model: Any, state: Any) -> tuple[Any, NDArray[np.bool_]]:
@@ -51,7 +55,11 @@ class PastDifferences(Move):  # type: ignore[misc] # a base class without types
         gamma = 1.0 if random.rand() < _JUMPS else 2.38 / np.sqrt(2.0 * n_dim)
         factor = gamma * (1.0 + _SCATTER * random.randn(n_walkers, 1))
         tried = state.coords + factor * (states[first] - states[second])
-        densities, _ = model.compute_log_prob_fn(tried)
+        densities = self._target(tried)
+        if np.isnan(densities).any():
+            raise SettingError(
+                "the log density is not a number; give a target that is -inf where there is none"
+            )
         accepted = np.log(random.rand(n_walkers)) < densities - state.log_prob
         return self.update(state, State(tried, log_prob=densities), accepted), accepted
 
@@ -98,12 +106,10 @@ class Ensemble(Summarised):
         done, random_state = self.at
         self._make_room(until + 1)
         # The past is the chain itself, so a resumed chain has the same past.
-        move = PastDifferences(lambda: self.positions[: self.n_steps + 1])
+        move = PastDifferences(self.target, lambda: self.positions[: self.n_steps + 1])
         sampler = EnsembleSampler(
             self.n_walkers, self.positions.shape[2], self.target, moves=move, vectorize=True
         )
-        # emcee's wrapper prints a traceback where Ctrl-C interrupts a simulation.
-        sampler.log_prob_fn = self.target
         start = State(self.positions[done], log_prob=self.densities[done], random_state=random_state)
         steps = sampler.sample(start, iterations=until - done, store=False, skip_initial_state_check=True)
         for step, state in enumerate(steps, done + 1):

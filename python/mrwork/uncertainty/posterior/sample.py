@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import Threads, Within, checked
-from mrwork.errors import Interrupted
+from mrwork.errors import Interrupted, JournalError
 from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
@@ -145,6 +145,11 @@ def sample(
         density = _Journalled(target=problem.target, journal=journal)
     origins = first_walkers(problem.target, problem.start, walkers, np.random.default_rng(rng))
     ensemble = Ensemble.begin(density, origins, rng)
+    if journal is not None and not np.isfinite(ensemble.densities[0]).all():
+        # Walkers start where it is.
+        raise JournalError(
+            f"{journal.path} begins with densities that are not finite; run again without --resume"
+        )
     monitor = _Monitor(most_steps=most_steps, began=began, on_progress=on_progress, journal=journal)
     try:
         diagnosis = _run(problem, ensemble, monitor)
@@ -191,7 +196,7 @@ class _Journalled:
     def __call__(self, positions: Array) -> Array:
         inputs = digest_of(positions)
         recorded = self.journal.recall(
-            "step", inputs, lambda record: array_of(record["densities"]).reshape(len(positions))
+            "step", inputs, lambda record: _recorded_densities(record, len(positions))
         )
         if recorded is not None:
             return recorded
@@ -199,6 +204,14 @@ class _Journalled:
         # Tables are written in a tenth of the time of lists.
         self.journal.record("step", inputs, {"densities": densities[None]})
         return densities
+
+
+def _recorded_densities(record: Mapping[str, Any], n_walkers: int) -> Array:
+    """Log densities of a step, (n_walkers,), -inf outside the support; ValueError where one is no such number."""
+    densities = array_of(record["densities"]).reshape(n_walkers)
+    if not np.all(densities < np.inf):
+        raise ValueError("a density is not a number")
+    return densities
 
 
 @dataclass(slots=True, kw_only=True)

@@ -1,0 +1,93 @@
+"""Every file that a verb adds to the run folder of a fit, made in little time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import closing
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+
+import mrwork as mr
+from mrwork.identification.fit import Fit
+from mrwork.identification.fit_file import addition_content
+from mrwork.store.codec import json_document
+from mrwork.store.run_folder import CHAIN, DRAWS, LAWS, PLAN, PROFILES, RANKING, write_files
+from mrwork.uncertainty.bands.calibration_files import write_bands
+from mrwork.uncertainty.bands.conformal import measured_coverage
+from mrwork.uncertainty.bands.prediction import predict_tests
+from mrwork.uncertainty.choice.law_table import LawTable, TriedLaws
+from mrwork.uncertainty.choice.ranking import Evidence, Ranking, rank
+from mrwork.uncertainty.planning.candidates import Candidate
+from mrwork.uncertainty.planning.plan import LinearisedPosterior
+from mrwork.uncertainty.planning.plan_draws import checked_with_draws, normal_draws
+from mrwork.uncertainty.posterior.draws_file import draws_content
+
+WALKERS = 12
+
+
+def add_every_file(
+    place: Path, fit: Fit, test: mr.DamperTest, others: Sequence[mr.DamperTest], *, steps: int
+) -> None:
+    """Add to the run folder of a `fit` to one test whatever a verb may add.
+
+    A chain of so many `steps` and its draws, profiles, bands that are calibrated on the `others`, a plan; and a ranking
+    and a choice of laws, which are made up.
+    """
+    with closing(mr.Journal(place / CHAIN)) as journal:
+        draws = mr.sample(
+            fit, test, walkers=WALKERS, most_steps=steps, tempering="effective", threads=1, journal=journal
+        )
+    predictions = predict_tests(fit, others)
+    calibration = mr.calibrate(predictions, held_out="the fit has not seen")
+    write_bands(place, calibration, measured_coverage(predictions), predictions, fit)
+    contents = {
+        DRAWS: draws_content(draws, fit),
+        PROFILES: addition_content(asdict(mr.profile(fit, test, threads=1)), fit),
+        PLAN: addition_content(asdict(_plan(fit, test)), fit),
+        RANKING: json_document(asdict(_ranking(fit.model))).encode(),
+        LAWS: json_document(asdict(_laws(fit.model))).encode(),
+    }
+    write_files(place, contents)
+
+
+def _plan(fit: Fit, test: mr.DamperTest) -> object:
+    candidates = [Candidate(amplitude=amplitude, frequency=1.0) for amplitude in (0.005, 0.01, 0.02)]
+    posterior = LinearisedPosterior.of(fit, test, threads=1)
+    rng = np.random.default_rng(0)
+    ranked = mr.plan(fit, test, candidates, threads=1)
+    return checked_with_draws(ranked, posterior, normal_draws(posterior, 100, rng), rng=rng)
+
+
+def _ranking(model: str) -> Ranking:
+    """A model that is better than another one."""
+    evidence = [
+        Evidence(
+            model=each, title=each, n_params=n, status="converged", seconds=1.0, left_out=(0.1 * n, 0.2 * n)
+        )
+        for each, n in ((model, 4), ("static_hysteretic", 7))
+    ]
+    return Ranking(
+        chosen=model,
+        sentence="The best.",
+        standings=rank(evidence, None),
+        held_out="tests",
+        n_folds=2,
+        n_blocks=None,
+        n_effective=None,
+    )
+
+
+def _laws(model: str) -> LawTable:
+    left_out = [np.array([0.1, 0.2]), np.array([0.3])]
+    tried = TriedLaws.of({"c": "linear"}, n_params=5, fit_percent=90.0, left_out=left_out)
+    return LawTable(
+        model=model,
+        unit="A",
+        tried=(replace(tried, verdict="chosen"),),
+        sentence="The best.",
+        held_out="tests",
+        n_folds=2,
+        given={},
+    )
