@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
@@ -11,7 +12,8 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Count, Samples, Within, checked
 from mrwork.dampers.parameters import CommandUnit
-from mrwork.records.command_signal import Command, command_in_words, part_of_command
+from mrwork.errors import RecordError
+from mrwork.records.command_signal import Command, command_in_words, part_of_command, same_command
 from mrwork.records.observation import AS_IT_IS, Observation
 from mrwork.summary import Summarised, Summary
 from mrwork.values import holds_arrays
@@ -168,8 +170,36 @@ class DamperTest(Summarised):
 
 
 def as_tests(tests: DamperTest | Sequence[DamperTest]) -> tuple[DamperTest, ...]:
-    """One test or several as a tuple."""
-    return (tests,) if isinstance(tests, DamperTest) else tuple(tests)
+    """One test or several as a tuple, each of other data.
+
+    Raises
+    ------
+    RecordError
+        The samples of a test are those of another one, so that the same data would count twice.
+    """
+    if isinstance(tests, DamperTest):
+        return (tests,)
+    found = tuple(tests)
+    for (first, one), (second, other) in combinations(enumerate(found, start=1), 2):
+        if _has_samples_of(one, other):
+            names = one.label if one.label == other.label else f"{one.label} and {other.label}"
+            raise RecordError(
+                f"tests {first} and {second} ({names}) have the same samples; data that count twice make errors and "
+                "bands too narrow, so give each test once"
+            )
+    return found
+
+
+def _has_samples_of(one: DamperTest, other: DamperTest) -> bool:
+    if one is other:
+        return True
+    return (
+        one.dt == other.dt
+        and np.array_equal(one.force, other.force)
+        and np.array_equal(one.displacement, other.displacement)
+        and same_command(one.current, other.current)
+        and same_command(one.voltage, other.voltage)
+    )
 
 
 def frozen(samples: NDArray[np.float64]) -> NDArray[np.float64]:
