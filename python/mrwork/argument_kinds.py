@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import operator
 import os
@@ -149,7 +150,7 @@ def _kind(hint: Any, notes: tuple[Any, ...]) -> Kind:
     if kind in (Any, object) or not isinstance(kind, type):
         return Kind("anything", lambda value: value)
     if kind is Callable:
-        return Kind("a function", _callable)
+        return _function(*inner or (..., Any))
     if kind is type:
         return Kind("a class", partial(_instance, type, "a class"))
     if kind is Iterable:
@@ -461,10 +462,33 @@ def _instance(kind: type, words: str, value: Any) -> Any:
     return value
 
 
-def _callable(value: Any) -> Any:
-    if not callable(value):
-        raise OtherKind(value, "a function")
-    return value
+def _function(takes: Any, returns: Any) -> Kind:
+    """A function that can be called with so many arguments; no class where it is called for its effect alone."""
+    alone = returns in (None, NoneType, bool | None)
+    count = len(takes) if isinstance(takes, list) else None
+    words = "a function" if count is None else f"a function of {count} argument{'' if count == 1 else 's'}"
+
+    def accept(value: Any) -> Any:
+        if not callable(value) or (alone and isinstance(value, type)):
+            raise OtherKind(value, words)
+        if count is not None and not _takes(value, count):
+            raise Refusal(f"is a function of other arguments; give {words}")
+        return value
+
+    return Kind(words, accept)
+
+
+def _takes(function: Any, count: int) -> bool:
+    try:
+        signature = inspect.signature(function)
+    except (ValueError, TypeError):
+        # Some compiled functions have none.
+        return True
+    try:
+        signature.bind(*[None] * count)
+    except TypeError:
+        return False
+    return True
 
 
 def _protocol(kind: type) -> Kind:
