@@ -265,3 +265,14 @@ def test_arrays_of_any_precision_are_taken() -> None:
     for kind in (np.float16, np.float32, np.longdouble, np.int8, np.uint64):
         np.testing.assert_array_equal(taken(strict=np.array([0, 2], dtype=kind))["strict"], [0.0, 2.0])
         assert taken(number=kind(2))["number"] == 2
+
+
+def test_numbers_smaller_than_any_quantity_are_zero() -> None:
+    assert taken(number=1e-100)["number"] == 1e-100
+    assert taken(number=-1e-101)["number"] == 0.0
+    with pytest.raises(SettingError, match="`size` of Part is 0; give a number above 0"):
+        Part(size=5e-324)
+    np.testing.assert_array_equal(taken(strict=[1e-300, 1e-100])["strict"], [0.0, 1e-100])
+    np.testing.assert_array_equal(taken(loose=[5e-324, 1.0])["loose"], [0.0, 1.0])
+    given = np.array([0.0, 1e-100])
+    assert taken(strict=given)["strict"] is given
