@@ -197,5 +197,7 @@ def test_damping_that_would_drive_a_mode_is_refused(frame: Building) -> None:
         with_rayleigh_damping(frame, ratios=(0.02, 0.02), modes=(1, 1))
     with pytest.raises(SettingError, match="2 damping ratios for 3 modes"):
         with_modal_damping(frame, ratios=[0.01, 0.02])
+    with pytest.raises(SettingError, match=r"a damping ratio is 2; .* such as 0\.02 for 2 %"):
+        with_rayleigh_damping(frame, ratios=(2.0, 2.0), modes=(1, 2))
     with pytest.raises(SettingError, match=r"a damping ratio is -0\.01"):
         with_modal_damping(frame, ratios=[-0.01])

@@ -49,10 +49,14 @@ class ObservedTest:
         Raises
         ------
         SettingError
-            A nuisance parameter is named twice.
+            A nuisance parameter is named twice, or no sample of the test is compared.
         """
         if len(set(nuisances)) != len(nuisances):
             raise SettingError(f"`nuisances` are {', '.join(nuisances)}; name each once")
+        if test.n_settle >= test.n_time:
+            raise SettingError(
+                f"{test.label}: none of its {test.n_time} samples is compared, `n_settle` is {test.n_settle}; give less"
+            )
         return cls(spec=spec, test=test, history=loading_of(test, spec).history(), nuisances=nuisances)
 
     @property

@@ -10,13 +10,13 @@ from typing import Annotated, ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Count, Samples, Within, checked
+from mrwork.arguments import Count, NotNegative, Samples, Whole, Within, checked
 from mrwork.dampers.parameters import CommandUnit
-from mrwork.errors import RecordError
+from mrwork.errors import RecordError, SettingError
 from mrwork.records.command_signal import Command, command_in_words, part_of_command, same_command
 from mrwork.records.observation import AS_IT_IS, Observation
 from mrwork.summary import Summarised, Summary
-from mrwork.values import holds_arrays
+from mrwork.values import holds_arrays, keep_arrays
 
 Severity = Literal["note", "warning", "repaired"]
 Channel = Literal["displacement", "force"]
@@ -84,16 +84,19 @@ class DamperTest(Summarised):
     velocity: Samples
     force: Samples
     velocity_source: Literal["measured", "derived"]
-    n_settle: int = 0
+    n_settle: Whole = 0
     current: Command | None = None
     voltage: Command | None = None
-    amplitude: float | None = None
-    frequency: float | None = None
+    amplitude: NotNegative | None = None
+    frequency: NotNegative | None = None
     synthetic: bool = False
     observation: Observation = AS_IT_IS
     smoothing: Smoothing | None = None
     findings: tuple[Finding, ...] = ()
     original: DamperTest | None = None
+
+    def __post_init__(self) -> None:
+        keep_arrays(self, "displacement", "velocity", "force", "current", "voltage")
 
     @property
     def label(self) -> str:
@@ -130,8 +133,18 @@ class DamperTest(Summarised):
     def part(
         self, first: Annotated[int, Within(least=0)], last: Annotated[int, Within(least=0)], every: Count = 1
     ) -> DamperTest:
-        """Every `every`-th sample from `first` up to `last`; a varying command stays held between samples."""
+        """Every `every`-th sample from `first` up to `last`; a varying command stays held between samples.
+
+        Raises
+        ------
+        SettingError
+            If no sample would remain.
+        """
         window = slice(first, last, every)
+        if not self.force[window].size:
+            raise SettingError(
+                f"{self.label}: a part from sample {first} up to {last} of {self.n_time} has none; give others"
+            )
         return replace(
             self,
             displacement=frozen(self.displacement[window]),
