@@ -321,6 +321,7 @@ def test_a_floor_that_is_none_cannot_be_measured() -> None:
         ({"step": 1e-12}, "at most 10000 steps to a sample"),
         ({"force_noise": -1.0}, "`force_noise` of Hardware is -1"),
         ({"deformation_resolution": np.nan}, "`deformation_resolution` of Hardware is nan"),
+        ({"measured_floors": (0, 1, 0)}, r"`measured_floors` are \[0, 1, 0\]; give each once"),
         ({"measured_floors": (0,)}, "`measured_floors` has no effect with feedback of the state"),
         ({"acceleration_noise": 0.1}, "`acceleration_noise` has no effect with feedback of the state"),
         ({"faults": (Fault(channel="acceleration"),)}, "a fault of the accelerations has no effect"),

@@ -211,12 +211,6 @@ def test_a_nominal_building_without_an_observer_is_refused() -> None:
         simulate_loop(five_storeys(), devices(rd1005()), PASSIVE, [still(0.1)], nominal=five_storeys())
 
 
-def test_two_devices_of_one_name_are_refused() -> None:
-    loop = devices(rd1005())
-    with pytest.raises(SettingError, match="two devices are called 'pair'; give each its own name"):
-        simulate_loop(five_storeys(), [loop[0], loop[0]], PASSIVE, [still(0.1)])
-
-
 def test_a_building_whose_loop_would_take_long_to_prepare_is_refused() -> None:
     n, eye = 1501, np.eye(1501)
     large = mr.Building(

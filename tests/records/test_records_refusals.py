@@ -247,3 +247,19 @@ def test_an_arc_without_noise_has_no_moving_average() -> None:
         name="line", time=time, displacement=0.01 * np.sin(6.0 * time), force=np.arange(150.0)
     )
     assert test.smoothing is None
+
+
+@pytest.mark.parametrize("channel", ["force", "displacement"])
+def test_a_test_whose_signals_do_not_vary_is_not_compared(channel: str) -> None:
+    test = mr.synthetic_test("spencer1997")
+    still = replace(test, **{channel: np.zeros(test.n_time)})
+    with pytest.raises(RecordError, match=f"the {channel} is constant, so there is nothing to compare"):
+        mr.identify("bingham", still)
+
+
+def test_the_command_of_a_test_made_by_hand_has_its_length_and_is_a_number_where_constant() -> None:
+    test = mr.synthetic_test("spencer1997")
+    assert replace(test, current=np.full(test.n_time, 0.5)).current == 0.5
+    for command in (np.ones(3), np.ones((test.n_time, 1))):
+        with pytest.raises(SettingError, match=r"`current` of .* has shape .*; give a number, or shape"):
+            replace(test, current=command)

@@ -150,17 +150,11 @@ def elongation_rows(building: Building, devices: Sequence[Device]) -> Floats:
     Raises
     ------
     SettingError
-        If there is no device, two have one name, or the row of one does not fit the building.
+        If there is no device, or the row of one does not fit the building.
     """
     n = building.n_coordinates
     if not devices:
         raise SettingError(f"no device was given for {building.name}; give one or more")
-    names = [device.name for device in devices]
-    twice = next((name for name in names if names.count(name) > 1), None)
-    if twice is not None:
-        raise SettingError(
-            f"two devices are called {twice!r}; give each its own name, or equal ones as one device with a `count`"
-        )
     for device in devices:
         if np.shape(device.row) != (n,) or not np.any(device.row):
             raise SettingError(

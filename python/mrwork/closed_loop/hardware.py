@@ -118,6 +118,11 @@ class Hardware(Summarised):
                 f"`delay` is {self.delay} s, which is not a whole number of integration steps of {self._step:g} s; "
                 f"give a multiple of them, or a finer `step`"
             )
+        floors = self.measured_floors or ()
+        if len(set(floors)) < len(floors):
+            raise InvalidSettingError(
+                "measured_floors", f"`measured_floors` are {list(floors)}; give each once"
+            )
         if self.feedback == "state":
             for name in _OF_OBSERVER:
                 if getattr(self, name):

@@ -88,9 +88,8 @@ def simulate_loop(
     Raises
     ------
     SettingError
-        If devices, law and building do not match, two devices have one name, a constant command is negative or above
-        the largest one, the law sends a command to dampers that follow none, or there is a nominal building and no
-        observer.
+        If devices, law and building do not match, a constant command is negative or above the largest one, the law
+        sends a command to dampers that follow none, or there is a nominal building and no observer.
 
     Examples
     --------

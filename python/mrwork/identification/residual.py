@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mrwork import _rust
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import SettingError, SimulationError
+from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.identification.nuisance import (
     Nuisance,
     NuisanceName,
@@ -48,6 +48,8 @@ class ObservedTest:
 
         Raises
         ------
+        RecordError
+            The force or the displacement is constant.
         SettingError
             A nuisance parameter is named twice, or no sample of the test is compared.
         """
@@ -57,6 +59,11 @@ class ObservedTest:
             raise SettingError(
                 f"{test.label}: none of its {test.n_time} samples is compared, `n_settle` is {test.n_settle}; give less"
             )
+        for channel, samples in (("force", test.force[test.counted]), ("displacement", test.displacement)):
+            if np.ptp(samples) == 0.0:
+                raise RecordError(
+                    f"{test.label}: the {channel} is constant, so there is nothing to compare; check the channel"
+                )
         return cls(spec=spec, test=test, history=loading_of(test, spec).history(), nuisances=nuisances)
 
     @property

@@ -97,6 +97,16 @@ class DamperTest(Summarised):
 
     def __post_init__(self) -> None:
         keep_arrays(self, "displacement", "velocity", "force", "current", "voltage")
+        for name in ("current", "voltage"):
+            command = getattr(self, name)
+            if not isinstance(command, np.ndarray):
+                continue
+            if command.shape != self.force.shape:
+                raise SettingError(
+                    f"`{name}` of {self.label} has shape {command.shape}; give a number, or shape {self.force.shape}"
+                )
+            if command.size and np.ptp(command) == 0.0:
+                object.__setattr__(self, name, float(command[0]))
 
     @property
     def label(self) -> str:

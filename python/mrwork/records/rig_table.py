@@ -200,10 +200,13 @@ def write_test_table(path: str | os.PathLike[str], rows: Sequence[ListedTest]) -
     ------
     OutputError
         The file exists already, or cannot be written.
+    RecordError
+        A file is in two rows.
     """
     place = Path(path)
     if exists(place):
         raise OutputError(f"{place} exists already; delete it, or choose another name for the table")
+    check_given_once(rows)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(_HEADER)
