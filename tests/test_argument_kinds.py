@@ -51,6 +51,7 @@ def taken(
     pair: tuple[float, float] | None = None,
     bounds: Mapping[str, tuple[float, float]] | None = None,
     called: Callable[[int], int] | None = None,
+    on_progress: Callable[[int, int], bool | None] | None = None,
     part: Part | None = None,
     parts: Part | Sequence[Part] = (),
     sized: Sized | None = None,
@@ -79,6 +80,8 @@ def taken(
         ("pair", [1, 2], (1, 2)),
         ("bounds", {"c": [0, 1]}, {"c": (0, 1)}),
         ("called", abs, abs),
+        ("called", str, str),
+        ("on_progress", print, print),
         ("parts", [], []),
         ("sized", Part(), Part()),
         ("anything", "x", "x"),
@@ -130,7 +133,10 @@ def test_numbers_arrive_as_the_array_that_is_annotated() -> None:
         ("pair", (1, 2, 3), "has 3 values; give 2 values"),
         ("bounds", {"c": 3}, "`bounds['c']` of taken is 3; give 2 values"),
         ("bounds", [1], "is a list; give a dict"),
-        ("called", 3, "is 3; give a function"),
+        ("called", 3, "is 3; give a function of 1 argument"),
+        ("called", lambda: 3, "is a function of other arguments; give a function of 1 argument"),
+        ("on_progress", list, "is the class list; give a function of 2 arguments"),
+        ("on_progress", lambda done: None, "is a function of other arguments; give a function of 2"),
         ("part", "a", "is 'a'; give a Part, made by Part(size=...)"),
         ("part", Part, "is the class Part; give a Part"),
         ("parts", [Part(), 3], "`parts[1]` of taken is 3; give a Part"),
@@ -259,3 +265,14 @@ def test_arrays_of_any_precision_are_taken() -> None:
     for kind in (np.float16, np.float32, np.longdouble, np.int8, np.uint64):
         np.testing.assert_array_equal(taken(strict=np.array([0, 2], dtype=kind))["strict"], [0.0, 2.0])
         assert taken(number=kind(2))["number"] == 2
+
+
+def test_numbers_smaller_than_any_quantity_are_zero() -> None:
+    assert taken(number=1e-100)["number"] == 1e-100
+    assert taken(number=-1e-101)["number"] == 0.0
+    with pytest.raises(SettingError, match="`size` of Part is 0; give a number above 0"):
+        Part(size=5e-324)
+    np.testing.assert_array_equal(taken(strict=[1e-300, 1e-100])["strict"], [0.0, 1e-100])
+    np.testing.assert_array_equal(taken(loose=[5e-324, 1.0])["loose"], [0.0, 1.0])
+    given = np.array([0.0, 1e-100])
+    assert taken(strict=given)["strict"] is given

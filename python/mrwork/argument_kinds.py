@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import operator
 import os
@@ -21,8 +22,9 @@ from mrwork.keys import suggestion
 
 # As many characters of a value as a message repeats.
 _SHOWN = 40
-# Products of three numbers up to this size are finite.
+# Products of three numbers up to this size are finite, and so are those of their inverses.
 LARGEST = 1e100
+_SMALLEST = 1.0 / LARGEST
 
 
 class May(Enum):
@@ -149,7 +151,7 @@ def _kind(hint: Any, notes: tuple[Any, ...]) -> Kind:
     if kind in (Any, object) or not isinstance(kind, type):
         return Kind("anything", lambda value: value)
     if kind is Callable:
-        return Kind("a function", _callable)
+        return _function(*inner or (..., Any))
     if kind is type:
         return Kind("a class", partial(_instance, type, "a class"))
     if kind is Iterable:
@@ -196,6 +198,9 @@ def _float(notes: tuple[Any, ...]) -> Kind:
             plain = float(number)
         except OverflowError:
             raise Refusal(f"is {_described(value)}; give a smaller number", SettingError) from None
+        if 0.0 < abs(plain) < _SMALLEST:
+            # As `_flushed`.
+            number = plain = 0.0
         if notes or not abs(plain) <= LARGEST:
             _check_numbers(np.float64(plain), notes)
         exact = isinstance(number, float) or (isinstance(number, int) and abs(number) < 2**53)
@@ -274,7 +279,7 @@ def _array(scalar: type, notes: tuple[Any, ...]) -> Kind:
     )
 
     def accept(value: Any) -> Any:
-        array = _as_array(value, kinds, words)
+        array = _flushed(_as_array(value, kinds, words))
         if array.dtype.kind in "fciu":
             _check_numbers(array, notes)
         return array if array.dtype == scalar else array.astype(scalar)
@@ -288,11 +293,12 @@ def _array_like(notes: tuple[Any, ...]) -> Kind:
     def accept(value: Any) -> Any:
         if May.BE_TRACED in notes and _is_traced(value):
             return value
-        array = _as_array(value, "iuf", words)
+        given = _as_array(value, "iuf", words)
+        array = _flushed(given)
         _check_numbers(array, notes)
         if May.BE_TRACED in notes:
             return array.astype(np.float64, copy=False)
-        return value if isinstance(value, int | float | list | tuple) else array
+        return value if array is given and isinstance(value, int | float | list | tuple) else array
 
     return Kind(words, accept, rank=3)
 
@@ -320,6 +326,15 @@ def _as_array(value: Any, kinds: str, words: str) -> Any:
     if array.dtype.kind not in kinds and array.size:
         raise Refusal(f"has values of type {array.dtype}; give {words}")
     return array if array.size else array.astype(np.float64 if "f" in kinds else np.int64)
+
+
+def _flushed(array: Any) -> Any:
+    """The array with zeros for numbers that are smaller than any quantity, and whose inverses would overflow."""
+    if array.dtype.kind not in "fc" or array.dtype.itemsize < 8:
+        return array
+    size = np.abs(array)
+    tiny = (size < _SMALLEST) & (size > 0.0)
+    return np.where(tiny, 0.0, array) if tiny.any() else array
 
 
 def _check_numbers(values: Any, notes: tuple[Any, ...]) -> None:
@@ -461,10 +476,33 @@ def _instance(kind: type, words: str, value: Any) -> Any:
     return value
 
 
-def _callable(value: Any) -> Any:
-    if not callable(value):
-        raise OtherKind(value, "a function")
-    return value
+def _function(takes: Any, returns: Any) -> Kind:
+    """A function that can be called with so many arguments; no class where it is called for its effect alone."""
+    alone = returns in (None, NoneType, bool | None)
+    count = len(takes) if isinstance(takes, list) else None
+    words = "a function" if count is None else f"a function of {count} argument{'' if count == 1 else 's'}"
+
+    def accept(value: Any) -> Any:
+        if not callable(value) or (alone and isinstance(value, type)):
+            raise OtherKind(value, words)
+        if count is not None and not _takes(value, count):
+            raise Refusal(f"is a function of other arguments; give {words}")
+        return value
+
+    return Kind(words, accept)
+
+
+def _takes(function: Any, count: int) -> bool:
+    try:
+        signature = inspect.signature(function)
+    except (ValueError, TypeError):
+        # Some compiled functions have none.
+        return True
+    try:
+        signature.bind(*[None] * count)
+    except TypeError:
+        return False
+    return True
 
 
 def _protocol(kind: type) -> Kind:

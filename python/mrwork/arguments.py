@@ -2,8 +2,9 @@
 
 `@checked` stands on functions, and on dataclasses that users build. A number or an array is finite unless its default
 is infinite or NaN, or its annotation says otherwise, as `Annotated[ArrayLike, May.BE_NAN]`; a range is written
-`Annotated[float, Within(above=0.0)]`. Lists become tuples, and numbers become arrays, where the annotation says so.
-An annotation that cannot be checked, such as `Any` or a type of a library that is loaded late, takes everything.
+`Annotated[float, Within(above=0.0)]`. A number closer to zero than 1e-100 is zero. Lists become tuples, and numbers
+become arrays, where the annotation says so. An annotation that cannot be checked, such as `Any` or a type of a library
+that is loaded late, takes everything.
 A class says in `_made_by` how a user gets one of its objects.
 """
 

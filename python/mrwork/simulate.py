@@ -19,7 +19,7 @@ from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.records import DamperTest
 from mrwork.records.command_signal import impossible_command
 from mrwork.summary import Summarised
-from mrwork.values import holds_arrays
+from mrwork.values import holds_arrays, keep_arrays
 
 
 class Outcome(IntEnum):
@@ -63,6 +63,9 @@ class Loading(Summarised):
     command_unit: CommandUnit | None = None
 
     _units: ClassVar[Mapping[str, str]] = {"dt": "s", "displacement": "m", "velocity": "m/s"}
+
+    def __post_init__(self) -> None:
+        keep_arrays(self, "displacement", "velocity", "command")
 
     def history(self) -> _rust.LoadingHistory:
         """Spline representation of the history, as simulations use it.

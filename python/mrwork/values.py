@@ -36,6 +36,19 @@ def holds_arrays(kind: type[T]) -> type[T]:
     return kind
 
 
+def keep_arrays(made: object, *names: str) -> None:
+    """Replace arrays of these fields of a frozen data class by read-only copies, which the caller cannot change.
+
+    An array that is read-only already is kept as it is.
+    """
+    for name in names:
+        value = getattr(made, name)
+        if isinstance(value, np.ndarray) and value.flags.writeable:
+            copied = value.copy()
+            copied.setflags(write=False)
+            object.__setattr__(made, name, copied)
+
+
 def _equal(self: Any, other: Any) -> Any:
     if type(other) is not type(self):
         return NotImplemented

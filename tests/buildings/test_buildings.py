@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
+from scipy.sparse import eye_array
 
-from mrwork.buildings import Building
+from mrwork.buildings import Building, read_building
 from mrwork.buildings.additions import with_modal_damping, with_rayleigh_coefficients, with_rayleigh_damping
 from mrwork.buildings.published import building
 from mrwork.buildings.shear import shear_building
@@ -146,6 +149,17 @@ def test_what_cannot_be_a_building_is_refused_in_one_sentence(
     assert "\n" not in str(caught.value)
 
 
+def test_a_building_that_would_not_fit_into_memory_is_refused_at_once(
+    frame: Building, tmp_path: Path
+) -> None:
+    square = np.broadcast_to(1.0, (3001, 3001))
+    with pytest.raises(SettingError, match=r"3,001 coordinates, and its matrices would take 1\.0 GB"):
+        replace(frame, mass=square)
+    savemat(tmp_path / "large.mat", {"M": eye_array(3001, format="csc"), "K": eye_array(3001, format="csc")})
+    with pytest.raises(SettingError, match=r"large\.mat: building: it has 3,001 coordinates"):
+        read_building(tmp_path / "large.mat")
+
+
 def test_matrices_that_are_not_finite_are_refused_by_name(frame: Building) -> None:
     with pytest.raises(
         SettingError, match=r"`stiffness` of Building is nan at \(0, 0\); give finite numbers"
@@ -183,5 +197,7 @@ def test_damping_that_would_drive_a_mode_is_refused(frame: Building) -> None:
         with_rayleigh_damping(frame, ratios=(0.02, 0.02), modes=(1, 1))
     with pytest.raises(SettingError, match="2 damping ratios for 3 modes"):
         with_modal_damping(frame, ratios=[0.01, 0.02])
+    with pytest.raises(SettingError, match=r"a damping ratio is 2; .* such as 0\.02 for 2 %"):
+        with_rayleigh_damping(frame, ratios=(2.0, 2.0), modes=(1, 2))
     with pytest.raises(SettingError, match=r"a damping ratio is -0\.01"):
         with_modal_damping(frame, ratios=[-0.01])

@@ -321,6 +321,11 @@ def test_a_floor_that_is_none_cannot_be_measured() -> None:
         ({"step": 1e-12}, "at most 10000 steps to a sample"),
         ({"force_noise": -1.0}, "`force_noise` of Hardware is -1"),
         ({"deformation_resolution": np.nan}, "`deformation_resolution` of Hardware is nan"),
+        ({"measured_floors": (0, 1, 0)}, r"`measured_floors` are \[0, 1, 0\]; give each once"),
+        ({"measured_floors": (0,)}, "`measured_floors` has no effect with feedback of the state"),
+        ({"acceleration_noise": 0.1}, "`acceleration_noise` has no effect with feedback of the state"),
+        ({"faults": (Fault(channel="acceleration"),)}, "a fault of the accelerations has no effect"),
+        ({"acceleration_resolution": 0.1}, "leave it out, or set `feedback` to 'observer'"),
         ({"seed": -1}, "`seed` is -1"),
         ({"seed": 2**32}, "give a whole number from 0 to"),
     ],
@@ -349,4 +354,4 @@ def test_a_fault_of_a_device_that_is_none_is_refused() -> None:
     for channel, count in (("force", 2), ("acceleration", 5)):
         fault = Fault(channel=channel, index=9)  # type: ignore[arg-type]
         with pytest.raises(SettingError, match=f"faulty channel 9, there are {count}"):
-            run_of(onlookers(), gauge(0.02), Hardware(faults=(fault,)))
+            run_of(onlookers(), gauge(0.02), Hardware(feedback="observer", faults=(fault,)))

@@ -183,3 +183,42 @@ def test_a_command_for_dampers_that_follow_none_is_refused() -> None:
         mr.simulate_loop(building, [device], command, [motion])
     none = mr.ControlLaw(name="passive", gains={"command": [0.0]})
     assert mr.simulate_loop(building, [device], none, [motion]).peak_force[0, 0] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("command", "sentence"),
+    [
+        ([1.0, -0.1], "`command` of passive is -0.1 for two, whose driver gives 0 to 1.88"),
+        ([[0.0, 0.0], [2.0, 1.0]], "`command` of passive is 2 for pair, whose driver gives 0 to 1.88"),
+        ([np.inf, 1.0], "`command` of passive is inf for pair"),
+    ],
+)
+def test_a_constant_command_that_the_driver_does_not_give_is_refused(command: object, sentence: str) -> None:
+    law = ControlLaw(name="passive", gains={"command": command})  # type: ignore[dict-item]
+    with pytest.raises(SettingError, match=sentence):
+        simulate_loop(five_storeys(), devices(rd1005()), law, [still(0.1)])
+
+
+def test_the_largest_command_may_be_rounded() -> None:
+    largest = devices(rd1005())[0].largest_command
+    law = ControlLaw(name="passive", gains={"command": [np.nextafter(largest, 2.0 * largest)] * 2})
+    found = simulate_loop(five_storeys(), devices(rd1005()), law, [still(0.1)])
+    assert (found.peak_current == largest).all()
+
+
+def test_a_nominal_building_without_an_observer_is_refused() -> None:
+    with pytest.raises(SettingError, match="`nominal` is the building of an observer"):
+        simulate_loop(five_storeys(), devices(rd1005()), PASSIVE, [still(0.1)], nominal=five_storeys())
+
+
+def test_a_building_whose_loop_would_take_long_to_prepare_is_refused() -> None:
+    n, eye = 1501, np.eye(1501)
+    large = mr.Building(
+        name="large", mass=eye, damping=eye, stiffness=eye, influence=np.ones(n), floors=eye[:1],
+        storeys=eye[:1], floor_names=("floor",), storey_names=("storey",),
+    )  # fmt: skip
+    device = replace(devices(rd1005())[0], row=eye[0])
+    with pytest.raises(
+        SettingError, match=r"1,501 coordinates, .* about 10 s to prepare; reduce it to at most"
+    ):
+        simulate_loop(large, [device], ONE, [still(0.1)])

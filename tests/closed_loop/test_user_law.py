@@ -101,11 +101,25 @@ def test_a_command_that_is_no_number_is_not_sent() -> None:
     [
         (lambda sample, memory: np.zeros(3), r"returned commands of shape \(3,\) at 0 s; give \(1, 2\)"),
         (lambda sample, memory: sample.speed, "failed at 0 s: AttributeError"),
-        (lambda sample, memory: [["a", "b"]], "failed at 0 s: ValueError"),
+        (
+            lambda sample, memory: [["a", "b"]],
+            "what it returned at 0 s has values of type <U1; give an array",
+        ),
+        (lambda sample, memory: None, "what it returned at 0 s is None; give an array"),
+        (lambda sample, memory: sample.rate > 0.0, "what it returned at 0 s has values of type bool"),
+        (lambda sample, memory: 1j * sample.rate, "what it returned at 0 s has values of type complex128"),
+        (
+            lambda sample, memory: np.ma.masked_less(sample.rate, 1.0),
+            "what it returned at 0 s has masked values; fill them in or cut them out",
+        ),
+        (
+            lambda sample, memory: np.full(sample.rate.shape, "2020-01-01", dtype="M8[D]"),
+            r"what it returned at 0 s has values of type datetime64\[D\]",
+        ),
     ],
 )
 def test_a_mistake_in_a_law_is_a_sentence(command: object, words: str) -> None:
-    with pytest.raises(SettingError, match=f"^mine {words}"):
+    with pytest.raises(SettingError, match=f"^mine:? {words}"):
         run(UserLaw(name="mine", command=command))  # type: ignore[arg-type]
 
 

@@ -165,7 +165,26 @@ def test_nan_equals_nan() -> None:
 
 
 def test_writable_arrays_stay_writable() -> None:
-    test = replace(posterior_samples.small_test(), force=np.ones(150))
-    for each in copies(test):
-        assert each.force.flags.writeable
-        assert not each.velocity.flags.writeable
+    for each in copies(Measured(level=1.0, samples=np.ones(3))):
+        assert each.samples.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("made", "name"),
+    [
+        (lambda given: mr.GroundMotion(name="a", dt=0.01, acceleration=given), "acceleration"),
+        (lambda given: mr.Loading(dt=0.01, displacement=given), "displacement"),
+        (lambda given: mr.Loading(dt=0.01, displacement=np.zeros(150), command=given), "command"),
+        (lambda given: replace(posterior_samples.small_test(), force=given), "force"),
+        (lambda given: replace(loop_samples.devices(loop_samples.rd1005())[0], row=given), "row"),
+    ],
+)
+def test_what_the_caller_writes_into_an_array_afterwards_changes_no_object(
+    made: Callable[[NDArray[np.float64]], object], name: str
+) -> None:
+    given = np.linspace(0.0, 1.0, 150)
+    found = made(given)
+    given[:] = 7.0
+    np.testing.assert_array_equal(getattr(found, name), np.linspace(0.0, 1.0, 150))
+    with pytest.raises(ValueError, match="read-only"):
+        getattr(found, name)[0] = 1.0

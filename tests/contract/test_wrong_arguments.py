@@ -16,9 +16,9 @@ import pytest
 import valid_calls_dampers
 import valid_calls_fits
 import valid_calls_loop
-from wrong_arguments import Calls, ValidCall, wrong
+from wrong_arguments import Calls, ValidCall, smallest, wrong
 
-from mrwork.errors import MrworkError
+from mrwork.errors import MrworkError, MrworkWarning
 
 ROOMS = (*valid_calls_dampers.ROOMS, *valid_calls_fits.ROOMS, *valid_calls_loop.ROOMS)
 # A refusal takes milliseconds; what takes this long would run for hours.
@@ -78,6 +78,24 @@ def test_a_wrong_argument_is_refused_in_a_sentence_or_accepted(
             valid = made()
             for argument, value in valid.arguments.items():
                 for label, other in wrong(value):
+                    if found := said(valid, **{argument: other}):
+                        broken.append(f"{name}: `{argument}`, {label}: {found}")
+    assert not broken, "\n".join(broken)
+
+
+@pytest.mark.parametrize("room", ROOMS, ids=lambda room: room.__name__)
+def test_no_number_is_so_small_that_numpy_warns(
+    room: Callable[[Path], Calls], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    broken = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.simplefilter("ignore", MrworkWarning)
+        for name, made in room(tmp_path).items():
+            valid = made()
+            for argument, value in valid.arguments.items():
+                for label, other in smallest(value):
                     if found := said(valid, **{argument: other}):
                         broken.append(f"{name}: `{argument}`, {label}: {found}")
     assert not broken, "\n".join(broken)

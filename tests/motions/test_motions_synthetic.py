@@ -129,6 +129,10 @@ def test_impossible_recipes_are_refused() -> None:
         lambda: ricker(amplitude=1.0, frequency=-1.0),
         lambda: half_sine(amplitude=1.0, width=0.0),
         lambda: sine_sweep(amplitude=1.0, start=0.0, end=1.0, duration=1.0),
+        lambda: sine_sweep(amplitude=1.0, start=1.0, end=500.0, duration=1.0),
+        lambda: sine(amplitude=1.0, frequency=60.0, cycles=9.0, dt=0.01),
+        lambda: sine(amplitude=1.0, frequency=1.0, cycles=9.0, dt=0.0),
+        lambda: ricker(amplitude=1.0, frequency=500.0),
     ):
         with pytest.raises(SettingError):
             recipe()

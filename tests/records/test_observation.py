@@ -62,6 +62,14 @@ def test_gain_and_offset_come_last() -> None:
     np.testing.assert_array_equal(observed, expected)
 
 
+@pytest.mark.parametrize("samples", [1e-300, 1e-9, 0.9e-3, 1.1e-3])
+def test_an_average_much_shorter_than_a_sample_changes_nothing(samples: float) -> None:
+    # A quarter of the window times the change between samples, at an end of the record.
+    change = 0.25 * samples * np.abs(np.diff(SINE)).max()
+    averaged = Observation(average_seconds=samples * DT).observe(SINE, DT)
+    np.testing.assert_allclose(averaged, SINE, rtol=0.0, atol=1.01 * change + 1e-11)
+
+
 def test_rows_are_observed_as_they_are_alone() -> None:
     observation = Observation(delay_seconds=2.5e-3, lowpass_hz=40.0, average_seconds=0.031, gain=1.1)
     rows = np.stack([SINE, SINE**3, np.cos(TIME)])
@@ -71,7 +79,11 @@ def test_rows_are_observed_as_they_are_alone() -> None:
 
 
 @pytest.mark.parametrize(
-    "values", [{"average_seconds": -1.0}, {"gain": 0.0}, {"delay_seconds": np.inf}, {"lowpass_hz": np.nan}]
+    "values",
+    [
+        *({"average_seconds": -1.0}, {"gain": 0.0}, {"delay_seconds": np.inf}, {"lowpass_hz": np.nan}),
+        *({"lowpass_hz": 1e-4}, {"average_seconds": 1e9}, {"gain": 1e30}, {"offset": -1e50}),
+    ],
 )
 def test_what_no_rig_does_is_refused(values: dict[str, float]) -> None:
     with pytest.raises(SettingError, match=next(iter(values))):

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+import mrwork as mr
 from mrwork.errors import SettingError
 from mrwork.records import AS_IT_IS, DamperTest, Observation, build_damper_test, cut, observed
 from mrwork.records.damper_test import Smoothing
@@ -102,3 +103,21 @@ def test_an_average_or_a_delay_longer_than_the_record_is_refused(smoothed: Dampe
 def test_a_part_of_the_observation_that_is_given_twice_is_refused() -> None:
     with pytest.raises(SettingError, match="gives gain twice, the second time as"):
         observed(synthetic_test("rd1005_1a"), ["gain=1.1", "gain=1.2"])
+
+
+@pytest.mark.parametrize(
+    ("observation", "expected"),
+    [
+        (Observation(delay_seconds=-10.0), "`delay_seconds` of its observation is -10, the record lasts"),
+        (Observation(average_seconds=10.0), "`average_seconds` of its observation is 10, the record lasts"),
+        (Observation(lowpass_hz=1e5), "`lowpass_hz` of its observation is 100000, and samples every"),
+    ],
+)
+def test_a_model_of_its_own_that_the_record_cannot_have_is_refused(
+    observation: Observation, expected: str
+) -> None:
+    test = replace(CLEAN.part(0, 100), observation=observation)
+    with pytest.raises(SettingError, match=expected):
+        observed(test, ["detect"])
+    with pytest.raises(SettingError, match=expected):
+        mr.identify("bingham", test)

@@ -5,13 +5,15 @@ from __future__ import annotations
 import gzip
 import struct
 import zlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from record_files import clean_columns, write_text
 
-from mrwork.errors import RecordError
+import mrwork as mr
+from mrwork.errors import RecordError, SettingError
 from mrwork.records import build_damper_test, read_damper_test, read_damper_tests
 
 HEADER = "t_s,displacement_m,force_n"
@@ -210,3 +212,54 @@ def test_arrays_that_do_not_belong_together_are_refused(force: object, expected:
         build_damper_test(
             name="rig", time=columns["t_s"], displacement=columns["displacement_m"], force=np.asarray(force)
         )
+
+
+def test_a_part_without_samples_and_a_test_without_compared_ones_are_refused() -> None:
+    test = mr.synthetic_test("spencer1997")
+    with pytest.raises(SettingError, match=r"a part from sample 10 up to 2 of .* has none"):
+        test.part(10, 2)
+    with pytest.raises(SettingError, match="none of its 3 samples is compared, `n_settle` is"):
+        mr.identify("bingham", replace(test.part(0, 3), n_settle=3))
+    with pytest.raises(SettingError, match="`n_settle` of DamperTest is -1"):
+        replace(test, n_settle=-1)
+
+
+def test_a_constant_command_of_another_length_is_refused() -> None:
+    columns = clean_columns()
+    time, displacement, force = (columns[name] for name in HEADER.split(","))
+    with pytest.raises(RecordError, match="the current has 3 samples where the time has"):
+        build_damper_test(
+            name="rig", time=time, displacement=displacement, force=force, current=np.full(3, 0.5)
+        )
+
+
+def test_millimetres_taken_for_metres_are_told() -> None:
+    columns = clean_columns()
+    time, displacement, force = (columns[name] for name in HEADER.split(","))
+    for factor, told in ((1.0, False), (1e3, True)):
+        test = build_damper_test(name="rig", time=time, displacement=factor * displacement, force=force)
+        assert ("displacement_unusual" in [each.code for each in test.findings]) == told
+
+
+def test_an_arc_without_noise_has_no_moving_average() -> None:
+    time = 0.01 * np.arange(150)
+    test = build_damper_test(
+        name="line", time=time, displacement=0.01 * np.sin(6.0 * time), force=np.arange(150.0)
+    )
+    assert test.smoothing is None
+
+
+@pytest.mark.parametrize("channel", ["force", "displacement"])
+def test_a_test_whose_signals_do_not_vary_is_not_compared(channel: str) -> None:
+    test = mr.synthetic_test("spencer1997")
+    still = replace(test, **{channel: np.zeros(test.n_time)})
+    with pytest.raises(RecordError, match=f"the {channel} is constant, so there is nothing to compare"):
+        mr.identify("bingham", still)
+
+
+def test_the_command_of_a_test_made_by_hand_has_its_length_and_is_a_number_where_constant() -> None:
+    test = mr.synthetic_test("spencer1997")
+    assert replace(test, current=np.full(test.n_time, 0.5)).current == 0.5
+    for command in (np.ones(3), np.ones((test.n_time, 1))):
+        with pytest.raises(SettingError, match=r"`current` of .* has shape .*; give a number, or shape"):
+            replace(test, current=command)

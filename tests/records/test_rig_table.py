@@ -122,9 +122,11 @@ def test_a_folder_without_a_table_stands_for_its_records(rig: Path) -> None:
     (rig / "notes.md").write_text("not a record")
     (rig / ".hidden.csv").write_text("x")
     assert [test.name for test in mr.read_damper_tests(rig)] == ["10mm2Hz0x5A", "run_7_500mA"]
-    assert [row.file for row in listed_tests([rig, rig / "10mm2Hz0x5A.csv"])][2:] == [
-        str(rig / "10mm2Hz0x5A.csv")
-    ]
+    alone = rig / "10mm2Hz0x5A.csv"
+    with pytest.raises(RecordError, match=r"10mm2Hz0x5A\.csv is given 2 times; give each file once"):
+        listed_tests([rig, alone])
+    refused = mrwork("check", alone, rig / "." / alone.name)
+    assert (refused.returncode, "is given 2 times" in refused.stderr) == (2, True)
 
 
 @pytest.mark.parametrize(

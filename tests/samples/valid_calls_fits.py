@@ -143,7 +143,7 @@ def identification_calls(_: Path) -> Calls:
             searched=identification.search_box(mr.damper(MODEL), box, (test,)),
             settings=_QUICK,
             rng=0,
-            mirrored=(0,),
+            mirrored=(3,),
             nested=start[None],
         ),
         "search_box": lambda: call(

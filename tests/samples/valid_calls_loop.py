@@ -15,6 +15,10 @@ import mrwork as mr
 _FREE = np.exp(-0.3 * np.linspace(0.0, 10.0, 2000)) * np.cos(20.0 * np.linspace(0.0, 10.0, 2000))
 
 
+def _viscous(sample: mr.closed_loop.LoopSample, _: np.ndarray) -> np.ndarray:
+    return np.abs(sample.rate)
+
+
 def buildings_calls(_: Path) -> Calls:
     """Buildings, what is built into them, and linear systems."""
     of, frame = mr.buildings, five_storeys()
@@ -504,7 +508,7 @@ def loop_calls(_: Path) -> Calls:
             ),
             "UserLaw": (
                 of.UserLaw,
-                {"name": "x", "command": abs, "n_candidates": 2, "n_memory": 1, "source": "s"},
+                {"name": "x", "command": _viscous, "n_candidates": 2, "n_memory": 1, "source": "s"},
             ),
             "ClairvoyantSettings": (
                 of.ClairvoyantSettings,

@@ -150,3 +150,29 @@ def _lists(value: Any) -> Iterator[tuple[str, Any]]:
     yield "an iterator", iter(value)
     for label, other in wrong(value[-1]) if value else ():
         yield f"{label} at the end", kind([*value[:-1], other])
+
+
+def smallest(value: Any) -> Iterator[tuple[str, Any]]:
+    """The value with numbers in it whose inverses or squares are not finite."""
+    for number in (1e-100, 5e-324, 0.0):
+        for place, other in _with_number(value, number):
+            yield f"{number} {place}", other
+
+
+def _with_number(value: Any, number: float) -> Iterator[tuple[str, Any]]:
+    if isinstance(value, bool):
+        return
+    if isinstance(value, int | float):
+        yield "itself", number
+    elif isinstance(value, np.ndarray) and value.size and value.dtype.kind in "fiu":
+        last = np.array(value, dtype=np.float64)
+        last.flat[-1] = number
+        yield "at an end", last
+        yield "everywhere", np.full(value.shape, number)
+    elif isinstance(value, Mapping):
+        for key, own in value.items():
+            for place, other in _with_number(own, number):
+                yield f"{place} of {key!r}", {**value, key: other}
+    elif isinstance(value, list | tuple) and value:
+        for place, other in _with_number(value[-1], number):
+            yield f"{place} of the last", type(value)([*value[:-1], other])

@@ -85,6 +85,7 @@ def documents(draw: st.DrawFn) -> Document:
         "hardware": {
             "sample_time": draw(st.sampled_from([0.001, 0.002, 0.004])),
             "step": 0.001,
+            "feedback": "observer",
             "acceleration_noise": draw(st.floats(0.0, 1.0)),
             "deformation_noise": draw(st.floats(0.0, 1e-3)),
             "fault": [{"signal": "acceleration", "start": 0.1, "end": draw(st.floats(0.2, 1.0))}],

@@ -86,11 +86,12 @@ def with_modal_damping(building: Building, *, ratios: Sequence[float]) -> Buildi
 
 
 def check_ratios(ratios: Sequence[float], name: str) -> None:
-    """Check that damping ratios are finite and not negative."""
+    """Check that damping ratios are shares of critical damping."""
     for ratio in ratios:
-        if not (np.isfinite(ratio) and ratio >= 0.0):
+        if not 0.0 <= ratio <= 1.0:
             raise SettingError(
-                f"building {name}: a damping ratio is {ratio:g}; give a number from zero, such as 0.02"
+                f"building {name}: a damping ratio is {ratio:g}; give a share of critical damping from 0 to 1, such as "
+                "0.02 for 2 %"
             )
 
 

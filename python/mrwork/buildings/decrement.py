@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from mrwork.arguments import Positive, Within, checked
 from mrwork.buildings.free_vibration import ModeEstimate, fourier_peak, mode_estimate, record_in_band
-from mrwork.errors import RecordError
+from mrwork.errors import RecordError, SettingError
 
 Floats = NDArray[np.float64]
 
@@ -17,6 +17,8 @@ Floats = NDArray[np.float64]
 _STRETCH: Final = 1.0 / 8.0
 _FEWEST_EXTREMES: Final = 5
 _FILTER_ORDER: Final = 3
+# Least lower end of a band per half the sampling frequency; below it, the filter is singular to rounding.
+_LOWEST: Final = 1e-6
 # Settling time of the filter at the ends of the record, in inverse band widths; the rest is below 0.1 %.
 _SETTLING: Final = 3.0
 
@@ -62,6 +64,11 @@ def logarithmic_decrement(
         from scipy.signal import butter, sosfiltfilt
 
         nyquist = 0.5 / dt
+        if limits[0] < _LOWEST * nyquist:
+            raise SettingError(
+                f"free vibration: the band begins at {limits[0]:g} Hz, which no filter of samples every {dt:g} s can "
+                f"tell from 0; give {_LOWEST * nyquist:.2g} Hz or more"
+            )
         sections = butter(
             _FILTER_ORDER,
             (limits[0], min(limits[1], 0.999 * nyquist)),

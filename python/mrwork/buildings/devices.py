@@ -15,7 +15,7 @@ from mrwork.dampers.spec import DamperSpec
 from mrwork.errors import SettingError
 from mrwork.records.operating_range import OperatingRange, Outside, outside_of
 from mrwork.summary import Summarised, Summary, rounded
-from mrwork.values import holds_arrays
+from mrwork.values import holds_arrays, keep_arrays
 
 Floats = NDArray[np.float64]
 
@@ -63,6 +63,7 @@ class Device(Summarised):
     tested: OperatingRange | None = None
 
     def __post_init__(self) -> None:
+        keep_arrays(self, "theta", "row")
         n_params = len(self.spec.parameters)
         if self.draws.ndim != 2 or self.draws.shape[1] != n_params:
             raise SettingError(

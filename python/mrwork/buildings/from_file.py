@@ -37,10 +37,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import checked
-from mrwork.buildings.matrices import Building
+from mrwork.buildings.matrices import Building, check_size
 from mrwork.buildings.matrix_files import read_matrices, read_matrix
 from mrwork.buildings.published import building as published_building
-from mrwork.buildings.shear import check_storeys, floor_differences, numbered, shear_building
+from mrwork.buildings.shear import check_storeys, numbered, shear_building
 from mrwork.buildings.table import ADDITIONS, Entries, with_additions
 from mrwork.errors import RecordError
 from mrwork.keys import Place
@@ -231,8 +231,10 @@ def _from_matrices(
             found = ", ".join(matrices) or "nothing"
             entries.refuse(f"a building needs mass (M), stiffness (K) and usually damping (C); found {found}")
     n = len(named["mass"])
+    with entries.place.prefixed():
+        check_size(n, "building")
     floors = named.get("floors", np.eye(n))
-    storeys = named.get("storeys", floor_differences(len(floors)) @ floors)
+    storeys = named.get("storeys", np.diff(floors, axis=0, prepend=0.0))
     with entries.place.prefixed():
         return Building(
             name=words.get("name") or "building",

@@ -24,6 +24,11 @@ Floats = NDArray[np.float64]
 # Current laws by name, `None` for a model without, and whether the driver lags.
 Laws = tuple[list[str] | None, bool]
 
+# Seconds of the factors of the mass matrix and of the bounds on the frequencies, per coordinate cubed.
+_SECONDS = 3e-9
+# They are ready in ten seconds.
+_MOST_COORDINATES = 1500
+
 # Limit of an ideal actuator [N]: so large that an unstable loop overflows and ends as diverged before it.
 _NO_LIMIT = 1e300
 
@@ -97,8 +102,15 @@ def matrices_of(building: Building, devices: Sequence[Device]) -> _rust.Building
     Raises
     ------
     SettingError
-        If the row of a device does not match, or the matrices are not those of a building.
+        If the row of a device does not match, the building is too large, or the matrices are not those of a building.
     """
+    n = building.n_coordinates
+    if n > _MOST_COORDINATES:
+        raise SettingError(
+            f"{building.name} has {n:,} coordinates, of which the equations of a loop would take about "
+            f"{_SECONDS * n**3:.0f} s to prepare; reduce it to at most {_MOST_COORDINATES:,}, as by "
+            "`mr.buildings.modal_truncation`"
+        )
     arrays: list[ArrayLike] = [
         building.mass,
         building.damping,

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from typing import Annotated, ClassVar, Literal
 
 from mrwork.arguments import May, NotNegative, Positive, Within, checked
-from mrwork.errors import SettingError
+from mrwork.errors import InvalidSettingError, SettingError
 from mrwork.summary import Summarised, Summary
 
 LoopSignal = Literal["acceleration", "deformation", "force", "command"]
@@ -18,6 +18,12 @@ _SEEDS = 2**32
 # Larger numbers are mistakes of unit; the first leaves room for the additional steps of stiff dampers.
 _MOST_STEPS = 10_000
 _LONGEST_DELAY = 1_000_000
+# Settings of the sensors that only the observer reads.
+_OF_OBSERVER = ("measured_floors", "acceleration_noise", "acceleration_resolution")
+_NO_EFFECT = (
+    "has no effect with feedback of the state, which needs no accelerations; leave it out, or set `feedback` to "
+    "'observer'"
+)
 
 
 @checked
@@ -74,7 +80,7 @@ class Hardware(Summarised):
     noise_ratio
         S_ag/S_v in the design of the observer.
     acceleration_noise, deformation_noise, force_noise
-        Standard deviations of the white noise of the sensors [m/s^2, m, N].
+        Standard deviations of the white noise of the sensors [m/s^2, m, N]; that of accelerations is for the observer.
     acceleration_resolution, deformation_resolution, force_resolution
         Quantisation of the sensors [m/s^2, m, N]; none if zero.
     seed
@@ -112,6 +118,17 @@ class Hardware(Summarised):
                 f"`delay` is {self.delay} s, which is not a whole number of integration steps of {self._step:g} s; "
                 f"give a multiple of them, or a finer `step`"
             )
+        floors = self.measured_floors or ()
+        if len(set(floors)) < len(floors):
+            raise InvalidSettingError(
+                "measured_floors", f"`measured_floors` are {list(floors)}; give each once"
+            )
+        if self.feedback == "state":
+            for name in _OF_OBSERVER:
+                if getattr(self, name):
+                    raise InvalidSettingError(name, f"`{name}` {_NO_EFFECT}")
+            if any(fault.channel == "acceleration" for fault in self.faults):
+                raise SettingError(f"a fault of the accelerations {_NO_EFFECT}")
 
     @property
     def steps(self) -> int:

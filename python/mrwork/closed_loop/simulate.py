@@ -39,6 +39,8 @@ Floats = NDArray[np.float64]
 
 _RUNS_AT_A_TIME = 4096
 _MOST_SAMPLES = 100_000_000
+# Largest commands that are worked out as shares of others are rounded.
+_ROUNDED = 1.0 + 1e-9
 
 
 @checked
@@ -72,7 +74,8 @@ def simulate_loop(
     step_factor
         Multiplies the number of steps of every run: 2 halves the step, to check convergence.
     nominal
-        The building for which the observer is designed; by default the building itself.
+        The building for which the observer is designed; by default the building itself. It goes with the feedback of
+        an observer only.
     largest_commands
         Largest command of each candidate, shape (n_candidates,), up to that of the devices, for laws that send a share
         of the largest command. Dampers then follow the scaled command, so results agree to rounding with those of
@@ -85,7 +88,8 @@ def simulate_loop(
     Raises
     ------
     SettingError
-        If devices, law and building do not match, or the law sends a command to dampers that follow none.
+        If devices, law and building do not match, a constant command is negative or above the largest one, the law
+        sends a command to dampers that follow none, or there is a nominal building and no observer.
 
     Examples
     --------
@@ -110,6 +114,11 @@ def simulate_loop(
                 f"{motion.name} lasts {motion.duration:g} s, which is more than {_MOST_SAMPLES} samples of "
                 f"{hardware.sample_time:g} s; give a longer `sample_time`"
             )
+    if nominal is not None and hardware.feedback == "state":
+        raise SettingError(
+            "`nominal` is the building of an observer, and the feedback is of the state; leave it out, or set "
+            "`feedback` of the hardware to 'observer'"
+        )
     n_states = 2 * len(building.mass)
     gains = law.gain_rows(len(devices), n_states)
     if not len(gains):
@@ -121,6 +130,7 @@ def simulate_loop(
             "command: it would have no effect; give the model current laws, or simulate the passive damper with the "
             "law passive and a command of zero"
         )
+    _check_commands(law, devices)
     model, laws, theta, ranges = dampers_of(devices, actuators=actuators)
     n_draws, factors = len(theta), np.ones((1, len(devices)))
     if largest_commands is not None:
@@ -190,6 +200,21 @@ def simulate_loop(
         mean_current=found.mean_current * scale,
         rms_current=found.rms_current * scale,
     )
+
+
+def _check_commands(law: ControlLaw, devices: Sequence[Device]) -> None:
+    """Refuse constant commands that no driver of the devices gives."""
+    for gain in law.spec.gains:
+        if not gain.is_command:
+            continue
+        commands = np.asarray(law.gains[gain.name], dtype=np.float64).reshape(-1, len(devices))
+        for device, column in zip(devices, commands.T, strict=True):
+            wrong = (column < 0.0) | (column > device.largest_command * _ROUNDED)
+            if wrong.any():
+                raise SettingError(
+                    f"`{gain.name}` of {law.name} is {column[wrong][0]:g} for {device.name}, whose driver gives 0 to "
+                    f"{device.largest_command:g}; give a command within it, or a larger `largest_command` of the device"
+                )
 
 
 def _command_factors(

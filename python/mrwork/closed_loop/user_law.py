@@ -13,7 +13,8 @@ from typing import Annotated, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.arguments import Within, checked
+from mrwork.argument_kinds import Refusal, kind_of
+from mrwork.arguments import AnyNumbers, Within, checked
 from mrwork.buildings.devices import Device
 from mrwork.control.laws import ControlLaw
 from mrwork.errors import SettingError
@@ -21,6 +22,9 @@ from mrwork.summary import Summarised, Summary
 from mrwork.values import holds_arrays
 
 Floats = NDArray[np.float64]
+
+# A command that is not a number fails safe.
+_COMMANDS = kind_of(AnyNumbers)
 
 Ask = Callable[[int, NDArray[np.uintp], Floats, Floats, Floats, Floats, Floats], Floats]
 """The form in which the core asks: number of the sample, places of the runs, and what is measured."""
@@ -170,11 +174,17 @@ class UserLaw(Summarised):
                 largest=largest,
             )
             try:
-                found = np.asarray(self.command(sample, kept), dtype=np.float64)
+                returned = self.command(sample, kept)
             except Exception as error:
                 raise SettingError(
                     f"{self.name} failed at {sample.time:g} s: {type(error).__name__}: {error}"
                 ) from error
+            try:
+                found = _COMMANDS.accept(returned)
+            except Refusal as refusal:
+                raise SettingError(
+                    f"{self.name}: what it returned at {sample.time:g} s {refusal.sentence}"
+                ) from None
             memory[places] = kept
             shape = (len(places), len(devices))
             if found.shape == shape[:1] and shape[1] == 1:

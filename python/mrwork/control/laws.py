@@ -33,6 +33,11 @@ class GainSpec:
     description: str
 
     @property
+    def is_command(self) -> bool:
+        """Whether the gain is itself the command of each device."""
+        return self.unit == "A or V"
+
+    @property
     def dimensions(self) -> int:
         """Number of axes of the gain of one candidate."""
         return len(self.shape_for(1, 2))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, ClassVar
+from warnings import catch_warnings, simplefilter, warn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from mrwork.arguments import Positive, Within, checked
 from mrwork.control.plant import Plant
 from mrwork.control.riccati import solve_riccati
-from mrwork.errors import SettingError
+from mrwork.errors import MrworkWarning, SettingError
 from mrwork.summary import Summarised
 from mrwork.values import holds_arrays
 
@@ -118,6 +119,11 @@ def placed_surface(plant: Plant, poles: NDArray[np.complex128]) -> SlidingSurfac
     ------
     SettingError
         If their number is wrong, one is not damped, a complex one lacks its conjugate, or they cannot be placed.
+
+    Warns
+    -----
+    MrworkWarning
+        Where the gain is more sensitive to the plant than it need be.
     """
     back, A, n_moved = _regular_form(plant)
     n_rest = len(A) - n_moved
@@ -129,9 +135,18 @@ def placed_surface(plant: Plant, poles: NDArray[np.complex128]) -> SlidingSurfac
     from scipy.signal import place_poles
 
     try:
-        found = place_poles(A[:n_rest, :n_rest], A[:n_rest, n_rest:], poles)
+        with catch_warnings(record=True) as said:
+            simplefilter("always")
+            found = place_poles(A[:n_rest, :n_rest], A[:n_rest, n_rest:], poles)
     except ValueError as error:
         raise SettingError(f"the poles of the surface cannot be placed: {error}") from error
+    if said:
+        warn(
+            "the gain that places the poles of the surface is not the least sensitive one, whose search did not "
+            "converge; give poles further from zero and from each other",
+            MrworkWarning,
+            stacklevel=3,
+        )
     return _surface(plant, back, A, np.asarray(found.gain_matrix, dtype=np.float64))
 
 

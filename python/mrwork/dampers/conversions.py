@@ -21,6 +21,9 @@ from mrwork.errors import SettingError
 Array = Any
 Floats = NDArray[np.float64]
 
+# A number that is not finite is refused in a sentence.
+_QUIET = np.errstate(divide="ignore", invalid="ignore", over="ignore")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conversion:
@@ -45,6 +48,16 @@ def _check_columns(theta: Array, count: int) -> None:
         )
 
 
+def _converted(theta: Array) -> Array:
+    """Converted parameters; those that JAX traces have no values yet."""
+    if isinstance(theta, np.ndarray) and not np.isfinite(theta).all():
+        raise SettingError(
+            "the parameters have no equivalent in this form: a number would not be finite; give a positive A, rho and "
+            "sum of gamma and beta, closer to nominal values"
+        )
+    return theta
+
+
 def _unchanged(theta: Floats, kept: int, n_to: int) -> Floats:
     """Jacobian with ones for the first `kept` parameters and zeros elsewhere, shape (..., n_to, n_from)."""
     slopes = np.zeros((*theta.shape[:-1], n_to, theta.shape[-1]))
@@ -53,6 +66,7 @@ def _unchanged(theta: Floats, kept: int, n_to: int) -> Floats:
 
 
 @checked
+@_QUIET
 def normalised_from_bouc_wen(theta: AnyArray) -> Array:
     """Parameters of `normalised_bouc_wen`, shape (..., 7), equal in force to those of `bouc_wen`, shape (..., 8).
 
@@ -63,7 +77,7 @@ def normalised_from_bouc_wen(theta: AnyArray) -> Array:
     xp = theta.__array_namespace__()
     c0, k0, x0, alpha, gamma, beta, A, n = (theta[..., index] for index in range(8))
     z_max = (A / (beta + gamma)) ** (1.0 / n)
-    return xp.stack([c0, k0, x0, alpha * z_max, A / z_max, gamma / (beta + gamma), n], axis=-1)
+    return _converted(xp.stack([c0, k0, x0, alpha * z_max, A / z_max, gamma / (beta + gamma), n], axis=-1))
 
 
 def normalised_from_bouc_wen_jacobian(theta: Floats) -> Floats:
@@ -91,6 +105,7 @@ def normalised_from_bouc_wen_jacobian(theta: Floats) -> Floats:
 
 
 @checked
+@_QUIET
 def bouc_wen_from_normalised(theta: AnyArray, A: float) -> Array:
     """Parameters of `bouc_wen`, shape (..., 8), equal in force to those of `normalised_bouc_wen`, shape (..., 7).
 
@@ -101,8 +116,8 @@ def bouc_wen_from_normalised(theta: AnyArray, A: float) -> Array:
     c, k, x0, k_w, rho, sigma, n = (theta[..., index] for index in range(7))
     z_max = A / rho
     sum_ = A / z_max**n
-    return xp.stack(
-        [c, k, x0, k_w / z_max, sigma * sum_, (1.0 - sigma) * sum_, xp.full(n.shape, A), n], axis=-1
+    return _converted(
+        xp.stack([c, k, x0, k_w / z_max, sigma * sum_, (1.0 - sigma) * sum_, xp.full(n.shape, A), n], axis=-1)
     )
 
 
@@ -126,6 +141,7 @@ def bouc_wen_from_normalised_jacobian(theta: Floats, A: float) -> Floats:
 
 
 @checked
+@_QUIET
 def rescaled_bouc_wen(theta: AnyArray, A: float) -> Array:
     """Rescale a `bouc_wen`, shape (..., 8), to another `A`: z is multiplied by s = A_new/A, the force is the same."""
     _check_columns(theta, 8)
@@ -133,7 +149,9 @@ def rescaled_bouc_wen(theta: AnyArray, A: float) -> Array:
     c0, k0, x0, alpha, gamma, beta, old, n = (theta[..., index] for index in range(8))
     s = A / old
     power = s ** (1.0 - n)
-    return xp.stack([c0, k0, x0, alpha / s, power * gamma, power * beta, xp.full(n.shape, A), n], axis=-1)
+    return _converted(
+        xp.stack([c0, k0, x0, alpha / s, power * gamma, power * beta, xp.full(n.shape, A), n], axis=-1)
+    )
 
 
 def rescaled_bouc_wen_jacobian(theta: Floats, A: float) -> Floats:

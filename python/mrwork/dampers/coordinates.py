@@ -138,19 +138,33 @@ class Box:
 
     @checked
     def unit_from_theta(self, theta: AnyArray) -> Array:
-        """Unit coordinates, shape (..., n_free), from physical parameters, shape (..., n_params)."""
+        """Unit coordinates, shape (..., n_free), from physical parameters, shape (..., n_params).
+
+        Raises
+        ------
+        SettingError
+            Where a parameter on a logarithmic scale is not positive.
+        """
         self._check("theta", theta, len(self.names))
         xp = theta.__array_namespace__()
         start, span, log = self._spread(xp)
         value = theta[..., np.array(self.free, dtype=int)]
-        spread = xp.where(log, xp.log(xp.where(log, value, 1.0)), value)
+        positive = xp.where(log, value, 1.0)
+        if isinstance(theta, np.ndarray) and not (positive > 0.0).all():
+            wrong = np.argwhere(~(positive > 0.0))[0]
+            raise SettingError(
+                f"`theta` has {value[tuple(wrong)]:g} for {self.names[self.free[wrong[-1]]]}, whose scale is "
+                "logarithmic; give a positive number"
+            )
+        spread = xp.where(log, xp.log(positive), value)
         return (spread - start) / span
 
     @checked
     def latent_from_unit(self, unit: AnyArray) -> Array:
-        """Logit of the unit coordinates."""
+        """Logit of the unit coordinates; infinite on the faces of the box, NaN outside of it."""
         xp = unit.__array_namespace__()
-        return xp.log(unit) - xp.log1p(-unit)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return xp.log(unit) - xp.log1p(-unit)
 
     @checked
     def unit_from_latent(self, latent: AnyArray) -> Array:

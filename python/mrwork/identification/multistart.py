@@ -138,6 +138,11 @@ def search_starts(
         raise SettingError(
             f"`nested` and `mirrored` are of a model with {n_params} parameters; give starts and indices of these"
         )
+    if any(box.log[each] for each in mirrored):
+        raise SettingError(
+            f"`mirrored` has {', '.join(box.names[each] for each in mirrored if box.log[each])}, positive on a "
+            "logarithmic scale; give parameters of either sign"
+        )
     streams = Streams(rng=rng, replicate=np.zeros(1, dtype=np.int64), generation=np.zeros(1, dtype=np.int64))
     sample = latin_hypercube(streams, settings.samples * n_free, n_free)[0]
     samples, misfit = scaled_to_force(objective, searched, np.asarray(searched.theta_from_unit(sample)))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from mrwork import _rust
 from mrwork.dampers.spec import DamperSpec
-from mrwork.errors import SettingError, SimulationError
+from mrwork.errors import RecordError, SettingError, SimulationError
 from mrwork.identification.nuisance import (
     Nuisance,
     NuisanceName,
@@ -48,11 +48,22 @@ class ObservedTest:
 
         Raises
         ------
+        RecordError
+            The force or the displacement is constant.
         SettingError
-            A nuisance parameter is named twice.
+            A nuisance parameter is named twice, or no sample of the test is compared.
         """
         if len(set(nuisances)) != len(nuisances):
             raise SettingError(f"`nuisances` are {', '.join(nuisances)}; name each once")
+        if test.n_settle >= test.n_time:
+            raise SettingError(
+                f"{test.label}: none of its {test.n_time} samples is compared, `n_settle` is {test.n_settle}; give less"
+            )
+        for channel, samples in (("force", test.force[test.counted]), ("displacement", test.displacement)):
+            if np.ptp(samples) == 0.0:
+                raise RecordError(
+                    f"{test.label}: the {channel} is constant, so there is nothing to compare; check the channel"
+                )
         return cls(spec=spec, test=test, history=loading_of(test, spec).history(), nuisances=nuisances)
 
     @property

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from mrwork.arguments import AnyNumbers, May, checked
 from mrwork.errors import RecordError
 from mrwork.summary import Summarised, Summary
-from mrwork.values import holds_arrays
+from mrwork.values import holds_arrays, keep_arrays
 
 
 @checked
@@ -39,6 +39,7 @@ class GroundMotion(Summarised):
     groups: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        keep_arrays(self, "acceleration")
         if self.acceleration.ndim != 1 or self.acceleration.size < 2:
             raise RecordError(
                 f"ground motion {self.name}: a record of {self.acceleration.size} samples; give two or more"

@@ -179,7 +179,7 @@ class GammaEnvelope:
 @checked
 def sine(*, amplitude: float, frequency: float, cycles: float, dt: float = 0.001) -> GroundMotion:
     """Sinusoidal acceleration of `amplitude` [m/s^2] and `frequency` [Hz] for a number of cycles, from zero."""
-    time = _time(cycles / _positive("frequency", frequency), dt)
+    time = _time(cycles / _sampled("frequency", frequency, dt), dt)
     acceleration = amplitude * np.sin(2.0 * np.pi * frequency * time)
     return _motion(f"sine {frequency:g} Hz", dt, acceleration)
 
@@ -190,7 +190,8 @@ def sine_sweep(
 ) -> GroundMotion:
     """Linear sine sweep of acceleration from `start` to `end` [Hz] in `duration` [s]."""
     time = _time(duration, dt)
-    phase = 2.0 * np.pi * (_positive("start", start) * time + 0.5 * (end - start) / duration * time**2)
+    _sampled("end", end, dt)
+    phase = 2.0 * np.pi * (_sampled("start", start, dt) * time + 0.5 * (end - start) / duration * time**2)
     return _motion(f"sweep {start:g} to {end:g} Hz", dt, amplitude * np.sin(phase))
 
 
@@ -208,7 +209,7 @@ def ricker(*, amplitude: float, frequency: float, dt: float = 0.001) -> GroundMo
 
     It lasts three periods centred at t_0; velocity and displacement return to zero (N. Ricker, Geophysics 18, 1953).
     """
-    half = 1.5 / _positive("frequency", frequency)
+    half = 1.5 / _sampled("frequency", frequency, dt)
     time = _time(2.0 * half, dt)
     u = (np.pi * frequency * (time - half)) ** 2
     return _motion(f"Ricker {frequency:g} Hz", dt, amplitude * (1.0 - 2.0 * u) * np.exp(-u))
@@ -258,6 +259,16 @@ def _time(duration: float, dt: float) -> NDArray[np.float64]:
         raise SettingError(f"pulse of {duration} s every {dt} s; give a positive step below the duration")
     _check_samples(duration, dt)
     return dt * np.arange(round(duration / dt) + 1, dtype=np.float64)
+
+
+def _sampled(name: str, frequency: float, dt: float) -> float:
+    """A frequency [Hz] that samples every `dt` [s] hold."""
+    if not frequency * dt < 0.5:
+        raise SettingError(
+            f"{name} is {frequency:g} Hz, and samples every {dt:g} s hold nothing above {0.5 / dt:g} Hz; give less, or "
+            "a shorter `dt`"
+        )
+    return _positive(name, frequency)
 
 
 def _positive(name: str, value: float) -> float:

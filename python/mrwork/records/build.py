@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from mrwork.arguments import AnyArrayLike, checked
+from mrwork.arguments import AnyArrayLike, NotNegative, checked
 from mrwork.errors import RecordError
 from mrwork.records import checks
 from mrwork.records.command import command_of, motion_matches_name
@@ -44,8 +44,8 @@ def build_damper_test(
     velocity: AnyArrayLike | None = None,
     current: AnyArrayLike | None = None,
     voltage: AnyArrayLike | None = None,
-    amplitude: float | None = None,
-    frequency: float | None = None,
+    amplitude: NotNegative | None = None,
+    frequency: NotNegative | None = None,
     synthetic: bool = False,
     path: str = "",
     sha256: str | None = None,
@@ -95,8 +95,8 @@ def build_damper_test(
         force=_channel(force, "force", source),
         velocity=None if velocity is None else _channel(velocity, "velocity", source),
     )
-    amperes, about_current = _command(current, "current", "A", source)
-    volts, about_voltage = _command(voltage, "voltage", "V", source)
+    amperes, about_current = _command(current, "current", "A", source, raw.time.size)
+    volts, about_voltage = _command(voltage, "voltage", "V", source, raw.time.size)
     given = replace(raw, current=_if_varying(amperes), voltage=_if_varying(volts))
     for channel_name, channel in given.channels():
         if channel.size != raw.time.size:
@@ -127,6 +127,7 @@ def build_damper_test(
         *about_sign,
         # A varying command weighs the directions of motion differently, so that the mean force is no static one.
         *(() if given.has_commands else checks.force_offset(resisting, motion.velocity)),
+        *checks.stroke_finding(displaced),
         *checks.rest_before_motion(displaced, dt, motion.frequency),
         *checks.samples_per_cycle(motion.frequency, dt),
         *about_current,
@@ -169,11 +170,18 @@ def _channel(samples: ArrayLike, name: str, source: str) -> NDArray[np.float64]:
 
 
 def _command(
-    samples: ArrayLike | None, quantity: str, unit: str, source: str
+    samples: ArrayLike | None, quantity: str, unit: str, source: str, n_time: int
 ) -> tuple[Command | None, tuple[Finding, ...]]:
     if samples is None:
         return None, ()
-    return command_of(_channel(np.atleast_1d(samples), quantity, source), quantity, unit, source=source)
+    channel = _channel(np.atleast_1d(samples), quantity, source)
+    # A constant one is not compared with the other channels later; a number of a MATLAB file is an array of one.
+    if channel.size not in (1, n_time):
+        raise RecordError(
+            f"{source}: the {quantity} has {channel.size} samples where the time has {n_time}; give one value per "
+            "sample, or a number"
+        )
+    return command_of(channel, quantity, unit, source=source)
 
 
 def _if_varying(command: Command | None) -> NDArray[np.float64] | None:

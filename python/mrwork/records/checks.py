@@ -13,6 +13,8 @@ from mrwork.records.motion import Smoother, SmoothMotion
 
 _SMALLEST_RANGE: Final = 1e-9
 _LARGEST: Final = 1e15
+# The longest dampers of bridges have about 2 m.
+_LONGEST_STROKE: Final = 5.0
 _FEWEST_PER_CYCLE: Final = 20.0
 _REST_EXCURSION: Final = 0.01
 _REST_CYCLES: Final = 0.25
@@ -46,6 +48,21 @@ def check_varies(samples: NDArray[np.float64], quantity: str, unit: str, *, sour
     if np.ptp(samples) < _SMALLEST_RANGE:
         value = "zero" if abs(samples[0]) < _SMALLEST_RANGE else f"constant at {samples[0]:g} {unit}"
         raise RecordError(f"{source}: the {quantity} is {value} throughout; check the channel and its wiring")
+
+
+def stroke_finding(displacement: NDArray[np.float64]) -> tuple[Finding, ...]:
+    """Warn of a stroke that is longer than that of any damper, as of millimetres that are taken for metres."""
+    stroke = float(np.ptp(displacement))
+    if stroke <= _LONGEST_STROKE:
+        return ()
+    return (
+        Finding(
+            code="displacement_unusual",
+            severity="warning",
+            message=f"the displacement spans {stroke:.3g} m, more than any damper; check its channel and its unit",
+            measured=Measured(value=stroke, unit="m"),
+        ),
+    )
 
 
 _SHORTEST_RUN: Final = 3

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from mrwork.arguments import Count, Samples, Within, checked
+from mrwork.arguments import Count, NotNegative, Samples, Whole, Within, checked
 from mrwork.dampers.parameters import CommandUnit
-from mrwork.records.command_signal import Command, command_in_words, part_of_command
+from mrwork.errors import RecordError, SettingError
+from mrwork.records.command_signal import Command, command_in_words, part_of_command, same_command
 from mrwork.records.observation import AS_IT_IS, Observation
 from mrwork.summary import Summarised, Summary
-from mrwork.values import holds_arrays
+from mrwork.values import holds_arrays, keep_arrays
 
 Severity = Literal["note", "warning", "repaired"]
 Channel = Literal["displacement", "force"]
@@ -82,16 +84,29 @@ class DamperTest(Summarised):
     velocity: Samples
     force: Samples
     velocity_source: Literal["measured", "derived"]
-    n_settle: int = 0
+    n_settle: Whole = 0
     current: Command | None = None
     voltage: Command | None = None
-    amplitude: float | None = None
-    frequency: float | None = None
+    amplitude: NotNegative | None = None
+    frequency: NotNegative | None = None
     synthetic: bool = False
     observation: Observation = AS_IT_IS
     smoothing: Smoothing | None = None
     findings: tuple[Finding, ...] = ()
     original: DamperTest | None = None
+
+    def __post_init__(self) -> None:
+        keep_arrays(self, "displacement", "velocity", "force", "current", "voltage")
+        for name in ("current", "voltage"):
+            command = getattr(self, name)
+            if not isinstance(command, np.ndarray):
+                continue
+            if command.shape != self.force.shape:
+                raise SettingError(
+                    f"`{name}` of {self.label} has shape {command.shape}; give a number, or shape {self.force.shape}"
+                )
+            if command.size and np.ptp(command) == 0.0:
+                object.__setattr__(self, name, float(command[0]))
 
     @property
     def label(self) -> str:
@@ -128,8 +143,18 @@ class DamperTest(Summarised):
     def part(
         self, first: Annotated[int, Within(least=0)], last: Annotated[int, Within(least=0)], every: Count = 1
     ) -> DamperTest:
-        """Every `every`-th sample from `first` up to `last`; a varying command stays held between samples."""
+        """Every `every`-th sample from `first` up to `last`; a varying command stays held between samples.
+
+        Raises
+        ------
+        SettingError
+            If no sample would remain.
+        """
         window = slice(first, last, every)
+        if not self.force[window].size:
+            raise SettingError(
+                f"{self.label}: a part from sample {first} up to {last} of {self.n_time} has none; give others"
+            )
         return replace(
             self,
             displacement=frozen(self.displacement[window]),
@@ -168,8 +193,36 @@ class DamperTest(Summarised):
 
 
 def as_tests(tests: DamperTest | Sequence[DamperTest]) -> tuple[DamperTest, ...]:
-    """One test or several as a tuple."""
-    return (tests,) if isinstance(tests, DamperTest) else tuple(tests)
+    """One test or several as a tuple, each of other data.
+
+    Raises
+    ------
+    RecordError
+        The samples of a test are those of another one, so that the same data would count twice.
+    """
+    if isinstance(tests, DamperTest):
+        return (tests,)
+    found = tuple(tests)
+    for (first, one), (second, other) in combinations(enumerate(found, start=1), 2):
+        if _has_samples_of(one, other):
+            names = one.label if one.label == other.label else f"{one.label} and {other.label}"
+            raise RecordError(
+                f"tests {first} and {second} ({names}) have the same samples; data that count twice make errors and "
+                "bands too narrow, so give each test once"
+            )
+    return found
+
+
+def _has_samples_of(one: DamperTest, other: DamperTest) -> bool:
+    if one is other:
+        return True
+    return (
+        one.dt == other.dt
+        and np.array_equal(one.force, other.force)
+        and np.array_equal(one.displacement, other.displacement)
+        and same_command(one.current, other.current)
+        and same_command(one.voltage, other.voltage)
+    )
 
 
 def frozen(samples: NDArray[np.float64]) -> NDArray[np.float64]:

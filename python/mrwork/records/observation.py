@@ -3,13 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import AnyNumbers, Positive, checked
 from mrwork.errors import SettingError
+
+RANGES: Final = {
+    "delay_seconds": (-1e6, 1e6, "s"),
+    "lowpass_hz": (1e-3, 1e6, "Hz"),
+    "average_seconds": (0.0, 1e6, "s"),
+    "gain": (-1e6, 1e6, ""),
+    "offset": (-1e9, 1e9, "N"),
+}
+"""Least and largest value of each effect, with its unit."""
 
 
 @checked
@@ -34,15 +43,15 @@ class Observation:
         Raises
         ------
         SettingError
-            If a window or a frequency is negative, the gain is zero, or a number is not finite.
+            If a window or a frequency is negative, the gain is zero, or a number is beyond any rig.
         """
-        for name in ("delay_seconds", "lowpass_hz", "average_seconds", "gain", "offset"):
+        for name, (least, most, unit) in RANGES.items():
             value = getattr(self, name)
-            negative = name in ("lowpass_hz", "average_seconds") and value < 0.0
-            if not isfinite(value) or negative or (name == "gain" and value == 0.0):
-                raise SettingError(
-                    f"{name} of an observation is {value:g}; give a finite number that makes sense of it"
-                )
+            none = name == "lowpass_hz" and value == 0.0
+            if not (least <= value <= most or none) or (name == "gain" and value == 0.0):
+                other = {"lowpass_hz": "0 for none, or ", "gain": "not 0, and "}.get(name, "")
+                allowed = f"{other}from {least:g} to {most:g} {unit}".rstrip()
+                raise SettingError(f"{name} of an observation is {value:g}; give {allowed}")
 
     @property
     def in_words(self) -> str:
@@ -74,6 +83,8 @@ class Observation:
 
 
 AS_IT_IS = Observation()
+# Length of a moving average [samples] below which it changes less than its sums are rounded.
+_SHORTEST = 1e-3
 # Least corner of a filter per sampling frequency, below which its equations are singular to rounding.
 _LOWEST = 1e-7
 
@@ -92,6 +103,8 @@ def averaged(signal: NDArray[np.float64], samples: float) -> NDArray[np.float64]
 
     At the ends, the window is truncated to the record.
     """
+    if samples < _SHORTEST:
+        return signal
     last = signal.shape[-1] - 1
     middles = 0.5 * (signal[..., 1:] + signal[..., :-1])
     integral = np.concatenate([np.zeros((*signal.shape[:-1], 1)), np.cumsum(middles, axis=-1)], axis=-1)

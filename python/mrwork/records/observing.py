@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import isfinite
 from typing import Final
@@ -11,7 +11,7 @@ from mrwork.arguments import checked
 from mrwork.errors import SettingError
 from mrwork.records.damper_test import DamperTest
 from mrwork.records.motion import spectrum
-from mrwork.records.observation import AS_IT_IS, Observation
+from mrwork.records.observation import AS_IT_IS, RANGES, Observation
 
 DETECT: Final = "detect"
 NONE: Final = "none"
@@ -23,17 +23,9 @@ _FIELDS: Final = {
     "gain": "gain",
     "offset": "offset",
 }
-# Least and largest value of each. An average and a delay are also shorter than the record, and a lowpass is below half
-# its sampling rate.
-_RANGES: Final = {
-    "average": (0.0, 1e6, "s"),
-    "lowpass": (1e-3, 1e6, "Hz"),
-    "delay": (-1e6, 1e6, "s"),
-    "gain": (-1e6, 1e6, ""),
-    "offset": (-1e9, 1e9, "N"),
-}
 VALUES_IN_WORDS: Final = "; ".join(
-    f"{name} from {least:g} to {most:g} {unit}".rstrip() for name, (least, most, unit) in _RANGES.items()
+    f"{name} from {least:g} to {most:g} {unit}".rstrip()
+    for name, (least, most, unit) in ((name, RANGES[field]) for name, field in _FIELDS.items())
 )
 """The range of each value, for help."""
 # Quantities that may be given as a share of the dominant period.
@@ -69,11 +61,13 @@ def observed(test: DamperTest, observe: Sequence[str]) -> DamperTest:
     Raises
     ------
     SettingError
-        Where a word is not understood, or its value is impossible for this record.
+        Where a word is not understood, or a value is impossible for this record.
     """
     if test.observation != AS_IT_IS:
+        _check_fits(test, test.observation, {})
         return test
     values: dict[str, float] = {}
+    said: dict[str, str] = {}
     for word in observe:
         if word == DETECT:
             # With a window in the displacement alone, the force was not averaged.
@@ -81,19 +75,30 @@ def observed(test: DamperTest, observe: Sequence[str]) -> DamperTest:
                 values["average_seconds"] = test.smoothing.window_seconds
         elif word != NONE:
             name, value = _value(word, period=_period(test) if word.endswith("T") else 1.0)
-            if name in _OF_PERIOD and abs(value) >= (duration := (test.n_time - 1) * test.dt):
-                raise SettingError(
-                    f"{test.label}: --observe is {word!r}, the record lasts {duration:.4g} s; give less"
-                )
-            if name == "lowpass" and value >= (nyquist := 0.5 / test.dt):
-                raise SettingError(
-                    f"{test.label}: --observe is {word!r}, and samples every {test.dt:.4g} s hold nothing above "
-                    f"{nyquist:.4g} Hz; give less, or leave it out"
-                )
             if _FIELDS[name] in values:
                 raise SettingError(f"--observe gives {name} twice, the second time as {word!r}; give it once")
             values[_FIELDS[name]] = value
-    return replace(test, observation=Observation(**values)) if values else test
+            said[_FIELDS[name]] = f"--observe is {word!r}"
+    if not values:
+        return test
+    observation = Observation(**values)
+    _check_fits(test, observation, said)
+    return replace(test, observation=observation)
+
+
+def _check_fits(test: DamperTest, observation: Observation, said: Mapping[str, str]) -> None:
+    """Refuse an average or a delay longer than the record, and a filter above what its samples hold."""
+    for name in (_FIELDS[each] for each in _OF_PERIOD):
+        value, duration = getattr(observation, name), (test.n_time - 1) * test.dt
+        if abs(value) >= duration:
+            given = said.get(name, f"`{name}` of its observation is {value:g}")
+            raise SettingError(f"{test.label}: {given}, the record lasts {duration:.4g} s; give less")
+    if observation.lowpass_hz >= (nyquist := 0.5 / test.dt):
+        given = said.get("lowpass_hz", f"`lowpass_hz` of its observation is {observation.lowpass_hz:g}")
+        raise SettingError(
+            f"{test.label}: {given}, and samples every {test.dt:.4g} s hold nothing above {nyquist:.4g} Hz; "
+            "give less, or leave it out"
+        )
 
 
 def _period(test: DamperTest) -> float:
@@ -115,7 +120,7 @@ def _value(word: str, *, period: float) -> tuple[str, float]:
     if not isfinite(value):
         raise SettingError(f"{text!r} in --observe {word} is not a number; write it as 0.002, or 0.1T")
     value = value * period if share else value
-    least, most, unit = _RANGES[name]
+    least, most, unit = RANGES[_FIELDS[name]]
     if not least <= value <= most:
         raise SettingError(f"--observe is {word!r}; give {name} from {least:g} to {most:g} {unit}".rstrip())
     Observation(**{_FIELDS[name]: value})

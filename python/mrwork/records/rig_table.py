@@ -62,7 +62,7 @@ def listed_tests(
     ------
     RecordError
         No file is given or found, a folder has no test, a table is invalid or has no row with that use, or a
-        file is given by itself and by a table.
+        file is given twice.
     """
     rows: list[ListedTest] = []
     for file in listed_files(paths, none="no record given; name at least one file, folder or table of tests"):
@@ -78,20 +78,25 @@ def listed_tests(
 
 
 def check_given_once(rows: Sequence[ListedTest]) -> None:
-    """Refuse a test that is given by a table and once more, as by a pattern that takes in table and records.
+    """Refuse a file that is given twice, as by a pattern that takes in a table of tests and its records.
 
     Raises
     ------
     RecordError
-        There is such a test.
+        There is such a file.
     """
-    places = [real_place(row.file) for row in rows]
-    for row, place in zip(rows, places, strict=True):
-        if row.use is not None and places.count(place) > 1:
+    groups: dict[object, list[ListedTest]] = {}
+    for row in rows:
+        groups.setdefault(real_place(row.file), []).append(row)
+    for same in groups.values():
+        if len(same) == 1:
+            continue
+        if any(row.use is not None for row in same):
             raise RecordError(
-                f"{row.file} is given twice, by a table of tests and once more; give the table or its folder alone, or "
-                "the records without the table"
+                f"{same[0].file} is given twice, by a table of tests and once more; give the table or its folder "
+                "alone, or the records without the table"
             )
+        raise RecordError(f"{same[0].file} is given {len(same)} times; give each file once")
 
 
 def records_in(folder: Path) -> tuple[Path, ...]:
@@ -195,10 +200,13 @@ def write_test_table(path: str | os.PathLike[str], rows: Sequence[ListedTest]) -
     ------
     OutputError
         The file exists already, or cannot be written.
+    RecordError
+        A file is in two rows.
     """
     place = Path(path)
     if exists(place):
         raise OutputError(f"{place} exists already; delete it, or choose another name for the table")
+    check_given_once(rows)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(_HEADER)

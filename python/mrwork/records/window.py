@@ -44,12 +44,13 @@ def cut(
 
     first = 0 if start is None else sample_at(start)
     last = test.n_time if end is None else sample_at(end)
-    shorter = test.part(first, max(first, last), every)
-    if shorter.n_time < _FEWEST:
+    n_kept = len(range(first, last, every))
+    if n_kept < _FEWEST:
         raise SettingError(
-            f"{test.label}: {shorter.n_time} samples would remain of a record from "
+            f"{test.label}: {n_kept} samples would remain of a record from "
             f"{test.time[0]:g} to {test.time[-1]:g} s; keep at least {_FEWEST}"
         )
+    shorter = test.part(first, last, every)
     return replace(shorter, n_settle=settling_samples(shorter.displacement))
 
 

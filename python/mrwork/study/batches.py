@@ -127,7 +127,7 @@ def simulated_criteria(
             law,
             motions,
             _varied_hardware(hardware, delay, seed),
-            nominal=arrangement.building,
+            nominal=arrangement.building if hardware.feedback == "observer" else None,
             largest_commands=largest_commands,
             threads=threads,
         )

@@ -142,7 +142,9 @@ class Iid(Noise):
     def log_likelihood_of_sum(self, squared: Array, n_time: int, noise: Array) -> Array:
         """Log-likelihood from sums of squared residuals, shape (n_batch,)."""
         sigma = noise[:, 0]
-        return np.asarray(-0.5 * squared / sigma**2 - n_time * (np.log(sigma) + 0.5 * _LOG_2_PI))
+        # What is no deviation has no likelihood.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(-0.5 * squared / sigma**2 - n_time * (np.log(sigma) + 0.5 * _LOG_2_PI))
 
     def _draw(self, force: Array, noise: Array, rng: np.random.Generator) -> Array:
         return np.asarray(noise[:, :1] * rng.standard_normal(force.shape))

@@ -119,7 +119,7 @@ delay = "2 ms"
 feedback = "state"
 
 [[hardware.fault]]
-signal = "acceleration"
+signal = "deformation"
 number = 1
 start = 0.1
 end = 0.25

@@ -130,7 +130,8 @@ def _cepstrum(samples: NDArray[np.float64]) -> NDArray[np.float64]:
     # Differences raise the noise to the level of the motion; their own cepstrum, -1/k each, is added back.
     steep = np.diff(samples, _DIFFERENCES)
     power = np.abs(np.fft.rfft((steep - steep.mean()) * np.hanning(steep.size))) ** 2
-    floor = np.finfo(np.float64).eps ** 2 * power.max()
+    # Of an arc without noise all differences are zero.
+    floor = max(float(np.finfo(np.float64).eps ** 2 * power.max()), float(np.finfo(np.float64).tiny))
     cepstrum = np.fft.irfft(np.log(np.maximum(power, floor)))[: samples.size // 2 - 1]
     cepstrum[1:] += _DIFFERENCES / np.arange(1, cepstrum.size)
     return np.asarray(cepstrum, dtype=np.float64)

@@ -86,7 +86,7 @@ def profile(
     UnknownNameError
         Where the model has no such parameter.
     SettingError
-        Where a parameter is fixed, or the fit was not a least-squares fit.
+        Where a parameter is fixed or named twice, or the fit was not a least-squares fit.
     Interrupted
         On Ctrl-C, carrying the `Profiles` so far, whose ends are "interrupted".
     """
@@ -181,6 +181,8 @@ def profile(
 def _profiled_indices(box: Box, parameters: Sequence[str]) -> list[int]:
     """Indices among the free parameters of those to profile."""
     free = [box.names[index] for index in box.free]
+    if len(set(parameters)) < len(parameters):
+        raise SettingError(f"`parameters` are {', '.join(parameters)}; name each once")
     for name in parameters:
         if name not in box.names:
             raise UnknownNameError(f"no parameter is called {name!r}; this model has {', '.join(box.names)}")
