@@ -66,7 +66,7 @@ REFUSED = {
     ),
     "a mass without size": (
         text("a.toml", "mass = [[1e-320]]\nstiffness = [[1.0]]", read_building),
-        "the mass of coordinate 1 is 9.99989e-321 kg",
+        "the mass of coordinate 1 is 0 kg",
     ),
     "a stiffness that overflows": (
         text("a.toml", "masses = [1.0, 1.0]\nstiffnesses = [1e308, 1e308]", read_building),
@@ -140,6 +140,14 @@ def test_names_of_many_letters_take_no_time(tmp_path: Path, letters: str, column
         (read_motion if "acceleration" in columns else read_damper_test)(path)
     assert time.process_time() - began < 1.0
     assert len(str(caught.value)) <= 2000
+
+
+def test_many_ends_of_lines_take_no_time(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_bytes(b"t_s,acceleration_g\n" + b"\r" * 60_000 + b"0.0,1.0\r\r\n0.1,2.0\n" + b"\r" * 60_000)
+    began = time.process_time()
+    assert read_motion(path).acceleration.size == 2
+    assert time.process_time() - began < 2.0
 
 
 def test_a_header_of_arrays_that_python_warns_of_is_refused(tmp_path: Path) -> None:

@@ -35,8 +35,8 @@ class Lines:
 
 def lines_of(data: bytes, path: Path) -> Lines:
     """Lines of the bytes of a text file with any line ends; headers of old files may be Latin-1."""
-    # Some archives hold files with line ends CR CR LF.
-    return Lines(path=path, texts=tuple(re.split(r"\r*\n|\r", decoded(data))))
+    # Some archives hold files with line ends CR CR LF; a run of CR is looked at once, from its start.
+    return Lines(path=path, texts=tuple(re.split(r"(?<!\r)\r*\n|\r", decoded(data))))
 
 
 def read_numbers(lines: Lines, first: int, end: int | None = None) -> NDArray[np.float64]:
