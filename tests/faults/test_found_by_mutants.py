@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 import pytest
 import rig_files
+from motion_files import knet_lines
 from record_files import clean_columns, write_text
 from sinusoidal_tests import MOTIONS, sinusoidal_test
 from study_texts import study_text
@@ -140,6 +141,16 @@ def test_names_of_many_letters_take_no_time(tmp_path: Path, letters: str, column
         (read_motion if "acceleration" in columns else read_damper_test)(path)
     assert time.process_time() - began < 1.0
     assert len(str(caught.value)) <= 2000
+
+
+def test_a_long_line_of_a_header_takes_no_time(tmp_path: Path) -> None:
+    path = tmp_path / "a.NS"
+    lines = knet_lines(np.arange(100), "1")
+    path.write_text("\n".join(lines).replace("100Hz", "1" * 60_000))
+    began = time.process_time()
+    with pytest.raises(MrworkError):
+        read_motion(path)
+    assert time.process_time() - began < 1.0
 
 
 def test_many_ends_of_lines_take_no_time(tmp_path: Path) -> None:

@@ -124,7 +124,7 @@ def _block(lines: Lines, place: int, what: str) -> tuple[NDArray[np.float64], in
     numbers: list[float] = []
     end = place + 1 + -(-n_numbers // max(per_line, 1))
     for index in range(place + 1, min(end, len(lines.texts))):
-        text = lines.at(index)
+        text = lines.texts[index]
         words = [
             text[start : start + width] for start in range(0, min(len(text), per_line * width), max(width, 1))
         ]

@@ -15,6 +15,8 @@ from mrwork.motions.ground_motion import GroundMotion
 from mrwork.records.formats.delimited import decoded
 
 _HEADER_SHOWN = 60
+# Characters of a line of a header: what searches it takes longer than in proportion.
+_LONGEST = 1000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,8 +27,8 @@ class Lines:
     texts: tuple[str, ...]
 
     def at(self, index: int) -> str:
-        """Line by index from 0; an empty text after the last."""
-        return self.texts[index] if 0 <= index < len(self.texts) else ""
+        """Line of a header by index from 0, as much as one has; an empty text after the last."""
+        return self.texts[index][:_LONGEST] if 0 <= index < len(self.texts) else ""
 
     def where(self, index: int) -> str:
         """Start of a message about a line: file and line number, counted from 1."""

@@ -18,7 +18,7 @@ from mrwork.units import FACTORS
 
 _LONGEST_HEADER = 20
 _LABEL = 18
-_NUMBER = r"([0-9]+\.?[0-9]*(?:[eE][+-]?[0-9]+)?)"
+_NUMBER = r"([0-9]+(?:\.[0-9]*)?(?:[eE][+-]?[0-9]+)?)"
 _RATE = re.compile(rf"{_NUMBER}\s*Hz", re.IGNORECASE)
 _DURATION = re.compile(_NUMBER)
 _SCALE = re.compile(rf"{_NUMBER}\s*\(gal\)\s*/\s*{_NUMBER}", re.IGNORECASE)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from mrwork.records.formats.cells import Cells, number_in
 from mrwork.records.formats.layout import MISSING, RULE
+from mrwork.values import holds_arrays
 
 # Bytes of the rows that are read at once.
 _BLOCK: Final = 1 << 17
@@ -58,6 +59,7 @@ class Form:
         return frozenset(range(len(self.cells.names))).difference(self.texts)
 
 
+@holds_arrays
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rows:
     """What was read: columns of shape (n_rows,) by place, and what must be refused.
