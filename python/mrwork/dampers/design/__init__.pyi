@@ -1,0 +1,15 @@
+from .flow import PRESSURES as PRESSURES
+from .flow import Slot as Slot
+from .flow import annular_pressure as annular_pressure
+from .flow import least_active_volume as least_active_volume
+from .flow import plate_pressure as plate_pressure
+from .flow import shear_force as shear_force
+from .flow import summed_pressure as summed_pressure
+from .fluids import FLUIDS as FLUIDS
+from .fluids import MRFluid as MRFluid
+from .fluids import fluid as fluid
+from .magnetic_circuit import MagneticCircuit as MagneticCircuit
+from .magnetic_circuit import wire_diameter as wire_diameter
+from .steels import STEELS as STEELS
+from .steels import Steel as Steel
+from .steels import steel as steel
