@@ -210,6 +210,7 @@ def results() -> dict[str, object]:
         "quality": fit.quality[0],
         "loading": mr.Loading(dt=1e-3, displacement=np.zeros(20_000), velocity=np.zeros(20_000)),
         "preset": mr.damper("modified_bouc_wen").preset("dyke1996"),
+        "design": mr.dampers.design.twenty_ton_damper(),
         "fluid": mr.dampers.design.fluid("MRF-132DG"),
         "plant": plant,
         "regulator": regulator,

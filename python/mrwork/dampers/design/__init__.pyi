@@ -1,3 +1,5 @@
+from .damper_design import DamperDesign as DamperDesign
+from .damper_model import DesignedModel as DesignedModel
 from .flow import PRESSURES as PRESSURES
 from .flow import Slot as Slot
 from .flow import annular_pressure as annular_pressure
@@ -10,6 +12,7 @@ from .fluids import MRFluid as MRFluid
 from .fluids import fluid as fluid
 from .magnetic_circuit import MagneticCircuit as MagneticCircuit
 from .magnetic_circuit import wire_diameter as wire_diameter
+from .published import twenty_ton_damper as twenty_ton_damper
 from .steels import STEELS as STEELS
 from .steels import Steel as Steel
 from .steels import steel as steel
