@@ -10,9 +10,14 @@ from .flow import summed_pressure as summed_pressure
 from .fluids import FLUIDS as FLUIDS
 from .fluids import MRFluid as MRFluid
 from .fluids import fluid as fluid
+from .front import SizeFront as SizeFront
+from .front import size_front as size_front
 from .magnetic_circuit import MagneticCircuit as MagneticCircuit
 from .magnetic_circuit import wire_diameter as wire_diameter
 from .published import twenty_ton_damper as twenty_ton_damper
+from .sizing import DamperWishes as DamperWishes
+from .sizing import SizedDamper as SizedDamper
+from .sizing import size_damper as size_damper
 from .steels import STEELS as STEELS
 from .steels import Steel as Steel
 from .steels import steel as steel
