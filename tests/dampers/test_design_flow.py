@@ -139,6 +139,21 @@ def test_annulus_becomes_plates_as_the_gap_squared() -> None:
     assert orders == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.parametrize("flow_index", [0.6, 1.0, 1.4])
+@pytest.mark.parametrize("wall_speed", [0.0, 0.05, 2.0])
+def test_thin_annulus_is_plates_for_any_fluid_and_wall(flow_index: float, wall_speed: float) -> None:
+    given = {
+        "flow": np.array([1e-6, 1e-4, 1e-3]),
+        "yield_stress": np.array([[0.0], [50.0], [5e4]]),
+        "viscosity": VISCOSITY,
+        "flow_index": flow_index,
+        "wall_speed": wall_speed,
+    }
+    thin = Slot(inner_radius=0.05, gap=1e-4, length=0.03)
+    # The difference of first order in the ratio of gap to radius, 1/500, is that of the moving wall.
+    assert annular_pressure(thin, **given) == pytest.approx(plate_pressure(thin, **given), rel=2e-3)
+
+
 @given(
     flow=st.floats(1e-7, 1e-2),
     tau=st.floats(0.0, 1e5),
