@@ -16,8 +16,8 @@ from mrwork.dampers.design.sizing import (
     DamperWishes,
     candidate,
     harder_wishes,
-    missed_with,
     rated_forces,
+    shortfall,
     smallest,
 )
 from mrwork.dampers.design.steels import Steel
@@ -77,7 +77,7 @@ def size_front(
     wishes, fluid, steel, rng
         As in `size_damper`.
     population, budget
-        Candidates of a generation, and most of all.
+        Candidates of a generation, and most of all; a generation of either search at least.
 
     Raises
     ------
@@ -91,11 +91,10 @@ def size_front(
     except Interrupted as interrupt:
         raise Interrupted(None, "front") from interrupt
     tried = first.evaluations
-
     harder = harder_wishes(wishes)
 
     def objectives(units: Floats) -> Floats:
-        return np.array([_objectives(unit, harder, fluid, steel) for unit in units])
+        return np.array([_objectives(candidate(unit, wishes, fluid, steel), harder) for unit in units])
 
     found = run_front(
         objectives,
@@ -123,13 +122,10 @@ def size_front(
     return SizeFront(designs=tuple(designs[index] for index in order), evaluations=tried + found.evaluations)
 
 
-def _objectives(
-    unit: Floats, wishes: DamperWishes, fluid: MRFluid, steel: Steel
-) -> tuple[float, float, float]:
+def _objectives(design: DamperDesign | None, harder: DamperWishes) -> tuple[float, float, float]:
     """Volume over that of the envelope, 1 over dynamic range, power [W]; all worse by what the design misses."""
-    design = candidate(unit, wishes, fluid, steel)
     if design is None:
         return (_PENALTY**2,) * 3
     on, off = forces = rated_forces(design, "plates")
-    worse = _PENALTY * sum(missed_with(wishes, design, forces).values())
-    return design.envelope_volume / wishes.volume + worse, off / on + worse, design.power + worse
+    worse = _PENALTY * shortfall(harder, design, forces)
+    return design.envelope_volume / harder.volume + worse, off / on + worse, design.power + worse

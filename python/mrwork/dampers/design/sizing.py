@@ -23,8 +23,7 @@ from mrwork.summary import Summarised, Summary
 Floats = NDArray[np.float64]
 
 # Free dimensions with their ranges, in log scale: shares of the largest outer diameter, the gap over the least one,
-# the depth of a groove as a share of what the rod leaves; the number of coils and the gauge of their wire, cut to
-# whole numbers.
+# and the depth of a groove as a share of what the rod leaves.
 _RANGES = {
     "bore": (0.2, 1.0),
     "wall": (0.01, 0.3),
@@ -32,14 +31,15 @@ _RANGES = {
     "pole_length": (0.01, 0.5),
     "coil_length": (0.02, 1.0),
     "coil_depth": (0.05, 0.9),
-    "stages": (1, 5),
-    "wire_gauge": (8, 33),
 }
-N_FREE = len(_RANGES)
+# Numbers of coils and gauges of their wire, also in log scale: whole numbers below the end.
+_STAGES, _GAUGES = (1, 5), (8, 33)
+_ENDS = np.array([*_RANGES.values(), _STAGES, _GAUGES], dtype=np.float64)
+N_FREE = len(_ENDS)
 # Share of copper in a winding, and depth of the winding below the poles in gaps: the slot is three times as wide there,
 # so that a coil takes 1/27 of the viscous pressure of a pole of its length.
 _FILL, _CLEARANCE = 0.6, 2.0
-# The search takes parallel plates for the annulus; this share more of the force and the range covers the difference.
+# The search takes parallel plates for the annulus; this factor of force, range and stress covers the difference.
 _MARGIN = 1.003
 # Shortfall of what cannot be built.
 _IMPOSSIBLE = 1e3
@@ -247,35 +247,41 @@ def smallest(
     harder = harder_wishes(wishes)
 
     def objective(units: Floats) -> Floats:
-        return np.array([_misfit(unit, harder, fluid, steel) for unit in units])
+        return np.array([_misfit(candidate(unit, wishes, fluid, steel), harder) for unit in units])
 
     found: SearchResult[Any] = run_search(replace(optimiser, stop=stop), objective, rng=rng, n_params=N_FREE)
     return found
 
 
 def harder_wishes(wishes: DamperWishes) -> DamperWishes:
-    """Wishes of a search that takes parallel plates for the annulus."""
-    ratio = min(_MARGIN * wishes.dynamic_range, 1e3)
-    return replace(wishes, force=_MARGIN * wishes.force, dynamic_range=ratio)
+    """Wishes that a design has to meet between parallel plates so that it meets the true ones in the annulus."""
+    return replace(
+        wishes,
+        force=_MARGIN * wishes.force,
+        dynamic_range=min(_MARGIN * wishes.dynamic_range, 1e3),
+        stress=wishes.stress / _MARGIN,
+    )
 
 
-def _misfit(unit: Floats, wishes: DamperWishes, fluid: MRFluid, steel: Steel) -> float:
+def shortfall(harder: DamperWishes, design: DamperDesign, forces: tuple[float, float]) -> float:
+    """What a design with these forces between parallel plates misses of `harder_wishes`, all together."""
+    return sum(missed_with(harder, design, forces).values())
+
+
+def _misfit(design: DamperDesign | None, harder: DamperWishes) -> float:
     """Volume over that of the envelope, at most 1; for a design that misses wishes, 1 and what it misses."""
-    design = candidate(unit, wishes, fluid, steel)
     if design is None:
         return _IMPOSSIBLE
-    missed = sum(missed_with(wishes, design, rated_forces(design, "plates")).values())
-    return 1.0 + missed if missed > 0.0 else design.envelope_volume / wishes.volume
+    missed = shortfall(harder, design, rated_forces(design, "plates"))
+    return 1.0 + missed if missed > 0.0 else design.envelope_volume / harder.volume
 
 
 def candidate(unit: Floats, wishes: DamperWishes, fluid: MRFluid, steel: Steel) -> DamperDesign | None:
     """The design at a point of the unit cube, shape (N_FREE,); `None` where nothing can be built."""
-    low, high = np.array(list(_RANGES.values()), dtype=np.float64).T
+    low, high = _ENDS.T
     bore, wall, gap, pole_length, coil_length, depth, stages, gauge = (low * (high / low) ** unit).tolist()
     size = wishes.outer_diameter
-    n_stages, wire_gauge = (
-        min(int(each), int(top) - 1) for each, top in ((stages, high[6]), (gauge, high[7]))
-    )
+    n_stages, wire_gauge = min(int(stages), _STAGES[1] - 1), min(int(gauge), _GAUGES[1] - 1)
     gap = gap * wishes.least_gap
     rod = 2.0 * np.sqrt(wishes.force / (np.pi * wishes.stress))
     piston = bore * size / 2.0 - gap
