@@ -127,7 +127,7 @@ def _label_whole(axes: Axes, design: DamperDesign, inch: float) -> None:
         [
             (f"rod {_mm(design.rod)}", (-end - 0.5 * _MM * design.stroke, 0.7 * rod)),
             (f"fluid, {design.fluid.name}", (-(end + half) / 2.0, (rod + bore) / 2.0)),
-            (f"core, {design.steel.name}", (-0.2 * half, (rod + _MM * core) / 2.0)),
+            (f"core, {design.steel.name}", (-0.85 * half, (2.0 * rod + _MM * core) / 3.0)),
             (
                 f"{_number(design.stages, 'coil')} of {design.turns} turns",
                 (coil + _MM * design.coil_length / 2.0, _MM * (core + winding) / 2.0),
