@@ -10,6 +10,7 @@ import sys
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from inspect import isclass
+from operator import attrgetter
 from pathlib import Path
 from types import ModuleType
 
@@ -34,6 +35,8 @@ NAMESPACES = (
     "tuning",
     "report",
 )
+# Namespaces within a namespace.
+INNER_NAMESPACES = ("dampers.design",)
 # Modules of one public purpose; `twins` needs JAX.
 OWN_PATHS = ("errors", "simulate", "synthetic", "twins")
 # Studies that measure the simulation itself, below the models of dampers.
@@ -84,20 +87,21 @@ SETTINGS = {
 }
 
 
-def public() -> Iterator[tuple[str, object]]:
+def public(namespace: ModuleType = mr, place: str = "") -> Iterator[tuple[str, object]]:
     """Every public name of the package and its namespaces."""
-    for name in mr.__all__:
-        value = getattr(mr, name)
-        yield name, value
+    for name in namespace.__all__:
+        value = getattr(namespace, name)
+        yield f"{place}{name}", value
         if isinstance(value, ModuleType) and hasattr(value, "__all__"):
-            yield from ((f"{name}.{inner}", getattr(value, inner)) for inner in value.__all__)
+            yield from public(value, f"{place}{name}.")
 
 
 def test_every_namespace_is_listed() -> None:
     assert set(NAMESPACES) <= set(dir(mr))
-    for name in NAMESPACES:
-        assert isinstance(getattr(mr, name), ModuleType)
-        assert getattr(mr, name).__all__
+    for name in (*NAMESPACES, *INNER_NAMESPACES):
+        namespace = attrgetter(name)(mr)
+        assert isinstance(namespace, ModuleType)
+        assert namespace.__all__
 
 
 def test_every_listed_name_can_be_had() -> None:
@@ -206,6 +210,8 @@ def results() -> dict[str, object]:
         "quality": fit.quality[0],
         "loading": mr.Loading(dt=1e-3, displacement=np.zeros(20_000), velocity=np.zeros(20_000)),
         "preset": mr.damper("modified_bouc_wen").preset("dyke1996"),
+        "design": mr.dampers.design.twenty_ton_damper(),
+        "fluid": mr.dampers.design.fluid("MRF-132DG"),
         "plant": plant,
         "regulator": regulator,
         "surface": mr.control.optimal_surface(plant),
@@ -295,7 +301,7 @@ def test_every_public_dataclass_is_summarised_or_a_small_value() -> None:
 
 def test_no_public_name_is_that_of_a_module() -> None:
     # An import of the module would put it in the place of the name.
-    for name in (None, *NAMESPACES, "twins"):
+    for name in (None, *NAMESPACES, *INNER_NAMESPACES, "twins"):
         namespace = mr if name is None else importlib.import_module(f"mrwork.{name}")
         folder = Path(str(namespace.__file__)).parent
         modules = {path.stem for path in folder.glob("*.py")} | {

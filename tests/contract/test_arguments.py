@@ -22,6 +22,7 @@ from mrwork.errors import ArgumentError, MrworkError
 
 NAMESPACES: tuple[str, ...] = (
     "mrwork.dampers",
+    "mrwork.dampers.design",
     "mrwork.records",
     "mrwork.motions",
     "mrwork.identification",

@@ -14,13 +14,19 @@ from typing import Any
 
 import pytest
 import valid_calls_dampers
+import valid_calls_design
 import valid_calls_fits
 import valid_calls_loop
 from wrong_arguments import Calls, ValidCall, smallest, wrong
 
 from mrwork.errors import MrworkError, MrworkWarning
 
-ROOMS = (*valid_calls_dampers.ROOMS, *valid_calls_fits.ROOMS, *valid_calls_loop.ROOMS)
+ROOMS = (
+    *valid_calls_dampers.ROOMS,
+    *valid_calls_design.ROOMS,
+    *valid_calls_fits.ROOMS,
+    *valid_calls_loop.ROOMS,
+)
 # A refusal takes milliseconds; what takes this long would run for hours.
 SECONDS = 20.0
 # Calls that are refused as they are: they would take long, or need more than a test has.

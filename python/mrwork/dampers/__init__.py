@@ -1,4 +1,4 @@
-"""Damper models declared by the Rust core: parameters, current laws, published sets, conversions, coordinates."""
+"""Damper models declared by the Rust core: parameters, current laws, sets, conversions; their `design`."""
 
 import lazy_loader
 

@@ -1,3 +1,4 @@
+from . import design as design
 from .conversions import OpenSeesBoucWen as OpenSeesBoucWen
 from .conversions import bouc_wen_from_normalised as bouc_wen_from_normalised
 from .conversions import bouc_wen_from_opensees as bouc_wen_from_opensees

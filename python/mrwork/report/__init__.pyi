@@ -6,6 +6,7 @@ from .canvas import blank as blank
 from .canvas import finish as finish
 from .canvas import finish_loop as finish_loop
 from .canvas import tested_points as tested_points
+from .cross_section import cross_section_figure as cross_section_figure
 from .expectations import departures as departures
 from .html import swatch as swatch
 from .html import write_study_page as write_study_page

@@ -1,0 +1,363 @@
+"""A damper from its geometry: circuit, forces at each current, dynamic range, power, mass of fluid, response time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.arguments import NotNegative, Within, checked
+from mrwork.dampers.design.damper_model import DesignedModel, fitted_model
+from mrwork.dampers.design.flow import PRESSURES, FlowModel, Slot
+from mrwork.dampers.design.fluids import MRFluid
+from mrwork.dampers.design.magnetic_circuit import (
+    COPPER_RESISTIVITY,
+    MagneticCircuit,
+    wire_diameter,
+)
+from mrwork.dampers.design.ranges import (
+    Current,
+    Currents,
+    Length,
+    Speed,
+    Turns,
+    Velocities,
+    Voltage,
+    broadcast,
+)
+from mrwork.dampers.design.steels import Steel
+from mrwork.errors import SettingError
+from mrwork.summary import Summarised, Summary, of_unit
+
+Floats = NDArray[np.float64]
+
+# Round wire in square order, without insulation.
+_DENSEST = np.pi / 4.0
+# Radii at which the flux density of a pole, in which the flux runs radially, is taken.
+_POLE_NODES, _POLE_WEIGHTS = np.polynomial.legendre.leggauss(5)
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class DamperDesign(Summarised):
+    """A double-ended damper in flow mode: a steel piston with coils moves in a steel cylinder full of fluid.
+
+    The annulus between piston and cylinder is the slot. Each coil lies between two poles, where the flux crosses the
+    slot; neighbouring coils are wound in opposite senses, so that their poles act like poles of their own. All coils
+    are in series. The cylinder is the magnetic return, the rod is not magnetic.
+
+    Parameters
+    ----------
+    bore, wall
+        Inner diameter and thickness of the cylinder [m].
+    rod
+        Diameter of the rod [m], on both sides of the piston.
+    gap
+        Radial gap at the poles [m].
+    stages, pole_length
+        Number of coils, and axial length of each of the two poles of a coil [m].
+    coil_length, coil_depth
+        Axial length and radial depth of the groove of a coil [m], the depth from the faces of the poles.
+    coil_clearance
+        Depth of the winding below the faces of the poles [m], which widens the slot at the coils.
+    turns, wire_gauge
+        Turns of one coil, and its wire (American wire gauge).
+    largest_current
+        [A].
+    stroke, velocity
+        Largest displacement to either side [m], and velocity of the ratings [m/s].
+    friction
+        Friction of the seals [N].
+
+    Raises
+    ------
+    SettingError
+        If the parts do not fit into one another, or the wire not into its groove.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> design = mr.dampers.design.DamperDesign(
+    ...     fluid=mr.dampers.design.fluid("MRF-132DG"), steel=mr.dampers.design.steel("AISI 1010"),
+    ...     bore=0.05, wall=0.008, rod=0.012, gap=0.001, stages=2, pole_length=0.01, coil_length=0.015,
+    ...     coil_depth=0.01, turns=150, wire_gauge=22, largest_current=2.0, stroke=0.03, velocity=0.1,
+    ... )
+    >>> 1.0 < design.dynamic_range < 100.0
+    True
+    """
+
+    fluid: MRFluid
+    steel: Steel
+    bore: Length
+    wall: Length
+    rod: Length
+    gap: Length
+    stages: Annotated[int, Within(least=1, most=100)]
+    pole_length: Length
+    coil_length: Length
+    coil_depth: Length
+    turns: Turns
+    wire_gauge: Annotated[int, Within(least=0, most=50)]
+    largest_current: Current
+    stroke: Length
+    velocity: Speed
+    coil_clearance: NotNegative = 0.0
+    friction: NotNegative = 0.0
+
+    def __post_init__(self) -> None:
+        if self.core_radius <= self.rod / 2.0:
+            raise SettingError(
+                f"bore {self.bore:g} m, gap {self.gap:g} m and coils {self.coil_depth:g} m deep leave a core of radius "
+                f"{self.core_radius:.3g} m for a rod of radius {self.rod / 2.0:g} m; give a core thicker than the rod"
+            )
+        if self.coil_clearance >= self.coil_depth:
+            raise SettingError(
+                f"the winding lies {self.coil_clearance:g} m below the poles in a groove {self.coil_depth:g} m deep; "
+                "give a smaller `coil_clearance`"
+            )
+        if self.copper_share > _DENSEST:
+            raise SettingError(
+                f"{self.turns} turns of gauge {self.wire_gauge} fill {self.copper_share:.3g} of the groove, round wire "
+                f"fills {_DENSEST:.3g} at most; give fewer turns, thinner wire or a larger groove"
+            )
+
+    @property
+    def piston_radius(self) -> float:
+        """[m]."""
+        return self.bore / 2.0 - self.gap
+
+    @property
+    def core_radius(self) -> float:
+        """Radius of the core within the coils [m]."""
+        return self.piston_radius - self.coil_depth
+
+    @property
+    def piston_area(self) -> float:
+        """Area that displaces fluid [m^2]."""
+        return float(np.pi * (self.piston_radius**2 - (self.rod / 2.0) ** 2))
+
+    @property
+    def piston_length(self) -> float:
+        """[m]."""
+        return self.stages * (2.0 * self.pole_length + self.coil_length)
+
+    @property
+    def outer_diameter(self) -> float:
+        """Diameter of the cylinder [m]."""
+        return self.bore + 2.0 * self.wall
+
+    @property
+    def chamber_length(self) -> float:
+        """Length of the cylinder between its covers [m]: the piston, and its stroke to either side."""
+        return self.piston_length + 2.0 * self.stroke
+
+    @property
+    def envelope_volume(self) -> float:
+        """Volume of the cylinder between its covers [m^3]."""
+        return float(np.pi / 4.0 * self.outer_diameter**2 * self.chamber_length)
+
+    @property
+    def active_slot(self) -> Slot:
+        """The slot at all poles, where the field crosses it."""
+        return Slot(
+            inner_radius=self.piston_radius, gap=self.gap, length=2.0 * self.stages * self.pole_length
+        )
+
+    @property
+    def passive_slot(self) -> Slot:
+        """The slot at all coils, without field."""
+        return Slot(
+            inner_radius=self.piston_radius - self.coil_clearance,
+            gap=self.gap + self.coil_clearance,
+            length=self.stages * self.coil_length,
+        )
+
+    @property
+    def fluid_mass(self) -> float:
+        """Mass of the fluid [kg]: beside the piston, and in the chambers around the rod."""
+        chambers = np.pi / 4.0 * (self.bore**2 - self.rod**2) * 2.0 * self.stroke
+        return float(self.fluid.density * (chambers + self.active_slot.volume + self.passive_slot.volume))
+
+    @property
+    def circuit(self) -> MagneticCircuit:
+        """Circuit of one coil: core, two poles, two crossings of the gap, cylinder.
+
+        The axial path in core and cylinder is from the middle of one pole to that of the other.
+        """
+        axial = self.coil_length + self.pole_length
+        outer = self.outer_diameter / 2.0
+        radii = self.core_radius + 0.5 * self.coil_depth * (1.0 + _POLE_NODES)
+        return MagneticCircuit(
+            fluid=self.fluid,
+            steel=self.steel,
+            turns=self.turns,
+            gap=self.gap,
+            gap_area=self.active_slot.width * self.pole_length,
+            areas=(
+                float(np.pi * (self.core_radius**2 - (self.rod / 2.0) ** 2)),
+                *(2.0 * np.pi * self.pole_length * radii).tolist(),
+                float(np.pi * (outer**2 - (self.bore / 2.0) ** 2)),
+            ),
+            # Two poles; the weights of a pole add up to 2.
+            lengths=(axial, *(self.coil_depth * _POLE_WEIGHTS).tolist(), axial),
+        )
+
+    @property
+    def wire_area(self) -> float:
+        """Cross-section of the copper of the wire [m^2]."""
+        return float(np.pi / 4.0 * wire_diameter(self.wire_gauge) ** 2)
+
+    @property
+    def copper_share(self) -> float:
+        """Share of copper in the winding."""
+        return self.turns * self.wire_area / (self.coil_length * (self.coil_depth - self.coil_clearance))
+
+    @property
+    def resistance(self) -> float:
+        """Resistance of all coils at 20 C [ohm]."""
+        turn = np.pi * (2.0 * self.core_radius + self.coil_depth - self.coil_clearance)
+        return float(self.stages * self.turns * turn * COPPER_RESISTIVITY / self.wire_area)
+
+    @property
+    def current_density(self) -> float:
+        """Current density of the copper at the largest current [A/m^2]."""
+        return self.largest_current / self.wire_area
+
+    @property
+    def power(self) -> float:
+        """Electrical power at the largest current [W]."""
+        return self.resistance * self.largest_current**2
+
+    @property
+    def dynamic_range(self) -> float:
+        """Force at the largest current over force at zero current, both at the rated velocity."""
+        on, off = self.force(self.velocity, [self.largest_current, 0.0])
+        return float(on / off)
+
+    @property
+    def largest_force(self) -> float:
+        """Force at the largest current and the rated velocity [N]."""
+        return float(self.force(self.velocity, self.largest_current))
+
+    @checked
+    def inductance(self, current: Currents) -> Floats:
+        """Differential inductance of all coils [H], at currents [A] of any shape."""
+        return self.stages * self.circuit.inductance(current)
+
+    @checked
+    def yield_stress(self, current: Currents) -> Floats:
+        """Yield stress at the poles [Pa], at currents [A] of any shape."""
+        return self.fluid.yield_stress(self.circuit.field(current))
+
+    @checked
+    def force(self, velocity: Velocities, current: Currents, *, flow_model: FlowModel = "annulus") -> Floats:
+        """Steady force [N] that resists a velocity, at a constant current.
+
+        The pressure acts on the piston and, as shear of its side, on half the slot: exact for plates at rest. At
+        velocity 0 the force is 0; the limit from either side is the yield force. Compressibility, inertia and
+        cavitation of the fluid are left out.
+
+        Parameters
+        ----------
+        velocity, current
+            [m/s] and [A], of shapes that broadcast.
+        flow_model
+            How the pressure drop is computed: a name of `PRESSURES`.
+        """
+        broadcast("DamperDesign.force", velocity=velocity, current=current)
+        velocity = np.asarray(velocity, dtype=np.float64)
+        speed, pressure = np.abs(velocity), PRESSURES[flow_model]
+        drop = sum(
+            pressure(
+                slot,
+                flow=self.piston_area * speed,
+                yield_stress=yield_stress,
+                viscosity=self.fluid.viscosity,
+                flow_index=self.fluid.flow_index,
+                wall_speed=speed,
+            )
+            for slot, yield_stress in (
+                (self.active_slot, self.yield_stress(current)),
+                (self.passive_slot, 0.0),
+            )
+        )
+        area = self.piston_area + self.active_slot.width * self.gap / 2.0
+        force: Floats = np.sign(velocity) * (area * drop + self.friction)
+        return force
+
+    @checked
+    def response_time(self, supply: Voltage | None = None) -> float:
+        """Time [s] in which 63 % of the largest current flows after a step, see `MagneticCircuit.rise_time`.
+
+        Parameters
+        ----------
+        supply
+            Voltage of a current driver for all coils in series [V]; without it the voltage of the largest current.
+
+        Raises
+        ------
+        SettingError
+            If the supply cannot drive the current.
+        """
+        share = None if supply is None else supply / self.stages
+        return self.circuit.rise_time(
+            current=self.largest_current, resistance=self.resistance / self.stages, supply=share
+        )
+
+    @checked
+    def as_model(self, *, supply: Voltage | None = None, transition: Speed | None = None) -> DesignedModel:
+        """The Bingham model with current laws that follows the forces of the design, for simulations of buildings.
+
+        At each of a few currents yield force and damping are fitted to the forces up to the rated velocity by least
+        squares, then cubic laws to them, with the friction of the seals as the yield force at zero current. The lag of
+        the command has the rate 1/T with the response time T.
+
+        Parameters
+        ----------
+        supply
+            Voltage of the current driver [V], see `response_time`.
+        transition
+            Velocity over which the yield force changes sign [m/s]; 1/50 of the rated velocity by default.
+
+        Raises
+        ------
+        SettingError
+            If the supply cannot drive the largest current.
+        """
+        return fitted_model(
+            self.force,
+            velocity=self.velocity,
+            largest_current=self.largest_current,
+            friction=self.friction,
+            response_time=self.response_time(supply),
+            transition=transition,
+        )
+
+    def _summary(self) -> Summary:
+        length = 1e3
+        rows = (
+            ("cylinder", "bore", self.bore * length, "mm"),
+            ("", "wall", self.wall * length, "mm"),
+            ("", "length between covers", self.chamber_length * length, "mm"),
+            ("rod", "diameter", self.rod * length, "mm"),
+            ("piston", "length", self.piston_length * length, "mm"),
+            ("", "gap", self.gap * length, "mm"),
+            ("poles", f"{2 * self.stages} of length", self.pole_length * length, "mm"),
+            ("coils", f"{self.stages} of length", self.coil_length * length, "mm"),
+            ("", "depth", self.coil_depth * length, "mm"),
+            ("", f"turns of gauge {self.wire_gauge}", float(self.turns), ""),
+            ("", "resistance, all", self.resistance, "ohm"),
+        )
+        return Summary(
+            title=f"Design of a damper of {of_unit(self.largest_force / 1e3, 'kN', 3)} with {self.fluid.name}",
+            facts=(
+                ("dynamic range", f"{self.dynamic_range:.3g} at {self.velocity:g} m/s"),
+                ("power", f"{self.power:.3g} W at {self.largest_current:g} A"),
+                ("response time", f"{self.response_time():.3g} s"),
+                ("mass of fluid", f"{self.fluid_mass:.3g} kg"),
+            ),
+            columns=("part", "dimension", "value", "unit"),
+            rows=[(part, name, f"{value:.4g}", unit) for part, name, value, unit in rows],
+        )

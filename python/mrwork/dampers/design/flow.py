@@ -1,0 +1,285 @@
+"""Flow of a yield-stress fluid through the slot between piston and cylinder: exactly, and by the usual approximations.
+
+The shear stress of the fluid is `tau_y + K (du/dy)^n`, Bingham for n = 1 and Herschel-Bulkley otherwise. The inner
+wall, the piston, may move against the flow. The functions of `PRESSURES` have one signature.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Annotated, ClassVar, Final, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from mrwork.arguments import Positive, Within, checked
+from mrwork.dampers.design.ranges import FlowIndex, Flows, Length, Stresses, Viscosity, broadcast
+from mrwork.dampers.design.roots import roots_between
+from mrwork.summary import Summarised
+
+Floats = NDArray[np.float64]
+FlowModel = Literal["annulus", "plates", "sum"]
+WallSpeeds = Annotated[ArrayLike, Within(least=0.0, most=1e3)]
+
+# Gauss-Legendre nodes and weights of [0, 1].
+_GAUSS = np.polynomial.legendre.leggauss(24)
+_NODES, _WEIGHTS = 0.5 + 0.5 * _GAUSS[0], 0.5 * _GAUSS[1]
+# Doublings of the pressure gradient in the search of its upper bound.
+_DOUBLINGS = 200
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Slot(Summarised):
+    """Annular slot around a piston: radius of the piston, radial gap, and length along the flow [m]."""
+
+    _units: ClassVar[Mapping[str, str]] = {"inner_radius": "m", "gap": "m", "length": "m"}
+
+    inner_radius: Length
+    gap: Length
+    length: Length
+
+    @property
+    def width(self) -> float:
+        """Mean circumference, the width of the slot as parallel plates [m]."""
+        return 2.0 * np.pi * (self.inner_radius + self.gap / 2.0)
+
+    @property
+    def volume(self) -> float:
+        """Volume of the fluid in the slot [m^3]."""
+        return self.width * self.gap * self.length
+
+
+@checked
+def annular_pressure(
+    slot: Slot,
+    *,
+    flow: Flows,
+    yield_stress: Stresses,
+    viscosity: Viscosity,
+    flow_index: FlowIndex = 1.0,
+    wall_speed: WallSpeeds = 0.0,
+) -> Floats:
+    """Pressure drop in an annulus, exactly.
+
+    The shear stress is `(g/2) (a^2/r - r)` with the pressure gradient g and the radius a of zero stress, which follow
+    from the speed of the inner wall and from the flow (Fredrickson & Bird, Ind. Eng. Chem. 50(3), 1958, 347-352, for
+    walls at rest). The integrals of the velocity are Gaussian, on either side of the plug.
+
+    Parameters
+    ----------
+    slot
+        The slot.
+    flow
+        Volume per second through the slot, relative to the outer wall [m^3/s]. At 0 the fluid is about to flow.
+    yield_stress
+        [Pa].
+    viscosity, flow_index
+        Plastic viscosity, or the consistency K [Pa s^n], and the exponent n.
+    wall_speed
+        Speed of the inner wall against the flow [m/s].
+
+    Returns
+    -------
+    NDArray
+        [Pa], of the shape to which `flow`, `yield_stress` and `wall_speed` broadcast.
+    """
+    flow, tau, speed = broadcast(
+        "annular_pressure", flow=flow, yield_stress=yield_stress, wall_speed=wall_speed
+    )
+    inner, outer = slot.inner_radius, slot.inner_radius + slot.gap
+
+    def profile(gradient: Floats, tau: Floats, neutral: Floats) -> tuple[Floats, Floats]:
+        delta = tau / gradient
+        root = np.sqrt(delta**2 + neutral**2)
+        speed, moved = np.zeros_like(gradient), np.zeros_like(gradient)
+        for sign, wall, edge in ((1.0, inner, root - delta), (-1.0, outer, root + delta)):
+            edge = np.clip(edge, inner, outer)
+            # Squared distances from the edge of the plug make any power of the shear rate smooth.
+            radius = edge[..., None] + (wall - edge)[..., None] * _NODES**2
+            weights = 2.0 * np.abs(wall - edge)[..., None] * _NODES * _WEIGHTS
+            stress = 0.5 * gradient[..., None] * (neutral[..., None] ** 2 / radius - radius)
+            rate = sign * _shear_rate(sign * stress - tau[..., None], viscosity, flow_index)
+            speed += np.sum(weights * rate, axis=-1)
+            moved -= np.pi * np.sum(weights * rate * (radius**2 - inner**2), axis=-1)
+        return speed, moved
+
+    def neutral_of(gradient: Floats, tau: Floats, speed: Floats) -> Floats:
+        def excess(neutral: Floats) -> Floats:
+            return profile(gradient, tau, neutral)[0] - speed
+
+        return roots_between(excess, np.full_like(gradient, inner), np.full_like(gradient, outer))
+
+    def moved(gradient: Floats, tau: Floats, speed: Floats) -> Floats:
+        return profile(gradient, tau, neutral_of(gradient, tau, speed))[1]
+
+    return slot.length * _gradient(moved, slot, flow, tau, speed, viscosity, flow_index)
+
+
+@checked
+def plate_pressure(
+    slot: Slot,
+    *,
+    flow: Flows,
+    yield_stress: Stresses,
+    viscosity: Viscosity,
+    flow_index: FlowIndex = 1.0,
+    wall_speed: WallSpeeds = 0.0,
+) -> Floats:
+    """Pressure drop between parallel plates as wide as the mean circumference of the slot, exactly.
+
+    With walls at rest and n = 1 it is the root of the cubic of Phillips (Engineering Applications of Fluids with a
+    Variable Yield Stress, thesis, Berkeley, 1969), with a moving wall that of his quintic. Arguments and result are
+    those of `annular_pressure`.
+    """
+    flow, tau, speed = broadcast(
+        "plate_pressure", flow=flow, yield_stress=yield_stress, wall_speed=wall_speed
+    )
+    gap, power = slot.gap, 1.0 + 1.0 / flow_index
+
+    def sheared(gradient: Floats, free: Floats, speed: Floats) -> tuple[Floats, Floats]:
+        """Thickness of the sheared layers at the inner and the outer wall, `free` together."""
+        scale = power / _shear_rate(gradient, viscosity, flow_index)
+        if flow_index == 1.0:
+            difference = speed * scale / free
+        elif not speed.any():
+            difference = np.zeros_like(free)
+        else:
+
+            def excess(difference: Floats) -> Floats:
+                return ((free + difference) / 2) ** power - ((free - difference) / 2) ** power - speed * scale
+
+            difference = roots_between(excess, np.zeros_like(free), free)
+        return (free + difference) / 2.0, np.maximum(free - difference, 0.0) / 2.0
+
+    def moved(gradient: Floats, tau: Floats, speed: Floats) -> Floats:
+        free = np.maximum(gap - 2.0 * tau / gradient, 1e-12 * gap)
+        inner, outer = sheared(gradient, free, speed)
+        layers = gap * outer**power / power - (inner ** (power + 1) + outer ** (power + 1)) / (
+            power * (power + 1)
+        )
+        return slot.width * _shear_rate(gradient, viscosity, flow_index) * layers
+
+    return slot.length * _gradient(moved, slot, flow, tau, speed, viscosity, flow_index)
+
+
+@checked
+def summed_pressure(
+    slot: Slot,
+    *,
+    flow: Flows,
+    yield_stress: Stresses,
+    viscosity: Viscosity,
+    flow_index: FlowIndex = 1.0,
+    wall_speed: WallSpeeds = 0.0,
+    coefficient: Annotated[float, Within(least=2.0, most=3.0)] | None = None,
+) -> Floats:
+    """Pressure drop as the sum of a viscous and a yield part, the usual approximation.
+
+    `12 eta L (Q + w h v/2)/(w h^3) + c tau_y L/h`, for n other than 1 with the viscosity at the wall of a fluid without
+    yield stress. Without a `coefficient` c it is that of Phillips' cubic, linearised: `2.07 + 1/(1 + 0.4 T)`,
+    `T = w h^2 tau_y/(12 Q eta)` (Yang, Spencer, Carlson, Sain, Eng. Struct. 24(3), 2002, 309-323). The other arguments
+    and the result are those of `annular_pressure`.
+    """
+    flow, tau, speed = broadcast(
+        "summed_pressure", flow=flow, yield_stress=yield_stress, wall_speed=wall_speed
+    )
+    viscous = 2.0 / slot.gap * _wall_stress(slot, flow, speed, viscosity, flow_index)
+    ratio = np.divide(tau, slot.gap * viscous, out=np.full(tau.shape, np.inf), where=viscous > 0.0)
+    c = 2.07 + 1.0 / (1.0 + 0.4 * ratio) if coefficient is None else coefficient
+    return slot.length * (viscous + c * tau / slot.gap)
+
+
+PRESSURES: Final[Mapping[FlowModel, Callable[..., Floats]]] = {
+    "annulus": annular_pressure,
+    "plates": plate_pressure,
+    "sum": summed_pressure,
+}
+"""Pressure drops by the name of the flow model."""
+
+
+@checked
+def shear_force(
+    *,
+    area: Annotated[float, Within(least=0.0, most=1e4)],
+    gap: Length,
+    speed: Annotated[ArrayLike, Within(least=0.0, most=1e3)],
+    yield_stress: Stresses,
+    viscosity: Viscosity,
+    flow_index: FlowIndex = 1.0,
+) -> Floats:
+    """Force [N] of a damper in shear mode, `A (tau_y + K (v/h)^n)`: a plate of area A [m^2] slides at a gap h [m].
+
+    The other arguments are those of `annular_pressure`; at `speed` 0 [m/s] the plate is about to slide.
+    """
+    rate = np.asarray(speed, dtype=np.float64) / gap
+    return area * (np.asarray(yield_stress, dtype=np.float64) + viscosity * rate**flow_index)
+
+
+@checked
+def least_active_volume(
+    *,
+    yield_stress: Positive,
+    viscosity: Positive,
+    ratio: Positive,
+    power: Positive,
+    coefficient: Annotated[float, Within(least=2.0, most=3.0)] = 2.07,
+) -> float:
+    """Least volume of fluid [m^3] that the field has to act on, `(12/c^2) (eta/tau_y^2) lambda W`.
+
+    It follows from the sum of a viscous and a yield pressure (Carlson, Catanzarite, St. Clair, Proc. 5th Int. Conf. on
+    ER Fluids and MR Suspensions, 1995; Carlson & Jolly, Mechatronics 10, 2000, 555-569), whatever the geometry.
+
+    Parameters
+    ----------
+    yield_stress, viscosity
+        Of the fluid in the field [Pa] and [Pa s].
+    ratio
+        Wanted force of the yield stress over viscous force, lambda.
+    power
+        Mechanical power W of the yield force [W]: force times velocity.
+    coefficient
+        The coefficient c of the yield pressure.
+    """
+    return 12.0 / coefficient**2 * viscosity / yield_stress**2 * ratio * power
+
+
+def _shear_rate(excess: Floats, viscosity: float, flow_index: float) -> Floats:
+    """Shear rate [1/s] where the stress exceeds the yield stress by `excess` [Pa], and 0 elsewhere."""
+    rate = np.maximum(excess, 0.0) / viscosity
+    return rate if flow_index == 1.0 else rate ** (1.0 / flow_index)
+
+
+def _wall_stress(slot: Slot, flow: Floats, speed: Floats, viscosity: float, flow_index: float) -> Floats:
+    """Shear stress [Pa] at the wall of plates without yield stress; the flow fills what the wall displaces, too."""
+    mean = (flow / slot.width + speed * slot.gap / 2.0) / slot.gap
+    rate = 6.0 * mean / slot.gap * (2.0 * flow_index + 1.0) / (3.0 * flow_index)
+    return viscosity * rate**flow_index
+
+
+def _gradient(
+    moved: Callable[[Floats, Floats, Floats], Floats],
+    slot: Slot,
+    flow: Floats,
+    tau: Floats,
+    speed: Floats,
+    viscosity: float,
+    flow_index: float,
+) -> Floats:
+    """Pressure gradient [Pa/m] at which a profile moves the flow; `moved` maps gradient, yield stress, wall speed."""
+    at_rest = 2.0 * tau / slot.gap
+    viscous = 2.0 / slot.gap * _wall_stress(slot, flow, speed, viscosity, flow_index)
+    flowing = viscous > 0.0
+    low = np.where(flowing, at_rest + 0.1 * viscous, 1.0)
+    high = np.where(flowing, 1.5 * at_rest + 1.5 * viscous, 2.0)
+
+    def excess(gradient: Floats) -> Floats:
+        return moved(gradient, tau, speed) - flow
+
+    for _ in range(_DOUBLINGS):
+        short = flowing & (excess(high) < 0.0)
+        if not short.any():
+            break
+        high = np.where(short, 2.0 * high, high)
+    return np.where(flowing, roots_between(excess, low, high), at_rest)

@@ -1,0 +1,319 @@
+"""Sizing: the smallest damper with a wanted force and dynamic range in an envelope, by a search of the registry."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from mrwork.arguments import Count, NotNegative, Positive, Seed, Within, checked
+from mrwork.dampers.design.damper_design import DamperDesign
+from mrwork.dampers.design.flow import FlowModel
+from mrwork.dampers.design.fluids import MRFluid
+from mrwork.dampers.design.magnetic_circuit import wire_diameter
+from mrwork.dampers.design.ranges import Current, Length, Speed, Voltage
+from mrwork.dampers.design.steels import Steel
+from mrwork.errors import Interrupted, SettingError, UnknownNameError
+from mrwork.search import OPTIMISERS, PEERS, SearchResult, StopRules, run_search
+from mrwork.summary import Summarised, Summary
+
+Floats = NDArray[np.float64]
+
+# Free dimensions with their ranges, in log scale: shares of the largest outer diameter, the gap over the least one,
+# and the depth of a groove as a share of what the rod leaves.
+_RANGES = {
+    "bore": (0.2, 1.0),
+    "wall": (0.01, 0.3),
+    "gap": (1.0, 10.0),
+    "pole_length": (0.01, 0.5),
+    "coil_length": (0.02, 1.0),
+    "coil_depth": (0.05, 0.9),
+}
+# Numbers of coils and gauges of their wire, also in log scale: whole numbers below the end.
+_STAGES, _GAUGES = (1, 5), (8, 33)
+_ENDS = np.array([*_RANGES.values(), _STAGES, _GAUGES], dtype=np.float64)
+N_FREE = len(_ENDS)
+# Share of copper in a winding, and depth of the winding below the poles in gaps: the slot is three times as wide there,
+# so that a coil takes 1/27 of the viscous pressure of a pole of its length.
+_FILL, _CLEARANCE = 0.6, 2.0
+# The search takes parallel plates for the annulus; this factor of force, range and stress covers the difference.
+_MARGIN = 1.003
+# Shortfall of what cannot be built.
+_IMPOSSIBLE = 1e3
+
+
+@checked
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class DamperWishes(Summarised):
+    """What a damper has to do, and what it may need.
+
+    Parameters
+    ----------
+    force, dynamic_range, velocity
+        Least force at the largest current [N], and least ratio to the force at zero current, at this velocity [m/s].
+    stroke
+        To either side [m].
+    outer_diameter, length
+        Largest diameter of the cylinder and length between its covers [m].
+    voltage, current
+        Largest of the supply [V] and [A]; all coils are in series.
+    response_time
+        Longest time in which 63 % of the current flows with this supply [s]; `None` for any.
+    current_density
+        Largest of the copper [A/m^2]; 4 A/mm^2 is usual for coils without cooling.
+    stress
+        Largest stress of the steel [Pa]: of the rod under the force, which sets its diameter, and of the cylinder, as a
+        thin ring under the pressure of the force.
+    least_gap
+        Smallest radial gap that can be made [m].
+    friction
+        Friction of the seals [N].
+    """
+
+    _units: ClassVar[Mapping[str, str]] = {"force": "N", "velocity": "m/s", "stroke": "m", "outer_diameter": "m"} | {
+        "length": "m", "voltage": "V", "current": "A", "response_time": "s", "current_density": "A/m^2",
+        "stress": "Pa", "least_gap": "m", "friction": "N",
+    }  # fmt: skip
+
+    force: Annotated[float, Within(least=1e-3, most=1e9)]
+    dynamic_range: Annotated[float, Within(above=1.0, most=1e3)]
+    stroke: Length
+    velocity: Speed
+    outer_diameter: Length
+    length: Length
+    voltage: Voltage
+    current: Current
+    response_time: Positive | None = None
+    current_density: Annotated[float, Within(least=1.0, most=1e9)] = 4e6
+    stress: Annotated[float, Within(least=1e3, most=1e10)] = 1e8
+    least_gap: Length = 5e-4
+    friction: NotNegative = 0.0
+
+    @property
+    def volume(self) -> float:
+        """Volume of the envelope [m^3]."""
+        return float(np.pi / 4.0 * self.outer_diameter**2 * self.length)
+
+    @checked
+    def missed(self, design: DamperDesign) -> dict[str, float]:
+        """By how much a design misses each wish that it does not meet, as a share of it."""
+        return missed_with(self, design, rated_forces(design))
+
+
+def rated_forces(design: DamperDesign, flow_model: FlowModel = "annulus") -> tuple[float, float]:
+    """Forces [N] at the largest and at zero current, at the rated velocity."""
+    currents = np.array([design.largest_current, 0.0])
+    on, off = design.force(design.velocity, currents, flow_model=flow_model).tolist()
+    return on, off
+
+
+def missed_with(wishes: DamperWishes, design: DamperDesign, forces: tuple[float, float]) -> dict[str, float]:
+    """What a design with these `rated_forces` misses, see `DamperWishes.missed`."""
+    on, off = forces
+    shortfalls = {
+        "force": 1.0 - on / wishes.force,
+        "dynamic_range": 1.0 - on / off / wishes.dynamic_range,
+        "velocity": 1.0 - design.velocity / wishes.velocity,
+        "stroke": 1.0 - design.stroke / wishes.stroke,
+        "outer_diameter": design.outer_diameter / wishes.outer_diameter - 1.0,
+        "length": design.chamber_length / wishes.length - 1.0,
+        "voltage": design.resistance * design.largest_current / wishes.voltage - 1.0,
+        "current": design.largest_current / wishes.current - 1.0,
+        "least_gap": 1.0 - design.gap / wishes.least_gap,
+        "stress": on / design.piston_area * design.bore / (2.0 * design.wall) / wishes.stress - 1.0,
+        "current_density": design.current_density / wishes.current_density - 1.0,
+    }
+    if wishes.response_time is not None:
+        try:
+            shortfalls["response_time"] = design.response_time(wishes.voltage) / wishes.response_time - 1.0
+        except SettingError:
+            # The supply cannot drive the current, which misses the voltage, too.
+            shortfalls["response_time"] = 1.0
+    return {name: value for name, value in shortfalls.items() if value > 1e-9}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class SizedDamper(Summarised):
+    """A design that meets the wishes, and how many candidates were tried for it."""
+
+    _made_by: ClassVar[str] = "mr.dampers.design.size_damper(wishes, fluid=..., steel=...)"
+
+    design: DamperDesign
+    wishes: DamperWishes
+    evaluations: int
+
+    def _summary(self) -> Summary:
+        summary = self.design._summary()
+        share = self.design.envelope_volume / self.wishes.volume
+        facts = (
+            ("volume", f"{share:.3g} of the envelope, after {self.evaluations} candidates"),
+            *summary.facts,
+        )
+        return replace(summary, facts=facts)
+
+
+@checked
+def size_damper(
+    wishes: DamperWishes,
+    *,
+    fluid: MRFluid,
+    steel: Steel,
+    search: str = "differential_evolution",
+    budget: Count = 4000,
+    rng: Seed = 0,
+) -> SizedDamper:
+    """The damper of the least volume that meets the wishes.
+
+    Free are the bore, the thickness of the cylinder, the gap, the poles, the grooves, the number of coils and the gauge
+    of the wire. The current is the largest that supply and wire allow, 0.6 of a winding is copper, and it lies two gaps
+    below the poles (our rules). Whatever misses a wish loses against whatever misses less, and against all that meet
+    all.
+
+    Parameters
+    ----------
+    wishes
+        What the damper has to do within its envelope.
+    fluid, steel
+        Its materials.
+    search
+        Name of an optimiser, in `mr.search.OPTIMISERS` or `mr.search.PEERS`.
+    budget
+        Most candidates, a generation at least.
+    rng
+        Seed of the search.
+
+    Raises
+    ------
+    Interrupted
+        On Ctrl-C, carrying the `SizedDamper` so far, `None` where no candidate meets the wishes.
+    SettingError
+        If no candidate meets the wishes; the message says what the best one misses.
+    UnknownNameError
+        If there is no such search.
+
+    Examples
+    --------
+    >>> import mrwork as mr
+    >>> from mrwork.dampers.design import DamperWishes, fluid, size_damper, steel
+    >>> wishes = DamperWishes(
+    ...     force=2e3, dynamic_range=5.0, stroke=0.025, velocity=0.05, outer_diameter=0.08, length=0.2, voltage=12.0,
+    ...     current=2.0,
+    ... )
+    >>> sized = size_damper(wishes, fluid=fluid("MRF-132DG"), steel=steel("AISI 1010"), budget=600)
+    >>> sized.design.largest_force >= 2e3
+    True
+    """
+    try:
+        found = smallest(wishes, fluid, steel, search=search, budget=budget, rng=rng)
+    except Interrupted as interrupt:
+        design = candidate(interrupt.result.best_unit, wishes, fluid, steel)
+        sized = None
+        if design is not None and not wishes.missed(design):
+            sized = SizedDamper(design=design, wishes=wishes, evaluations=interrupt.result.evaluations)
+        raise Interrupted(sized, "sizing") from interrupt
+    design = candidate(found.best_unit, wishes, fluid, steel)
+    missed = {"all": 1.0} if design is None else wishes.missed(design)
+    if design is None or missed:
+        worst = ", ".join(f"{name} by {100.0 * share:.3g} %" for name, share in missed.items())
+        raise SettingError(
+            f"no damper with {fluid.name} meets the wishes after {found.evaluations} candidates, the best misses "
+            f"{worst}; allow a larger envelope, a stronger supply or more candidates (`budget`)"
+        )
+    return SizedDamper(design=design, wishes=wishes, evaluations=found.evaluations)
+
+
+def smallest(
+    wishes: DamperWishes, fluid: MRFluid, steel: Steel, *, search: str, budget: int, rng: int
+) -> SearchResult[Any]:
+    """The search of the smallest damper over the unit cube of `candidate`.
+
+    Raises
+    ------
+    Interrupted
+        On Ctrl-C, carrying the search so far.
+    UnknownNameError
+        If there is no such search.
+    """
+    optimisers = {**OPTIMISERS, **PEERS}
+    if search not in optimisers:
+        raise UnknownNameError(f"no search is called {search!r}; choose one of {', '.join(optimisers)}")
+    # Any, because the protocol does not declare that the settings are a dataclass.
+    optimiser: Any = optimisers[search]
+    stop = StopRules(max_evaluations=max(budget, optimiser.population), confidence=None)
+
+    harder = harder_wishes(wishes)
+
+    def objective(units: Floats) -> Floats:
+        return np.array([_misfit(candidate(unit, wishes, fluid, steel), harder) for unit in units])
+
+    found: SearchResult[Any] = run_search(replace(optimiser, stop=stop), objective, rng=rng, n_params=N_FREE)
+    return found
+
+
+def harder_wishes(wishes: DamperWishes) -> DamperWishes:
+    """Wishes that a design has to meet between parallel plates so that it meets the true ones in the annulus."""
+    return replace(
+        wishes,
+        force=_MARGIN * wishes.force,
+        dynamic_range=min(_MARGIN * wishes.dynamic_range, 1e3),
+        stress=wishes.stress / _MARGIN,
+    )
+
+
+def shortfall(harder: DamperWishes, design: DamperDesign, forces: tuple[float, float]) -> float:
+    """What a design with these forces between parallel plates misses of `harder_wishes`, all together."""
+    return sum(missed_with(harder, design, forces).values())
+
+
+def _misfit(design: DamperDesign | None, harder: DamperWishes) -> float:
+    """Volume over that of the envelope, at most 1; for a design that misses wishes, 1 and what it misses."""
+    if design is None:
+        return _IMPOSSIBLE
+    missed = shortfall(harder, design, rated_forces(design, "plates"))
+    return 1.0 + missed if missed > 0.0 else design.envelope_volume / harder.volume
+
+
+def candidate(unit: Floats, wishes: DamperWishes, fluid: MRFluid, steel: Steel) -> DamperDesign | None:
+    """The design at a point of the unit cube, shape (N_FREE,); `None` where nothing can be built."""
+    low, high = _ENDS.T
+    bore, wall, gap, pole_length, coil_length, depth, stages, gauge = (low * (high / low) ** unit).tolist()
+    size = wishes.outer_diameter
+    n_stages, wire_gauge = min(int(stages), _STAGES[1] - 1), min(int(gauge), _GAUGES[1] - 1)
+    gap = gap * wishes.least_gap
+    rod = 2.0 * np.sqrt(wishes.force / (np.pi * wishes.stress))
+    piston = bore * size / 2.0 - gap
+    coil_depth = depth * (piston - rod / 2.0)
+    clearance = min(_CLEARANCE * gap, 0.5 * coil_depth)
+    copper = np.pi / 4.0 * wire_diameter(wire_gauge) ** 2
+    turns = int(_FILL * coil_length * size * (coil_depth - clearance) / copper)
+    if turns < 1:
+        return None
+    try:
+        design = DamperDesign(
+            fluid=fluid,
+            steel=steel,
+            bore=bore * size,
+            wall=wall * size,
+            rod=float(rod),
+            gap=gap,
+            stages=n_stages,
+            pole_length=pole_length * size,
+            coil_length=coil_length * size,
+            coil_depth=float(coil_depth),
+            coil_clearance=float(clearance),
+            turns=turns,
+            wire_gauge=wire_gauge,
+            largest_current=wishes.current,
+            stroke=wishes.stroke,
+            velocity=wishes.velocity,
+            friction=wishes.friction,
+        )
+        current = min(
+            wishes.current, wishes.voltage / design.resistance, wishes.current_density * design.wire_area
+        )
+        return replace(design, largest_current=float(current))
+    except SettingError:
+        return None

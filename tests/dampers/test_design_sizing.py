@@ -1,0 +1,160 @@
+"""Sizing: what it promises, whatever the search; fronts; refusals."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+from examples import examples
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mrwork.dampers.design import (
+    DamperWishes,
+    SizedDamper,
+    fluid,
+    size_damper,
+    size_front,
+    steel,
+    twenty_ton_damper,
+)
+from mrwork.dampers.design.sizing import N_FREE, candidate, missed_with, rated_forces
+from mrwork.errors import Interrupted, SettingError, UnknownNameError
+from mrwork.search import run_search
+
+WISHES = DamperWishes(
+    force=2e3,
+    dynamic_range=8.0,
+    stroke=0.025,
+    velocity=0.1,
+    outer_diameter=0.08,
+    length=0.2,
+    voltage=12.0,
+    current=2.0,
+    friction=30.0,
+)
+FLUID, STEEL = fluid("MRF-132DG"), steel("AISI 1010")
+
+
+@pytest.fixture(scope="module")
+def sized() -> SizedDamper:
+    """A damper for the wishes."""
+    return size_damper(WISHES, fluid=FLUID, steel=STEEL, budget=600)
+
+
+def test_sized_damper_meets_every_wish(sized: SizedDamper) -> None:
+    design = sized.design
+    assert WISHES.missed(design) == {}
+    assert design.largest_force >= WISHES.force
+    assert design.dynamic_range >= WISHES.dynamic_range
+    assert design.outer_diameter <= WISHES.outer_diameter
+    assert design.chamber_length <= WISHES.length
+    assert design.resistance * design.largest_current <= WISHES.voltage * (1.0 + 1e-9)
+    assert design.largest_current <= WISHES.current
+    assert design.current_density <= WISHES.current_density * (1.0 + 1e-9)
+    assert design.gap >= WISHES.least_gap
+    assert (design.stroke, design.velocity, design.friction) == (0.025, 0.1, 30.0)
+    # The rod carries the wanted force.
+    assert WISHES.force / (math.pi / 4.0 * design.rod**2) == pytest.approx(WISHES.stress)
+    assert sized.evaluations <= 600
+
+
+def test_sizing_finds_a_small_damper(sized: SizedDamper) -> None:
+    rng = np.random.default_rng(0)
+    drawn = [candidate(rng.uniform(size=N_FREE), WISHES, FLUID, STEEL) for _ in range(300)]
+    good = [
+        each.envelope_volume
+        for each in drawn
+        if each is not None and not missed_with(WISHES, each, rated_forces(each, "plates"))
+    ]
+    assert sized.design.envelope_volume < 0.7 * min(good)
+
+
+def test_sizing_repeats_itself(sized: SizedDamper) -> None:
+    assert size_damper(WISHES, fluid=FLUID, steel=STEEL, budget=600) == sized
+
+
+@pytest.mark.parametrize("search", ["genetic", "particle_swarm"])
+def test_any_search_of_the_registry_sizes(search: str) -> None:
+    found = size_damper(WISHES, fluid=FLUID, steel=STEEL, search=search, budget=400)
+    assert WISHES.missed(found.design) == {}
+
+
+def test_a_faster_damper_can_be_asked_for(sized: SizedDamper) -> None:
+    limit = 0.5 * sized.design.response_time(WISHES.voltage)
+    faster = replace(WISHES, response_time=limit)
+    found = size_damper(faster, fluid=FLUID, steel=STEEL, budget=600)
+    assert found.design.response_time(WISHES.voltage) <= limit
+
+
+def test_missed_names_what_is_missed() -> None:
+    missed = WISHES.missed(twenty_ton_damper())
+    assert {"outer_diameter", "length", "voltage"} <= set(missed)
+    assert missed["outer_diameter"] == pytest.approx(0.2632 / 0.08 - 1.0)
+    # It is stronger than was wished, and wide enough.
+    assert not {"force", "least_gap"} & set(missed)
+
+
+def test_impossible_wishes_are_refused_with_what_is_missed() -> None:
+    wishes = replace(WISHES, force=1e5, stress=1e10)
+    with pytest.raises(SettingError, match=r"the best misses .*force by .* %.*allow a larger envelope"):
+        size_damper(wishes, fluid=FLUID, steel=STEEL, budget=120)
+
+
+def test_unknown_search_is_refused() -> None:
+    with pytest.raises(UnknownNameError, match="no search is called 'annealing'; choose one of"):
+        size_damper(WISHES, fluid=FLUID, steel=STEEL, search="annealing")
+
+
+def test_interrupted_sizing_keeps_what_it_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    generations = []
+
+    def stopping(optimiser: object, objective: object, **given: object) -> object:
+        def counted(units: np.ndarray) -> np.ndarray:
+            generations.append(len(units))
+            if len(generations) > 8:
+                raise KeyboardInterrupt
+            return objective(units)  # type: ignore[operator, no-any-return]
+
+        return run_search(optimiser, counted, **given)  # type: ignore[arg-type, type-var]
+
+    monkeypatch.setattr("mrwork.dampers.design.sizing.run_search", stopping)
+    with pytest.raises(Interrupted) as interrupt:
+        size_damper(WISHES, fluid=FLUID, steel=STEEL)
+    result = interrupt.value.result
+    assert isinstance(result, SizedDamper)
+    assert result.evaluations == sum(generations[:-1])
+    assert WISHES.missed(result.design) == {}
+
+
+@given(unit=st.lists(st.floats(0.0, 1.0), min_size=N_FREE, max_size=N_FREE))
+@examples(60)
+def test_every_point_of_the_cube_is_a_damper_within_its_supply_or_none(unit: list[float]) -> None:
+    design = candidate(np.array(unit), WISHES, FLUID, STEEL)
+    if design is not None:
+        missed = missed_with(WISHES, design, rated_forces(design, "sum"))
+        assert not {"voltage", "current", "current_density", "least_gap"} & set(missed)
+        assert 1 <= design.stages <= 4
+        assert 8 <= design.wire_gauge <= 32
+
+
+def test_front_trades_size_for_range_and_power() -> None:
+    pytest.importorskip("pymoo")
+    front = size_front(WISHES, fluid=FLUID, steel=STEEL, population=16, budget=480)
+    assert len(front.designs) > 3
+    assert all(not WISHES.missed(design) for design in front.designs)
+    values = np.array([(each.envelope_volume, -each.dynamic_range, each.power) for each in front.designs])
+    assert np.all(np.diff(values[:, 0]) >= 0.0)
+    for one in values:
+        no_worse = (values <= one).all(axis=1)
+        assert no_worse.sum() == 1
+    # None is best in everything.
+    assert len(set(values.argmin(axis=0))) > 1
+    assert len(repr(front).splitlines()) <= 30
+
+
+def test_wishes_have_units_where_they_have_dimensions() -> None:
+    plain = {each.name for each in fields(DamperWishes)} - set(DamperWishes._units)
+    assert plain == {"dynamic_range"}

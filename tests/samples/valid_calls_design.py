@@ -1,0 +1,154 @@
+"""Valid calls on the design of dampers, for tests that make them wrong; see `valid_calls_dampers`."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from wrong_arguments import Calls, call
+
+from mrwork import report
+from mrwork.dampers import design
+
+_FLUID, _STEEL = design.fluid("MRF-132DG"), design.steel("AISI 1010")
+_SLOT = design.Slot(inner_radius=0.05, gap=0.001, length=0.03)
+_WISHES = design.DamperWishes(
+    force=500.0,
+    dynamic_range=2.0,
+    stroke=0.02,
+    velocity=0.05,
+    outer_diameter=0.1,
+    length=0.3,
+    voltage=12.0,
+    current=2.0,
+)
+
+
+@cache
+def _circuit() -> design.MagneticCircuit:
+    return design.twenty_ton_damper().circuit
+
+
+def material_calls(_: Path) -> Calls:
+    """Fluids, steels, slots and circuits."""
+    flow = {"flow": np.array([0.0, 1e-4]), "yield_stress": 1e4, "viscosity": 0.3, "flow_index": 0.9}
+    return {
+        "fluid": lambda: call(design.fluid, name="MRF-132DG"),
+        "MRFluid": lambda: call(
+            design.MRFluid, name="mine", particle_fraction=0.3, viscosity=0.1, density=3e3, flow_index=0.9
+        ),
+        "MRFluid.yield_stress": lambda: call(_FLUID.yield_stress, field=np.array([0.0, 1e5])),
+        "MRFluid.flux_density": lambda: call(_FLUID.flux_density, field=np.array([0.0, 1e5])),
+        "steel": lambda: call(design.steel, name="AISI 1010"),
+        "Steel": lambda: call(design.Steel, name="mine", field=(0.0, 300.0), flux_density=(0.0, 0.5)),
+        "Steel.field_of": lambda: call(_STEEL.field_of, flux_density=np.array([0.0, 1.5, 3.0])),
+        "Slot": lambda: call(design.Slot, inner_radius=0.05, gap=0.001, length=0.03),
+        "annular_pressure": lambda: call(design.annular_pressure, slot=_SLOT, **flow, wall_speed=0.1),
+        "plate_pressure": lambda: call(design.plate_pressure, slot=_SLOT, **flow, wall_speed=0.1),
+        "summed_pressure": lambda: call(
+            design.summed_pressure, slot=_SLOT, **flow, wall_speed=0.1, coefficient=2.5
+        ),
+        "shear_force": lambda: call(
+            design.shear_force,
+            area=0.01,
+            gap=1e-3,
+            speed=0.1,
+            yield_stress=1e4,
+            viscosity=0.3,
+            flow_index=0.9,
+        ),
+        "MagneticCircuit": lambda: call(
+            design.MagneticCircuit,
+            fluid=_FLUID,
+            steel=_STEEL,
+            turns=200,
+            gap=1e-3,
+            gap_area=5e-4,
+            areas=(3e-4, 4e-4),
+            lengths=(0.05, 0.06),
+        ),
+        "MagneticCircuit.ampere_turns": lambda: call(_circuit().ampere_turns, field=np.array([0.0, 1e5])),
+        "MagneticCircuit.field": lambda: call(_circuit().field, current=np.array([0.0, 1.0])),
+        "MagneticCircuit.flux": lambda: call(_circuit().flux, current=np.array([0.0, 1.0])),
+        "MagneticCircuit.inductance": lambda: call(_circuit().inductance, current=np.array([0.0, 1.0])),
+        "MagneticCircuit.rise_time": lambda: call(
+            _circuit().rise_time, current=1.0, resistance=7.0, supply=20.0, share=0.5
+        ),
+        "wire_diameter": lambda: call(design.wire_diameter, gauge=20),
+    }
+
+
+def damper_design_calls(_: Path) -> Calls:
+    """Designs, their model and drawing, and sizing."""
+    large = design.twenty_ton_damper()
+    return {
+        "DamperDesign": lambda: call(
+            design.DamperDesign,
+            fluid=_FLUID,
+            steel=_STEEL,
+            bore=0.05,
+            wall=0.008,
+            rod=0.012,
+            gap=0.001,
+            stages=2,
+            pole_length=0.01,
+            coil_length=0.015,
+            coil_depth=0.01,
+            coil_clearance=0.001,
+            turns=150,
+            wire_gauge=22,
+            largest_current=2.0,
+            stroke=0.03,
+            velocity=0.1,
+            friction=20.0,
+        ),
+        "DamperDesign.force": lambda: call(
+            large.force, velocity=np.array([-0.1, 0.0, 0.1]), current=1.0, flow_model="plates"
+        ),
+        "DamperDesign.yield_stress": lambda: call(large.yield_stress, current=np.array([0.0, 1.0])),
+        "DamperDesign.inductance": lambda: call(large.inductance, current=np.array([0.0, 1.0])),
+        "DamperDesign.response_time": lambda: call(large.response_time, supply=100.0),
+        "DamperDesign.as_model": lambda: call(large.as_model, supply=100.0, transition=0.01),
+        "least_active_volume": lambda: call(
+            design.least_active_volume,
+            yield_stress=5e4,
+            viscosity=1.0,
+            ratio=10.0,
+            power=2e4,
+            coefficient=2.1,
+        ),
+        "cross_section_figure": lambda: call(report.cross_section_figure, design=large),
+        "DamperWishes": lambda: call(
+            design.DamperWishes,
+            force=500.0,
+            dynamic_range=2.0,
+            stroke=0.02,
+            velocity=0.05,
+            outer_diameter=0.1,
+            length=0.3,
+            voltage=12.0,
+            current=2.0,
+            response_time=1.0,
+            current_density=4e6,
+            stress=1e8,
+            least_gap=5e-4,
+            friction=10.0,
+        ),
+        "DamperWishes.missed": lambda: call(_WISHES.missed, design=large),
+        "size_damper": lambda: call(
+            design.size_damper,
+            wishes=_WISHES,
+            fluid=_FLUID,
+            steel=_STEEL,
+            search="differential_evolution",
+            budget=60,
+            rng=0,
+        ),
+        "size_front": lambda: call(
+            design.size_front, wishes=_WISHES, fluid=_FLUID, steel=_STEEL, population=12, budget=100, rng=0
+        ),
+    }
+
+
+ROOMS = (material_calls, damper_design_calls)
