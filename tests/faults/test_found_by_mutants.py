@@ -121,6 +121,16 @@ def test_a_test_that_moves_with_its_last_sample_only_is_read(tmp_path: Path) -> 
     assert read_damper_test(write_text(tmp_path / "rig.csv", columns)).n_time == columns["t_s"].size
 
 
+@pytest.mark.parametrize("word", ["\u0131nf", "\u0130NF", "inf\u0131nity", "na\u0274", "1\u04355"])
+def test_a_word_that_looks_like_a_number_is_refused_with_its_line(tmp_path: Path, word: str) -> None:
+    path = write_text(tmp_path / "rig.csv", clean_columns())
+    lines = path.read_text().splitlines()
+    lines.append(",".join([word] * (lines[-1].count(",") + 1)))
+    path.write_text("\n".join(lines), encoding="utf-8")
+    with pytest.raises(RecordError, match=f"line {len(lines)}"):
+        read_damper_test(path)
+
+
 def test_rows_of_thousands_of_digits_take_no_time(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.write_text("\n".join(3 * ["9" * 200_000 + "x"]))

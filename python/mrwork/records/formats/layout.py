@@ -20,7 +20,10 @@ from mrwork.units import quantity_of
 
 MISSING: Final = frozenset({"", "na", "n/a", "nan", "null", "none"})
 # Only one way to read each digit: a row of thousands of digits is refused in linear time.
-NUMBER: Final = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?inf(inity)?", re.IGNORECASE)
+# Letters are named in both cases: to ignore case would take in others, such as a dotless i.
+NUMBER: Final = re.compile(
+    r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?|[+-]?[iI][nN][fF]([iI][nN][iI][tT][yY])?"
+)
 DECIMAL_COMMA: Final = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 # A comma before three digits is a decimal comma or separates thousands; these can only be decimal commas.
 SURELY_DECIMAL: Final = re.compile(

@@ -33,9 +33,7 @@ _ASCII: Final = bytes(range(128))
 # For NumPy, other characters are one that is in no number.
 _AS_ASCII: Final = _ASCII + 128 * b"?"
 # Characters beyond ASCII that numbers may have, or that may separate fields.
-_LIKE_ASCII: Final = re.compile(
-    "[\\s\\d\N{LATIN SMALL LETTER DOTLESS I}\N{LATIN CAPITAL LETTER I WITH DOT ABOVE}]"
-)
+_LIKE_ASCII: Final = re.compile(r"[\s\d]")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
