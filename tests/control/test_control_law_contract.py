@@ -34,6 +34,8 @@ from mrwork.simulate import Outcome
 Floats = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
 
 SHORT = sweep(0.2)
+# The gains of a law are those of others, too; a constant command beyond its driver is told.
+pytestmark = pytest.mark.filterwarnings("ignore:.*whose driver gives:mrwork.errors.MrworkWarning")
 
 
 def name_of(spec: ControlLawSpec) -> str:

@@ -270,7 +270,7 @@ def test_many_regulators_are_those_that_are_designed_alone() -> None:
 def test_many_laws_are_those_that_are_designed_alone(law: str, design_problem: DesignProblem) -> None:
     """A weight of the wrong shape and one beyond double precision among them."""
     more = {"full_force": 100.0} if law == "modified_clipped_optimal" else {}
-    weights = (1e-9, (1e-9, 1e-9), 1e-7, 1e-200, 1e-8)
+    weights = (1e-9, (1e-9, 1e-9), 1e-7, 1e-90, 1e-8)
     many = [SETTINGS[law](control_weight=weight, **more) for weight in weights]
     found = SETTINGS[law].designs(design_problem, many)
     assert [isinstance(each, SettingError) for each in found] == [False, True, False, True, False]

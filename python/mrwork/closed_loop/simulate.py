@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
@@ -30,7 +31,7 @@ from mrwork.closed_loop.responses import (
 )
 from mrwork.closed_loop.user_law import UserLaw
 from mrwork.control.laws import ControlLaw
-from mrwork.errors import MrworkError, SettingError
+from mrwork.errors import MrworkError, MrworkWarning, SettingError
 from mrwork.motions.ground_motion import GroundMotion
 
 __all__ = ["Device", "simulate_loop"]
@@ -203,7 +204,7 @@ def simulate_loop(
 
 
 def _check_commands(law: ControlLaw, devices: Sequence[Device]) -> None:
-    """Refuse constant commands that no driver of the devices gives."""
+    """Warn of constant commands that no driver of the devices gives."""
     for gain in law.spec.gains:
         if not gain.is_command:
             continue
@@ -211,9 +212,12 @@ def _check_commands(law: ControlLaw, devices: Sequence[Device]) -> None:
         for device, column in zip(devices, commands.T, strict=True):
             wrong = (column < 0.0) | (column > device.largest_command * _ROUNDED)
             if wrong.any():
-                raise SettingError(
+                warnings.warn(
                     f"`{gain.name}` of {law.name} is {column[wrong][0]:g} for {device.name}, whose driver gives 0 to "
-                    f"{device.largest_command:g}; give a command within it, or a larger `largest_command` of the device"
+                    f"{device.largest_command:g} and no more; give a command within it, or a larger `largest_command` "
+                    "of the device",
+                    MrworkWarning,
+                    stacklevel=4,
                 )
 
 
