@@ -372,7 +372,7 @@ def two_at_once(stage: Stage, row: Row, points: int) -> None:
     """Second processes on the run folder while the first runs."""
     for count in row.numbers(points):
         with stage.folder(count) as (folder, _):
-            rivals: list[tuple[int, bool, Ended]] = []
+            rivals: list[tuple[int, Ended]] = []
             words = stage.job.rivals[count % len(stage.job.rivals)]
             compete = partial(rival, words=words, folder=folder, ended=rivals)
             # From when the options have been read and the folder is locked.
@@ -381,23 +381,27 @@ def two_at_once(stage: Stage, row: Row, points: int) -> None:
             ended = run(stage.job.words, folder, at=at, disturb=compete)
             complaints = said_well(ended, (0,))
             complaints += same_results(written_results(folder, stage.job), stage.whole)
-            # A process that has written all gives its locks back, and takes a while to end.
-            if not rivals or not (rivals[0][1] or complaints):
-                row.late += 1
+            if not rivals:
+                row.late += not complaints
+                if complaints:
+                    row.add(f"at {at:.2f} of {stage.cpu:.2f} s, alone", complaints)
                 continue
-            pid, _, second = rivals[0]
+            pid, second = rivals[0]
             complaints += [f"the second: {each}" for each in said_well(second, (2,))]
             if f"process {pid} " not in second.stderr:
                 complaints.append(f"the second does not name the first: {second.stderr!r}")
             row.add(f"at {at:.2f} of {stage.cpu:.2f} s", complaints)
 
 
-def rival(pid: int, *, words: Sequence[str], folder: Path, ended: list[tuple[int, bool, Ended]]) -> None:
-    """Run a second process, while the first one stands still and cannot end before it; note whether that had locks."""
+def rival(pid: int, *, words: Sequence[str], folder: Path, ended: list[tuple[int, Ended]]) -> None:
+    """Run a second process, while the first one stands still and cannot end before it.
+
+    Where the first has given its locks back it has written all, and is about to end.
+    """
     os.kill(pid, signal.SIGSTOP)
     try:
-        locked = any(line.split()[4] == str(pid) for line in Path("/proc/locks").read_text().splitlines())
-        ended.append((pid, locked, run(words, folder)))
+        if any(line.split()[4] == str(pid) for line in Path("/proc/locks").read_text().splitlines()):
+            ended.append((pid, run(words, folder)))
     finally:
         os.kill(pid, signal.SIGCONT)
 
