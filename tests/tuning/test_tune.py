@@ -245,7 +245,7 @@ def test_bands_are_those_of_the_test_motions_where_no_table_is_robust(tmp_path: 
         ('[[tune]]\nlaws = ["clipped_optimal"]\nsettings = { drifts = -1 }', "line 39: drifts is -1"),
         ('[[tune]]\nlaws = ["clipped_optimal"]\nsettings = { drifts = [1, 2] }', "line 39: .*5 storeys"),
         ('[[tune]]\nlaws = ["clipped_optimal"]\nsettings = { drifts = 1, energy = 1 }', "keep one"),
-        ('[[tune]]\nlaws = ["clipped_optimal"]\nfree = { control_weight = [1e-200, 1] }', "may differ by"),
+        ('[[tune]]\nlaws = ["clipped_optimal"]\nfree = { control_weight = [1e-60, 1e60] }', "may differ by"),
         ('[[tune]]\nlaws = ["lyapunov"]\ncriteria = ["rms_current"]', "is 0 at i = 0"),
         (
             '[[tune]]\nlaws = ["lyapunov"]\nobjectives = ["peak_drift", "mean_current"]',
