@@ -1,0 +1,45 @@
+"""What the study finds: the parts that the page draws, and every figure as nested dictionaries."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import fluid_properties
+import models_on_one_test
+import mrwork as mr
+import published_damper
+import slot_flow
+from sized_frame import SizedFrame, sized_frame
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chapter:
+    """Sized dampers and fits, and every figure of the study."""
+
+    frame: SizedFrame
+    fits: dict[str, dict[str, mr.Fit]]
+    found: dict[str, Any]
+
+
+def chapter_of(*, quick: bool, threads: int, say: Callable[[str], None]) -> Chapter:
+    """Work everything out; the quick form has one sized damper and three models."""
+    say("fluids, flow, damper of 20 tons")
+    properties = fluid_properties.properties()
+    damper = {"predicted": published_damper.predicted(), "deviations": published_damper.deviations()}
+    flow = {
+        "largest_errors": slot_flow.largest_errors(),
+        "closed_forms": slot_flow.closed_forms(),
+        "order_in_the_gap": slot_flow.order_in_the_gap(),
+    }
+    frame = sized_frame(quick=quick, threads=threads, say=say)
+    fits = models_on_one_test.identified(quick=quick, threads=threads, say=say)
+    found = {
+        "fluids": {"properties": properties, "within": fluid_properties.within(properties)},
+        "flow": flow,
+        "twenty_tons": damper,
+        "quick_sized" if quick else "sized": {"sizes": frame.sizes, "loop": frame.loop},
+        "models": models_on_one_test.figures_of(fits),
+    }
+    return Chapter(frame=frame, fits=fits, found=found)

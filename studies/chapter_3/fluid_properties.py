@@ -1,0 +1,122 @@
+"""Tables 3.1 and 3.2: properties of fluids with a yield stress, and the fluids of the package.
+
+The text of the thesis was not at hand. Table 3.1 has the form of the comparison that papers on these fluids print
+(Carlson, Catanzarite, St. Clair 1995; Spencer, Yang, Carlson, Sain 1998); its ranges are remembered.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from mrwork.dampers import design
+from mrwork.report import ResultTable
+
+FIELD = 150e3
+"""Field of the columns of table 3.2 [A/m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Range:
+    """A remembered range of magnetorheological fluids in SI, and how table 3.1 prints it."""
+
+    least: float
+    most: float
+    factor: float
+    text: str
+    unit: str
+    electro: str
+
+
+RANGES = {
+    "yield stress": Range(
+        least=50e3, most=100e3, factor=1e-3, text="50 to 100", unit="kPa", electro="2 to 5 kPa"
+    ),
+    "plastic viscosity": Range(
+        least=0.1, most=1.0, factor=1.0, text="0.1 to 1", unit="Pa s", electro="0.1 to 1 Pa s"
+    ),
+    "density": Range(
+        least=3000.0, most=4000.0, factor=1e-3, text="3 to 4", unit="g/cm3", electro="1 to 2 g/cm3"
+    ),
+    "viscosity over yield stress squared": Range(
+        least=1e-11, most=1e-10, factor=1.0, text="1e-11 to 1e-10", unit="s/Pa", electro="1e-8 to 1e-7 s/Pa"
+    ),
+}
+_WORDS = (
+    ("largest field", "about 250 kA/m", "about 4 kV/mm"),
+    ("temperature", "-40 to 150 C", "10 to 90 C"),
+    ("impurities", "hardly any effect", "not tolerated"),
+    ("supply", "2 to 25 V, 1 to 2 A", "2 to 5 kV, 1 to 10 mA"),
+)
+
+
+def properties() -> dict[str, dict[str, float]]:
+    """Properties of the fluids of the package, in SI, by name of the fluid."""
+    return {
+        fluid.name: {
+            "particle fraction": fluid.particle_fraction,
+            "plastic viscosity": fluid.viscosity,
+            "density": fluid.density,
+            "yield stress": fluid.largest_yield_stress,
+            "yield stress at 150 kA/m": float(fluid.yield_stress(FIELD)),
+            "flux density at 150 kA/m": float(fluid.flux_density(FIELD)),
+            "viscosity over yield stress squared": fluid.viscosity / fluid.largest_yield_stress**2,
+        }
+        for fluid in design.FLUIDS
+    }
+
+
+def within(found: dict[str, dict[str, float]]) -> dict[str, int]:
+    """For each range of table 3.1 the number of fluids of the package in it."""
+    return {
+        name: sum(each.least <= fluid[name] <= each.most for fluid in found.values())
+        for name, each in RANGES.items()
+    }
+
+
+def tables(found: dict[str, Any]) -> tuple[ResultTable, ResultTable]:
+    """Tables 3.1 and 3.2 in form."""
+    fluids, counts = found["properties"], found["within"]
+    rows = []
+    for name, each in RANGES.items():
+        values = sorted(fluid[name] * each.factor for fluid in fluids.values())
+        ours = f"{values[0]:.3g} to {values[-1]:.3g} {each.unit}, {counts[name]} of {len(fluids)} within"
+        rows.append((name, f"{each.text} {each.unit}", each.electro, ours))
+    general = ResultTable(
+        title="Table 3.1 in form: fluids with a yield stress",
+        header=("property", "magnetorheological", "electrorheological", "fluids of the package"),
+        rows=(*rows, *((*words, "") for words in _WORDS)),
+        note="The second and third columns are remembered. Yield stress is that at saturation.",
+    )
+    named = ResultTable(
+        title="Table 3.2 in form: the fluids of the package",
+        header=(
+            "fluid",
+            "particles by volume",
+            "viscosity [Pa s]",
+            "density [kg/m3]",
+            "yield stress [kPa]",
+            "at 150 kA/m [kPa]",
+            "flux density there [T]",
+            "eta/tau2 [s/Pa]",
+            "source",
+        ),
+        rows=tuple(
+            (
+                fluid.name,
+                f"{of['particle fraction']:.2f}",
+                f"{of['plastic viscosity']:.3f}",
+                f"{of['density']:.0f}",
+                f"{1e-3 * of['yield stress']:.1f}",
+                f"{1e-3 * of['yield stress at 150 kA/m']:.1f}",
+                f"{of['flux density at 150 kA/m']:.3f}",
+                f"{of['viscosity over yield stress squared']:.1e}",
+                fluid.source,
+            )
+            for fluid in design.FLUIDS
+            if (of := fluids.get(fluid.name))
+        ),
+        note="Yield stress and flux density by Carlson's formulas from the particle fraction; the first yield "
+        "stress is that at saturation.",
+    )
+    return general, named

@@ -1,0 +1,68 @@
+"""The study of chapter 3 in its quick form, and properties of what it finds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from chapter_3_findings import Chapter, chapter_of
+from chapter_3_page import write_page
+from chapter_3_tables import tables
+from models_on_one_test import NOISE, SHOWN_TEST
+from mrwork.report import departures
+from sized_frame import FORCES, PAIR, wishes
+from slot_flow import errors, slot_of, yield_stress
+
+
+@pytest.fixture(scope="module")
+def chapter() -> Chapter:
+    return chapter_of(quick=True, threads=1, say=lambda what: None)
+
+
+def test_the_quick_form_finds_what_is_expected(chapter: Chapter) -> None:
+    assert departures(chapter.found, Path("studies/chapter_3/expected.toml")) == []
+
+
+def test_every_table_names_its_rows_and_fills_them(chapter: Chapter) -> None:
+    for section in tables(chapter.found).values():
+        for table in section:
+            assert table.rows, table.title
+            assert {len(row) for row in table.rows} == {len(table.header)}
+            assert all(row[0] for row in table.rows), table.title
+
+
+def test_the_dimensionless_yield_stress_alone_decides_the_error_of_plates() -> None:
+    stresses = np.array([0.1, 1.0, 10.0])
+    slot = slot_of(0.1)
+    # Twice the flow at the same dimensionless stress is twice the yield stress.
+    np.testing.assert_allclose(yield_stress(slot, 2e-5, stresses), 2.0 * yield_stress(slot, 1e-5, stresses))
+    found = errors(stresses)
+    assert np.all(abs(found["plates, gap 0.3 R"]) > abs(found["plates, gap 0.1 R"]))
+    assert np.all(abs(found["sum, c of Yang"]) < abs(found["sum, c = 2"]))
+
+
+def test_the_sized_damper_meets_its_wishes(chapter: Chapter) -> None:
+    (damper,) = chapter.frame.designs.values()
+    assert wishes(FORCES[0]).missed(damper) == {}
+
+
+def test_a_constant_current_at_zero_leaves_the_pair_as_it_is(chapter: Chapter) -> None:
+    assert chapter.frame.loop[PAIR]["scores"][0] == pytest.approx(1.0, abs=1e-12)
+
+
+def test_no_model_is_better_than_the_noise_and_the_truth_comes_near_it(chapter: Chapter) -> None:
+    rms = {model: each["rms_n"] for model, each in chapter.found["models"][SHOWN_TEST].items()}
+    # The rms of 2001 white samples scatters by 1.6 %; sensors of the motion add to that of the force.
+    assert min(rms.values()) == rms["bouc_wen"] > 0.95 * NOISE
+    assert rms["bouc_wen"] < 1.2 * NOISE
+
+
+def test_the_page_stands_alone(chapter: Chapter, tmp_path: Path) -> None:
+    page = tmp_path / "report.html"
+    write_page(chapter, page)
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<svg") > 10
+    for outside in ('src="', "url(http", "<link", "<script"):
+        assert outside not in text
