@@ -65,6 +65,13 @@ def test_checks_depend_on_the_steps_alone_and_grow_by_a_quarter() -> None:
     assert all(next_check(step - 1) == step for step in checks[1:])
 
 
+def test_a_chain_that_memory_may_not_hold_is_refused_with_an_estimate() -> None:
+    with pytest.raises(
+        SettingError, match=r"10,000,000 steps of 10,000 walkers in \d dimensions may take .* GB"
+    ):
+        sample(small_fit(), small_test(), walkers=10_000, most_steps=10_000_000)
+
+
 def test_walkers_that_disagree_or_never_move_have_not_converged() -> None:
     chain = np.random.default_rng(3).standard_normal((2000, 16, 2))
     assert diagnose(chain, ("a", "b")).shortcomings == ()

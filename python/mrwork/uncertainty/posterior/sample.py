@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from mrwork.arguments import Threads, Within, checked
-from mrwork.errors import Interrupted, JournalError
+from mrwork.errors import Interrupted, JournalError, SettingError
 from mrwork.identification.fit import Fit
 from mrwork.records import DamperTest
 from mrwork.records.damper_test import as_tests
@@ -30,6 +30,8 @@ Array = NDArray[np.float64]
 
 # Seconds between two progress reports.
 _REPORT_EVERY = 0.2
+# Bytes of the longest chain; its diagnosis takes as much again.
+_MOST_BYTES = 4 << 30
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,6 +141,7 @@ def sample(
         rng=rng,
         threads=threads,
     )
+    _check_size(walkers, most_steps, problem.target.space.n_dim)
     density: Callable[[Array], Array] = problem.target
     if journal is not None:
         journal.agree("sampling", problem.fingerprint())
@@ -165,6 +168,16 @@ def sample(
         )
         raise Interrupted(so_far, "sampling") from interrupt
     return problem.draws(ensemble, diagnosis, seconds=time.perf_counter() - began)
+
+
+def _check_size(walkers: int, most_steps: int, n_dim: int) -> None:
+    """Refuse a chain that memory may not hold before it ends."""
+    each = 8 * walkers * (n_dim + 1)
+    if most_steps * each > _MOST_BYTES:
+        raise SettingError(
+            f"{most_steps:,} steps of {walkers:,} walkers in {n_dim} dimensions may take "
+            f"{most_steps * each / 1e9:,.0f} GB; give {_MOST_BYTES // each:,} steps at most, or fewer walkers"
+        )
 
 
 def _run(problem: SamplingProblem, ensemble: Ensemble, monitor: _Monitor) -> Diagnosis:
