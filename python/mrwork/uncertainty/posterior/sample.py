@@ -31,7 +31,7 @@ Array = NDArray[np.float64]
 # Seconds between two progress reports.
 _REPORT_EVERY = 0.2
 # Bytes of the longest chain; its diagnosis takes as much again.
-_MOST_BYTES = 4 << 30
+_MOST_BYTES = 16 << 30
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
