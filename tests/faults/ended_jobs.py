@@ -17,6 +17,7 @@ RUN = "run"
 # Facts of the day and of the machine.
 _VOLATILE = frozenset(
     {
+        "folder",
         "seconds",
         "search_seconds",
         "created",
