@@ -163,6 +163,15 @@ def test_a_long_line_of_a_header_takes_no_time(tmp_path: Path) -> None:
     assert time.process_time() - began < 1.0
 
 
+def test_headers_that_are_repeated_often_take_no_time(tmp_path: Path) -> None:
+    path = write_text(tmp_path / "rig.csv", clean_columns())
+    names, *rows = path.read_text().splitlines()
+    path.write_text("\n".join([names, *rows, *(4000 * [names, "a block of a test"]), *rows[:20]]))
+    began = time.process_time()
+    refused_or_read(path)
+    assert time.process_time() - began < 3.0
+
+
 def test_many_ends_of_lines_take_no_time(tmp_path: Path) -> None:
     path = tmp_path / "a.txt"
     path.write_bytes(b"t_s,acceleration_g\n" + b"\r" * 60_000 + b"0.0,1.0\r\r\n0.1,2.0\n" + b"\r" * 60_000)

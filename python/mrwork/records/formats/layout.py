@@ -292,18 +292,20 @@ def _below(lines: Sequence[str], filled: Sequence[int], rows: _Run, header: _Hea
     """Lines of data below the names, without the units and without header blocks that are repeated."""
     last = max(header.names, header.units or 0, *header.others)
     others = {lines[index].strip() for index in (header.units, *header.others) if index is not None}
+    names = lines[header.names].strip()
     below = [index for index in filled if index > header.names]
     skipped: set[int] = set()
     for place, index in enumerate(below):
         if (index <= last and lines[index].strip() in others) or RULE.fullmatch(lines[index]):
             skipped.add(index)
-        elif lines[index].strip() == lines[header.names].strip():
+        elif lines[index].strip() == names:
             skipped.add(index)
             after = below[place + 1 : place + 1 + _MOST_BETWEEN]
             skipped.update(each for each in after if lines[each].strip() in others)
-            for each in reversed(below[:place]):
+            for each in map(below.__getitem__, range(place - 1, -1, -1)):
                 fields = without_empty_end(split(_without_remark(lines[each]), rows.delimiter))
-                if _width_of_row(fields, only_numbers=False) == rows.width:
+                # What is above the block before has been looked at with that.
+                if _width_of_row(fields, only_numbers=False) == rows.width or lines[each].strip() == names:
                     break
                 skipped.add(each)
     return (index for index in below if index not in skipped)
