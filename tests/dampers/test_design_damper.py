@@ -8,42 +8,23 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small_damper import SMALL
 
 import mrwork as mr
 from mrwork.dampers.design import (
     DamperDesign,
-    fluid,
     least_active_volume,
     plate_pressure,
-    steel,
     summed_pressure,
     twenty_ton_damper,
 )
 from mrwork.errors import SettingError
 
 LARGE = twenty_ton_damper()
-SMALL = DamperDesign(
-    fluid=fluid("MRF-132DG"),
-    steel=steel("AISI 1010"),
-    bore=0.05,
-    wall=0.008,
-    rod=0.012,
-    gap=0.001,
-    stages=2,
-    pole_length=0.01,
-    coil_length=0.015,
-    coil_depth=0.01,
-    coil_clearance=0.001,
-    turns=150,
-    wire_gauge=22,
-    largest_current=2.0,
-    stroke=0.03,
-    velocity=0.1,
-    friction=20.0,
-)
+SMALL_DAMPER = DamperDesign(**SMALL)
 
 
-@pytest.mark.parametrize("design", [SMALL, LARGE], ids=["small", "large"])
+@pytest.mark.parametrize("design", [SMALL_DAMPER, LARGE], ids=["small", "large"])
 def test_force_is_odd_dissipates_and_grows_with_velocity_and_current(design: DamperDesign) -> None:
     velocity = design.velocity * np.linspace(-1.0, 1.0, 9)
     current = design.largest_current * np.linspace(0.0, 1.0, 4)
@@ -55,7 +36,7 @@ def test_force_is_odd_dissipates_and_grows_with_velocity_and_current(design: Dam
     assert np.all(np.diff(force[:, 5:], axis=0) > 0.0)
 
 
-@pytest.mark.parametrize("design", [SMALL, LARGE], ids=["small", "large"])
+@pytest.mark.parametrize("design", [SMALL_DAMPER, LARGE], ids=["small", "large"])
 def test_flow_models_agree(design: DamperDesign) -> None:
     velocity, current = (
         design.velocity * np.array([0.1, 0.3, 1.0]),
@@ -69,18 +50,18 @@ def test_flow_models_agree(design: DamperDesign) -> None:
 def test_off_state_force_is_that_of_a_newtonian_slot() -> None:
     # 12 eta Q L/(w h^3) in each slot and the wall in motion, on the piston and half the slot.
     speed = 0.05
-    flow = SMALL.piston_area * speed
+    flow = SMALL_DAMPER.piston_area * speed
     drop = sum(
         12.0
-        * SMALL.fluid.viscosity
+        * SMALL_DAMPER.fluid.viscosity
         * slot.length
         * (flow + slot.width * slot.gap * speed / 2.0)
         / (slot.width * slot.gap**3)
-        for slot in (SMALL.active_slot, SMALL.passive_slot)
+        for slot in (SMALL_DAMPER.active_slot, SMALL_DAMPER.passive_slot)
     )
-    area = SMALL.piston_area + SMALL.active_slot.width * SMALL.gap / 2.0
+    area = SMALL_DAMPER.piston_area + SMALL_DAMPER.active_slot.width * SMALL_DAMPER.gap / 2.0
     # The slots are annuli of 4 % of their radius.
-    assert SMALL.force(speed, 0.0) == pytest.approx(drop * area + SMALL.friction, rel=1e-3)
+    assert SMALL_DAMPER.force(speed, 0.0) == pytest.approx(drop * area + SMALL_DAMPER.friction, rel=1e-3)
 
 
 def test_the_20_ton_damper_is_near_what_was_published() -> None:
@@ -128,7 +109,7 @@ def test_least_active_volume_is_the_volume_of_the_slot() -> None:
     assert volume == pytest.approx(slot.volume)
 
 
-@pytest.mark.parametrize("design", [SMALL, LARGE], ids=["small", "large"])
+@pytest.mark.parametrize("design", [SMALL_DAMPER, LARGE], ids=["small", "large"])
 def test_model_has_the_forces_of_the_design(design: DamperDesign) -> None:
     model = design.as_model()
     assert model.nrmse < 0.02
@@ -152,7 +133,7 @@ def test_model_has_the_forces_of_the_design(design: DamperDesign) -> None:
 
 def test_designed_damper_reduces_the_drift_of_a_building() -> None:
     frame = mr.building("uts")
-    model = SMALL.as_model(supply=24.0)
+    model = SMALL_DAMPER.as_model(supply=24.0)
     device = mr.Device(
         name="designed",
         spec=model.spec,
@@ -169,7 +150,7 @@ def test_designed_damper_reduces_the_drift_of_a_building() -> None:
 
 
 def test_study_takes_the_designed_damper(tmp_path: Path) -> None:
-    model = SMALL.as_model()
+    model = SMALL_DAMPER.as_model()
     file = tmp_path / "study.toml"
     text = f"""[building]
 published = "uts"
@@ -192,7 +173,7 @@ law = "passive_on"
 def test_shapes_that_do_not_broadcast_are_refused() -> None:
     words = "arguments of DamperDesign.force have the shapes `velocity` (3,), `current` (2,); give shapes"
     with pytest.raises(SettingError, match=re.escape(words)):
-        SMALL.force([0.0, 0.1, 0.2], [0.0, 1.0])
+        SMALL_DAMPER.force([0.0, 0.1, 0.2], [0.0, 1.0])
 
 
 @pytest.mark.parametrize(
@@ -207,4 +188,4 @@ def test_shapes_that_do_not_broadcast_are_refused() -> None:
 )
 def test_what_cannot_be_built_is_refused(changed: dict[str, float], words: str) -> None:
     with pytest.raises(SettingError, match=re.escape(words)):
-        replace(SMALL, **changed)  # type: ignore[arg-type]
+        replace(SMALL_DAMPER, **changed)  # type: ignore[arg-type]

@@ -6,6 +6,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+from small_damper import SMALL, WISHES
 from wrong_arguments import Calls, call
 
 from mrwork import report
@@ -13,16 +14,7 @@ from mrwork.dampers import design
 
 _FLUID, _STEEL = design.fluid("MRF-132DG"), design.steel("AISI 1010")
 _SLOT = design.Slot(inner_radius=0.05, gap=0.001, length=0.03)
-_WISHES = design.DamperWishes(
-    force=500.0,
-    dynamic_range=2.0,
-    stroke=0.02,
-    velocity=0.05,
-    outer_diameter=0.1,
-    length=0.3,
-    voltage=12.0,
-    current=2.0,
-)
+_WISHES = design.DamperWishes(**WISHES)
 
 
 @cache
@@ -83,26 +75,7 @@ def damper_design_calls(_: Path) -> Calls:
     """Designs, their model and drawing, and sizing."""
     large = design.twenty_ton_damper()
     return {
-        "DamperDesign": lambda: call(
-            design.DamperDesign,
-            fluid=_FLUID,
-            steel=_STEEL,
-            bore=0.05,
-            wall=0.008,
-            rod=0.012,
-            gap=0.001,
-            stages=2,
-            pole_length=0.01,
-            coil_length=0.015,
-            coil_depth=0.01,
-            coil_clearance=0.001,
-            turns=150,
-            wire_gauge=22,
-            largest_current=2.0,
-            stroke=0.03,
-            velocity=0.1,
-            friction=20.0,
-        ),
+        "DamperDesign": lambda: call(design.DamperDesign, **SMALL),
         "DamperDesign.force": lambda: call(
             large.force, velocity=np.array([-0.1, 0.0, 0.1]), current=1.0, flow_model="plates"
         ),
@@ -121,14 +94,7 @@ def damper_design_calls(_: Path) -> Calls:
         "cross_section_figure": lambda: call(report.cross_section_figure, design=large),
         "DamperWishes": lambda: call(
             design.DamperWishes,
-            force=500.0,
-            dynamic_range=2.0,
-            stroke=0.02,
-            velocity=0.05,
-            outer_diameter=0.1,
-            length=0.3,
-            voltage=12.0,
-            current=2.0,
+            **WISHES,
             response_time=1.0,
             current_density=4e6,
             stress=1e8,
