@@ -24,7 +24,7 @@ from command_line import PATIENCE, mrwork
 from mrwork.errors import JournalError
 from mrwork.identification.fit import Fit
 from mrwork.identification.identify import identify
-from mrwork.identification.progress import Progress
+from mrwork.identification.progress import Progress, Tally
 from mrwork.records import DamperTest
 from mrwork.search import EfficientGA, StopRules
 from mrwork.store import Journal
@@ -129,6 +129,15 @@ def test_a_torn_last_line_is_dropped_with_a_note(whole: Path, tmp_path: Path) ->
     assert "is torn" in resumed.stderr
     assert len(resumed.stderr.splitlines()) == 1
     assert found(place) == found(whole)
+
+
+@pytest.mark.parametrize("count", [{}, -1, True, 1.5, "3", None])
+@pytest.mark.parametrize("of", ["simulations", "steps"])
+def test_a_journal_holds_counts_that_are_numbers(of: str, count: object) -> None:
+    record = Tally(simulations=3, steps=40).as_record()
+    Tally().restore(record)
+    with pytest.raises(ValueError, match=of):
+        Tally().restore({**record, of: count})
 
 
 def refused(place: Path, arguments: list[str], *words: str) -> None:

@@ -6,15 +6,18 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
 
+from mrwork.arguments import Within
 from mrwork.errors import Interrupted
 from mrwork.store import Journal
+from mrwork.store.record import built
 
 Stage = Literal["search", "screening", "refinement"]
 Unit = Literal["simulations", "%", "steps"]
+_Count = Annotated[int, Within(least=0)]
 
 T = TypeVar("T")
 
@@ -47,9 +50,12 @@ class Tally:
 
     def restore(self, record: Mapping[str, Any]) -> None:
         """Set the counts to those of a journal."""
-        self.simulations, self.steps = record["simulations"], record["steps"]
-        self.spared = record["spared"]
-        self.added_per_step = {int(index): float(each) for index, each in record["told"].items()}
+        self.simulations = built(_Count, record["simulations"], "simulations")
+        self.steps = built(_Count, record["steps"], "steps")
+        self.spared = built(int, record["spared"], "spared")
+        self.added_per_step = {
+            int(index): built(float, each, "told") for index, each in record["told"].items()
+        }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
